@@ -10,7 +10,6 @@ import pytest
 from common.made_up_die import SIDES, box, checked
 
 from dicedesign.recipe.work import Work
-from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
@@ -148,20 +147,6 @@ def test_the_smallest_circle_is_that_of_an_outcome_s_facet() -> None:
     assert told is not None
     assert float(told[1]) == pytest.approx(2.0 * 30.0 / size, rel=5e-3)
     assert "circle has a radius" not in message(checked(points, target={"fair": 6}))
-
-
-def test_the_smallest_circle_may_be_that_of_the_most_probable_outcome() -> None:
-    """Of a frustum on its small end, with the center of mass near to that."""
-    points = box(4.0, 4.0, 3.0)
-    points[points[:, 2] < 0.0] *= [0.5, 0.5, 1.0]
-    center = np.array([0.0, 0.0, -1.4])
-    normals = rest_poses(points, center).normals
-    work = checked(points, normals, Status.TOO_SMALL, {"fair": len(normals)}, center_of_mass=center)
-    assert int(work.solid.poses.probabilities.argmax()) == int(work.solid.outcomes.main[0]) == 0
-    told = re.search(r"([0-9.]+) mm", message(work))
-    assert told is not None
-    diameter = np.linalg.norm(points[:, None] - points[None], axis=2).max()
-    assert float(told[1]) == pytest.approx(30.0 / diameter, rel=5e-3)
 
 
 @pytest.mark.parametrize(("smallest", "told"), [(9e-6, True), (1e-5, False), (2e-5, False)])

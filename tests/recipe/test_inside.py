@@ -74,20 +74,10 @@ def test_infill_has_a_file_of_its_own(tmp_path: Path) -> None:
     assert result.inside.off_mm <= 1e-4 < result.inside.shift_mm
 
 
-def test_walls_too_thick() -> None:
+def test_what_is_refused() -> None:
+    with pytest.raises(RecipeError, match="inside: expected a center_of_mass that is given"):
+        checked_recipe(recipe("cavity", center_of_mass="uniform"))
+    with pytest.raises(RecipeError, match=r"inside.*wall_mm"):
+        checked_recipe(recipe({"wall_mm": -1}))
     with pytest.raises(InputError, match=r"inside: .*wall_mm"):
         run(checked_recipe(recipe({"wall_mm": 19.0}, engrave=False)))
-
-
-@pytest.mark.parametrize(
-    ("entries", "said"),
-    [
-        ({"center_of_mass": "uniform"}, "inside: expected a center_of_mass that is given"),
-        ({"inside": "magic"}, "inside"),
-        ({"inside": {"wall_mm": -1}}, "inside.*wall_mm"),
-        ({"inside": {"thickness": 1}}, "inside.thickness"),
-    ],
-)
-def test_entries_that_are_refused(entries: dict[str, Any], said: str) -> None:
-    with pytest.raises(RecipeError, match=said):
-        checked_recipe({**recipe("cavity"), **entries})

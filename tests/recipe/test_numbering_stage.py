@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, designed
 
-from dicedesign.errors import RecipeError
 from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.optimize.refinement.rounds import Round
-from dicedesign.recipe.design_die import design, design_recipe
+from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.work import Work
@@ -109,15 +108,3 @@ def test_an_outcome_without_a_facet_keeps_all_where_they_are() -> None:
     run_stages(work, after="design", last="check")
     np.testing.assert_array_equal(work.die.directions, directions)
     assert any("no facet" in note for note in work.notes)
-
-
-def test_bad_words_and_concave_dice_are_refused() -> None:
-    with pytest.raises(RecipeError, match="numbering"):
-        design({"fair": 6}, numbering="odd")
-    for key, entries in (
-        ("numbering", {"numbering": "balanced"}),
-        ("engrave.read", {"engrave": {"read": "down"}}),
-    ):
-        concave = {"name": "duck", "target": {"fair": 3}, "start": {"shape": "duck"}}
-        with pytest.raises(RecipeError, match=f"^{key}: expected .* with the concave method"):
-            checked_recipe({**concave, "method": {"concave": {}}, **entries})

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +11,7 @@ import pytest
 from check_outputs import check
 
 from dicedesign import rest_poses
-from dicedesign.errors import EngravingError, OutputError
-from dicedesign.geometry.meshes.body import make_body
-from dicedesign.optimize.starts.built_in import mesh_start
+from dicedesign.errors import EngravingError
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import read_recipe
@@ -66,11 +61,10 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     assert result.engraved.max_abs_error < 0.01
 
 
-@pytest.mark.parametrize("name", ["paper/fair_d3", "fair_d7"])
 def test_without_a_clock_the_same_seed_gives_the_same_bytes(
-    name: str, repository: Path, tmp_path: Path
+    repository: Path, tmp_path: Path
 ) -> None:
-    recipe = read_recipe(repository / "recipes" / f"{name}.yaml", ["clock=false"])
+    recipe = read_recipe(repository / "recipes" / "fair_d7.yaml", ["clock=false"])
     results = [run(recipe, tmp_path / folder) for folder in "ab"]
     first, second = (
         {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()} for folder in "ab"
@@ -79,45 +73,6 @@ def test_without_a_clock_the_same_seed_gives_the_same_bytes(
     assert [file for file in first if first[file] != second[file]] == []
     assert results[0].max_abs_error <= 1e-6
     assert read_result(tmp_path / "a") == results[0]
-
-
-def test_a_result_holds_the_checksums_of_its_files(repository: Path, tmp_path: Path) -> None:
-    changes = [*few_steps(3), "figures=false"]
-    result = run(read_recipe(repository / CIRCUS, changes), tmp_path)
-    written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    del written["result.json"]
-    checksums = {name: hashlib.sha256(data).hexdigest() for name, data in written.items()}
-    assert {"die.stl", "report.html", "recipe.yaml"} <= checksums.keys()
-    assert summary(result)["sha256"] == checksums
-
-
-def test_what_is_not_asked_for_is_not_done(repository: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "plain"
-    folder.mkdir()
-    of_earlier_runs = ("die.stl", "rests.png", "checkpoint.npz")
-    for name in of_earlier_runs:
-        (folder / name).write_bytes(b"of an earlier run")
-    recipe = read_recipe(repository / CIRCUS, ["engrave=false", *few_steps(3)])
-    result = run(recipe, folder)
-    assert result.status == "step_limit"
-    assert not result.converged
-    for name in of_earlier_runs:
-        assert not (folder / name).exists()
-    assert "engraved" not in summary(result)
-    assert "engrave" not in [stage.name for stage in result.stages]
-    check(folder)
-
-
-def test_a_fixed_center_of_mass_stays(repository: Path, tmp_path: Path) -> None:
-    recipe = read_recipe(
-        repository / CIRCUS,
-        ["center_of_mass=[0.1, 0.0, 0.34]", "size_mm=40", *few_steps(2)],
-    )
-    result = run(recipe, tmp_path)
-    assert np.allclose(result.center_of_mass, 0.0)
-    # The pockets move it by what nobody knows without the density.
-    assert "die.stl" in result.files.values()
-    assert set(summary(result)["engraved"]) == {"reading"}
 
 
 def stone_recipe(folder: Path, entries: str, stone: np.ndarray = STONE) -> Recipe:
@@ -146,7 +101,7 @@ def test_a_given_center_of_mass_is_in_the_mesh_s_own_coordinates(tmp_path: Path)
     np.testing.assert_allclose(work.plain.poses.probabilities, poses.probabilities, atol=1e-6)
 
 
-@pytest.mark.parametrize(("smallest", "told"), [(1e-7, True), (1e-6, True), (1.1e-6, False)])
+@pytest.mark.parametrize(("smallest", "told"), [(1e-6, True), (1.1e-6, False)])
 def test_a_tolerance_that_hides_the_smallest_outcome_is_told(
     tmp_path: Path, smallest: float, told: bool
 ) -> None:
@@ -188,40 +143,6 @@ def test_a_label_that_does_not_fit_leaves_old_results_alone(
     assert [p.name for p in tmp_path.iterdir()] == ["die.stl"]
 
 
-def test_labels_that_do_not_fit_an_unfinished_die_are_a_remark(
-    repository: Path, tmp_path: Path
-) -> None:
-    path = repository / CIRCUS
-    (tmp_path / "die.stl").write_bytes(b"of an earlier run")
-    changes = [*few_steps(2), "size_mm=5"]
-    result = run(read_recipe(path, changes), tmp_path)
-    assert result.status == "step_limit"
-    assert re.search(r"; not engraved: .*facet \d+.*size_mm = ", result.message)
-    assert not (tmp_path / "die.stl").exists()
-    assert "engraved" not in summary(result)
-    check(tmp_path)
-
-
-def test_an_outcome_without_a_facet_leaves_the_die_plain(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two rests of a tetrahedron share a direction, and nothing is nearest to the fourth one."""
-    corners = np.array([(1.0, 1.0, 1.1), (1.0, -1.0, -1.0), (-1.2, 1.0, -1.0), (-1.0, -1.0, 1.0)])
-    recipe = stone_recipe(tmp_path, "target: {fair: 4}", corners)
-    start = mesh_start(make_body(corners), 4)
-    a, b, c, d = start.directions
-    directions = np.array([a + d, b, c, b + 0.3 * c])
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    crowded = dataclasses.replace(start, directions=directions)
-    monkeypatch.setattr("dicedesign.optimize.starts.built_in.mesh_start", lambda *_: crowded)
-    result = run(recipe, tmp_path / "out")
-    assert result.status == "step_limit"
-    assert "1 outcomes have no facet to rest on" in result.message
-    assert "not engraved: label '4': expected a facet to rest on" in result.message
-    assert "die.stl" not in result.files.values()
-    check(tmp_path / "out")
-
-
 def test_an_interrupted_run_leaves_nothing_half_written(
     repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -242,45 +163,3 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     with pytest.raises(KeyboardInterrupt):
         run(recipe, tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)
-
-
-def test_a_folder_that_cannot_be_made(repository: Path, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    recipe = read_recipe(repository / "recipes" / "fair_d3.yaml")
-    with pytest.raises(OutputError, match=r"folder that can be written.*--out"):
-        run(recipe, tmp_path / "file" / "die")
-
-
-def test_a_mesh_as_start(repository: Path, tmp_path: Path) -> None:
-    recipe_path = tmp_path / "mesh.yaml"
-    corners = np.random.default_rng(3).normal(size=(14, 3))
-    text = "\n".join("v " + " ".join(map(str, x)) for x in corners)
-    (tmp_path / "stone.obj").write_text(text)
-    recipe_path.write_text(
-        "name: stone\ntarget: {fair: 4}\nstart: {mesh: {path: stone.obj}}\n"
-        "method: {paper: {step: line_search, finish: none, steps: 5}}\nengrave: false\n"
-    )
-    result = run(read_recipe(recipe_path), tmp_path / "out")
-    energies = [step.energy for step in result.history]
-    assert len(energies) == 6
-    assert min(energies) < energies[0]
-
-
-@pytest.mark.parametrize(
-    ("changes", "gone"),
-    [
-        (["figures=false"], {".png"}),
-        (["report=false"], {".html"}),
-        (["figures=false", "report=false"], {".png", ".html"}),
-    ],
-)
-def test_pictures_and_page_can_be_left_out(
-    tmp_path: Path, changes: list[str], gone: set[str]
-) -> None:
-    recipe = tmp_path / "d3.yaml"
-    recipe.write_text("name: d3\ntarget: {fair: 3}\nstart: {prism: {}}\nengrave: false\n")
-    result = run(recipe, tmp_path / "out", changes=changes)
-    assert result.converged
-    left = {path.suffix for path in (tmp_path / "out").iterdir()}
-    assert left == {".stl", ".yaml", ".json", ".png", ".html"} - gone
-    assert {Path(name).suffix for name in result.files.values()} == left

@@ -29,8 +29,6 @@ def lower_half(axis: tuple[float, float, float], count: int) -> np.ndarray:
     [
         ({"fair": 6}, "half:0,0,-1"),
         ({"probabilities": [0.5, 0.3, 0.2]}, "vmf:1,0,0:2"),
-        ({"sum_of_dice": [6, 6]}, "half:1,2,3"),
-        ({"binomial": 4}, "cap:0,0,1:120"),
     ],
 )
 def test_the_target_is_met_under_the_prior(target: dict[str, object], prior: str) -> None:
@@ -86,8 +84,6 @@ def test_all_directions_alike_is_no_prior() -> None:
     ("entries", "said"),
     [
         ({"prior": "vmf:0,0,0:1"}, "prior: expected an axis"),
-        ({"prior": "often"}, "vmf:x,y,z:CONCENTRATION"),
-        ({"prior": 3}, "prior"),
         ({"prior": "half:0,0,1", "method": "paper", "start": {"repulsion": {}}}, "paper"),
         ({"prior": "half:0,0,1", "symmetry": "C2"}, "symmetry"),
         ({"prior": "half:0,0,1", "method": {"exact": {"odds": "thrown"}}}, "thrown odds"),

@@ -45,15 +45,6 @@ def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> 
         assert again == recipe
 
 
-@pytest.mark.parametrize("method", ["exact", "paper", "concave"])
-def test_a_word_is_a_method_with_its_defaults(method: str, tmp_path: Path) -> None:
-    start = {"shape": "duck"} if method == "concave" else {"repulsion": {}}
-    entries = {"name": "x", "target": {"fair": 6}, "start": start}
-    assert read(tmp_path, {**entries, "method": method}) == read(
-        tmp_path, {**entries, "method": {method: {}}}
-    )
-
-
 CONCAVE: dict[str, Any] = {
     "name": "x",
     "target": {"fair": 3},
@@ -85,23 +76,17 @@ def test_every_shape_that_is_built_can_be_a_start(tmp_path: Path) -> None:
 BAD_CONCAVE = [
     ({"start": {"shape": "dog"}}, "start.shape: input should be 'dragon', .*got 'dog'"),
     ({"start": {"search": {}}}, "start: expected a surface to keep .*, got search; write start: "),
-    ({"start": {"prism": {}}}, "start: expected a surface to keep .*, got prism; write start: "),
     ({"method": "exact"}, r"start.shape: expected method: \{concave: \{\}\} with it, got exact"),
-    ({"method": "paper"}, "start.shape: expected method: .*, got paper"),
     ({"center_of_mass": [0, 0, 1]}, "center_of_mass: expected uniform .*; leave it out"),
     ({"symmetry": "C3v"}, "symmetry: expected the exact method"),
     ({"assignment": "any"}, "assignment: expected in_order with the concave method"),
-    ({"assignment": [2, 1, 3]}, "assignment: expected in_order with the concave method"),
     ({"min_inradius_mm": 1}, "min_inradius_mm: expected the exact method, .*, got concave"),
     ({"method": {"concave": {}, "exact": {}}}, "one of exact, .*, got exact and concave; keep"),
-    ({"method": {"concave": {"tolerance": 2}}}, "method.concave: tolerance: .*, got 2"),
     (
         {"method": {"concave": {"fil": 1}}},
         r"method.concave.fil: unknown key; did you mean 'fill'\?",
     ),
     ({"method": {"concave": {"fill": "x"}}}, "method.concave.fill: .*'paper', got 'x'"),
-    ({"method": {"concave": {"points": 4}}}, "method.concave: points: expected at least 50, got 4"),
-    ({"shape": "duck"}, "shape: unknown key; it belongs at start.shape"),
     ({"attempts": 3}, "attempts: unknown key; it belongs at method.concave.attempts"),
 ]
 
@@ -189,19 +174,13 @@ BAD = [
         {"method": {"paper": {"weights": {"coplaner": 1}}}},
         "weights.coplaner: unknown key.*coplanar",
     ),
-    ({"method": {"paper": {"zzzz": 1}}}, "method.paper.zzzz: unknown key; remove it"),
     ({"labels": ["a", "b"]}, "labels: unknown key; it belongs at target.labels"),
     ({"evaluatons": {}}, r"evaluatons: unknown key; did you mean method.exact.evaluations\?"),
     (
         {"target": {"fair": 2, "labels": [True, "no"]}},
         "target.labels.0: expected a text, got True, .*; put it in quotes",
     ),
-    ({"target": {"fair": 2, "labels": ["a\nb", "x"]}}, "labels.*: expected a label in one line"),
     ({"target": {"fair": 2, "labels": ["x" * 25, "y"]}}, "labels.*: expected 1 to 24 characters"),
-    ({"engrave": {"icons": {"13": "a.svg"}}}, "engrave.icons: expected labels of .*, got '13'"),
-    ({"engrave": {"depth_mm": -1}}, "engrave: depth_mm: expected a number above 0, got -1"),
-    ({"engrave": {"margin": 0.1}}, "engrave.margin: unknown key; did you mean 'margin_mm'"),
-    ({"engrave": {"content": "dots"}}, "engrave.content: input should be 'text' or 'pips'"),
     ({"engrave": {"upright": [0, 0, 0]}}, "engrave: upright: expected edge or largest"),
     ({"target": {"fair": 2, "labels": [float("nan"), "x"]}}, "target.labels.0: .*string, got nan"),
     (
@@ -212,12 +191,6 @@ BAD = [
     ({"size_mm": float("nan")}, "size_mm: .*got nan"),
     ({"center_of_mass": [0, float("inf"), 0]}, "center_of_mass.1: .*finite number, got inf"),
     ({"start": {"prism": {"height": float("inf")}}}, "start.prism.height: .*finite.*got inf"),
-    ({"start": {"prism": {"cap": float("nan")}}}, "start.prism.cap: .*finite.*got nan"),
-    ({"start": {"prism": {"sides": 99}}}, "start.prism.sides: expected 3 to 12, got 99"),
-    (
-        {"start": {"prism": {"sides": 5}}},
-        "start.prism.sides: expected 11, one side for each outcome of the target, got 5",
-    ),
     (
         {"target": {"fair": 4}},
         "start.hendecahedron: expected a target of 11 outcomes, one for each facet, got 4",
@@ -230,44 +203,24 @@ BAD = [
         {"target": {"fair": 2}, "start": {"prism": {}}},
         r"start: expected a mesh or a search for 2 .*write start: \{search: \{\}\}, or start: ",
     ),
-    ({"name": None}, "name: "),
     ({"name": "../x"}, "name: "),
     ({"size_mm": "large"}, "size_mm: .*number.*'large'"),
     ({"size_mm": -3}, "size_mm: .*greater than .*-3"),
-    ({"size_mm": 1e-320}, "size_mm: .*greater than .*e-320"),
-    ({"size_mm": True}, "size_mm: .*got True"),
     ({"seed": 1.5}, "seed: .*integer.*1.5"),
     ({"target": {}}, "target: expected exactly one of binomial.*got none"),
     ({"target": {"fair": 3, "binomial": 2}}, "exactly one of.*got binomial and fair"),
     ({"target": {"binomial": 0}}, "target: binomial: expected a whole number of at least 1, got 0"),
-    (
-        {"target": {"probabilities": [0.5, 0.4]}},
-        "target: probabilities: expected a sum of 1, got 0.9",
-    ),
-    (
-        {"target": {"probabilities": ["1/2", "x"]}},
-        r"probabilities.1: expected a number or a fraction",
-    ),
-    ({"target": {"probabilities": ["1/0", 1]}}, "fraction such as 1/36, got '1/0'"),
-    ({"target": {"probabilities": [1.5, -0.5]}}, "expected numbers between 0 and 1, got 1.5"),
-    (
-        {"target": {"fair": 3, "labels": ["a", "b"]}},
-        "labels: expected 3, one for each outcome, got 2",
-    ),
-    ({"target": {"fair": 2, "labels": ["a", "a"]}}, "expected distinct labels, got 'a'"),
     ({"assignment": [2, 3]}, "assignment: expected each of the labels 2, 3, .* once, got 2, 3"),
     ({"start": {"hendecahedron": "cube"}}, "start.hendecahedron: .*bisymmetric.*cube"),
     ({"start": {}}, "start: expected exactly one of prism"),
+    ({"method": {"exact": {"refine": {"drops": 10}}}}, "refine: expected odds .thrown. with it"),
     (
         {"method": {"paper": {"tolerance": 2}}},
         r"tolerance: expected a number from 1e-15 on and below 1, got 2",
     ),
     ({"method": {"paper": {"weights": {"barycenter": -1}}}}, "weights.barycenter: expected.*-1"),
     ({"method": {"exact": {"sobolev": {}}}}, 'sobolev: expected coordinates "vertices"'),
-    ({"engrave": {"depth_mm": -1}}, "depth_mm.*-1"),
-    ({"engrave": "deep"}, "engrave: .*deep"),
     ({"center_of_mass": [1, 2]}, "center_of_mass"),
-    ({"center_of_mass": "heavy"}, "center_of_mass: .*heavy"),
 ]
 
 
@@ -290,15 +243,10 @@ def test_missing_key(tmp_path: Path) -> None:
     ("content", "message"),
     [
         (b"", "expected keys and values"),
-        (b"- a\n- b\n", "expected keys and values"),
         (b"name: [", "expected YAML, but"),
         (b"name: a\nname: b\n", "'name' appears twice, the second time in line 2"),
-        (b"\xff\xfe\x00", "expected"),
         (b"2024-01-01: 3\n", "expected texts as keys.*but keys must be str"),
-        (b"x: &a [*a]\n", "expected entries at most 30 within each other"),
-        (b"x: 2024-13-45\n", "expected YAML, but month must be in 1..12"),
         (b"x: !!int x\n", "expected YAML, but"),
-        (b"x: " + 5000 * b"[", "expected YAML, but"),
     ],
 )
 def test_files_that_are_no_recipes(tmp_path: Path, content: bytes, message: str) -> None:
@@ -315,8 +263,6 @@ BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for 
     ("text", "message"),
     [
         (BOMB, "expected at most 10000 entries"),
-        (BOMB.replace("a59: ", "target: "), "expected at most 10000 entries"),
-        ("- " + BOMB.replace("\n", "\n  "), "expected keys and values"),
         ("target: &a [*a]\n", "expected entries at most 30 within each other"),
         ("target: " + 200 * "[" + 200 * "]", "expected entries at most 30 within each other"),
         ("target: " + 100_000 * "[", "expected YAML, but"),
@@ -352,11 +298,6 @@ def test_yaml_runs_no_code(tmp_path: Path) -> None:
         with pytest.raises(RecipeError, match="could not determine a constructor for the tag"):
             read_recipe(path)
     assert not made.exists()
-
-
-def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(RecipeError, match=r"none.yaml: no such file; check the path"):
-        read_recipe(tmp_path / "none.yaml")
 
 
 def test_bad_changes(tmp_path: Path) -> None:

@@ -36,11 +36,8 @@ def test_what_is_just_within_is_taken(entries: dict[str, Any]) -> None:
     [
         ({"size_mm": 1000.1}, "size_mm"),
         ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
-        (labelled(""), "labels"),
-        (labelled(1000 * "x"), "labels"),
         (labelled("\ud800"), "labels"),
         ({"start": {"repulsion": {}, "repulsions": {}}}, "start"),
-        ({"start": {"repulsions": {}}}, "start"),
     ],
 )
 def test_what_is_just_beyond_is_refused_by_its_key(entries: dict[str, Any], key: str) -> None:
@@ -54,18 +51,6 @@ def test_a_recipe_does_not_change() -> None:
         recipe.seed = 3
     with pytest.raises(AttributeError):
         _ = recipe.start.no_such_kind
-
-
-def test_parts_of_a_recipe_make_another() -> None:
-    recipe = checked_recipe(GOOD)
-    assert Recipe(name=recipe.name, target=recipe.target, start=recipe.start) == recipe
-
-
-def test_pictures_and_page_are_made_unless_they_are_left_out() -> None:
-    recipe = checked_recipe(GOOD)
-    assert recipe.figures
-    assert recipe.report
-    assert recipe.engrave is not None
 
 
 @pytest.mark.parametrize("method", ["", "method: exact\n"])

@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from common.bumpy import bumpy_sphere
 from PIL import Image
 
 from dicedesign.concave.shapes import shape
-from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe import pipeline
 from dicedesign.recipe.reading import checked_recipe
@@ -48,7 +46,7 @@ def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
     with Image.open(tmp_path / "out" / "repair.png") as picture:
         assert picture.width > 600
     assert "repair.png" in (tmp_path / "out" / "report.html").read_text()
-    assert read_result(tmp_path / "out").repair == repair
+    assert read_result(tmp_path / "out").concave.repair == repair
 
 
 def test_a_good_mesh_is_left_as_it_is(tmp_path: Path) -> None:
@@ -60,9 +58,3 @@ def test_a_good_mesh_is_left_as_it_is(tmp_path: Path) -> None:
     assert work.repaired is None
     assert work.repaired is None
     assert work.notes == ["the mesh needed no repair"]
-
-
-def test_a_convex_die_has_nothing_to_repair(tmp_path: Path) -> None:
-    recipe = written(tmp_path / "good.obj", bumpy_sphere(1)) | {"method": {"exact": {}}}
-    with pytest.raises(InputError, match="repair: expected method concave"):
-        make_start(Work(checked_recipe(recipe)))

@@ -57,13 +57,6 @@ def test_a_size_that_need_not_change_is_kept(options: dict[str, Any]) -> None:
     assert work.notes == []
 
 
-def test_a_large_die_is_told_how_to_be_smaller() -> None:
-    work = sized_work(30.0, label="not so short", thin=0.25)
-    assert 100.0 < work.recipe.size_mm < 200.0
-    assert fits(work, work.recipe.size_mm)
-    assert "rare outcomes" in work.notes[0]
-
-
 def test_where_no_size_helps_it_is_kept() -> None:
     """Needed is more than any die has, or a facet that is not there."""
     huge = sized_work(30.0, label="not so short", thin=0.02)

@@ -24,18 +24,6 @@ def started(**entries: Any) -> Work:
     return design_recipe(checked_recipe(given), last="start")
 
 
-@pytest.mark.parametrize(
-    "entries",
-    [{"start": {"prism": {}}}, {"start": {"shape": "knot"}, "method": "concave"}],
-    ids=["shape", "surface"],
-)
-def test_labels_that_cannot_be_drawn_are_refused_at_once(entries: dict[str, Any]) -> None:
-    target = {"fair": 4, "labels": ["1", "2", "3", "\U0010ffff"]}
-    with pytest.raises(InputError, match="label"):
-        started(target=target, engrave=True, **entries)
-    started(target=target, engrave=False, **entries)
-
-
 def test_a_die_that_is_too_large_to_be_thrown_is_refused_where_it_is_thrown() -> None:
     large = {"target": {"fair": 4}, "size_mm": 1000.0}
     started(**large)

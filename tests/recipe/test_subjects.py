@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -83,20 +82,6 @@ def test_ablations_leave_out_one_weight_after_the_other(folder: Path) -> None:
         assert np.abs(np.sort(odds) - [0.25, 0.25, 0.5]).max() == pytest.approx(die.error, abs=1e-9)
 
 
-def test_a_mesh_has_no_past_unless_it_is_named(tmp_path: Path) -> None:
-    mesh, other = tmp_path / "mesh.stl", tmp_path / "other.stl"
-    trimesh.creation.box((1, 2, 3)).export(mesh)
-    trimesh.creation.cylinder(1, 2).export(other)
-    subject = subject_of(mesh)
-    with pytest.raises(InputError, match="--before"):
-        subject.make_before(subject.lain)
-    with pytest.raises(InputError, match="recipe by the paper's method"):
-        subject.make_ablations()
-    subject = subject_of(mesh, before=other)
-    assert len(subject.make_before(subject.lain).points) == 66
-    assert subject.lain.labels is None
-
-
 def test_a_recipe_that_searches_has_no_start(tmp_path: Path) -> None:
     recipe = tmp_path / "d4.yaml"
     recipe.write_text("name: d4\ntarget: {fair: 4}\n")
@@ -105,8 +90,3 @@ def test_a_recipe_that_searches_has_no_start(tmp_path: Path) -> None:
         subject.make_before(subject.lain)
     with pytest.raises(InputError, match=r"got .*d4\.yaml by method exact"):
         subject.make_ablations()
-
-
-def test_a_recipe_says_where_its_center_of_mass_is(folder: Path) -> None:
-    with pytest.raises(InputError, match="--com"):
-        subject_of(folder, center_of_mass="hull")

@@ -56,35 +56,7 @@ def test_the_gap_is_how_far_hulls_differ_over_the_diagonal(
     assert work.concave.elsewhere_before == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_surface_beside_the_designed_hull_is_off_by_how_far_it_was_moved(
-    made: Callable[..., Work],
-) -> None:
-    work = made(lambda points: points + np.array([0.3, 0.0, 0.0]))
-    gap = work.concave.hull.gap
-    assert gap == pytest.approx(0.3 / np.sqrt(12.0), rel=1e-5)
-    assert Status.LOOSE.value in "; ".join(work.remarks)
-
-
-def test_displacements_are_those_of_the_points(made: Callable[..., Work]) -> None:
-    """One of 14 points is moved, by more than the others."""
-    before: list[Floats] = []
-
-    def change(points: Floats) -> Floats:
-        moved = points.copy()
-        moved[0] *= 0.7
-        before.append(moved)
-        return moved
-
-    work = made(change)
-    reshaped = work.die.reshaped
-    assert reshaped is not None
-    apart = np.linalg.norm(reshaped.after.points - reshaped.before.points, axis=1) / np.sqrt(12.0)
-    assert work.concave.displacement.largest == pytest.approx(apart.max())
-    assert work.concave.displacement.mean == pytest.approx(apart.mean())
-    assert apart.max() > 2.0 * apart.mean()
-
-
-@pytest.mark.parametrize(("attempts", "more"), [(2, True), (3, True), (4, False)])
+@pytest.mark.parametrize(("attempts", "more"), [(3, True), (4, False)])
 def test_more_attempts_are_advised_where_they_were_used_up(
     attempts: int, more: bool, made: Callable[..., Work]
 ) -> None:
@@ -100,20 +72,6 @@ def test_more_seconds_are_advised_where_they_ran_out(made: Callable[..., Work]) 
         work = made(lambda points: points * [1.0, 1.1, 1.25], attempts=40, seconds=seconds)
         assert any("method.concave.seconds" in remark for remark in work.remarks) == more
         assert not any("method.concave.attempts" in remark for remark in work.remarks)
-
-
-def test_pairs_that_meet_are_counted(made: Callable[..., Work]) -> None:
-    def push(points: Floats) -> Floats:
-        deep = points.copy()
-        deep[[8, 11], 0] *= -0.5
-        return deep
-
-    work = made(push)
-    pairs = work.concave.self_intersections
-    assert pairs > 0
-    assert any(remark == f"{pairs} pairs of triangles meet" for remark in work.remarks)
-    assert any(sentence.startswith(f"{pairs} pairs") for sentence in work.concave.quality)
-    assert work.status is Status.SELF_INTERSECTING
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,7 @@ import pytest
 from common.kernels import compiled_only
 
 from dicedesign.cli.main import main
-from dicedesign.errors import RecipeError
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.recipe.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_odds import thrown_odds
 from dicedesign.throws.tables import HANDS, posterior_tables
@@ -106,20 +104,6 @@ def test_odds_by_the_model_alone_take_no_simulation(
     np.testing.assert_allclose(result["thrown"]["momentum"], result["target"], atol=1e-6)
     assert result["design"]["max_abs_error"] < 1e-11
     assert np.abs(np.array(result["probabilities"]) - result["target"]).max() > 0.002
-
-
-def test_refinement_needs_thrown_odds(tmp_path: Path) -> None:
-    recipe = tmp_path / "recipe.yaml"
-    recipe.write_text("name: a\ntarget: {fair: 4}\nmethod: {exact: {refine: {drops: 10}}}\n")
-    with pytest.raises(RecipeError, match='refine: expected odds "thrown" with it, got "resting"'):
-        read_recipe(recipe)
-
-
-def test_an_unknown_table_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    recipe = tmp_path / "recipe.yaml"
-    recipe.write_text(RECIPE.replace("odds: thrown", "odds: thrown, table: marble"))
-    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 2
-    assert "method.exact.table: table marble: expected board-game" in capsys.readouterr().err
 
 
 def test_a_hand_beside_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -84,11 +83,10 @@ def _uniform(points: np.ndarray) -> tuple[float, np.ndarray]:
     return float(np.linalg.det(ends).sum() / 6.0), hull.centroid
 
 
-@pytest.mark.parametrize("style", ["engraved", "raised"])
-def test_labels_are_weighed_too(style: str) -> None:
+def test_labels_are_weighed_too() -> None:
     depth, walls = 1.0, 1.0
     options = {"infill": 0.1, "walls_mm": walls}
-    entries = {"engrave": {"depth_mm": depth, "style": style, "balance": "none"}}
+    entries = {"engrave": {"depth_mm": depth, "balance": "none"}}
     work = printed(FRUSTUM, options, entries=entries)
     found, made = work.result().infill, work.engraved
     assert found is not None
@@ -120,21 +118,6 @@ def test_the_walls_of_a_hidden_hollow_are_not_known() -> None:
     assert work.result().infill is None
     (told,) = [note for note in work.notes if "infill" in note]
     assert "hidden hollow" in told
-
-
-def test_icons_of_labels_without_glyphs_are_weighed(tmp_path: Path) -> None:
-    icon = tmp_path / "icon.svg"
-    icon.write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">'
-        '<rect x="1" y="1" width="7" height="3"/></svg>'
-    )
-    odds = outcome_odds(rest_poses(FRUSTUM), SIDES).odds
-    labels = ["1", "2", "3", "4", "5", "\U0001f3b2"]
-    entries = {"engrave": {"icons": {labels[-1]: str(icon)}}}
-    target = {"probabilities": odds.tolist(), "labels": labels}
-    work = printed(FRUSTUM, {"infill": 0.1}, entries=entries, target=target)
-    assert work.engraved is not None
-    assert work.result().infill is not None
 
 
 @pytest.mark.parametrize("center", [None, np.array([0.1, 0.0, 0.05])])

@@ -34,15 +34,6 @@ def test_a_result_says_what_the_work_holds() -> None:
     assert work.result().design.energy == {"dice": 0.25}
 
 
-def test_facets_that_are_no_rests_are_counted() -> None:
-    """Of an oblique box, which falls over from four of its six sides."""
-    points = box(1.0, 1.0, 6.0)
-    points[:, 0] += 0.5 * points[:, 2]
-    work = checked(points, SIDES[[1, 4]], Status.NO_PROGRESS, {"fair": 2})
-    result = work.result()
-    assert result.unstable_facets == 6 - len(result.facets) > 0
-
-
 def test_what_is_done_to_a_copy_is_not_done_to_the_work() -> None:
     work = checked(box(4.0, 5.0, 6.0))
     before = [len(work.remarks), len(work.notes), len(work.extra), len(work.files)]
