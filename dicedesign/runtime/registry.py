@@ -24,12 +24,10 @@ class Extension:
     ----------
     name: by which recipes and commands call it.
     line: of documentation, for help texts and the tables of the documentation.
-    rank: place in lists of a `FolderRegistry`, the lowest first; equal ones by name.
     """
 
     name: str
     line: str
-    rank: int = 100
 
 
 Kind = TypeVar("Kind", bound=Extension)

@@ -35,7 +35,6 @@ from dicedesign.recipe.entries import StartRecipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.parts import Status
-from dicedesign.runtime.folder_registry import FolderRegistry
 from dicedesign.runtime.registry import Registry
 from dicedesign.throws.tables import HANDS, least_of, most_of
 
@@ -203,7 +202,7 @@ def names_table() -> str:
             value = getattr(import_module(f"dicedesign.{module}".rstrip(".")), name)
             meaning = (
                 f"every {value.kind} that there is, by name; `register` adds one"
-                if isinstance(value, FolderRegistry | Registry)
+                if isinstance(value, Registry)
                 else first_sentence(value)
             )
             rows.append(
