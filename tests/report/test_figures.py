@@ -13,8 +13,7 @@ from common.parsed_html import parsed
 
 from dicedesign.report.figures import FIGURES, Figure, figure_files
 from dicedesign.report.pages import die_page
-from dicedesign.report.palette import rgb
-from dicedesign.report.render.pictures import decoded, encoded, trim
+from dicedesign.report.render.pictures import decoded, encoded
 from dicedesign.report.sheet import Sheet, picture_grid
 
 
@@ -44,17 +43,6 @@ def test_pictures_of_a_grid_are_drawn_pixel_for_pixel() -> None:
         np.testing.assert_array_equal(pixels[top : top + len(picture), left : left + 60], picture)
     assert (pixels[-45:] == 255).all()
     assert sheet.texts == ["a", "b", "c"]
-
-
-def test_trimming_removes_the_rows_that_are_white_in_all() -> None:
-    one, other = np.full((2, 100, 30, 3), 255, dtype=np.uint8)
-    one[40, 3], other[50, 7, 1] = 0, 254
-    cut = trim([one, other])
-    assert [picture.shape for picture in cut] == [(27, 30, 3)] * 2
-    np.testing.assert_array_equal(cut[0], one[32:59])
-    white = np.full((9, 9, 3), 255, dtype=np.uint8)
-    assert trim([white])[0].shape == (9, 9, 3)
-    np.testing.assert_allclose(rgb(["#ff8000"]), [[1.0, 128 / 255, 0.0]])
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The Gauss map: projection, basins, their outlines, and what is drawn over them."""
+"""The Gauss map: areas of basins, their outlines, and what is drawn over them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from dicedesign.errors import InputError
 from dicedesign.report.discs import (
     basin_of_directions,
     basin_outlines,
-    choose_axis,
-    great_arcs,
-    opposite_discs,
     placed_discs,
 )
 from dicedesign.report.gauss_map import (
@@ -26,7 +23,6 @@ from dicedesign.report.palette import BASINS, LOW_TO_HIGH
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.sampled_directions import SampledDirections
 
-PIXELS = 300
 PATH = "#d6006e"
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 TUMBLER = "tumbler"
@@ -52,48 +48,6 @@ def body(name: str) -> RestPoses:
     return rest_poses(random_directions(60, 8) * [1.0, 1.0, 9.0])
 
 
-def test_projection_inverts_and_keeps_areas():
-    for disc in opposite_discs((2, -1, 1)):
-        np.testing.assert_allclose(np.cross(disc.right, disc.up), disc.axis, atol=1e-15)
-        grid = disc.pixels(40)
-        norms = np.linalg.norm(grid, axis=-1)
-        np.testing.assert_allclose(norms, 1.0, atol=1e-14)
-        assert (grid @ disc.axis > -1e-12).all()
-        points = np.random.default_rng(0).uniform(-0.7, 0.7, (50, 2))
-        np.testing.assert_allclose(disc.project(disc.directions(points)), points, atol=1e-14)
-        a, b, c = (disc.directions(points + step) for step in ([0, 0], [1e-5, 0], [0, 1e-5]))
-        areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        # The disc of area pi stands for half the sphere, of area 2 pi.
-        np.testing.assert_allclose(areas, 2e-10, rtol=1e-3)
-
-
-def test_lines_are_clipped_at_the_rim():
-    disc, other = opposite_discs((0, 0, 1))
-    start, end = np.array([[0.6, 0.0, 0.8]]), np.array([[0.6, 0.0, -0.8]])
-    arc = great_arcs(start, end, 7)
-    for side in (disc, other):
-        (line,) = side.lines(arc)
-        lengths = np.linalg.norm(line, axis=1)
-        assert (lengths <= 1.0 + 1e-12).all()
-        assert np.isclose(lengths[[0, -1]].max(), 1.0)
-    there_and_back = np.concatenate([arc[0], arc[0][-2::-1]])[None]
-    assert len(disc.lines(there_and_back)) == 2
-    assert len(other.lines(there_and_back)) == 1
-
-
-def test_great_arcs_are_evenly_spaced_even_if_short():
-    start = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
-    end = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    arcs = great_arcs(start, end, 4)
-    angles = np.radians([0, 22.5, 45, 67.5, 90])
-    np.testing.assert_allclose(arcs[0, :, 0], np.sin(angles), atol=1e-15)
-    np.testing.assert_array_equal(arcs[1], np.broadcast_to(start[1], (5, 3)))
-
-
-def test_axis_keeps_the_minima_of_a_cube_off_the_rim():
-    assert choose_axis(body("cube").normals) == (1, 1, 1)
-
-
 def test_texts_of_close_anchors_do_not_overlap():
     anchors = np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.03]])
     everywhere = np.ones((8, 8), dtype=bool)
@@ -109,14 +63,6 @@ def test_texts_stay_in_their_region():
     anchor = np.array([[-0.01, 0.0]])
     ((x, _),) = place_texts(anchor, ["ab"], [left], anchor, 0.05)
     assert x < -0.02
-
-
-def test_figure_is_drawn_and_repeats():
-    poses = body(TUMBLER)
-    names = [f"${i}$" for i in range(len(poses.normals))]
-    figure = gauss_map_figure(poses, names)
-    assert is_whole(figure)
-    assert figure.png() == gauss_map_figure(poses, names).png()
 
 
 def test_areas_on_paper_are_the_probabilities():

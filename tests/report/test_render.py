@@ -21,7 +21,6 @@ def render_view(points: np.ndarray, triangles: np.ndarray, camera: Camera, size:
 
 
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
-CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 def seen_by(vertices, triangles, camera, size):
@@ -55,12 +54,6 @@ def test_triangles_with_common_edges_leave_no_gap_and_do_not_overlap():
     counts = sum((seen_by(points, fan[[k]], FRONT, 200)[0] >= 0).astype(int) for k in range(40))
     assert counts.max() == 1
     np.testing.assert_array_equal(counts == 1, together >= 0)
-
-
-def test_triangles_outside_and_without_area_are_harmless():
-    points = np.array([[9.0, 9, 0], [10, 9, 0], [9, 10, 0], [0, 0, 0], [0, 0, 1], [0, 0, 2]])
-    picture = render_view(points, np.array([[0, 1, 2], [3, 4, 5]]), FRONT, 30)
-    assert (picture == 255).all()
 
 
 def test_the_kernel_sees_the_triangles_that_numpy_sees() -> None:
