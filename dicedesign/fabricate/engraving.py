@@ -97,8 +97,8 @@ def _field(
         # What lies nearer along the direction, as far as a facet of this body reaches.
         far, near = 4.0 * hull.diameter, distance * inward
         along = far * np.array([inward[1], -inward[0]])
-        corners = [near + along, near - along]
-        field -= CrossSection([np.stack([*corners, *(c - far * inward for c in corners[::-1])])])
+        ends = [near + along, near - along]
+        field -= CrossSection([np.stack([*ends, *(end - far * inward for end in ends[::-1])])])
     standing = CrossSection()
     for placement, section in labels:
         turn = frame[:3, :2].T @ placement.frame[:3, :2]

@@ -288,8 +288,10 @@ def place_labels(
     if margins is not None:
         kept = margins
     fits = [
-        _fit(*label, options, margin)
-        for *label, margin in zip(texts, polygons, normals, facets, kept, strict=True)
+        _fit(text, polygon, normal, facet, options, margin)
+        for text, polygon, normal, facet, margin in zip(
+            texts, polygons, normals, facets, kept, strict=True
+        )
     ]
     placements = [placement for placement, _ in fits]
     rooms = []

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.die import Solid
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.polygons import facet_inradius
@@ -25,6 +24,7 @@ from dicedesign.tolerances import LEVEL_ANGLE
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.rest.poses import RestPoses
 
 
 def opposite_facets(hull: ConvexHull, facets: Integers) -> Integers:
@@ -269,16 +269,16 @@ def _what_is_above(hull: ConvexHull, facet: int) -> str:
     return f"{what}, the nearest facet leaning by {lean:.0f} degrees,"
 
 
-def core_of(solid: Solid, edges: EdgeOptions | None) -> ConvexHull:
+def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
     """The shape inside the rounded edges of a convex die, its facets numbered as those of the die.
 
     Raises EngravingError where the radius is larger than the circle of a facet to rest on.
     """
-    hull = solid.poses.hull
+    hull = poses.hull
     if edges is None:
         return hull
     core = convex_hull(core_scale(edges, hull.diameter) * hull.vertices)
-    for facet in solid.poses.facets.tolist():
+    for facet in poses.facets.tolist():
         room = facet_inradius(core, facet)
         if edges.radius_mm > room:
             raise EngravingError(
@@ -290,10 +290,16 @@ def core_of(solid: Solid, edges: EdgeOptions | None) -> ConvexHull:
 
 
 def place_on_facets(
-    solid: Solid, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
+    poses: RestPoses,
+    main: Integers,
+    hull: ConvexHull,
+    labels: Sequence[str],
+    options: EngravingOptions,
 ) -> tuple[Reading, list[Placement]]:
     """How a die is read, and where its labels lie on the facets of its hull, or of its core
     (`core_of`), in the order of the places of that reading.
+
+    poses: rests of the die in mm; main: (k,) the rest of each outcome, or -1.
 
     Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
     options say, or a label does not fit.
@@ -302,9 +308,8 @@ def place_on_facets(
     from dicedesign.fabricate.label_layout import edge_margins, place_labels
     from dicedesign.fabricate.label_reading import die_readings
 
-    main = solid.outcomes.main
     require_rests(labels, main, "a facet")
-    *better, last = die_readings(hull, solid.poses.facets[main], labels, options.read)
+    *better, last = die_readings(hull, poses.facets[main], labels, options.read)
 
     def placed(reading: Reading) -> list[Placement]:
         places, whole = reading.places, reading.way != "corner"
@@ -315,7 +320,7 @@ def place_on_facets(
             [place.facet for place in places],
             # Around a corner labels stand upright toward it.
             options if whole else replace(options, upright="edge"),
-            solid.poses.hull.diameter,
+            poses.hull.diameter,
             [edge_margins(hull, place.facet, options) for place in places] if whole else None,
         )
 

@@ -84,10 +84,12 @@ def engrave(work: Work) -> None:
 def _make_convex(work: Work) -> None:
     """The finished object of a convex die."""
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
-    core = core_of(solid, edges)
+    core = core_of(solid.poses, edges)
     placements: list[Placement] = []
     if options is not None:
-        work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
+        work.reading, placements = place_on_facets(
+            solid.poses, solid.outcomes.main, core, work.target.labels, options
+        )
     given = solid.center_of_mass
     made = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or work.recipe.method.thrown):

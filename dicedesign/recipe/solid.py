@@ -59,8 +59,8 @@ def enlarge(work: Work) -> None:
     assert recipe.engrave is not None
     try:
         solid = make_solid(work.die, recipe.size_mm)
-        core = core_of(solid, recipe.edges)
-        place_on_facets(solid, core, work.target.labels, recipe.engrave)
+        core = core_of(solid.poses, recipe.edges)
+        place_on_facets(solid.poses, solid.outcomes.main, core, work.target.labels, recipe.engrave)
     except LabelRoomError as error:
         if error.size_mm > MOST_MM:
             return

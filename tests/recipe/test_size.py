@@ -30,7 +30,13 @@ def fits(work: Work, size_mm: float) -> bool:
     assert work.recipe.engrave is not None
     try:
         solid = make_solid(work.die, size_mm)
-        place_on_facets(solid, solid.poses.hull, work.target.labels, work.recipe.engrave)
+        place_on_facets(
+            solid.poses,
+            solid.outcomes.main,
+            solid.poses.hull,
+            work.target.labels,
+            work.recipe.engrave,
+        )
     except EngravingError:
         return False
     return True
