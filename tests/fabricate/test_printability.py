@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -83,9 +82,6 @@ def cube() -> Work:
 
 
 SIDE = 30.0 / np.sqrt(3.0)
-
-
-TETRAHEDRON = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
 
 
 def test_walls_are_those_of_dense_samples() -> None:
@@ -173,7 +169,7 @@ def test_bare_facets_come_first() -> None:
     [
         ({"print": {"nozzle_mm": 2.0}}, "strokes"),
         ({"print": "sls", "engrave": {"depth_mm": 0.3}}, "labels are 0.3 mm deep"),
-        ({"engrave": {"min_height_mm": 0.5, "max_height_mm": 1.0}}, "strokes"),
+        ({"print": {"nozzle_mm": 0.8}, "engrave": {"style": "raised"}}, "strokes"),
         ({"engrave": {"depth_mm": 1.2, "margin_mm": 0.3, "max_height_mm": 20.0}}, "walls"),
     ],
 )
@@ -181,6 +177,8 @@ def test_what_cannot_be_made_is_said_with_a_remedy(entries: dict, told: str) -> 
     work = printed(box(1.0, 1.0, 1.0), SIDES, **entries)
     assert any(told in note and ":" in note for note in work.notes)
     assert tuple(work.notes[-len(found(work).warnings) :]) == found(work).warnings
+    is_raised = entries.get("engrave", {}).get("style") == "raised"
+    assert all((label.wall_mm is None) == is_raised for label in found(work).labels)
 
 
 def test_flaws_of_a_file_are_counted() -> None:
@@ -207,33 +205,10 @@ def test_flaws_of_a_file_are_counted() -> None:
     assert hollow.volume_mm3 == pytest.approx(7.0)
 
 
-def test_raised_labels_have_no_walls_and_wider_strokes(cube: Work) -> None:
-    from dicedesign.fabricate.printability import PrintedDie, printability
-
-    assert cube.engraved is not None
-    assert cube.engraved.assessment is not None
-    placements = cube.engraved.placements
-    die = PrintedDie(
-        body=cube.engraved.assessment.body,
-        poses=cube.plain.poses,
-        designed=convex_hull(cube.solid.hull_points),
-        shape=None,
-        labels=tuple(placement.text for placement in placements),
-        normals=np.array([placement.frame[:3, 2] for placement in placements]),
-        placements=placements,
-        depth=0.75,
-        raised=True,
-    )
-    options = PrintOptions(nozzle_mm=0.8)
-    raised = printability(die, options)
-    assert all(label.wall_mm is None for label in raised.labels)
-    assert any("strokes" in warning for warning in raised.warnings)
-    assert printability(replace(die, raised=False), options).warnings == ()
-
-
 def test_a_hollow_that_keeps_its_powder_is_told() -> None:
     entries = {"engrave": {"balance": "opposite"}}
-    corners = TETRAHEDRON * (1.0, 1.1, 1.3)
+    tetrahedron = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
+    corners = tetrahedron * (1.0, 1.1, 1.3)
     downs = convex_hull(corners).normals
     for printer, told in (("fdm", False), ("sls", True)):
         work = printed(corners, downs, print=printer, **entries)
