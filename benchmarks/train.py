@@ -21,7 +21,17 @@ import numpy as np
 import torch
 
 from benchmarks.frame import Report, processes
-from benchmarks.training.fitting import FINE_STEP, STEP, new_model, train
+from benchmarks.training.fitting import (
+    FINE_STEP,
+    GENERAL,
+    STEP,
+    WIDEST,
+    drawn_table,
+    near_tables,
+    new_model,
+    plain_model,
+    train,
+)
 from benchmarks.training.throws import (
     ThrownRandomDie,
     deviation,
@@ -36,9 +46,7 @@ from dicedesign.throws.momentum_model import (
     MomentumModel,
     general_model,
     general_model_of,
-    plain_model,
 )
-from dicedesign.throws.table_terms import GENERAL, WIDEST, TableRange
 from dicedesign.throws.tables import posterior_tables, table_entries
 
 HELD_OUT: Final = 10
@@ -120,7 +128,7 @@ def throws_of(
     for place in range(1, TABLES):
         one = tables[rng.integers(len(tables))]
         is_far = options.all_tables and place == TABLES - 1
-        drawn.append((GENERAL if is_far else TableRange.around([one])).drawn(one, rng))
+        drawn.append(drawn_table(GENERAL if is_far else near_tables([one]), one, rng))
     return [(table, math.ceil(drops / TABLES)) for table in drawn]
 
 
@@ -135,6 +143,6 @@ def fit(
     if options.all_tables:
         start, step = new_model(dice, GENERAL, options.seed), STEP
     else:
-        start, step = replace(general_model(), range=TableRange.around(tables)), FINE_STEP
+        start, step = replace(general_model(), range=near_tables(tables)), FINE_STEP
     epochs = options.epochs or (2 if options.quick else 20)
     return train(dice, start, epochs=epochs, step=step, seed=options.seed)

@@ -1,4 +1,4 @@
-"""Fits the momentum model to simulated throws."""
+"""Fits the momentum model to simulated throws; tables it is learned on, and how it is written."""
 
 from __future__ import annotations
 
@@ -16,14 +16,43 @@ from dicedesign.throws.momentum_model import (
     CARRY_OUTPUTS,
     IMPACTS,
     LEAST_DEVIATION,
+    RANGES,
     TRANSITION_OUTPUTS,
+    WEIGHTS,
     GeneralModel,
     MomentumModel,
     Network,
 )
 from dicedesign.throws.momentum_odds import landing_odds
-from dicedesign.throws.table_terms import TABLE_NUMBERS, TABLE_TERMS, TableRange
+from dicedesign.throws.table_terms import (
+    CENTERS,
+    EXTENTS,
+    TABLE_NUMBERS,
+    TABLE_TERMS,
+    TableRange,
+    dimensionless,
+    moved,
+    scaled,
+)
+from dicedesign.throws.tables import Table
 from dicedesign.throws.transition_features import Features, Transitions
+
+WIDEST: Final = TableRange(
+    np.array([0.0, 0.02, 1.0, 0.0, 0.0]), np.array([0.95, 10.0, 4e3, 200.0, 50.0])
+)
+"""What can be thrown at all."""
+
+GENERAL: Final = TableRange(
+    np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.85, 1.5, 32.0, 6.0, 9.0])
+)
+"""What the model of all tables is learned on."""
+
+NEAR: Final = 0.3
+"""How far the range around a table reaches, in scaled numbers: restitutions 0.12 higher and lower,
+frictions and heights half as large again and smaller by a third."""
+
+DIGITS: Final = 6
+"""Significant digits of a model in a file."""
 
 TRANSITION_HIDDEN: Final = 64
 
@@ -257,3 +286,45 @@ def _with_parameters(
             )
         )
     return GeneralModel(model.range, numbers, *networks)
+
+
+def near_tables(tables: Sequence[Table]) -> TableRange:
+    """The range of some tables and what is near them, within `WIDEST`."""
+    inside = [np.clip(dimensionless(table), WIDEST.least, WIDEST.most) for table in tables]
+    numbers = scaled(np.array(inside))
+    least, most = unscaled(numbers.min(axis=0) - NEAR), unscaled(numbers.max(axis=0) + NEAR)
+    return TableRange(np.maximum(least, WIDEST.least), np.minimum(most, WIDEST.most))
+
+
+def drawn_table(within: TableRange, table: Table, rng: np.random.Generator) -> Table:
+    """A table of a range, for dice of the same size as another, all alike where `scaled`."""
+    ends = scaled(np.stack([within.least, within.most]))
+    return moved(table, unscaled(rng.uniform(ends[0], ends[1])))
+
+
+def unscaled(numbers: Floats) -> Floats:
+    """The inverse of `scaled`."""
+    restitution, friction, height, speed, spin = np.moveaxis(numbers * EXTENTS + CENTERS, -1, 0)
+    free = restitution, np.exp(friction), np.exp(height), np.expm1(speed), np.expm1(spin)
+    return np.stack(free, axis=-1)
+
+
+def plain_model(model: GeneralModel) -> dict[str, Any]:
+    """A model as plain data for a file, with `DIGITS` digits and every number in its range; the
+    inverse of `general_model_of`."""
+
+    def plain(part: Any, name: str) -> Any:
+        if isinstance(part, list):
+            return [plain(entry, name) for entry in part]
+        least, most = RANGES.get(name, WEIGHTS)
+        return float(f"{min(max(float(part), least), most):.{DIGITS}g}")
+
+    limits = np.stack([model.range.least, model.range.most], axis=1).tolist()
+    return {
+        "range": {name: plain(of, name) for name, of in zip(TABLE_NUMBERS, limits, strict=True)},
+        "numbers": plain(model.numbers.tolist(), "numbers"),
+        **{
+            key: {name: plain(array.tolist(), name) for name, array in vars(network).items()}
+            for key, network in (("transitions", model.transitions), ("carries", model.carries))
+        },
+    }

@@ -64,9 +64,6 @@ stretch."""
 CARRY_OUTPUTS: Final = 3
 """Logarithm of the rate of a carry, in three terms."""
 
-DIGITS: Final = 6
-"""Significant digits of a model in a file."""
-
 WEIGHTS: Final = (-1e3, 1e3)
 """Range of a model's numbers but those of `RANGES`. The weights that training punishes are below a
 third of it, as it begins with a loss below 14."""
@@ -121,27 +118,6 @@ def general_model_of(plain: Any) -> GeneralModel:
         _network(plain, "transitions", len(TRANSITION_FEATURES), TRANSITION_OUTPUTS),
         _network(plain, "carries", len(CARRY_FEATURES), CARRY_OUTPUTS),
     )
-
-
-def plain_model(model: GeneralModel) -> dict[str, Any]:
-    """A model as plain data for a file, with `DIGITS` digits and every number in its range; the
-    inverse of `general_model_of`."""
-
-    def plain(part: Any, name: str) -> Any:
-        if isinstance(part, list):
-            return [plain(entry, name) for entry in part]
-        least, most = RANGES.get(name, WEIGHTS)
-        return float(f"{min(max(float(part), least), most):.{DIGITS}g}")
-
-    limits = np.stack([model.range.least, model.range.most], axis=1).tolist()
-    return {
-        "range": {name: plain(of, name) for name, of in zip(TABLE_NUMBERS, limits, strict=True)},
-        "numbers": plain(model.numbers.tolist(), "numbers"),
-        **{
-            key: {name: plain(array.tolist(), name) for name, array in vars(network).items()}
-            for key, network in (("transitions", model.transitions), ("carries", model.carries))
-        },
-    }
 
 
 def _range(plain: dict[str, Any]) -> TableRange:

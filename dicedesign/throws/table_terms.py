@@ -35,10 +35,6 @@ CENTERS: Final = np.array([0.4, -1.0, 1.6, 0.8, 0.9])
 EXTENTS: Final = np.array([0.4, 1.3, 1.4, 0.8, 0.9])
 """and over what, so that those of usual tables are within -1 and 1."""
 
-NEAR: Final = 0.3
-"""How far the range around a table reaches, in scaled numbers: restitutions 0.12 higher and lower,
-frictions and heights half as large again and smaller by a third."""
-
 ROUNDED: Final = 1e-5
 
 UNITS: Final = {"height": " m", "speed": " m/s", "spin": " rad/s"}
@@ -67,13 +63,6 @@ def scaled(numbers: Floats) -> Floats:
     return scaled
 
 
-def _unscaled(numbers: Floats) -> Floats:
-    """The inverse of `scaled`."""
-    restitution, friction, height, speed, spin = np.moveaxis(numbers * EXTENTS + CENTERS, -1, 0)
-    free = restitution, np.exp(friction), np.exp(height), np.expm1(speed), np.expm1(spin)
-    return np.stack(free, axis=-1)
-
-
 def _units(size: float) -> Floats:
     """(5,) of the numbers, for dice of a size in m."""
     return np.array([1.0, 1.0, size, math.sqrt(GRAVITY * size), math.sqrt(GRAVITY / size)])
@@ -91,22 +80,9 @@ class TableRange:
     least: Floats
     most: Floats
 
-    @classmethod
-    def around(cls, tables: Sequence[Table]) -> TableRange:
-        """That of some tables and what is near them, within `WIDEST`."""
-        inside = [np.clip(dimensionless(table), WIDEST.least, WIDEST.most) for table in tables]
-        numbers = scaled(np.array(inside))
-        least, most = _unscaled(numbers.min(axis=0) - NEAR), _unscaled(numbers.max(axis=0) + NEAR)
-        return cls(np.maximum(least, WIDEST.least), np.minimum(most, WIDEST.most))
-
-    def drawn(self, table: Table, rng: np.random.Generator) -> Table:
-        """A table of the range, for dice of the same size as another, all alike where `scaled`."""
-        ends = scaled(np.stack([self.least, self.most]))
-        return self._moved(table, _unscaled(rng.uniform(ends[0], ends[1])))
-
     def nearest(self, table: Table) -> Table:
         """The table, or one with the numbers that are beyond the range at its end."""
-        return self._moved(table, np.clip(dimensionless(table), self.least, self.most))
+        return moved(table, np.clip(dimensionless(table), self.least, self.most))
 
     def require(self, table: Table, remedy: str) -> None:
         """Raise InputError, which names the parameter, for a table beyond the range."""
@@ -123,32 +99,23 @@ class TableRange:
                     f"model knows, got {numbers[place] * units[place]:.3g}; {remedy}"
                 )
 
-    def _moved(self, table: Table, numbers: Floats) -> Table:
-        """A table with those numbers that differ from its own; ranges stay as wide as they are
-        compared with their mean."""
-        values = dict(zip(TABLE_NUMBERS, (numbers * _units(table.size)).tolist(), strict=True))
-        differs = numbers != dimensionless(table)
-        moved: dict[str, Any] = {}
-        for name in compress(TABLE_NUMBERS, differs):
-            spread, value = getattr(table, name), values[name]
-            mean = mean_of(spread)
-            is_wide = isinstance(spread, tuple) and mean > 0.0
-            moved[name] = spread_by(spread, value / mean) if is_wide else value
-        if least_of(moved.get("height", table.height)) < table.size:
-            # A die falls from no less than its size.
-            moved["height"] = max(values["height"], table.size)
-        return replace(table, **moved)
 
+def moved(table: Table, numbers: Floats) -> Table:
+    """A table with those numbers that differ from its own; ranges stay as wide as they are
+    compared with their mean."""
+    values = dict(zip(TABLE_NUMBERS, (numbers * _units(table.size)).tolist(), strict=True))
+    differs = numbers != dimensionless(table)
+    changed: dict[str, Any] = {}
+    for name in compress(TABLE_NUMBERS, differs):
+        spread, value = getattr(table, name), values[name]
+        mean = mean_of(spread)
+        is_wide = isinstance(spread, tuple) and mean > 0.0
+        changed[name] = spread_by(spread, value / mean) if is_wide else value
+    if least_of(changed.get("height", table.height)) < table.size:
+        # A die falls from no less than its size.
+        changed["height"] = max(values["height"], table.size)
+    return replace(table, **changed)
 
-WIDEST: Final = TableRange(
-    np.array([0.0, 0.02, 1.0, 0.0, 0.0]), np.array([0.95, 10.0, 4e3, 200.0, 50.0])
-)
-"""What can be thrown at all."""
-
-GENERAL: Final = TableRange(
-    np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.85, 1.5, 32.0, 6.0, 9.0])
-)
-"""What the model of all tables is learned on."""
 
 CHANGES: Final = (0.2, -0.2)
 """Parts by which the restitution of a livelier and of a duller table is higher. Of all that makes a

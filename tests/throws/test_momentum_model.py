@@ -15,6 +15,7 @@ from common.kernels import compiled_only, without_kernels
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.training.fitting import GENERAL, drawn_table, plain_model
 from benchmarks.training.random_dice import RandomDie, random_die
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -28,13 +29,11 @@ from dicedesign.throws.momentum_model import (
     general_model,
     general_model_of,
     momentum_model,
-    plain_model,
 )
 from dicedesign.throws.momentum_odds import hull_odds, momentum_odds
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_terms import (
     CHANGES,
-    GENERAL,
     TABLE_TERMS,
     dimensionless,
 )
@@ -167,7 +166,7 @@ def models(draw: st.DrawFn) -> dict[str, Any]:
 @settings(suppress_health_check=[HealthCheck.too_slow], max_examples=15)
 @given(models(), st.integers(0, 2**32))
 def test_every_model_within_its_ranges_gives_odds(plain: dict[str, Any], seed: int) -> None:
-    table = GENERAL.drawn(TABLE, np.random.default_rng(seed))
+    table = drawn_table(GENERAL, TABLE, np.random.default_rng(seed))
     model = MomentumModel.of(general_model_of(plain), table)
     for way in (nullcontext, without_kernels):
         for body in BODIES:
