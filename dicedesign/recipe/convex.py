@@ -14,7 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.optimize.coordinates.linked import SymmetricCoordinates, orbits_of_directions
-from dicedesign.optimize.energy.energy import cluster
+from dicedesign.optimize.energy.clusters import cluster
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.result import DesignResult, DesignStep

@@ -191,7 +191,7 @@ def _ablated(
     """
     from dataclasses import replace
 
-    from dicedesign.optimize.energy.energy import cluster
+    from dicedesign.optimize.energy.clusters import cluster
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import descend_as_paper
     from dicedesign.recipe.convex import normalised_center, wanted_odds

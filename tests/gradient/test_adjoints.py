@@ -19,13 +19,8 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.energy.energy import (
-    ClusteredRests,
-    Clusters,
-    Energy,
-    cluster,
-    energy_terms,
-)
+from dicedesign.optimize.energy.clusters import ClusteredRests, Clusters, cluster
+from dicedesign.optimize.energy.energy import Energy, energy_terms
 from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.optimize.starts.built_in import hendecahedron, prism
 from dicedesign.optimize.starts.half_space_odds import repulsion

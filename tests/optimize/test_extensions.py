@@ -18,7 +18,8 @@ from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy.energy import ClusteredRests, Energy, cluster
+from dicedesign.optimize.energy.clusters import ClusteredRests, cluster
+from dicedesign.optimize.energy.energy import Energy
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences

@@ -14,7 +14,7 @@ from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.optimize.energy.energy import cluster
+from dicedesign.optimize.energy.clusters import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exactly

@@ -18,7 +18,7 @@ from dicedesign.optimize.energy.term import (
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dicedesign.optimize.energy.energy import ClusteredRests
+    from dicedesign.optimize.energy.clusters import ClusteredRests
     from dicedesign.runtime.arrays import Floats
 
 
@@ -145,7 +145,7 @@ def stability_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[flo
     the most. Probabilities jump where a depth crosses zero; this wall in front of the jump is what
     lets a smooth method walk along it. Not in the paper.
     """
-    from dicedesign.optimize.energy.energy import outcome_facets
+    from dicedesign.optimize.energy.clusters import outcome_facets
 
     normals, directions = state.hull.normals, state.clusters.directions
     depths, margin = state.rests.depths, weights.stability_margin
@@ -201,7 +201,7 @@ def apart_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, 
     derivatives vanish at x = 1; below a distance of 1e-3 the energy no longer grows. Not in the
     paper, whose energy lets two outcomes grow into one facet.
     """
-    from dicedesign.optimize.energy.energy import updated_directions
+    from dicedesign.optimize.energy.clusters import updated_directions
 
     clusters = state.clusters
     normals = state.hull.normals[state.rests.paths.rests]

@@ -15,7 +15,7 @@ from dicedesign.runtime.registry import Extension, Registry
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dicedesign.optimize.energy.energy import ClusteredRests
+    from dicedesign.optimize.energy.clusters import ClusteredRests
     from dicedesign.runtime.arrays import Floats
 
 

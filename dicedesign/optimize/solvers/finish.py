@@ -13,7 +13,8 @@ import numpy as np
 
 from dicedesign.errors import NoStartError
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.energy.energy import Evaluation, Objective, cluster
+from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.energy.energy import Evaluation, Objective
 from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.result import DesignResult, DesignStep

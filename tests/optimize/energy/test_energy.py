@@ -12,16 +12,14 @@ from scipy.spatial import ConvexHull as QhullHull
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy.energy import (
+from dicedesign.optimize.energy.clusters import (
     ClusteredRests,
     Clusters,
-    Energy,
     cluster,
-    energy_terms,
     outcome_facets,
     updated_directions,
 )
+from dicedesign.optimize.energy.energy import Energy, energy_terms
 from dicedesign.optimize.energy.term import TERMS, EnergyWeights, Term, TermOption
 from dicedesign.optimize.starts.half_space_odds import repulsion
 
@@ -245,23 +243,6 @@ def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -
         gradient = torch.autograd.grad(total, rests.vertices)[0]
         assert torch.isfinite(total)
         assert torch.isfinite(gradient).all()
-
-
-@pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
-def test_terms_without_weight_are_left_out(
-    random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
-) -> None:
-    if not compiled:
-        monkeypatch.setattr(kernels, "compiled", None)
-    state = ClusteredRests(*case(random_points(2, 12, ROUND), 2), np.full(2, 0.5))
-    whole = EnergyWeights(neighbor_radius=0.9, stability_margin=0.4, apart=0.1, apart_distance=2.0)
-    full = Energy(state, whole).terms
-    assert list(full) == ["dice", *REGULARIZERS]
-    assert min(full.values()) > 0.0
-    for names in ([], *([name] for name in REGULARIZERS)):
-        none = {other: 0.0 for other in REGULARIZERS if other not in names}
-        terms = Energy(state, whole.changed(**none)).terms
-        assert terms == {name: full[name] for name in ["dice", *names]}
 
 
 def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:

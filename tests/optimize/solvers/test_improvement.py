@@ -121,15 +121,6 @@ def value(candidate: Candidate, preferences: Preferences) -> float:
     return sum(float((vector.detach() ** 2).sum()) for vector in residuals)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_circles_grow_and_the_odds_stay(seed: int) -> None:
-    run = facet_run(seed)
-    improved = run.improved(CIRCLES)
-    run.check()
-    assert len(run.on_the_way) > 3
-    assert smallest(improved) > 1.15 * smallest(run.first)
-
-
 @pytest.mark.parametrize(
     "name", ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers"]
 )
