@@ -1,25 +1,29 @@
-"""A recipe run end to end, checked by other tools."""
+"""A recipe run end to end, checked by other tools: its stages, and who listens to them."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from check_outputs import check
+from common.made_up_die import SIDES, box, checked
 
 from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
+from dicedesign.geometry.solid import solid_properties
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import run
-from dicedesign.recipe.reading import read_recipe
+from dicedesign.recipe.pipeline import STAGES, Stage, run
+from dicedesign.recipe.reading import checked_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Listeners
+from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import Status
-from dicedesign.results.result import Result
+from dicedesign.results.result import Designed, HullsMade, Result
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
 """Corners of a body with more than four rests, in coordinates of its own."""
@@ -163,3 +167,74 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     with pytest.raises(KeyboardInterrupt):
         run(recipe, tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)
+
+
+RECIPE = {"name": "x", "target": {"fair": 3}, "engrave": False, "start": {"prism": {}}}
+
+
+def weigh(work: Work) -> None:
+    """A note of what a die of 1.2 g/cm3 weighs."""
+    volume, _ = solid_properties(work.solid.points, work.solid.triangles)
+    work.notes.append(f"it weighs {1.2e-3 * volume:.1f} g")
+
+
+@pytest.fixture
+def weighing() -> Iterator[Stage]:
+    """Before engraving, of dice that are larger than 20 mm."""
+    yield STAGES.register(
+        Stage(
+            name="weigh",
+            line="says what the die weighs",
+            after="check",
+            wanted=lambda work: work.recipe.size_mm > 20.0,
+            run=weigh,
+        )
+    )
+    STAGES.unregister("weigh")
+
+
+def test_a_stage_from_outside_has_its_turn(weighing: Stage) -> None:
+    work = design_recipe(checked_recipe(RECIPE))
+    names = [stage["name"] for stage in work.clock.stages]
+    assert names == ["start", "load", "design", "export", "check", "weigh"]
+    assert work.result().notes[-1].startswith("it weighs ")
+    small = design_recipe(checked_recipe({**RECIPE, "size_mm": 15}))
+    assert [stage["name"] for stage in small.clock.stages][-1] == "check"
+
+
+def test_a_result_says_what_the_work_holds() -> None:
+    """Of a box that has a label on three of its sides."""
+    work = checked(box(4.0, 5.0, 6.0), SIDES[:3], Status.NO_PROGRESS, {"fair": 3})
+    work.notes.append("a note")
+    work.extra |= {"grams": 2.5}
+    work.die = replace(work.die, starts=5, evaluations=9, hulls=HullsMade(4, 2))
+    result = work.result()
+    assert (result.status, result.message) == ("no_progress", "; ".join(work.remarks))
+    assert result.extra == {"grams": 2.5}
+    assert result.design == Designed(work.design_error, None, 5, 9, HullsMade(4, 2))
+    assert result.notes == ("a note",)
+    assert result.unstable_facets == 0
+    assert result.rest_counts == (1, 1, 1)
+    assert result.least_angle_deg == pytest.approx(90.0, abs=1e-5)
+    # From its smallest side over one of the longer edges.
+    assert result.least_margin_deg == pytest.approx(np.degrees(np.arctan(4.0 / 6.0)), abs=1e-4)
+    assert result.elsewhere == pytest.approx(0.5, abs=1e-6)
+    assert (result.folder, result.files) == (None, {})
+    work.die = replace(work.die, terms={"dice": 0.25})
+    assert work.result().design.energy == {"dice": 0.25}
+
+
+def test_what_is_done_to_a_copy_is_not_done_to_the_work() -> None:
+    work = checked(box(4.0, 5.0, 6.0))
+    before = [len(work.remarks), len(work.notes), len(work.extra), len(work.files)]
+    stages = len(work.clock.stages)
+    twin = work.copy()
+    assert twin.result() == work.result()
+    twin.remarks.append("more")
+    twin.notes.append("more")
+    twin.extra["more"] = 1
+    twin.files["more"] = twin.images["more"] = b""
+    with twin.clock.stage("more"):
+        pass
+    assert [len(work.remarks), len(work.notes), len(work.extra), len(work.files)] == before
+    assert (len(work.clock.stages), work.images) == (stages, {})
