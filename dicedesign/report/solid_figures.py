@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 PIXELS: Final = 400
 
+VIEW_PIXELS: Final = 320
+
 SIDES: Final[dict[str, tuple[int, int, int]]] = {
     "from +x": (1, 0, 0),
     "from +y": (0, 1, 0),
@@ -55,7 +57,7 @@ def views_figure(points: Floats, triangles: Integers) -> Sheet:
     pictures = []
     for side in SIDES.values():
         up = (0, 1, 0) if side[:2] == (0, 0) else (0, 0, 1)
-        pictures.append(render(surface, camera_on(points, side, up), PIXELS))
+        pictures.append(render(surface, camera_on(points, side, up), VIEW_PIXELS))
     return picture_grid(pictures, list(SIDES), 4)
 
 
