@@ -337,9 +337,13 @@ def _write_table(sheet: Sheet, facts: SheetFacts, top: float) -> None:
     rows = facts.rows if len(facts.rows) <= most else facts.rows[: most - 1]
     # The labels are on the left, all numbers end at the right of their columns.
     first = max(text_width(row[0], size) for row in [facts.header, *rows])
-    ends = np.linspace(TABLE_LEFT + first, RIGHT, len(facts.header))[1:]
-    widest = max(text_width(text, size) for text in facts.header[1:])
-    head_size = min(size, size * (ends[0] - TABLE_LEFT - first - 4.0) / widest)
+    # Each column is as wide as its widest text; what room is left is shared among them.
+    columns = list(zip(*[facts.header, *rows], strict=True))[1:]
+    widths = np.array([max(text_width(text, size) for text in column) for column in columns])
+    space = RIGHT - TABLE_LEFT - first
+    head_size = size * min(1.0, (space - 6.0 * len(widths)) / widths.sum())
+    widths *= head_size / size
+    ends = TABLE_LEFT + first + np.cumsum(widths + (space - widths.sum()) / len(widths))
     base = top + step - 2.0
 
     def write(cells: Sequence[str], size: float, color: str) -> None:
