@@ -48,8 +48,7 @@ from dicedesign.rest.asymmetry import asymmetry
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import hendecahedron
 from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance
-from dicedesign.throws.release import PAPER_DIRECTIONS
-from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, RigidBody
 from tests.reference.gear import gear
 
 TABLES: Final = ("carpet", "board-game")

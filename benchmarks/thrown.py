@@ -49,17 +49,15 @@ from dicedesign import (
 from dicedesign.extensions import ENGINES
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws import native
+from dicedesign.throws import engines
 from dicedesign.throws.bias import OFTEN
 from dicedesign.throws.distances import measure_variation, noise_floor, total_variation
 from dicedesign.throws.engines import ThrowStates
 from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
-from dicedesign.throws.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.momentum_model import MomentumModel, momentum_model, other_tables
 from dicedesign.throws.momentum_odds import momentum_odds
-from dicedesign.throws.release import released
-from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.rigid_body import RigidBody, released
 from dicedesign.throws.simulation import DieOnTable
-from dicedesign.throws.table_terms import other_tables
 from dicedesign.throws.tables import posterior_tables
 from dicedesign.throws.throw_counts import read_throw_counts
 
@@ -288,12 +286,12 @@ def draw(deviations: Sequence[Deviation]) -> Any:
 def ways() -> Iterator[tuple[str, ThrowStates]]:
     """Ways to simulate throws; the first is held against all others, the second is the same with
     other random numbers."""
-    yield "native", native.throw_states
-    yield "native again", native.throw_states
-    yield "half the step", partial(native.throw_states, refinement=2.0)
-    yield "a quarter of it", partial(native.throw_states, refinement=4.0)
-    yield "half as stiff", partial(native.throw_states, stiffness=0.5)
-    yield "twice as stiff", partial(native.throw_states, stiffness=2.0)
+    yield "native", engines.throw_states
+    yield "native again", engines.throw_states
+    yield "half the step", partial(engines.throw_states, refinement=2.0)
+    yield "a quarter of it", partial(engines.throw_states, refinement=4.0)
+    yield "half as stiff", partial(engines.throw_states, stiffness=0.5)
+    yield "twice as stiff", partial(engines.throw_states, stiffness=2.0)
     for engine in ENGINES:
         with suppress(InputError):
             engine.require()

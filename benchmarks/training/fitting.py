@@ -14,26 +14,24 @@ from torch import Tensor
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import (
     CARRY_OUTPUTS,
+    CENTERS,
+    EXTENTS,
     IMPACTS,
     LEAST_DEVIATION,
     RANGES,
+    TABLE_NUMBERS,
+    TABLE_TERMS,
     TRANSITION_OUTPUTS,
     WEIGHTS,
     GeneralModel,
     MomentumModel,
     Network,
-)
-from dicedesign.throws.momentum_odds import landing_odds
-from dicedesign.throws.table_terms import (
-    CENTERS,
-    EXTENTS,
-    TABLE_NUMBERS,
-    TABLE_TERMS,
     TableRange,
     dimensionless,
     moved,
     scaled,
 )
+from dicedesign.throws.momentum_odds import landing_odds
 from dicedesign.throws.tables import Table
 from dicedesign.throws.transition_features import Features, Transitions
 

@@ -13,10 +13,9 @@ from benchmarks.training.fitting import TrainingDie
 from benchmarks.training.random_dice import RESTS, RandomDie, random_die
 from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.distances import noise_floor, total_variation
-from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_model import MomentumModel, table_terms
 from dicedesign.throws.momentum_odds import momentum_odds
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.table_terms import table_terms
 from dicedesign.throws.tables import Table
 from dicedesign.throws.transition_features import Transitions, body_features
 

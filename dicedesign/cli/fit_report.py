@@ -11,8 +11,7 @@ import numpy as np
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.text import text_table
 from dicedesign.throws.distances import MeasuredDistance, jeffreys_means, measure_variation
-from dicedesign.throws.predictions import DieCheck, Prediction
-from dicedesign.throws.table_fit import BELIEF, MORE, DieFit, TableFit
+from dicedesign.throws.table_fit import BELIEF, MORE, DieCheck, DieFit, Prediction, TableFit
 
 UNITS: Final = {"height": "m", "speed": "m/s", "spin": "rad/s"}
 """Of the parameters that have one."""

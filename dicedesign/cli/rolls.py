@@ -25,8 +25,8 @@ from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.runtime.arrays import Integers
+    from dicedesign.throws.goodness_of_fit import RollVerdict
     from dicedesign.throws.roll_log import RollLog
-    from dicedesign.throws.roll_verdict import RollVerdict
 
 LEAST_CONFIDENCE: Final = 0.5
 
@@ -87,8 +87,8 @@ def add_parser(commands: Any) -> None:
 
 def _rolls(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
+    from dicedesign.throws.goodness_of_fit import judge_rolls
     from dicedesign.throws.roll_log import RollLog, read_counts
-    from dicedesign.throws.roll_verdict import judge_rolls
 
     if not LEAST_CONFIDENCE <= options.confidence < 1.0:
         raise InputError(
@@ -271,7 +271,7 @@ def _text(labels: list[str], verdict: RollVerdict) -> str:
 
 
 def _sentences(verdict: RollVerdict) -> list[str]:
-    from dicedesign.throws.roll_verdict import POWER, WITHIN
+    from dicedesign.throws.goodness_of_fit import POWER, WITHIN
 
     test, exact, variation = verdict.chi_square, verdict.exact, verdict.variation
     low, high = variation.interval

@@ -102,9 +102,8 @@ def _fit(options: argparse.Namespace) -> int:
     from dicedesign.cli.fit_report import DieAtHand, fit_lines, plain_fit, unexplained
     from dicedesign.runtime.files import make_writable_folder
     from dicedesign.throws.engines import require_engine
-    from dicedesign.throws.predictions import check_table
     from dicedesign.throws.simulation import simulate
-    from dicedesign.throws.table_fit import check_effort, fit_table
+    from dicedesign.throws.table_fit import check_effort, check_table, fit_table
     from dicedesign.throws.tables import Table, posterior_entries
     from dicedesign.throws.throw_counts import rolled_die, throws_digest, uncounted_die
 

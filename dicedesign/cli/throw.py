@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
-    from dicedesign.throws.release import Orientations
+    from dicedesign.throws.rigid_body import Orientations
     from dicedesign.throws.simulation import Throws
 
 DROPS: Final = 10_000
@@ -112,8 +112,7 @@ def _throw(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.throws.momentum_model import momentum_model
     from dicedesign.throws.momentum_odds import momentum_odds
-    from dicedesign.throws.release import PAPER_DIRECTIONS
-    from dicedesign.throws.rigid_body import rigid_body
+    from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, rigid_body
     from dicedesign.throws.simulation import check_throws, simulate
     from dicedesign.throws.tables import table_named, with_hand
 

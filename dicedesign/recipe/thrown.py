@@ -35,9 +35,13 @@ from dicedesign.results.parts import OtherTables, RoundOfThrows, Status
 from dicedesign.results.parts import ThrownOdds as ThrownSection
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.bias import Series, variations_on_tables
-from dicedesign.throws.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.momentum_model import (
+    MomentumModel,
+    momentum_model,
+    other_tables,
+    table_measures,
+)
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, Throws, throwing_threads
-from dicedesign.throws.table_terms import other_tables, table_measures
 from dicedesign.throws.tables import Table, posterior_tables, table_named
 
 ON_TABLES: Final = 0.5

@@ -14,7 +14,7 @@ from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.palette import ACCENT, DARK, FAINT, PALE
 from dicedesign.report.sheet import SMALL, TINY, Sheet, styled, text_width
 from dicedesign.throws.distances import total_variation
-from dicedesign.throws.roll_verdict import RollVerdict
+from dicedesign.throws.goodness_of_fit import RollVerdict
 
 MODEL: Final = "#f0b88f"
 """Of what is predicted of throws, paler than what was thrown."""

@@ -19,7 +19,7 @@ from dicedesign.report.render.raster import Camera
 from dicedesign.report.render.tabletop import Tabletop, side_camera
 from dicedesign.report.sheet import Sheet, picture_grid
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.film import FRAMES_PER_SECOND, Film, throw_film
+from dicedesign.throws.simulation import FRAMES_PER_SECOND, Film, throw_film
 
 MARGIN: Final = 1.2
 """Room around the die in pictures, over its extent."""

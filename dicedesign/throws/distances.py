@@ -8,6 +8,7 @@ every total variation has to be read.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,8 +18,7 @@ from scipy.optimize import linprog
 from scipy.sparse import coo_array
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.goodness_of_fit import drawn_counts
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import TRANSPORT_TOLERANCE
 
 
@@ -59,6 +59,20 @@ def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
     tail = (1.0 - confidence) / 2.0
     limits = [betaincinv(weights, others, tail), 1.0 - betaincinv(others, weights, tail)]
     return Posterior(jeffreys_means(counts), np.stack(limits, axis=-1))
+
+
+BLOCK: Final = 1_000_000
+"""Counts of a block, at most, unless one series has more."""
+
+
+def drawn_counts(odds: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
+    """Counts (b, k) of so many series of throws in all, drawn with odds (k,).
+
+    How many come at a time does not change them.
+    """
+    random, at_once = np.random.default_rng(seed), max(1, BLOCK // len(odds))
+    for first in range(0, series, at_once):
+        yield random.multinomial(throws, odds, size=min(at_once, series - first))
 
 
 DRAWS: Final = 10_000

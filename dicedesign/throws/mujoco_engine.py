@@ -97,7 +97,7 @@ def require() -> ModuleType:
 def throw_states(
     body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
 ) -> Integers:
-    """As `dicedesign.throws.native.throw_states`, in MuJoCo.
+    """As `dicedesign.throws.engines.throw_states`, in MuJoCo.
 
     Raises InputError: MuJoCo is not installed.
     """

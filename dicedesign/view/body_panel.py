@@ -15,8 +15,8 @@ from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.report.palette import BASINS
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.film import Film, throw_film
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.simulation import Film, throw_film
 from dicedesign.throws.tables import TABLE_NAMES, table_named
 from dicedesign.view.dragging import Dragging
 from dicedesign.view.exhibit import Exhibit

@@ -14,7 +14,7 @@ from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.poses import standing_transform
 from dicedesign.rest.roll import roll_steps
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.film import Film
+from dicedesign.throws.simulation import Film
 from dicedesign.view.viewed_body import ViewedBody
 
 BODY_AT: Final = np.array([-1.3, 0.0, 0.0])

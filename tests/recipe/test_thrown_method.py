@@ -24,9 +24,9 @@ from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 from dicedesign.throws import simulation as die_on_table
+from dicedesign.throws.momentum_model import other_tables
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import Throws
-from dicedesign.throws.table_terms import other_tables
 from dicedesign.throws.tables import Table, table_named
 
 TARGET = np.array([1, 4, 6, 4, 1]) / 16.0

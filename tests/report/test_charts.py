@@ -29,7 +29,7 @@ from dicedesign.report.palette import ACCENT, FAINT, PALE
 from dicedesign.report.sheet import Sheet
 from dicedesign.results.parts import Draft, RoundOfThrows, SimulatedThrows, ThrownOdds, TradeOff
 from dicedesign.results.result import Step
-from dicedesign.throws.roll_verdict import judge_rolls
+from dicedesign.throws.goodness_of_fit import judge_rolls
 
 TARGET, ODDS = [0.25, 0.5, 0.25], [0.2, 0.5, 0.3]
 INTERVALS = [[0.15, 0.25], [0.45, 0.55], [0.28, 0.33]]

@@ -13,8 +13,8 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.report.throw_pictures import FilmedDie, film_figure, moving_picture
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.film import Film
 from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.simulation import Film
 from dicedesign.throws.tables import Table
 
 CENTER = np.array([7.0, -3.0, 2.0])

@@ -9,7 +9,7 @@ import pytest
 from manifold3d import CrossSection
 from scipy.optimize import linprog
 
-from dicedesign.scenes.packing import Footprint, fitting_floor, gap, pack
+from dicedesign.scenes.room import Footprint, fitting_floor, gap, pack
 
 
 def polygons(count: int, seed: int) -> list[Footprint]:

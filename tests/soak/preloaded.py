@@ -20,7 +20,7 @@ for _name in (
     "dicedesign.recipe.convex",
     "dicedesign.recipe.thrown",
     "dicedesign.recipe.pipeline",
-    "dicedesign.throws.roll_verdict",
+    "dicedesign.throws.goodness_of_fit",
 ):
     with contextlib.suppress(ImportError):
         import_module(_name)

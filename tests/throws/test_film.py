@@ -9,7 +9,7 @@ from common.thrown import box, random_body, random_points, thrown
 from scipy.spatial.transform import Rotation
 
 from dicedesign.throws.engines import DEEPEST, GRAVITY, contact_of
-from dicedesign.throws.film import FRAMES_PER_SECOND, SETTLED, throw_film
+from dicedesign.throws.simulation import FRAMES_PER_SECOND, SETTLED, throw_film
 from dicedesign.throws.tables import Table
 
 TABLE = Table("test", restitution=0.5, friction=0.3, height=0.1, speed=0.2, spin=10.0)

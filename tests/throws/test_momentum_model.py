@@ -23,20 +23,18 @@ from dicedesign.geometry.solid import solid_inertia
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.distances import total_variation
 from dicedesign.throws.momentum_model import (
+    CHANGES,
     RANGES,
+    TABLE_TERMS,
     WEIGHTS,
     MomentumModel,
+    dimensionless,
     general_model,
     general_model_of,
     momentum_model,
 )
 from dicedesign.throws.momentum_odds import hull_odds, momentum_odds
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.table_terms import (
-    CHANGES,
-    TABLE_TERMS,
-    dimensionless,
-)
 from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
 
 PLAIN = plain_model(general_model())

@@ -9,11 +9,9 @@ from common.thrown import BOARD, OCTAHEDRON, alike, random_body, random_points, 
 
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.kernels import ops as kernels
-from dicedesign.throws.engines import contact_of
+from dicedesign.throws.engines import advance, contact_of
 from dicedesign.throws.mujoco_engine import _scene, final_rest, rest_below
-from dicedesign.throws.native import advance
-from dicedesign.throws.release import released
-from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.rigid_body import RigidBody, released
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 

@@ -21,10 +21,8 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
-from dicedesign.throws.engines import GRAVITY, contact_of
-from dicedesign.throws.native import advance, throw_states
-from dicedesign.throws.release import released
-from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.engines import GRAVITY, advance, contact_of, throw_states
+from dicedesign.throws.rigid_body import RigidBody, released
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 

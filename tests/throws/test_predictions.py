@@ -11,8 +11,8 @@ from scipy import stats
 from scipy.special import xlogy
 
 from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
-from dicedesign.throws.predictions import SERIES, check_table, expected_deviations, predicted
 from dicedesign.throws.simulation import simulate
+from dicedesign.throws.table_fit import SERIES, check_table, expected_deviations, predicted
 from dicedesign.throws.tables import Table, table_named
 from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
 

@@ -10,14 +10,14 @@ from common.thrown import BOARD, random_body
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstest
 
-from dicedesign.throws.release import (
+from dicedesign.throws.rigid_body import (
     PAPER_DIRECTIONS,
     Orientations,
+    RigidBody,
     released,
     released_on,
     up_directions,
 )
-from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.tables import Table, table_named
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from dicedesign.throws.distances import noise_floor
-from dicedesign.throws.roll_verdict import judge_rolls, throws_to_confirm, throws_to_reject
+from dicedesign.throws.goodness_of_fit import judge_rolls, throws_to_confirm, throws_to_reject
 
 COIN = np.array([0.5, 0.5])
 FAIR = np.full(6, 1 / 6)

@@ -11,7 +11,7 @@ from common.kernels import compiled_only
 from common.thrown import random_body
 
 from dicedesign.runtime.workers import local_workers
-from dicedesign.throws.release import PAPER_DIRECTIONS
+from dicedesign.throws.rigid_body import PAPER_DIRECTIONS
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import table_named
 

@@ -12,8 +12,14 @@ from common.thrown import box, random_body, thrown
 from scipy.special import expit
 
 from dicedesign.throws import sessions as simulated
-from dicedesign.throws.importance import WeightedPoints, effective, weighted_points
-from dicedesign.throws.odds_surrogate import LEVEL, LogOddsProcess, OddsSurrogate
+from dicedesign.throws.odds_surrogate import (
+    LEVEL,
+    LogOddsProcess,
+    OddsSurrogate,
+    WeightedPoints,
+    effective,
+    weighted_points,
+)
 from dicedesign.throws.sessions import (
     BETWEEN,
     PARAMETERS,

@@ -35,7 +35,7 @@ from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.rest.asymmetry import basin_moments
 from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.table_terms import other_tables
+from dicedesign.throws.momentum_model import other_tables
 from dicedesign.throws.tables import table_named
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
