@@ -49,10 +49,9 @@ from dicedesign import (
 from dicedesign.extensions import ENGINES
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws import engines
 from dicedesign.throws.bias import OFTEN
 from dicedesign.throws.distances import measure_variation, noise_floor, total_variation
-from dicedesign.throws.engines import ThrowStates
+from dicedesign.throws.engines import ThrowStates, throw_states
 from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model, other_tables
 from dicedesign.throws.momentum_odds import momentum_odds
@@ -286,12 +285,12 @@ def draw(deviations: Sequence[Deviation]) -> Any:
 def ways() -> Iterator[tuple[str, ThrowStates]]:
     """Ways to simulate throws; the first is held against all others, the second is the same with
     other random numbers."""
-    yield "native", engines.throw_states
-    yield "native again", engines.throw_states
-    yield "half the step", partial(engines.throw_states, refinement=2.0)
-    yield "a quarter of it", partial(engines.throw_states, refinement=4.0)
-    yield "half as stiff", partial(engines.throw_states, stiffness=0.5)
-    yield "twice as stiff", partial(engines.throw_states, stiffness=2.0)
+    yield "native", throw_states
+    yield "native again", throw_states
+    yield "half the step", partial(throw_states, refinement=2.0)
+    yield "a quarter of it", partial(throw_states, refinement=4.0)
+    yield "half as stiff", partial(throw_states, stiffness=0.5)
+    yield "twice as stiff", partial(throw_states, stiffness=2.0)
     for engine in ENGINES:
         with suppress(InputError):
             engine.require()

@@ -1,5 +1,5 @@
-"""The momentum model's parameters: models of many tables and of one, what of a table they depend on,
-and their files.
+"""The momentum model's parameters: models of many tables and of one, what they depend on of a
+table, and their files.
 
 A die of any size thrown by a table is the same as one of another size whose heights, speeds and
 spins are as large compared with its size and gravity. So five dimensionless numbers tell a table.
