@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dicedesign.errors import InputError, OutsideHullError
+from dicedesign.errors import InputError, OutsideHullError, check_whole, is_finite_number
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.checks import check_whole, is_finite_number
 
 if TYPE_CHECKING:
     from dicedesign.geometry.hulls.hull import ConvexHull

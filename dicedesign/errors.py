@@ -1,4 +1,5 @@
-"""The exception tree, and the message where an optional dependency is missing.
+"""The exception tree, checks of numbers that people give, and the message where an optional
+dependency is missing.
 
 Every error a user can cause names the thing, what was expected, what came, and the remedy. The
 command line prints the message on one line and exits with 2. Besides it, the design takes an error
@@ -8,8 +9,11 @@ one more remark on it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from numbers import Real
+from typing import Final, TypeGuard
 
 __all__ = [
     "DegenerateBodyError",
@@ -22,6 +26,8 @@ __all__ = [
     "OutputError",
     "OutsideHullError",
     "RecipeError",
+    "check_whole",
+    "is_finite_number",
     "missing_extra",
     "named",
 ]
@@ -91,3 +97,24 @@ def missing_extra(extra: str, wanted: str, error: ImportError) -> InputError:
         f"{wanted}: expected the optional extra {extra!r}, but {error}; "
         f"pip install 'dicedesign[{extra}]'"
     )
+
+
+MOST_COUNT: Final = 10**9
+"""More of anything takes longer than anybody waits."""
+
+MOST_SEED: Final = 2**96
+"""Recipes have seeds below 2^64; each of their series of throws has one of its own."""
+
+
+def check_whole(name: str, value: int, least: int = 1, most: int = MOST_COUNT) -> None:
+    """Raise InputError, naming what the number is, where it is out of the range that is allowed."""
+    if value < least:
+        wanted = "above 0" if least == 1 else f"of at least {least}"
+        raise InputError(f"{name}: expected a whole number {wanted}, got {value}; raise it")
+    if value > most:
+        raise InputError(f"{name}: expected a whole number up to {most}, got {value}; lower it")
+
+
+def is_finite_number(value: object) -> TypeGuard[float]:
+    """Whether something is a finite real number, and not True or False."""
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from dicedesign import errors
-from dicedesign.errors import DiceError, InputError, LabelRoomError, OutputError, missing_extra
+from dicedesign.errors import (
+    DiceError,
+    InputError,
+    LabelRoomError,
+    OutputError,
+    check_whole,
+    missing_extra,
+)
 
 
 @pytest.mark.parametrize("name", [name for name in errors.__all__ if name.endswith("Error")])
@@ -27,3 +34,16 @@ def test_an_extra_that_is_missing_is_named_with_the_way_to_it() -> None:
 def test_labels_without_room_tell_the_size_that_gives_it() -> None:
     error = LabelRoomError("too small", 31.5)
     assert (str(error), error.size_mm) == ("too small", 31.5)
+
+
+def test_whole_numbers() -> None:
+    check_whole("--jobs", 1)
+    check_whole("seed", 0, least=0)
+    with pytest.raises(InputError, match=r"^--jobs: expected a whole number above 0, got 0; raise"):
+        check_whole("--jobs", 0)
+    with pytest.raises(InputError, match=r"^dice: expected a whole number of at least 8, got -1"):
+        check_whole("dice", -1, least=8)
+    with pytest.raises(InputError, match=r"^drops: expected a whole number up to 1000000000, got"):
+        check_whole("drops", 10**12)
+    with pytest.raises(InputError, match=r"^--jobs: expected a whole number up to 8, got 9; lower"):
+        check_whole("--jobs", 9, most=8)

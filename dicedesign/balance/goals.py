@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 import numpy as np
 import torch
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, is_finite_number
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.gradient.rest_odds import RestEvaluation
@@ -20,7 +20,6 @@ from dicedesign.rest.morse import separatrices
 from dicedesign.rest.outcomes import gathered
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
-from dicedesign.runtime.checks import is_finite_number
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE, SAME_REST_ANGLE
 
 MOST_POSES: Final = 100

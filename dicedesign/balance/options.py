@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, Literal, get_args
 
-from dicedesign.errors import InputError
-from dicedesign.runtime.checks import is_finite_number
+from dicedesign.errors import InputError, is_finite_number
 from dicedesign.runtime.registry import STRICT
 from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM
 

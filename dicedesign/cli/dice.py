@@ -17,8 +17,7 @@ from dicedesign.cli.options import (
     note_missing_kernels,
     workers_of,
 )
-from dicedesign.errors import InputError, RecipeError, named
-from dicedesign.runtime.checks import check_whole
+from dicedesign.errors import InputError, RecipeError, check_whole, named
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:

@@ -20,8 +20,7 @@ from dicedesign.cli.options import (
     vector,
     workers_of,
 )
-from dicedesign.errors import InputError
-from dicedesign.runtime.checks import MOST_SEED, check_whole
+from dicedesign.errors import MOST_SEED, InputError, check_whole
 from dicedesign.runtime.files import atomic_write, make_writable_folder
 from dicedesign.runtime.text import printable, text_table
 from dicedesign.runtime.workers import progress_bar

@@ -12,8 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.errors import InputError
-from dicedesign.runtime.checks import check_whole
+from dicedesign.errors import InputError, check_whole
 from dicedesign.runtime.files import atomic_write, json_text
 from dicedesign.runtime.text import printable
 

@@ -16,8 +16,7 @@ from dicedesign.optimize.options import (
     refused,
     require_choice,
 )
-from dicedesign.runtime.numbers import Number
-from dicedesign.runtime.registry import STRICT
+from dicedesign.runtime.registry import STRICT, Number
 
 
 class HullWeights(PaperWeights):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, get_args
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, is_finite_number
 from dicedesign.optimize.options import require_choice
-from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
 from dicedesign.tolerances import MOST_MM
 

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Final
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, is_finite_number
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS, Printer
-from dicedesign.runtime.checks import is_finite_number
 from dicedesign.runtime.registry import STRICT
 from dicedesign.tolerances import MOST_MM
 

@@ -12,8 +12,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.optimize.energy.term import EnergyWeights
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.runtime.numbers import Number
-from dicedesign.runtime.registry import STRICT
+from dicedesign.runtime.registry import STRICT, Number
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import hand_named, with_hand
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, is_finite_number
 from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.border_arcs import Arcs, Borders
@@ -23,7 +23,6 @@ from dicedesign.rest.prior import (
 )
 from dicedesign.rest.quadrature import integrals
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
-from dicedesign.runtime.checks import is_finite_number
 
 TOLERANCE: Final = 1e-15
 """Of the integral along one arc."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import MOST_COUNT, DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, body_of
 from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
@@ -20,7 +20,6 @@ from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.checks import MOST
 from dicedesign.tolerances import CLOSURE_TOLERANCE
 
 if TYPE_CHECKING:
@@ -47,8 +46,10 @@ class SampledPoses(NamedTuple):
 def sampled_poses(probabilities: Floats, transforms: Floats, n: int, rng: Seed) -> SampledPoses:
     """Draw from the poses of transforms (k, 4, 4), which have probabilities (k,); see
     `RestPoses.sample`."""
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 0 <= n <= MOST:
-        raise InputError(f"n: expected a whole number from 0 to {MOST}, got {n!r}; ask for others")
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 0 <= n <= MOST_COUNT:
+        raise InputError(
+            f"n: expected a whole number from 0 to {MOST_COUNT}, got {n!r}; ask for others"
+        )
     chance = generator_of(rng)
     # Searching the sums in the rests' own order, so that one draw is one number.
     ends = np.cumsum(probabilities)

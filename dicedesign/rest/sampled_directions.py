@@ -13,9 +13,8 @@ from dicedesign.errors import InputError
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.prior import Prior, PriorKind, PriorOdds
 from dicedesign.rest.tracing import destined_facets, slide
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.runtime.files import read_text
-from dicedesign.runtime.intervals import exact_intervals
 from dicedesign.tolerances import ROUNDING
 
 CONFIDENCE: Final = 0.95

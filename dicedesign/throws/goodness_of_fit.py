@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtr, chdtrc, chdtri, chndtr, chndtrinc, gammaln, ndtri, xlogy
 
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.intervals import exact_intervals
+from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.throws.distances import (
     MeasuredDistance,
     Posterior,

@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import InputError
+from dicedesign.errors import MOST_SEED, InputError, check_whole
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.parts import SimulatedThrows
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.checks import MOST_SEED, check_whole
-from dicedesign.runtime.intervals import exact_intervals
+from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.runtime.workers import in_order
 from dicedesign.throws.distances import measure_variation
 from dicedesign.throws.engines import ENGINES, GRAVITY, advance, contact_of, require_engine

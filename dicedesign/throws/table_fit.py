@@ -12,9 +12,9 @@ import numpy as np
 from scipy.special import logsumexp, xlogy
 from scipy.stats import qmc
 
+from dicedesign.errors import MOST_SEED, check_whole
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.runtime.checks import MOST_SEED, check_whole
 from dicedesign.throws.distances import jeffreys_means
 from dicedesign.throws.goodness_of_fit import (
     ChiSquareTest,

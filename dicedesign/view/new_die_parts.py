@@ -11,7 +11,7 @@ from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status
-from dicedesign.runtime.numbers import Number
+from dicedesign.runtime.registry import Number
 from dicedesign.view.design_run import DieRequest
 from dicedesign.view.design_session import DesignSession
 from dicedesign.view.html_parts import html_part

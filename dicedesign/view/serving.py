@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
 
-from dicedesign.errors import InputError, missing_extra
+from dicedesign.errors import InputError, check_whole, missing_extra
 from dicedesign.report.palette import ACCENT, DARK, FAINT, GRID, PALE
-from dicedesign.runtime.checks import check_whole
 
 if TYPE_CHECKING:
     import viser

@@ -10,7 +10,7 @@ from scipy import stats
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, unit_vectors
-from dicedesign.runtime.intervals import exact_intervals
+from dicedesign.runtime.arrays import exact_intervals
 from dicedesign.throws import distances as module
 from dicedesign.throws.distances import (
     jeffreys_posterior,

@@ -9,13 +9,12 @@ from typing import Any, Final
 import numpy as np
 from manifold3d import Manifold
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, is_finite_number
 from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.body import Body, MassProperties, body_of, make_body
 from dicedesign.geometry.meshes.center_of_mass import solid_triangles
 from dicedesign.geometry.solid import second_moments, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.checks import is_finite_number
 
 SOURCE: Final = "densities of its parts"
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.numbers import Number, Numbers
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.runtime.numbers import Number, Numbers
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
 
 if TYPE_CHECKING:
     from torch import Tensor
