@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dicedesign import InputError, Recipe, Step, read_recipe
-from dicedesign.recipe.pipeline import run_stages
-from dicedesign.recipe.work import Listeners, Work
+from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.starts import Start
 
 __all__ = ["Work", "add_recipes", "begin", "continue_to", "make_die", "read_recipes", "start_of"]

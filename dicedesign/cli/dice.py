@@ -104,8 +104,7 @@ def run_and_print(
     """
     from tqdm import tqdm
 
-    from dicedesign.recipe.pipeline import run
-    from dicedesign.recipe.work import Listeners
+    from dicedesign.recipe.pipeline import Listeners, run
 
     note_missing_kernels()
     with tqdm(file=sys.stderr, disable=not sys.stderr.isatty(), unit=" steps") as bar:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,6 +68,14 @@ class Design:
     rounds: tuple[Round, ...] = ()
     reshaped: ConcaveDie | None = None
     prior: Prior | None = None
+
+    def reordered(self, order: Integers) -> Design:
+        """The same die whose outcomes, `order` (k,) of this one's, have changed places."""
+        rounds = tuple(
+            replace(done, asked=done.asked[order], frequencies=done.frequencies[order])
+            for done in self.rounds
+        )
+        return replace(self, directions=self.directions[order], rounds=rounds)
 
 
 @dataclass(frozen=True, eq=False)

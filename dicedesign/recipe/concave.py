@@ -18,8 +18,8 @@ from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Work
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT

@@ -22,9 +22,9 @@ from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.orbit_layouts import fitting_groups
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
+from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.start import check_orbits
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.solid import check_orbits
 from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
@@ -215,11 +215,10 @@ def normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
 def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> Design:
     """The die of a solver's result."""
     recipe = work.recipe
-    order = np.argsort(recipe.outcome_of_direction())
-    return Design(
+    die = Design(
         status=result.status,
         hull=result.hull,
-        directions=result.directions[order],
+        directions=result.directions,
         error=result.error,
         steps=tuple(map(_step, result.history)),
         center_of_mass=normalised_center(recipe, work.start),
@@ -227,12 +226,10 @@ def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = (
         starts=result.starts,
         evaluations=result.evaluations,
         hulls=HullsMade(result.hulls_built, result.hulls_reused),
-        rounds=tuple(
-            replace(done, asked=done.asked[order], frequencies=done.frequencies[order])
-            for done in rounds
-        ),
+        rounds=rounds,
         prior=recipe.prior_read(),
     )
+    return die.reordered(np.argsort(recipe.outcome_of_direction()))
 
 
 def step_listener(work: Work) -> Callable[[DesignStep], None]:

@@ -7,18 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.optimize.targets import Target
-from dicedesign.recipe.pipeline import finish, run_stages
+from dicedesign.recipe.pipeline import Listeners, Work, finish, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import NAME, Recipe
-from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.die import Assessment
+    from dicedesign.fabricate.die import Assessment, Solid
     from dicedesign.results.result import Result, Step
     from dicedesign.runtime.arrays import Floats, Integers
 
@@ -114,19 +111,16 @@ class Die:
     @property
     def vertices(self) -> Floats:
         """(n, 3) corners of the solid, with its labels and rounded edges where it has them."""
-        return self._solid[0]
+        return self._solid.points
 
     @property
     def triangles(self) -> Integers:
         """(m, 3) triangles between the vertices, counter-clockwise seen from outside."""
-        return self._solid[1]
+        return self._solid.triangles
 
     @property
-    def _solid(self) -> tuple[Floats, Integers]:
-        engraved = self._work.engraved
-        if engraved is not None:
-            return engraved.points, engraved.triangles
-        return self._work.solid.points, self._work.solid.triangles
+    def _solid(self) -> Solid:
+        return self._work.engraved or self._work.solid
 
     def engrave(self, **options: Any) -> Die:
         """Cut the labels in, anew if they were; edges stay rounded. The die itself is returned.
@@ -152,7 +146,7 @@ class Die:
         and OutputError where the file cannot be written.
         """
         from dicedesign.fabricate.file_formats import save_contents
-        from dicedesign.recipe.files import die_contents
+        from dicedesign.recipe.output import die_contents
 
         save_contents(Path(path), die_contents(self._work))
 
@@ -222,29 +216,23 @@ def design(
         `Die.status`.
     NoStartError: no shape has a rest for each outcome, so that there is no die.
     """
-    entries: dict[str, Any] = {
+    given: dict[str, Any] = {
         "name": "die",
         "target": _target_entries(target, labels),
+        "start": {start: {}} if isinstance(start, str) else start,
+        "method": method,
+        "center_of_mass": None if center_of_mass is None else [float(x) for x in center_of_mass],
+        "prior": prior,
+        "symmetry": symmetry,
         "numbering": numbering,
         "seed": seed,
         "size_mm": size_mm,
         "engrave": False if engrave is None else engrave,
+        "edges": edges,
+        "print": printing,
     }
-    if start is not None:
-        entries["start"] = {start: {}} if isinstance(start, str) else start
-    if method is not None:
-        entries["method"] = method
-    if center_of_mass is not None:
-        entries["center_of_mass"] = np.asarray(center_of_mass, dtype=np.float64).tolist()
-    if prior is not None:
-        entries["prior"] = prior
-    if symmetry is not None:
-        entries["symmetry"] = symmetry
-    if edges is not None:
-        entries["edges"] = edges
-    if printing is not None:
-        entries["print"] = printing
-    listeners = Listeners() if on_step is None else Listeners(on_step=on_step)
+    entries = {key: entry for key, entry in given.items() if entry is not None}
+    listeners = None if on_step is None else Listeners(on_step=on_step)
     return Die(design_recipe(checked_recipe(entries), listeners, last="check"))
 
 
@@ -272,12 +260,7 @@ def _target_entries(
             '[1/2, 1/3, 1/6], or {"fair": 6}'
         )
     else:
-        entries = {"probabilities": [_plain_number(odds) for odds in target]}
+        entries = {"probabilities": [p if isinstance(p, str) else float(p) for p in target]}
     if labels is not None:
         entries["labels"] = [str(label) for label in labels]
     return entries
-
-
-def _plain_number(odds: float | str) -> float | str:
-    """A fraction as text, or any kind of number as a float."""
-    return odds if isinstance(odds, str) else float(odds)

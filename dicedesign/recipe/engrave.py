@@ -29,7 +29,7 @@ from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior
 from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped
 from dicedesign.optimize.solvers.stretching import stretched
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Balance, Inside
 from dicedesign.runtime.arrays import Floats

@@ -63,50 +63,41 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
         raise RecipeError(f"{path}: {error}") from error
 
 
-def _check_size(data: object) -> None:
+def _check_entries(data: object) -> None:
     """Raise RecipeError for data that are more than anybody writes once they are written out: a
     kilobyte of YAML whose aliases stand for lists of aliases can stand for more than any memory
-    holds, or for itself."""
+    holds, or for itself. And, naming its dotted key, for a text that UTF-8 has no bytes for: the
+    name of a file in another encoding, or half of a letter."""
     sizes: dict[int, int] = {}
 
-    def size(part: object, depth: int) -> int:
+    def size(part: object, *keys: str) -> int:
+        if isinstance(part, str | Path):
+            try:
+                str(part).encode("utf-8")
+            except UnicodeEncodeError as error:
+                raise RecipeError(
+                    f"{'.'.join(keys) or 'keys'}: expected a text in UTF-8, got {str(part)!r}; "
+                    "rename it"
+                ) from error
         if not isinstance(part, Mapping | list | tuple):
             return 1
-        if depth > MOST_DEPTH:
+        if len(keys) > MOST_DEPTH:
             raise RecipeError(
                 f"expected entries at most {MOST_DEPTH} within each other, got more; write them as "
                 "in docs/recipes.md"
             )
-        known = sizes.get(id(part))
-        if known is None:
-            inner = part.values() if isinstance(part, Mapping) else part
-            known = sizes[id(part)] = 1 + sum(size(each, depth + 1) for each in inner)
-        return known
+        if id(part) not in sizes:
+            for key in part if isinstance(part, Mapping) else ():
+                size(key if isinstance(key, str) else "", *keys)
+            entries = part.items() if isinstance(part, Mapping) else enumerate(part)
+            sizes[id(part)] = 1 + sum(size(entry, *keys, str(key)) for key, entry in entries)
+        return sizes[id(part)]
 
-    if size(data, 0) > MOST_ENTRIES:
+    if size(data) > MOST_ENTRIES:
         raise RecipeError(
             f"expected at most {MOST_ENTRIES} entries, got more once aliases are written out; "
             "leave some out"
         )
-
-
-def _check_texts(data: object, key: str = "") -> None:
-    """Raise RecipeError, naming its dotted key, for a text that UTF-8 has no bytes for: the name of
-    a file in another encoding, or half of a letter."""
-    if isinstance(data, Mapping):
-        for name, entry in data.items():
-            _check_texts(str(name), key)
-            _check_texts(entry, f"{key}.{name}".lstrip("."))
-    elif isinstance(data, list | tuple):
-        for number, entry in enumerate(data):
-            _check_texts(entry, f"{key}.{number}")
-    elif isinstance(data, str | Path):
-        try:
-            str(data).encode("utf-8")
-        except UnicodeEncodeError as error:
-            raise RecipeError(
-                f"{key or 'keys'}: expected a text in UTF-8, got {str(data)!r}; rename it"
-            ) from error
 
 
 def checked_recipe(data: Mapping[str, Any]) -> Recipe:
@@ -114,11 +105,14 @@ def checked_recipe(data: Mapping[str, Any]) -> Recipe:
 
     Raises RecipeError if an entry is unknown or unusable; the message begins with its dotted key.
     """
-    _check_size(data)
-    _check_texts(data)
+    _check_entries(data)
     try:
         # Through JSON: strict validation then takes mappings for options and lists for tuples.
-        plain = json.dumps(data, default=_plain)
+        # Numbers of NumPy become those of Python, and anything else, such as a path, text.
+        plain = json.dumps(
+            data,
+            default=lambda value: value.item() if isinstance(value, np.generic) else str(value),
+        )
     except (TypeError, ValueError, RecursionError) as error:
         raise RecipeError(
             f"expected texts as keys and entries that do not contain themselves, but {error}; "
@@ -128,11 +122,6 @@ def checked_recipe(data: Mapping[str, Any]) -> Recipe:
         return Recipe.model_validate_json(plain)
     except ValidationError as error:
         raise RecipeError(_explain(error)) from error
-
-
-def _plain(value: Any) -> Any:
-    """A number of NumPy as one of Python, and anything else, such as a path, as text."""
-    return value.item() if isinstance(value, np.generic) else str(value)
 
 
 def recipe_text(recipe: Recipe) -> str:
@@ -184,20 +173,18 @@ def _apply(data: dict[str, Any], change: str) -> None:
 
 def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
     """Make the paths of a recipe absolute that count from a folder."""
-    start, engrave = data.get("start"), data.get("engrave")
-    if isinstance(start, dict):
-        _resolve(start.get("mesh"), ("path",), folder)
-    if isinstance(engrave, dict):
-        if isinstance(engrave.get("font"), str) and is_font_file(engrave["font"]):
-            _resolve(engrave, ("font",), folder)
-        icons = engrave.get("icons")
-        if isinstance(icons, dict):
-            _resolve(icons, tuple(icons), folder)
 
+    def part(entries: Any, key: str) -> dict[Any, Any]:
+        entry = entries.get(key)
+        return entry if isinstance(entry, dict) else {}
 
-def _resolve(entries: object, keys: Sequence[Any], folder: Path) -> None:
-    for key in keys:
-        if isinstance(entries, dict) and isinstance(entries.get(key), str):
+    engrave = part(data, "engrave")
+    paths = [(part(part(data, "start"), "mesh"), "path")]
+    paths += [(part(engrave, "icons"), label) for label in part(engrave, "icons")]
+    if isinstance(engrave.get("font"), str) and is_font_file(engrave["font"]):
+        paths.append((engrave, "font"))
+    for entries, key in paths:
+        if isinstance(entries.get(key), str):
             # Of one that cannot be a path, the reader of the file says so.
             with contextlib.suppress(ValueError):
                 entries[key] = os.path.realpath(folder / entries[key])
@@ -285,12 +272,8 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
 def written_odds(odds: Iterable[float]) -> str:
     """The text that `typed_target` takes for these odds, to the last bit: fractions where they are
     short."""
-    return ", ".join(map(_written, odds))
-
-
-def _written(odds: float) -> str:
-    short = Fraction(odds).limit_denominator(LARGEST_DENOMINATOR)
-    return str(short) if short.numerator / short.denominator == odds else repr(float(odds))
+    pairs = [(float(p), Fraction(p).limit_denominator(LARGEST_DENOMINATOR)) for p in odds]
+    return ", ".join(str(short) if float(short) == p else repr(p) for p, short in pairs)
 
 
 def _listed(text: str) -> list[str]:

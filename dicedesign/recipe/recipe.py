@@ -6,19 +6,33 @@ themselves; only what a file adds to them is described here.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    TypeAdapter,
+    create_model,
+    model_validator,
+)
+from pydantic_core import core_schema
 
 from dicedesign.balance.options import InsideOptions
+from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.file_formats import with_stl
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.fabricate.print_options import PrintOptions
 from dicedesign.geometry.point_groups import point_group
+from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.starts.built_in import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
-from dicedesign.recipe.entries import Label, MethodRecipe, StartRecipe, Strict, TargetRecipe
+from dicedesign.optimize.starts.start import STARTS, StartKind
+from dicedesign.recipe.target import Label, Strict, TargetRecipe
 from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import LEAST_MM, MOST_MM
@@ -35,6 +49,118 @@ much smaller."""
 
 MARKED: Final = (("engraved", "shape"), ("engraved", "none"))
 """Style and balance of marks on a die that keeps the shape of a surface."""
+
+
+@dataclass(frozen=True)
+class StartRecipe:
+    """`start`: one starting shape, or a search for some; see `STARTS`.
+
+    Attributes
+    ----------
+    name: the key of the start.
+    options: what is said of it.
+
+    The key is an attribute too: `start.mesh` has the options of a mesh, or is None for another.
+    """
+
+    name: str
+    options: Any
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in STARTS:
+            raise AttributeError(name)
+        return self.options if name == self.name else None
+
+    @property
+    def kind(self) -> StartKind:
+        """Kind of the start."""
+        return STARTS[self.name]
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        def read(entry: Any) -> StartRecipe:
+            if isinstance(entry, cls):
+                return entry
+            keys = _start_keys()
+            model = keys.model_validate_json(json.dumps(entry))
+            name = model.one_of(*keys.model_fields)
+            return cls(name, getattr(model, name))
+
+        def written(start: StartRecipe) -> dict[str, Any]:
+            options = TypeAdapter(start.kind.options).dump_python(start.options, mode="json")
+            return {start.name: options}
+
+        return core_schema.no_info_plain_validator_function(
+            read, serialization=core_schema.plain_serializer_function_ser_schema(written)
+        )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
+        keys: dict[str, Any] = handler(_start_keys().__pydantic_core_schema__)
+        return keys
+
+
+def _start_keys() -> type[Strict]:
+    """A model with a key for each start that is registered now."""
+    return _keys_of(tuple((kind.name, kind.options) for kind in STARTS))
+
+
+@cache
+def _keys_of(kinds: tuple[tuple[str, Any], ...]) -> type[Strict]:
+    keys: dict[str, Any] = {name: (options | None, None) for name, options in kinds}
+    return create_model("StartKeys", __base__=Strict, **keys)
+
+
+METHODS: Final = ("exact", "paper", "concave")
+"""Keys of `method`."""
+
+
+class MethodRecipe(Strict):
+    """`method`: how the die is found: `exact` unless it says `paper`, or `concave` for a die that
+    keeps the shape of its start. A word alone is the method with all its defaults."""
+
+    exact: ExactOptions | None = Field(default_factory=ExactOptions)
+    paper: PaperOptions | None = None
+    concave: ConcaveOptions | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _choose(cls, given: Any) -> Any:
+        if given in METHODS:
+            given = {given: {}}
+        if isinstance(given, dict) and any(given.get(name) is not None for name in METHODS):
+            return {"exact": None, **given}
+        return given
+
+    @model_validator(mode="after")
+    def _check(self) -> MethodRecipe:
+        self.one_of(*METHODS)
+        return self
+
+    @property
+    def name(self) -> str:
+        """The key of the method."""
+        return self.one_of(*METHODS)
+
+    @property
+    def thrown(self) -> bool:
+        """True where the target is meant for a die that is thrown onto a table."""
+        return self.exact is not None and self.exact.odds == "thrown"
+
+    @property
+    def table(self) -> str | None:
+        """Name of the table that the die is thrown onto, with the way to throw, for `table_named`;
+        None for a die whose target is meant without momentum."""
+        return self.exact.thrown_onto if self.exact is not None and self.thrown else None
+
+    @property
+    def tolerance(self) -> float:
+        """Largest |p - q| that counts as reached."""
+        if self.paper is not None:
+            return self.paper.reached
+        options = self.exact or self.concave
+        assert options is not None
+        return options.tolerance
 
 
 def _known_prior(text: str | None) -> str | None:
@@ -56,22 +182,21 @@ def _word(word: str, meaning: object) -> BeforeValidator:
     return BeforeValidator(lambda value: meaning if value == word else value)
 
 
-def _listed(names: object) -> object:
+def _list_names(names: object) -> object:
     """A word as a list of one; a bare `off` is false in YAML."""
     listed = names if isinstance(names, list) else [names]
     return ["off" if name is False else name for name in listed]
 
 
-def _switch(value: object) -> object:
-    return {True: {}, False: None}[value] if isinstance(value, bool) else value
+def _switch(key: str | None = None) -> BeforeValidator:
+    """`true` as all defaults, `false` as none, and a word as the value of a key."""
 
+    def read(value: object) -> object:
+        if key is not None and isinstance(value, str):
+            return {key: value}
+        return {True: {}, False: None}[value] if isinstance(value, bool) else value
 
-def _printer(value: object) -> object:
-    return {"printer": value} if isinstance(value, str) else _switch(value)
-
-
-def _way(value: object) -> object:
-    return {"by": value} if isinstance(value, str) else _switch(value)
+    return BeforeValidator(read)
 
 
 class Recipe(Strict):
@@ -129,19 +254,13 @@ class Recipe(Strict):
     method: MethodRecipe = Field(default_factory=MethodRecipe)
     size_mm: Annotated[float, Field(ge=LEAST_MM, le=MOST_MM)] = 30.0
     min_inradius_mm: Annotated[float, Field(ge=0.0)] = 0.0
-    engrave: Annotated[EngravingOptions | None, BeforeValidator(_switch)] = Field(
-        default_factory=EngravingOptions
+    engrave: Annotated[EngravingOptions | None, _switch()] = Field(default_factory=EngravingOptions)
+    edges: Annotated[EdgeOptions | None, _switch()] = None
+    inside: Annotated[InsideOptions | None, _switch("by")] = None
+    print: Annotated[PrintOptions | None, _switch("printer")] = Field(default_factory=PrintOptions)
+    files: Annotated[list[str], AfterValidator(with_stl), BeforeValidator(_list_names)] = Field(
+        default_factory=lambda: ["stl"]
     )
-    edges: Annotated[EdgeOptions | None, BeforeValidator(_switch)] = None
-    inside: Annotated[InsideOptions | None, BeforeValidator(_way)] = None
-    print: Annotated[PrintOptions | None, BeforeValidator(_printer)] = Field(
-        default_factory=PrintOptions
-    )
-    files: Annotated[
-        list[str],
-        AfterValidator(with_stl),
-        BeforeValidator(_listed),
-    ] = Field(default_factory=lambda: ["stl"])
     data_sheet: bool = False
     figures: bool = True
     report: bool = True
@@ -152,179 +271,151 @@ class Recipe(Strict):
     def _plain_if_concave(cls, given: Any) -> Any:
         if isinstance(given, dict) and "engrave" not in given:
             method = given.get("method")
-            if method == "concave" or (
-                isinstance(method, dict) and method.get("concave") is not None
-            ):
+            options = method.get("concave") if isinstance(method, dict) else None
+            if method == "concave" or options is not None:
                 return {**given, "engrave": False}
         return given
 
     @model_validator(mode="after")
     def _check(self) -> Recipe:
-        labels = self.target.target().labels
-        if self.method.concave is not None:
-            self._check_concave()
-        elif self.start.kind.make is None and self.start.kind.search is None:
-            raise ValueError(
-                f"start.{self.start.name}: expected method: {{concave: {{}}}} with it, got "
-                f"{self.method.name}; change the method, or take another start"
+        exact = self.method.exact
+        if (
+            # A thrown die is right on more tables with a symmetry.
+            "symmetry" not in self.model_fields_set
+            and self.method.thrown
+            and self.start.kind.search is not None
+            and exact is not None
+            and exact.coordinates == "facets"
+        ):
+            object.__setattr__(self, "symmetry", AUTO)
+        for fault in self._faults():
+            raise ValueError(fault)
+        return self
+
+    def _faults(self) -> Iterator[str]:
+        """Keys that do not go together, in sentences; may raise ValueError too."""
+        target, start, method, engrave = self.target.target(), self.start, self.method, self.engrave
+        labels, is_searched = ", ".join(target.labels), start.kind.search is not None
+        exact, center, symmetry = method.exact, self.center_of_mass, self.symmetry
+        if method.concave is not None:
+            yield from self._concave_faults()
+        elif start.kind.make is None and not is_searched:
+            yield (
+                f"start.{start.name}: expected method: {{concave: {{}}}} with it, got "
+                f"{method.name}; change the method, or take another start"
             )
-        if self.engrave is not None:
-            self._check_labels(self.engrave)
-        if self.any_order:
-            self._check_any_order()
-        elif self.assignment is not None and sorted(self.assignment) != sorted(labels):
-            raise ValueError(
-                f"assignment: expected each of the labels {', '.join(labels)} once, got "
+        for label in () if engrave is None else engrave.icons:
+            if label not in target.labels:
+                yield (
+                    f"engrave.icons: expected labels of the target, {labels}, got {label!r}; "
+                    "rename or remove it"
+                )
+        least = LEAST_DEPTH * self.size_mm
+        if engrave is not None and engrave.depth_mm < least:
+            yield (
+                f"engrave.depth_mm: expected at least {least:.3g}, a millionth of size_mm, got "
+                f"{engrave.depth_mm:g}; enlarge it"
+            )
+        if self.any_order and (exact is None or is_searched or symmetry is not None):
+            yield (
+                "assignment: expected any with the exact method, a start that is given and no "
+                "symmetry, got it with another; write in_order, or leave it out"
+            )
+        if self.assignment and sorted(self.assignment) != sorted(target.labels):
+            yield (
+                f"assignment: expected each of the labels {labels} once, got "
                 f"{', '.join(self.assignment)}; write in_order for the target's order"
             )
-        self.start.check(len(labels))
-        if self.start.kind.search is not None:
-            self._check_search()
-        if self.min_inradius_mm > 0.0 and self.method.exact is None:
-            raise ValueError(
+        start.kind.check(start.options, len(target.labels))
+        if is_searched and exact is None:
+            yield (
+                f"start.{start.name}: expected method: {{exact: {{}}}}, which can begin anywhere, "
+                f"got {method.name}; change the method, or take another start"
+            )
+        if is_searched and center is not None:
+            yield (
+                "center_of_mass: expected uniform where the shape is searched, got a point in no "
+                "known coordinates; leave it out, or take another start"
+            )
+        if self.min_inradius_mm > 0.0 and exact is None:
+            yield (
                 "min_inradius_mm: expected the exact method, which can keep to it, got "
-                f"{self.method.name}; leave it out, or change the method"
+                f"{method.name}; leave it out, or change the method"
             )
         if not self.min_inradius_mm < self.size_mm / 2.0:
-            raise ValueError(
+            yield (
                 f"min_inradius_mm: expected less than half of size_mm = {self.size_mm:g}, got "
                 f"{self.min_inradius_mm:g}; lower it"
             )
-        if self.prior is not None:
-            self._check_prior()
-        if self._may_choose_symmetry():
-            object.__setattr__(self, "symmetry", AUTO)
-        if self.symmetry is not None:
-            self._check_symmetry(self.symmetry)
-        balance = None if self.engrave is None else self.engrave.balance
-        if self.center_of_mass is not None and balance in ("opposite", "fill"):
-            raise ValueError(
-                f"engrave.balance: expected shape or none where center_of_mass is given, as nobody "
-                f"knows then how labels move it, got {balance}; leave one of them out"
+        if self.prior is not None and (exact is None or method.thrown):
+            yield (
+                "prior: expected the exact method with resting odds, which are the ones known "
+                f"under a prior, got {'thrown odds' if method.thrown else method.name}; leave one "
+                "of them out"
             )
-        if self.inside is not None and self.center_of_mass is None:
-            raise ValueError(
+        if self.prior is not None and symmetry is not None:
+            yield (
+                "prior: expected no symmetry with it, as sides that are images of each other "
+                f"differ in their odds, got {symmetry}; leave one of them out"
+            )
+        if symmetry is not None:
+            if exact is None or exact.coordinates != "facets":
+                yield (
+                    "symmetry: expected the exact method with coordinates: facets, got another; "
+                    "leave symmetry out, or change the method"
+                )
+            if center is not None:
+                yield (
+                    "center_of_mass: expected uniform with a symmetry, got a point; leave one of "
+                    "them out"
+                )
+            if symmetry != AUTO:
+                # Raises where equal probabilities do not fill whole orbits.
+                OrbitLayouts(target.probabilities, point_group(symmetry))
+        if center is not None and engrave is not None and engrave.balance in ("opposite", "fill"):
+            yield (
+                f"engrave.balance: expected shape or none where center_of_mass is given, as nobody "
+                f"knows then how labels move it, got {engrave.balance}; leave one of them out"
+            )
+        if self.inside is not None and center is None:
+            yield (
                 "inside: expected a center_of_mass that is given with it, got uniform; give one, "
                 "or leave inside out"
             )
         if self.edges is not None:
             core_scale(self.edges, self.size_mm)
-        return self
 
-    def _check_concave(self) -> None:
+    def _concave_faults(self) -> Iterator[str]:
+        read, marks = "up", MARKED[0]
+        if self.engrave is not None:
+            read, marks = self.engrave.read, (self.engrave.style, self.engrave.balance)
         if self.start.kind.surface is None:
-            raise ValueError(
+            yield (
                 "start: expected a surface to keep with the concave method, got "
                 f"{self.start.name}; write start: {{mesh: {{path: FILE}}}}, or start: "
                 "{shape: kitten}"
             )
-        if self.assignment is not None:
-            raise ValueError(
-                "assignment: expected in_order with the concave method, which finds the sides for "
-                "the outcomes itself, got another; leave it out"
-            )
-        if self.center_of_mass is not None:
-            raise ValueError(
-                "center_of_mass: expected uniform with the concave method, which shapes a solid of "
-                "one material, got a point; leave it out"
-            )
-        if self.edges is not None:
-            raise ValueError(
-                "edges: expected none with the concave method, which keeps a surface as it is, got "
-                "a radius; leave them out"
-            )
-        if self.numbering != "given":
-            raise ValueError(
-                "numbering: expected given with the concave method, whose sides are not opposite "
-                f"to each other, got {self.numbering}; leave it out"
-            )
-        engrave = self.engrave
-        if engrave is not None and engrave.read in ("down", "both"):
-            raise ValueError(
-                "engrave.read: expected up with the concave method, whose labels lie in the side "
-                f"that is up, got {engrave.read}; leave it out"
-            )
-        if engrave is not None and (engrave.style, engrave.balance) not in MARKED:
-            raise ValueError(
-                "engrave: expected style engraved and balance shape or none with the concave "
-                f"method, got {engrave.style} and {engrave.balance}; leave them out"
-            )
-
-    def _check_labels(self, engrave: EngravingOptions) -> None:
-        labels = self.target.target().labels
-        for label in engrave.icons:
-            if label not in labels:
-                raise ValueError(
-                    f"engrave.icons: expected labels of the target, {', '.join(labels)}, got "
-                    f"{label!r}; rename or remove it"
-                )
-        least = LEAST_DEPTH * self.size_mm
-        if engrave.depth_mm < least:
-            raise ValueError(
-                f"engrave.depth_mm: expected at least {least:.3g}, a millionth of size_mm, got "
-                f"{engrave.depth_mm:g}; enlarge it"
-            )
-
-    def _check_symmetry(self, name: str) -> None:
-        exact = self.method.exact
-        if exact is None or exact.coordinates != "facets":
-            raise ValueError(
-                "symmetry: expected the exact method with coordinates: facets, got another; leave "
-                "symmetry out, or change the method"
-            )
-        if self.center_of_mass is not None:
-            raise ValueError(
-                "center_of_mass: expected uniform with a symmetry, got a point; leave one of them "
-                "out"
-            )
-        if name != AUTO:
-            # Raises where equal probabilities do not fill whole orbits.
-            OrbitLayouts(self.target.target().probabilities, point_group(name))
-
-    def _check_any_order(self) -> None:
-        searched = self.start.kind.search is not None
-        if self.method.exact is None or searched or self.symmetry is not None:
-            raise ValueError(
-                "assignment: expected any with the exact method, a start that is given and no "
-                "symmetry, got it with another; write in_order, or leave it out"
-            )
-
-    def _check_search(self) -> None:
-        if self.method.exact is None:
-            raise ValueError(
-                f"start.{self.start.name}: expected method: {{exact: {{}}}}, which can begin "
-                f"anywhere, got {self.method.name}; change the method, or take another start"
-            )
-        if self.center_of_mass is not None:
-            raise ValueError(
-                "center_of_mass: expected uniform where the shape is searched, got a point in no "
-                "known coordinates; leave it out, or take another start"
-            )
-
-    def _check_prior(self) -> None:
-        if self.method.exact is None or self.method.thrown:
-            got = "thrown odds" if self.method.thrown else self.method.name
-            raise ValueError(
-                "prior: expected the exact method with resting odds, which are the ones known "
-                f"under a prior, got {got}; leave one of them out"
-            )
-        if self.symmetry is not None:
-            raise ValueError(
-                "prior: expected no symmetry with it, as sides that are images of each other "
-                f"differ in their odds, got {self.symmetry}; leave one of them out"
-            )
+        faults = {
+            "assignment: expected in_order with the concave method, which finds the sides for the "
+            "outcomes itself, got another": self.assignment is not None,
+            "center_of_mass: expected uniform with the concave method, which shapes a solid of one "
+            "material, got a point": self.center_of_mass is not None,
+            "edges: expected none with the concave method, which keeps a surface as it is, got a "
+            "radius": self.edges is not None,
+            "numbering: expected given with the concave method, whose sides are not opposite to "
+            f"each other, got {self.numbering}": self.numbering != "given",
+            "engrave.read: expected up with the concave method, whose labels lie in the side that "
+            f"is up, got {read}": read in ("down", "both"),
+            "engrave: expected style engraved and balance shape or none with the concave method, "
+            f"got {' and '.join(marks)}": marks not in MARKED,
+        }
+        yield from (f"{fault}; leave it out" for fault, is_there in faults.items() if is_there)
 
     def prior_read(self) -> DensityPrior | None:
         """The prior, or None for all directions alike."""
         prior = None if self.prior is None else read_prior(self.prior)
         assert prior is None or isinstance(prior, DensityPrior)
         return prior
-
-    def _may_choose_symmetry(self) -> bool:
-        """True where none is given to a thrown die, which is right on more tables with one."""
-        searched, exact = self.start.kind.search is not None, self.method.exact
-        is_open = "symmetry" not in self.model_fields_set and self.method.thrown and searched
-        return is_open and exact is not None and exact.coordinates == "facets"
 
     def group(self) -> Floats | None:
         """(g, 3, 3) the point group that the die has; None for none, or one yet to be found."""
@@ -349,30 +440,18 @@ class Recipe(Strict):
                 f"method.{self.method.name}.tolerance lower"
             )
 
-    def ignored_weights(self) -> str | None:
-        """What is said of weights that differ from the defaults though an exact finish follows."""
-        paper = self.method.paper
-        if paper is None or paper.finish == "none":
-            return None
-        usual, given = type(paper.weights)().as_dict(), paper.weights.as_dict()
-        changed = [name for name, value in given.items() if value != usual[name]]
-        if not changed:
-            return None
-        return (
-            f"method.paper.weights: {', '.join(changed)}: the exact finish goes on from where the "
-            "terms led, and knows nothing of them; write finish: none to end there, or give "
-            "method.paper.prefer what the finish shall care about"
-        )
-
     def resolved(self) -> dict[str, Any]:
         """The recipe with every default written out, as plain data."""
         plain: dict[str, Any] = self.model_dump(mode="json")
-        plain["assignment"] = plain["assignment"] or ("any" if self.any_order else "in_order")
-        plain["center_of_mass"] = plain["center_of_mass"] or "uniform"
-        plain["prior"] = plain["prior"] or "uniform"
-        plain["symmetry"] = plain["symmetry"] or "none"
-        for part in ("engrave", "edges", "inside", "print"):
-            plain[part] = plain[part] or False
+        words: dict[str, Any] = {
+            "center_of_mass": "uniform",
+            "prior": "uniform",
+            "symmetry": "none",
+        }
+        words["assignment"] = "any" if self.any_order else "in_order"
+        words |= dict.fromkeys(("engrave", "edges", "inside", "print"), False)
+        for key, word in words.items():
+            plain[key] = plain[key] or word
         for part in ("target", "start", "method"):
             plain[part] = {key: value for key, value in plain[part].items() if value is not None}
         return plain

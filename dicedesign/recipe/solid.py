@@ -1,24 +1,141 @@
-"""Stages numbering, size, export and check: the solid of a designed die, its file without labels,
-and what that does."""
+"""Stages start, numbering, size, export and check: what a design begins with, the solid of the die
+that it leads to, its file without labels, and what that does."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.errors import EngravingError, LabelRoomError
-from dicedesign.fabricate.die import Solid, assess_file, make_solid
+from dicedesign.errors import EngravingError, InputError, LabelRoomError, named
+from dicedesign.fabricate.die import assess_file, make_solid
 from dicedesign.fabricate.label_reading import core_of, place_on_facets
 from dicedesign.fabricate.numbering import numbered
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.recipe.work import Work
+from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.starts.start import Task, made_start
+from dicedesign.recipe.pipeline import Work
+from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.parts import Status
-from dicedesign.tolerances import MOST_MM
+from dicedesign.tolerances import EQUAL_ODDS, MOST_MM
+
+
+def make_start(work: Work) -> None:
+    """Make the starting shape of a recipe, or the surface of one whose method is concave.
+
+    Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
+    inside the shape, a symmetry does not permute its facets or carries labels to less probable
+    ones, the surface is no closed one of one solid, or convex, or nearly a sphere, the die cannot
+    be thrown as the recipe says, or the art of a label cannot be made.
+    """
+    recipe, paper = work.recipe, work.recipe.method.paper
+    if recipe.method.concave is not None:
+        _make_surface(work, recipe.method.concave.points)
+    else:
+        _make_shape(work)
+    if paper is not None and paper.finish != "none":
+        usual, weights = type(paper.weights)().as_dict(), paper.weights.as_dict()
+        changed = [name for name, weight in weights.items() if weight != usual[name]]
+        if changed:
+            work.notes.append(
+                f"method.paper.weights: {', '.join(changed)}: the exact finish goes on from where "
+                "the terms led, and knows nothing of them; write finish: none to end there, or "
+                "give method.paper.prefer what the finish shall care about"
+            )
+    if recipe.engrave is not None:
+        from dicedesign.fabricate.label_art import label_arts
+
+        # Raises where the art of a label cannot be made.
+        for label in work.target.labels:
+            label_arts(label, recipe.engrave)
+
+
+def _make_surface(work: Work, points: int | None) -> None:
+    """The surface of a recipe, remeshed to have so many points unless that is None."""
+    from dicedesign.geometry.repair.repair import FINEST, MOST_POINTS
+    from dicedesign.geometry.surfaces.closed_surface import require_dents
+    from dicedesign.geometry.surfaces.remeshing import decimated, refined
+
+    start = work.recipe.start
+    assert start.kind.surface is not None
+    most = MOST_POINTS if points is None else max(FINEST, points)
+    made = start.kind.surface(start.options, most)
+    work.surface, work.repaired = made.surface, made.repair
+    work.notes += made.notes
+    require_dents(made.surface)
+    if points is not None:
+        remesh = refined if len(made.surface.points) < points else decimated
+        work.surface, note = remesh(made.surface, points)
+        work.notes.append(note)
+
+
+def _make_shape(work: Work) -> None:
+    recipe, exact, outcomes = work.recipe, work.recipe.method.exact, len(work.target.labels)
+    center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
+    if exact is not None and recipe.method.thrown:
+        _check_table(exact, recipe.size_mm)
+    start = made_start(recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center))
+    if start is None:
+        return
+    directions: Any = getattr(start, "directions", None)
+    shape = np.shape(directions)
+    if shape != (outcomes, 3):
+        raise InputError(
+            f"start.{recipe.start.name}: expected a Start with a direction for each of the "
+            f"{outcomes} outcomes, got {type(start).__name__} with directions of shape {shape}; "
+            "correct the extension"
+        )
+    if recipe.symmetry is not None:
+        # Every symmetry of a body keeps its centroid where it is.
+        start = start.about_centroid()
+        if recipe.symmetry != AUTO:
+            check_orbits(recipe, start.directions)
+    work.start = start
+    work.notes += start.notes
+
+
+def _check_table(options: ExactOptions, size_mm: float) -> None:
+    """Raise InputError where a die cannot be thrown as the options say: there is no such table, it
+    has no momentum model, the die is too large for it, or the engine is missing.
+
+    size_mm: largest distance between two vertices of the die.
+    """
+    from dicedesign.throws.engines import require_engine
+    from dicedesign.throws.momentum_model import momentum_model
+    from dicedesign.throws.tables import table_named
+
+    with named("method.exact.table"):
+        table = table_named(options.thrown_onto)
+        momentum_model(options.thrown_onto)
+    # The radius is at least half of that distance.
+    replace(table, size=1e-3 * size_mm)
+    if options.refine is not None:
+        require_engine(options.refine.engine)
+
+
+def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
+    """Raise InputError unless labels on facets that are images of each other are as probable."""
+    from dicedesign.optimize.coordinates.linked import orbits_of_directions
+
+    group, target = recipe.group(), recipe.target.target()
+    assert group is not None
+    outcome = np.array(recipe.outcome_of_direction())
+    first: dict[int, int] = {}
+    for orbit, number in zip(orbits_of_directions(directions, group), outcome, strict=True):
+        other = first.setdefault(int(orbit), int(number))
+        odds = target.probabilities[[number, other]]
+        if abs(odds[0] - odds[1]) > EQUAL_ODDS * odds[1]:
+            raise InputError(
+                f"symmetry: expected labels {target.labels[other]} and {target.labels[number]} to "
+                f"be equally probable, as {recipe.symmetry} carries their facets to each other, "
+                f"got {odds[1]:.6g} and {odds[0]:.6g}; change the assignment, or take a smaller "
+                "group"
+            )
+
 
 LARGE_MM: Final = 100.0
 """Beyond this size a die takes long to print, and is hard to throw."""
@@ -39,16 +156,7 @@ def number(work: Work) -> None:
     order, note = numbered(
         solid.poses.hull, facets, target.labels, target.probabilities, work.recipe.numbering
     )
-    # Where each outcome now is.
-    place = np.argsort(order)
-    work.die = replace(
-        die,
-        directions=die.directions[place],
-        rounds=tuple(
-            replace(done, asked=done.asked[place], frequencies=done.frequencies[place])
-            for done in die.rounds
-        ),
-    )
+    work.die = die.reordered(np.argsort(order))
     work.notes.append(note)
 
 
@@ -62,9 +170,9 @@ def enlarge(work: Work) -> None:
         core = core_of(solid.poses, recipe.edges)
         place_on_facets(solid.poses, solid.outcomes.main, core, work.target.labels, recipe.engrave)
     except LabelRoomError as error:
-        if error.size_mm > MOST_MM:
-            return
         size_mm = float(math.ceil(error.size_mm))
+        if size_mm > MOST_MM:
+            return
         work.recipe = recipe.model_copy(update={"size_mm": size_mm})
         note = f"size_mm: {size_mm:g}, so that the labels fit"
         if size_mm > LARGE_MM:
@@ -109,49 +217,46 @@ def check(work: Work) -> None:
         # Its odds are off, as was to be expected.
         flaws = [die.status, *(f for f in flaws if f in (Status.CROWDED, Status.UNSTEADY))]
     work.status = flaws[0] if flaws else Status.CONVERGED
-    work.remarks += _remarks(work, flaws, work.design_error)
+    work.remarks += _remarks(work, flaws)
 
 
-def _remarks(work: Work, flaws: list[Status], designed: float) -> Iterator[str]:
-    verdict, recipe = work.plain, work.recipe
-    told = [status.value for status in flaws] or [Status.CONVERGED.value]
+def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
+    """What is wrong with the die, how far it is off, and what would help."""
+    verdict, recipe, designed = work.plain, work.recipe, f"{work.design_error:.3g}"
+    told = "; ".join(status.value for status in flaws) or Status.CONVERGED.value
     if recipe.method.thrown:
         yield (
-            f"{'; '.join(told)} by the momentum model; max |p - q| is {designed:.3g} of the odds "
-            "that it was asked for"
+            f"{told} by the momentum model; max |p - q| is {designed} of the odds that it was "
+            "asked for"
         )
     else:
-        yield "; ".join(told)
-        yield (
-            f"max |p - q| is {verdict.max_abs_error:.3g} in the file, {designed:.3g} as designed"
-        )
+        yield told
+        yield f"max |p - q| is {verdict.max_abs_error:.3g} in the file, {designed} as designed"
     elsewhere = verdict.outcomes.elsewhere
     if elsewhere > recipe.method.tolerance or work.die.reshaped is not None:
         yield f"{elsewhere:.3g} of the probability lies on rests without an outcome"
     missing = int((verdict.outcomes.main < 0).sum())
     if missing:
         yield f"{missing} outcomes have no facet to rest on"
-    if flaws:
+    if flaws and work.die.reshaped is not None:
+        from dicedesign.fabricate.surface_assessment import advise_on_surface
+
+        assert work.concave is not None
+        assert recipe.method.concave is not None
+        yield from advise_on_surface(
+            flaws, work.die.reshaped, work.concave, verdict, recipe.method.concave
+        )
+    elif flaws:
         yield from _advice(work, flaws)
     yield from recipe.doubts()
 
 
 def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
-    """What would help a die that did not converge."""
-    method, die, verdict = work.recipe.method, work.die, work.plain
-    if die.reshaped is not None:
-        from dicedesign.fabricate.surface_assessment import advise_on_surface
-
-        assert work.concave is not None
-        assert method.concave is not None
-        yield from advise_on_surface(flaws, die.reshaped, work.concave, verdict, method.concave)
-        return
-    if (die.starts or 1) > 1:
-        yield f"this is the best of {die.starts} starting shapes"
-    if Status.TIME_LIMIT in flaws and method.exact is not None:
-        yield "allow more with method.exact.seconds"
-    if Status.STEP_LIMIT in flaws and method.exact is not None:
-        yield "method.exact.evaluations is their number"
+    """What would help a convex die that did not converge."""
+    method, verdict, solid = work.recipe.method, work.plain, work.solid
+    starts, rarest = work.die.starts or 1, float(work.target.probabilities.min())
+    if starts > 1:
+        yield f"this is the best of {starts} starting shapes"
     if Status.CROWDED in flaws:
         yield (
             f"the nearest are {np.degrees(verdict.outcomes.least_angle):.2g} degrees apart; try "
@@ -165,18 +270,21 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
         )
     if method.paper is not None and method.paper.finish == "none":
         yield "finish: exact would go on from here"
-    if method.exact is not None and method.exact.coordinates == "vertices":
-        yield "facets of more than three sides break under coordinates: vertices; facets keeps them"
     if Status.TOO_SMALL in flaws:
-        yield f"the smallest circle has a radius of {_smallest_circle(work.solid):.3g} mm"
-    smallest = float(work.target.probabilities.min())
-    if method.exact is not None and smallest < RARE:
+        rests = solid.outcomes.main[solid.outcomes.main >= 0]
+        facets = solid.poses.facets[rests].tolist()
+        circle = min(facet_inradius(solid.poses.hull, facet) for facet in facets)
+        yield f"the smallest circle has a radius of {circle:.3g} mm"
+    if method.exact is None:
+        return
+    if Status.TIME_LIMIT in flaws:
+        yield "allow more with method.exact.seconds"
+    if Status.STEP_LIMIT in flaws:
+        yield "method.exact.evaluations is their number"
+    if method.exact.coordinates == "vertices":
+        yield "facets of more than three sides break under coordinates: vertices; facets keeps them"
+    if rarest < RARE:
         yield (
-            f"an outcome of {smallest:.2g} is hard to give a facet of its own: leave out or join "
+            f"an outcome of {rarest:.2g} is hard to give a facet of its own: leave out or join "
             "what is so rare"
         )
-
-
-def _smallest_circle(solid: Solid) -> float:
-    rests = solid.outcomes.main[solid.outcomes.main >= 0]
-    return min(facet_inradius(solid.poses.hull, int(facet)) for facet in solid.poses.facets[rests])

@@ -139,7 +139,7 @@ def _finished(folder: Path, recipe: Recipe) -> Lain:
 def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
     """The die of a recipe, designed and read back from its file."""
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.work import Listeners
+    from dicedesign.recipe.pipeline import Listeners
 
     work = design_recipe(recipe, Listeners(on_step=lambda _: on_step()), last="check")
     labels = [facet.label or "" for facet in work.plain.facets]
@@ -148,8 +148,7 @@ def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
 
 def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
     """What a recipe's design begins with, as large as the die and about the same middle."""
-    from dicedesign.recipe.pipeline import run_stages
-    from dicedesign.recipe.work import Listeners, Work
+    from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 
     work = Work(recipe, None, Listeners())
     run_stages(work, last="start")
@@ -195,8 +194,7 @@ def _ablated(
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import descend_as_paper
     from dicedesign.recipe.convex import normalised_center, wanted_odds
-    from dicedesign.recipe.pipeline import run_stages
-    from dicedesign.recipe.work import Listeners, Work
+    from dicedesign.recipe.pipeline import Listeners, Work, run_stages
     from dicedesign.report.body_drawings import Ablation
     from dicedesign.rest.poses import analyse
     from dicedesign.runtime.workers import one_tensor_thread

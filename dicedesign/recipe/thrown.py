@@ -30,7 +30,7 @@ from dicedesign.recipe.convex import (
     starts_of,
     wanted_odds,
 )
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import OtherTables, RoundOfThrows, Status
 from dicedesign.results.parts import ThrownOdds as ThrownSection
 from dicedesign.runtime.arrays import Floats

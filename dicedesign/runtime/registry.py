@@ -17,7 +17,7 @@ STRICT: Final = {"extra": "forbid", "strict": True}
 unknown keys and wrong types are errors. Nothing else in those classes knows of pydantic."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Extension:
     """The declaration of an extension.
 

@@ -18,10 +18,9 @@ from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.starts.half_space_odds import FEWEST_FACETS
 from dicedesign.optimize.starts.start import Start
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Listeners, Work
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.results.result import Step

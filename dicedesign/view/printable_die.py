@@ -16,11 +16,10 @@ from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents, file_bytes
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.starts.built_in import mesh_start
-from dicedesign.recipe.files import die_contents
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.output import die_contents
+from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE

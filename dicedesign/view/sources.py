@@ -23,8 +23,8 @@ from dicedesign.runtime.text import printable
 from dicedesign.view.viewed_body import MOST_POINTS, Outcomes, ViewedBody, farthest_points
 
 if TYPE_CHECKING:
+    from dicedesign.recipe.pipeline import Work
     from dicedesign.recipe.recipe import Recipe
-    from dicedesign.recipe.work import Work
     from dicedesign.results.result import Result
 
 __all__ = ["Source", "Tell", "source_of", "viewed_work"]
@@ -149,7 +149,7 @@ def _finished(result: Result, tell: Tell) -> ViewedBody:
 
 def _designed(recipe: Recipe, tell: Tell) -> ViewedBody:
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.work import Listeners
+    from dicedesign.recipe.pipeline import Listeners
     from dicedesign.results.result import Step
 
     def on_step(step: Step) -> None:

@@ -169,7 +169,7 @@ def test_an_interrupt_that_a_library_wraps_is_an_interrupt(
         raise KeyboardInterrupt
 
     # As by Ctrl-C while the recipe is written out again.
-    monkeypatch.setattr("dicedesign.recipe.entries.TypeAdapter", interrupted)
+    monkeypatch.setattr("dicedesign.recipe.recipe.TypeAdapter", interrupted)
     recipe = tmp_path / "four.yaml"
     recipe.write_text("name: four\ntarget: {fair: 5}\nstart: {prism: {}}\nengrave: false\n")
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 130

@@ -8,9 +8,8 @@ import numpy as np
 
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Work
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status

@@ -31,8 +31,7 @@ from pydantic_core import to_jsonable_python
 from dicedesign.fabricate.file_formats import FILE_FORMATS
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS, Printer
 from dicedesign.optimize.starts.start import STARTS
-from dicedesign.recipe.entries import StartRecipe
-from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.recipe import Recipe, StartRecipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.registry import Registry

@@ -18,9 +18,8 @@ from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.formats import parsed_stl
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Work
 from dicedesign.results.parts import Printability
 
 RECIPE = {"name": "d4", "target": {"fair": 4}}

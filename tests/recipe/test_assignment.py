@@ -13,9 +13,9 @@ from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.starts.built_in import prism
 from dicedesign.recipe.convex import designed_die, wanted_odds
 from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Work
 from dicedesign.results.parts import Status
 
 ODDS = {"a": 0.22, "b": 0.24, "c": 0.26, "d": 0.28}

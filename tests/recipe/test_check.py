@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, checked
 
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 

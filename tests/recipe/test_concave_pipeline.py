@@ -24,9 +24,9 @@ from dicedesign.cli.main import main
 from dicedesign.errors import InputError, LabelRoomError
 from dicedesign.recipe import pipeline
 from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.pipeline import Listeners
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Listeners
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
 
@@ -71,7 +71,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """No pictures are drawn."""
     monkeypatch.setattr(
-        "dicedesign.recipe.report.figure_files",
+        "dicedesign.recipe.output.figure_files",
         lambda *arguments: dict.fromkeys(PICTURES, b"\x89PNG\r\n\x1a\n"),
     )
 

@@ -14,8 +14,7 @@ from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.manifold import solid
 from dicedesign.geometry.meshes.formats import parsed_stl
-from dicedesign.recipe.pipeline import run_stages
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 

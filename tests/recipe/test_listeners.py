@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.pipeline import Listeners
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Listeners
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 

@@ -11,9 +11,8 @@ from common.made_up_die import SIDES, box, designed
 from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Work
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.results.parts import Status
 

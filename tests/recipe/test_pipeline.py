@@ -17,10 +17,9 @@ from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
 from dicedesign.geometry.solid import solid_properties
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import STAGES, Stage, run
+from dicedesign.recipe.pipeline import STAGES, Listeners, Stage, Work, run
 from dicedesign.recipe.reading import checked_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Designed, HullsMade, Result

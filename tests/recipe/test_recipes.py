@@ -13,9 +13,8 @@ from common.paths import ROOT
 from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.pipeline import Work, run
 from dicedesign.recipe.reading import read_recipe
-from dicedesign.recipe.work import Work
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.throws.distances import total_variation

@@ -12,9 +12,9 @@ from PIL import Image
 from dicedesign.concave.shapes import shape
 from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.recipe import pipeline
+from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.start import make_start
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.solid import make_start
 from dicedesign.results.folder import read_result
 
 

@@ -15,8 +15,8 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.starts.built_in import prism
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Work
 
 
 def started(**entries: Any) -> Work:

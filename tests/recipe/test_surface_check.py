@@ -10,8 +10,8 @@ import pytest
 from common.dented_cube import MadeUpSearch, write_cube
 
 from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Work
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 

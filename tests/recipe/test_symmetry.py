@@ -12,10 +12,9 @@ from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.recipe.work import Work
 from dicedesign.results.parts import Status
 
 PAIRED = [2, 3, 4, 5, 6, 7, 8, 10, 9, 11, 12]

@@ -19,9 +19,8 @@ from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Listeners, Work
 from dicedesign.results.parts import Status
 from dicedesign.throws import simulation as die_on_table
 from dicedesign.throws.momentum_model import other_tables

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import RecipeError
-from dicedesign.recipe.entries import TargetRecipe
 from dicedesign.recipe.reading import typed_target, written_odds
+from dicedesign.recipe.target import TargetRecipe
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,7 @@ from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.recipe.pipeline import run_stages
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.report.palette import ACCENT, DARK, rgb
 from dicedesign.report.render.renderer import Surface
 from dicedesign.report.solid_figures import (

@@ -20,9 +20,8 @@ from dicedesign.geometry.surfaces.surface import Surface
 from dicedesign.optimize.solvers.reshaping import reshaped
 from dicedesign.optimize.solvers.stretching import stretched
 from dicedesign.optimize.starts.half_space_odds import repulsion
-from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.recipe.work import Work
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status

@@ -1,0 +1,290 @@
+"""Stages printing, tolerances, files, figures, data sheet and report: how the finished die is
+printed, and the files about it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.fabricate.die import Assessment, FinishedDie
+from dicedesign.fabricate.file_formats import (
+    BODY_COLOR,
+    FILE_FORMATS,
+    LABEL_COLOR,
+    Contents,
+    Part,
+    file_bytes,
+    joined,
+)
+from dicedesign.fabricate.infill import infill_odds, inside_walls, pocket_walls
+from dicedesign.fabricate.label_triangles import labels_below_hull, labels_off_surface
+from dicedesign.fabricate.print_options import PrintOptions
+from dicedesign.fabricate.print_tolerances import (
+    OddsSlopes,
+    OddsSpread,
+    OffPrints,
+    print_tolerances,
+)
+from dicedesign.fabricate.printability import PrintedDie, printability
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.formats import parsed_stl, stl_bytes
+from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.gradient.odds_model import odds_model
+from dicedesign.recipe.pipeline import Work
+from dicedesign.recipe.reading import recipe_text
+from dicedesign.report.figures import FIGURES, figure_files
+from dicedesign.report.render.raster import upward_of
+from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.poses import analyse, rest_poses
+from dicedesign.results.parts import Status
+from dicedesign.runtime.arrays import Floats, Integers
+
+
+def prepare_print(work: Work) -> None:
+    """Judge the file that is printed, and make die_oriented.stl where it is wanted."""
+    options, engraving, made = work.recipe.print, work.recipe.engrave, work.engraved
+    assert options is not None
+    plain, body, poses = work.plain, work.plain.body, work.plain.poses
+    if made is not None:
+        points, triangles = parsed_stl(work.files["die.stl"], Path("die.stl"))
+        body = make_body(points, triangles, "die.stl", single_precision=True)
+        # Of the rounded body too, where the center of mass was given.
+        given = work.solid.center_of_mass
+        poses = rest_poses(body, given) if made.assessment is None else made.assessment.poses
+    placements = () if made is None else made.placements
+    labels = tuple(placement.text for placement in placements)
+    normals = np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
+    designed = shape = None
+    if work.die.reshaped is None:
+        designed = convex_hull(work.solid.hull_points)
+    else:
+        if made is not None:
+            # Marks are on the side that is up.
+            labels, normals = work.target.labels, -plain.poses.normals[plain.outcomes.main]
+        if work.solid.is_printable:
+            assert plain.body.triangles is not None
+            shape = Surface(plain.body.points, plain.body.triangles)
+    die = PrintedDie(
+        body=body,
+        poses=poses,
+        designed=designed,
+        shape=shape,
+        labels=labels,
+        normals=normals,
+        placements=placements,
+        depth=0.0 if engraving is None else engraving.depth_mm,
+        raised=engraving is not None and engraving.style == "raised",
+        filling_mm3=0.0 if made is None or made.inlay is None else made.inlay.volume,
+    )
+    work.printability = found = printability(die, options)
+    work.notes += found.warnings
+    if options.oriented:
+        assert body.triangles is not None
+        placement = np.array(found.placement)
+        points = body.points @ placement[:3, :3].T + placement[:3, 3]
+        work.files["die_oriented.stl"] = stl_bytes(points, body.triangles)
+
+
+def find_tolerances(work: Work) -> None:
+    """Say how far the odds of prints are from those of the file, with labels if it has them, and
+    what infill does to them if the recipe has some."""
+    verdict, target, options = work.printed, work.target.probabilities, work.recipe.print
+    table, has_planes = work.recipe.method.table, work.die.reshaped is None
+    assert options is not None
+    assert work.printability is not None
+    model = odds_model(table, work.die.prior)
+    body, poses, outcomes = verdict.body, verdict.poses, verdict.outcomes
+    core = None if work.engraved is None else work.engraved.core
+    if work.recipe.edges is not None and core is not None:
+        # What rounds an edge moves with the facets beside it, which the core has alone, and with
+        # the finished die's center of mass its odds too.
+        body = make_body(core.vertices, core.triangles)
+        poses = analyse(core, poses.center_of_mass, poses.center_of_mass_source)
+        poses = poses.under(work.die.prior)
+        outcomes = outcome_odds(poses, work.die.directions)
+    slopes = OddsSlopes.of(body, poses, outcomes, model)
+    # Of the printer where the die lies on its bed as is best.
+    axes = np.array(work.printability.placement)[:3, :3]
+    spread = OddsSpread(slopes, options.expected_errors, has_planes, axes)
+    if table is None:
+        bias = verdict.outcomes.odds - target
+        prints = OffPrints(poses, work.die.directions, has_planes, model)
+    else:
+        # The odds of throws are known from counts alone: what they lack is in doubt. And the
+        # momentum model jumps where a corner of several facets falls apart, which dice do not.
+        bias, prints = np.zeros(len(target)), None
+    work.tolerances = print_tolerances(spread, target, bias, prints)
+    if options.infill < 1.0:
+        _find_infill(work, options, verdict)
+
+
+def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None:
+    engrave, marked = work.recipe.engrave, None if verdict is work.plain else work.engraved
+    unknown = None
+    if work.die.reshaped is not None:
+        unknown = "that keeps the shape of a surface"
+    elif work.solid.center_of_mass is not None:
+        unknown = "whose center of mass is given"
+    elif marked is not None and engrave is not None and engrave.balance == "opposite":
+        unknown = "whose hidden hollow has walls of its own"
+    if unknown is not None:
+        work.notes.append(
+            f"what infill does to a die {unknown} is not computed: its odds are those of 100 %"
+        )
+        return
+    body, hull, pockets = verdict.body, verdict.poses.hull, []
+    assert body.triangles is not None
+    if marked is not None and engrave is not None:
+        # It brings a library of solids along.
+        from dicedesign.fabricate.engraving import cut_sections
+
+        # Labels that were stretched along with the die may run into their borders by more.
+        cut = cut_sections(hull, marked.placements, engrave, joined=1.0)
+        pockets = pocket_walls(cut, engrave.depth_mm, options.walls_mm)
+    work.infill = infill_odds(
+        verdict,
+        work.die.directions,
+        solid_properties(body.points, body.triangles)[0],
+        inside_walls(hull, options.walls_mm, pockets),
+        options.infill,
+        options.walls_mm,
+    )
+    work.notes.append(work.infill.advice)
+
+
+def write_files(work: Work) -> None:
+    """Make the die's files beside the STL, and read each back. One that would not have the odds of
+    the die, or whose format cannot hold it, is left out, and the die has not converged."""
+    contents = die_contents(work)
+    odds = _odds(work, *joined(contents.parts))
+    for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
+        name = f"{_stem(work)}.{kind.name}"
+        try:
+            data = file_bytes(contents, kind, name)
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder, name)
+                path.write_bytes(data)
+                off = float(np.abs(_odds(work, *kind.read_back(path)) - odds).max())
+            if not off <= kind.same_odds:
+                raise InputError(
+                    f"{name}: expected the odds of the die to within {kind.same_odds:g} as it is "
+                    f"read back, got a difference of {off:.2g}; take another format"
+                )
+            work.files[name] = data
+        except InputError as error:
+            work.fail(Status.FILE_LEFT_OUT)
+            work.remarks.append(str(error))
+
+
+def die_contents(work: Work) -> Contents:
+    """The printed die with all that files tell of it."""
+    verdict = work.plain if work.engraved is None else work.engraved.assessment
+    labels, target = work.target.labels, work.target.probabilities
+    stl = f"{_stem(work)}.stl"
+    facts = {
+        "Application": f"dicedesign {version('dicedesign')}",
+        "Description": f"A die of {len(labels)} outcomes. {work.status.value.capitalize()}.",
+        "Target": json.dumps(dict(zip(labels, target.tolist(), strict=True))),
+        "Recipe": recipe_text(work.recipe),
+        "Checksum": f"sha256 of {stl}: {hashlib.sha256(work.files[stl]).hexdigest()}",
+    }
+    if verdict is not None:
+        odds = verdict.outcomes.odds.tolist()
+        facts["Odds"] = json.dumps(dict(zip(labels, odds, strict=True)))
+    return Contents(work.recipe.name, _parts(work), facts)
+
+
+def _stem(work: Work) -> str:
+    """Name of the files of the printed die, without the ending."""
+    return "die_plain" if work.engraved is None else "die"
+
+
+def _parts(work: Work) -> list[Part]:
+    """The bodies of the printed die."""
+    plain, marked, options = work.solid, work.engraved, work.recipe.engrave
+    solid = marked or plain
+    body = Part("die", BODY_COLOR, solid.points, solid.triangles)
+    if marked is None or options is None:
+        return [body]
+    if marked.inlay is not None:
+        return [body, Part("labels", LABEL_COLOR, marked.inlay.points, marked.inlay.triangles)]
+    surface = Surface(body.points, body.triangles)
+    if work.die.reshaped is None:
+        labels = labels_below_hull(surface, options.depth_mm)
+    else:
+        whole = Surface(plain.points, plain.triangles)
+        labels = labels_off_surface(surface, whole, options.depth_mm)
+    return [replace(body, labels=labels)]
+
+
+def _odds(work: Work, points: Floats, triangles: Integers) -> Floats:
+    """(k,) odds of the outcomes of a solid in the coordinates of the die."""
+    poses = rest_poses(make_body(points, triangles), work.solid.center_of_mass)
+    return outcome_odds(poses, work.die.directions).odds
+
+
+FIGURES_SHOWN: Final = ("faces", "rests", "reading")
+"""Figures of the report that the sheet shows where there is room."""
+
+
+def draw_figures(work: Work) -> None:
+    """Draw the figures that are wanted of the die."""
+    work.images = figure_files(finished_die(work))
+    suffixes = {figure.name: figure.suffix for figure in FIGURES}
+    work.files |= {f"{name}{suffixes[name]}": data for name, data in work.images.items()}
+
+
+def write_data_sheet(work: Work) -> None:
+    """Make data_sheet.pdf and data_sheet.png of the result and the figures."""
+    from dicedesign.report.data_sheet import data_sheet, four_views, sheet_facts, sheet_pdf
+    from dicedesign.report.render.pictures import decoded
+    from dicedesign.report.render.renderer import Surface
+
+    die = finished_die(work)
+    solid = die.plain.body if die.engraved is None else die.engraved
+    assert solid.triangles is not None
+    surface = Surface(solid.points, solid.triangles, smooth=die.reshaped is not None)
+    file = "die_plain.stl" if die.engraved is None else "die.stl"
+    checksum = hashlib.sha256(work.files[file]).hexdigest()
+    facts = sheet_facts(die, file, checksum)
+    figures = [decoded(work.images[name]) for name in FIGURES_SHOWN if name in work.images]
+    sheet = data_sheet(facts, four_views(surface, die.upward), figures)
+    pdf = sheet_pdf(sheet, facts.title)
+    work.files |= {"data_sheet.png": sheet.png(dpi=150), "data_sheet.pdf": pdf}
+
+
+def write_page(work: Work) -> None:
+    """Make report.html of the result, the printed die and the figures."""
+    from dicedesign.report.live_die import live_die
+    from dicedesign.report.pages import die_page
+
+    die = finished_die(work)
+    live = live_die(die, die_contents(work).parts)
+    work.files["report.html"] = die_page(die.result, work.images, live).encode("utf-8")
+
+
+def finished_die(work: Work) -> FinishedDie:
+    """The die of a run as figures draw it."""
+    mesh = work.recipe.start.mesh
+    return FinishedDie(
+        result=work.result(),
+        plain=work.plain,
+        engraved=work.engraved,
+        tolerance=work.recipe.method.tolerance,
+        upward=np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path)),
+        reshaped=work.die.reshaped,
+        quality=work.quality,
+        repaired=work.repaired,
+        thrown=work.thrown,
+        reading=work.reading,
+    )

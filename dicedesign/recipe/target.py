@@ -1,0 +1,101 @@
+"""`target` of a recipe: one distribution with its labels, as checked entries."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
+
+from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
+
+LONGEST_LABEL: Final = 24
+"""Characters that a facet may bear, in one line or more."""
+
+
+def _fraction(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    above, slash, below = value.partition("/")
+    with suppress(ValueError, ZeroDivisionError):
+        number = float(above) / (float(below) if slash else 1.0)
+        if math.isfinite(number):
+            return number
+    raise ValueError(f"expected a number or a fraction such as 1/36, got {value!r}; correct it")
+
+
+def _text(value: object) -> object:
+    if value is None or isinstance(value, bool):
+        raise ValueError(
+            f"expected a text, got {value}, which is how YAML reads words such as yes, no, on, off "
+            "and null; put it in quotes"
+        )
+    is_number = isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
+    text = str(value) if is_number else value
+    if isinstance(text, str) and not 1 <= len(text) <= LONGEST_LABEL:
+        raise ValueError(f"expected 1 to {LONGEST_LABEL} characters, got {text!r}; rewrite it")
+    if isinstance(text, str) and "\n" in text:
+        raise ValueError(
+            "expected a label in one line, which is broken at spaces where that makes it larger, "
+            f"got {text!r}; write spaces"
+        )
+    return text
+
+
+Label = Annotated[str, BeforeValidator(_text)]
+
+Probability = Annotated[float, BeforeValidator(_fraction)]
+
+
+class Strict(BaseModel):
+    """A part of a recipe: no unknown keys, no conversions."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    def one_of(self, *names: str) -> str:
+        """The one of some entries that is given. Raises ValueError unless it is exactly one."""
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            got = " and ".join(given) if given else "none of them"
+            raise ValueError(f"expected exactly one of {', '.join(names)}, got {got}; keep one")
+        return given[0]
+
+
+TARGETS: Final = {
+    "binomial": binomial,
+    "sum_of_dice": sum_of_dice,
+    "fair": fair,
+    "probabilities": listed,
+}
+"""The distribution that each key of `target` gives from its value."""
+
+
+class TargetRecipe(Strict):
+    """`target`: one distribution, perhaps with labels of one's own.
+
+    Attributes
+    ----------
+    binomial: heads among so many fair coins, at least 1.
+    sum_of_dice: the total of fair dice with these numbers of sides, each at least 2.
+    fair: so many equally probable outcomes, at least 2.
+    probabilities: of the outcomes, above 0 and summing to 1; numbers or fractions such as 1/36.
+    labels: of the outcomes, 1 to 24 characters each; the distribution's own unless given.
+    """
+
+    binomial: int | None = None
+    sum_of_dice: list[int] | None = None
+    fair: int | None = None
+    probabilities: list[Probability] | None = None
+    labels: list[Label] | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> TargetRecipe:
+        self.target()
+        return self
+
+    def target(self) -> Target:
+        """The distribution with its labels."""
+        name = self.one_of(*TARGETS)
+        make: Any = TARGETS[name]
+        return relabelled(make(getattr(self, name)), self.labels)
