@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shutil
 import signal
-from collections.abc import Iterator
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import yaml
@@ -17,86 +17,28 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import read_result
-from dicedesign.results.result import RESULT, Result
-from tests.soak.commands import (
-    Case,
-    Command,
-    Ended,
-    Fault,
-    Tried,
-    before_main,
-    faults_of,
-)
+from dicedesign.results.result import RESULT
+from tests.soak.frame import before_main, dicedesign, faults_of, run_command
 
-BROKEN_EVERY: Final = 10
+BROKEN_EVERY = 10
 """One recipe in so many is broken."""
 
-FRESH_EVERY: Final = 10
+FRESH_EVERY = 10
 """One recipe in so many is run by new interpreters; the others are forked."""
 
-SIGNALS: Final = (None, "SIGINT", "SIGTERM", "SIGKILL")
+SIGNALS = (None, "SIGINT", "SIGTERM", "SIGKILL")
 """By name, as Windows has not all of them."""
 
-LATEST: Final = 1.05
+LATEST = 1.05
 """A signal comes after a part of the seconds that the run took before, up to this."""
 
-SAME_FACET: Final = 1.0 - 1e-9
+SAME_FACET = 1.0 - 1e-9
 """Cosine of the angle between the normals of a rest and of the facet that the result tells."""
 
-FILE_LIMIT: Final = 1e-6
+FILE_LIMIT = 1e-6
 """By how much the odds of a file in single precision may miss those of a target that was met."""
 
-
-def random_recipe(rng: np.random.Generator) -> dict[str, Any]:
-    """A small recipe that takes about a second at most, as plain data."""
-    recipe: dict[str, Any] = {"name": "die", "seed": int(rng.integers(2**32))}
-    outcomes = int(rng.integers(3, 7))
-    target: dict[str, Any] = {"fair": outcomes}
-    which = rng.random()
-    if which < 0.4:
-        shares = rng.dirichlet(np.full(outcomes, 8.0)) + 0.02
-        target = {"probabilities": [float(share) for share in shares / shares.sum()]}
-        if rng.random() < 0.5:
-            target["labels"] = [f"{letter}{outcomes}" for letter in "ABCDEFG"[:outcomes]]
-    elif which < 0.6:
-        outcomes = int(rng.integers(2, 4)) + 1
-        target = {"binomial": outcomes - 1}
-    recipe["target"] = target
-    recipe["method"] = _method(rng, recipe, outcomes)
-    recipe["size_mm"] = float(rng.uniform(15.0, 60.0))
-    recipe["engrave"] = bool(rng.random() < 0.6)
-    return recipe | {"figures": False, "report": False, "clock": False}
-
-
-def _method(rng: np.random.Generator, recipe: dict[str, Any], outcomes: int) -> dict[str, Any]:
-    """The recipe's method; with some it gets a start."""
-    which = rng.random()
-    if which < 0.35:
-        recipe["start"] = {"prism": {"sides": outcomes}}
-        step = ["momentum", "line_search"][int(rng.integers(2))]
-        finish = ["exact", "none"][int(rng.integers(2))]
-        return {"paper": {"step": step, "steps": int(rng.integers(0, 300)), "finish": finish}}
-    exact: dict[str, Any] = {"starts": int(rng.integers(1, 5))}
-    if which < 0.6:
-        recipe["start"] = {"prism": {"sides": outcomes}}
-    elif which < 0.7:
-        refine = {"drops": 200, "rounds": 1, "verdict": 300, "within": 0.2}
-        exact |= {"odds": "thrown", "table": "board-game", "refine": refine}
-    return {"exact": exact}
-
-
-def broken_recipe(rng: np.random.Generator) -> bytes:
-    """The content of a file that is no recipe."""
-    recipe = random_recipe(rng)
-    text = yaml.safe_dump(recipe).encode()
-    name, value = _FLAWS[int(rng.integers(len(_FLAWS)))]
-    flawed = yaml.safe_dump(recipe | {name: value}).encode()
-    ways = [b"", text[: int(rng.integers(1, 20))], text + b"\0", text + b"\xff", text + b"a: ["]
-    ways += [text + b"more: !!python/object/apply:os.getpid []\n", text + b"x: *gone\n"]
-    return flawed if rng.random() < 0.6 else ways[int(rng.integers(len(ways)))]
-
-
-_FLAWS: Final[tuple[tuple[str, Any], ...]] = (
+FLAWS: tuple[tuple[str, Any], ...] = (
     ("name", "../die"),
     ("seed", -1),
     ("seed", 2**70),
@@ -124,145 +66,132 @@ _FLAWS: Final[tuple[tuple[str, Any], ...]] = (
 """Entries that no recipe may have."""
 
 
-def run_cases(folder: Path, numbers: range, seed: int) -> Iterator[Case]:
-    """The cases of these numbers, each a recipe that is run to its end, run again and ended by a
-    signal, or not, and in that case run once more.
+def random_recipe(rng: np.random.Generator) -> dict[str, Any]:
+    """A small recipe that takes about a second at most, as plain data."""
+    outcomes = int(rng.integers(3, 7))
+    shares = rng.dirichlet(np.full(outcomes, 8.0)) + 0.02
+    listed = {"probabilities": (shares / shares.sum()).tolist()}
+    labels = {"labels": [f"{letter}{outcomes}" for letter in "ABCDEFG"[:outcomes]]}
+    targets = [{"fair": outcomes}, {"fair": outcomes}, listed, listed | labels]
+    if outcomes < 5:
+        targets.append({"binomial": outcomes - 1})
+    prism = {"prism": {"sides": outcomes}}
+    paper = {
+        "step": str(rng.choice(["momentum", "line_search"])),
+        "steps": int(rng.integers(0, 300)),
+        "finish": str(rng.choice(["exact", "none"])),
+    }
+    exact = {"starts": int(rng.integers(1, 5))}
+    refine = {"drops": 200, "rounds": 1, "verdict": 300, "within": 0.2}
+    thrown = exact | {"odds": "thrown", "table": "board-game", "refine": refine}
+    methods = [
+        *[{"method": {"paper": paper}, "start": prism}] * 3,
+        *[{"method": {"exact": exact}, "start": prism}] * 3,
+        *[{"method": {"exact": exact}}] * 3,
+        {"method": {"exact": thrown}},
+    ]
+    return {
+        "name": "die",
+        "seed": int(rng.integers(2**32)),
+        "target": targets[rng.integers(len(targets))],
+        **methods[rng.integers(len(methods))],
+        "size_mm": float(rng.uniform(15.0, 60.0)),
+        "engrave": bool(rng.random() < 0.6),
+        **dict.fromkeys(("figures", "report", "clock"), False),
+    }
 
-    folder: an existing one.
-    """
-    for number in numbers:
-        rng = np.random.default_rng([seed, number])
-        broken = number % BROKEN_EVERY == 0
-        fresh = number // BROKEN_EVERY % FRESH_EVERY == number % FRESH_EVERY
-        text = broken_recipe(rng) if broken else yaml.safe_dump(random_recipe(rng)).encode()
-        name = SIGNALS[int(rng.integers(len(SIGNALS)))]
-        sent = None if name is None else signal.Signals[name]
-        part = float(rng.uniform(0.0, LATEST))
-        yield _case(folder, number, text, broken, fresh, sent, part)
+
+def broken_recipe(rng: np.random.Generator) -> bytes:
+    """The content of a file that is no recipe."""
+    recipe = random_recipe(rng)
+    text = yaml.safe_dump(recipe).encode()
+    flawed = yaml.safe_dump(recipe | dict([FLAWS[rng.integers(len(FLAWS))]])).encode()
+    ways = [b"", text[: rng.integers(1, 20)], text + b"\0", text + b"\xff", text + b"a: ["]
+    ways += [text + b"more: !!python/object/apply:os.getpid []\n", text + b"x: *gone\n"]
+    return flawed if rng.random() < 0.6 else ways[rng.integers(len(ways))]
 
 
-def _case(
-    parent: Path,
-    number: int,
-    text: bytes,
-    broken: bool,
-    fresh: bool,
-    sent: signal.Signals | None,
-    part: float,
-) -> Case:
-    folder = parent / str(number)
+def try_recipe(parent: Path, seed: int, number: int) -> list[str]:
+    """What went wrong with a recipe that is run to its end, then, or not, run again, ended by a
+    signal and in that case run once more. parent: an existing folder."""
+    rng, folder = np.random.default_rng([seed, number]), parent / str(number)
     folder.mkdir()
+    is_broken = number % BROKEN_EVERY == 0
+    text = broken_recipe(rng) if is_broken else yaml.safe_dump(random_recipe(rng)).encode()
     (folder / "recipe.yaml").write_bytes(text)
-
-    def command(out: str, **settings: Any) -> Command:
-        arguments = ("run", "recipe.yaml", "--out", out)
-        return Command(arguments, folder, fresh=fresh, **settings)
-
-    alone = yield command("alone")
+    is_fresh = number // BROKEN_EVERY % FRESH_EVERY == number % FRESH_EVERY
+    run = partial(run_command, folder=folder, program=None if is_fresh else dicedesign)
+    alone = run(["run", "recipe.yaml", "--out", "alone"])
     # Labels that do not fit are known only once there is a die.
-    refused = broken or (alone.code == 2 and "size_mm" in alone.err)
-    faults = faults_of(alone, *((2,) if refused else (0, 1)))
-    faults += _no_results(folder / "alone") if refused else _results(folder / "alone", alone)
-    if sent is not None and not faults:
-        after = part * alone.seconds
-        ended = yield command("ended", sent=sent, after=after)
+    is_refused = is_broken or (alone.code == 2 and "size_mm" in alone.err)
+    faults = faults_of(alone, *((2,) if is_refused else (0, 1)))
+    if is_refused and (folder / "alone").exists():
+        faults.append("a broken recipe left a folder")
+    elif not is_refused and not faults:
+        faults += result_faults(folder / "alone", alone.code)
+    name = SIGNALS[rng.integers(len(SIGNALS))]
+    after = float(rng.uniform(0.0, LATEST)) * alone.seconds
+    if name is not None and not faults:
+        sent, out = signal.Signals[name], folder / "ended"
+        ended = run(["run", "recipe.yaml", "--out", "ended"], sent=sent, after=after)
         # Where an interrupt goes through `exec`, as of a dataclass, Python ends itself by SIGINT.
         signalled = (130, -sent) if sent == signal.SIGINT else (-sent,)
         if not before_main(ended.err):
             faults += faults_of(ended, alone.code, *signalled)
-        faults += _left(folder, sent, ended)
-        again = yield command("ended")
+        if (out / RESULT).exists():
+            faults += unreadable(out)
+        elif out.exists() and sent == signal.SIGINT and ended.code in signalled:
+            faults.append(f"an interrupted run left {sorted(path.name for path in out.iterdir())}")
+        again = run(["run", "recipe.yaml", "--out", "ended"])
         faults += faults_of(again, alone.code)
-        if not refused:
-            faults += _results(folder / "ended", again)
-            faults += [] if faults else _differences(folder / "alone", folder / "ended")
-        faults = [
-            Fault(one.kind, f"{sent.name} after {after:.2f} s of {alone.seconds:.2f} s: {one.what}")
-            for one in faults
-        ]
+        if not is_refused and not faults:
+            faults += result_faults(out, again.code)
+            faults += [
+                f"{path.name} is not that of the run left alone"
+                for path in sorted((folder / "alone").iterdir())
+                if path.read_bytes() != (out / path.name).read_bytes()
+            ]
+        faults = [f"{name} after {after:.2f} s of {alone.seconds:.2f} s: {one}" for one in faults]
     shutil.rmtree(folder)
-    return Tried(number, faults)
-
-
-def _no_results(folder: Path) -> list[Fault]:
-    return [Fault("lost", "a broken recipe left a folder")] if folder.exists() else []
-
-
-def _left(folder: Path, sent: signal.Signals, ended: Ended) -> list[Fault]:
-    """What is wrong with what a run left that got a signal: files are whole, and an interrupted
-    run leaves nothing half done."""
-    out = folder / "ended"
-    if not out.exists():
-        return []
-    faults = []
-    if (out / RESULT).exists():
-        faults += _readable(out)
-    elif sent == signal.SIGINT and ended.code in (130, -sent):
-        names = sorted(path.name for path in out.iterdir())
-        faults += [Fault("lost", f"an interrupted run left {', '.join(names) or 'a folder'}")]
     return faults
 
 
-def _readable(out: Path) -> list[Fault]:
+def unreadable(out: Path) -> list[str]:
+    """Which results of a run cannot be read, or are not as result.json says."""
     try:
         result = read_result(out)
         read_recipe(out / "recipe.yaml")
     except DiceError as error:
-        return [Fault("lost", str(error))]
+        return [str(error)]
     return [
-        Fault("lost", f"{name} is missing or not as result.json says")
+        f"{name} is missing or not as result.json says"
         for name, checksum in result.sha256.items()
         if not (out / name).is_file() or sha256((out / name).read_bytes()).hexdigest() != checksum
     ]
 
 
-def _results(out: Path, ended: Ended) -> list[Fault]:
-    """What is wrong with the results of a run that came to its end."""
-    if ended.code not in (0, 1):
-        return []
-    faults = _readable(out)
-    if faults:
+def result_faults(out: Path, code: int) -> list[str]:
+    """What is wrong with the results of a run that came to its end: the odds of a die are those of
+    its file, read back."""
+    if faults := unreadable(out):
         return faults
     result = read_result(out)
-    expected = {RESULT, *result.sha256}
-    odd = sorted({path.name for path in out.iterdir()} - expected)
-    faults += [Fault("lost", f"{name} was left in the folder") for name in odd]
-    if result.converged != (ended.code == 0):
-        faults.append(Fault("wrong", f"exit code {ended.code} of a die that is {result.status}"))
-    return faults + _wrong_odds(out, result)
-
-
-def _wrong_odds(out: Path, result: Result) -> list[Fault]:
-    """What is wrong with the odds of a die by its file, read back, beside those that are told."""
-    body = read_body(out / result.files["die_plain"])
-    poses = rest_poses(body)
-    normals = np.array([facet.normal for facet in result.facets])
-    odds = dict.fromkeys(result.labels, 0.0)
-    for normal, probability in zip(poses.normals, poses.probabilities.tolist(), strict=True):
-        nearness = normals @ normal
-        outcome = result.facets[int(nearness.argmax())].outcome
-        if nearness.max() < SAME_FACET:
-            return [Fault("wrong", f"a rest at {normal} of which the result tells nothing")]
-        if outcome is not None:
-            odds[outcome] += probability
-    got = np.array(list(odds.values()))
+    odd = {path.name for path in out.iterdir()} - {RESULT, *result.sha256}
+    if odd:
+        faults.append(f"{sorted(odd)} left in the folder")
+    if result.converged != (code == 0):
+        faults.append(f"exit code {code} of a die that is {result.status}")
+    poses = rest_poses(read_body(out / result.files["die_plain"]))
+    nearness = poses.normals @ np.transpose([facet.normal for facet in result.facets])
+    if nearness.max(axis=1).min() < SAME_FACET:
+        faults.append("a rest of which the result tells nothing")
+    told = [result.facets[facet].outcome for facet in nearness.argmax(axis=1)]
+    got = np.array(
+        [poses.probabilities[[one == label for one in told]].sum() for label in result.labels]
+    )
     if np.abs(got - result.probabilities).max() > 1e-9:
-        return [Fault("wrong", f"odds {got} by the file, {result.probabilities} by the result")]
-    if result.converged and result.thrown is None:
-        most = max(_tolerance(out), FILE_LIMIT)
-        if np.abs(got - result.target).max() > most:
-            return [Fault("wrong", f"odds {got} of a die that converged to {result.target}")]
-    return []
-
-
-def _tolerance(out: Path) -> float:
-    return read_recipe(out / "recipe.yaml").method.tolerance
-
-
-def _differences(alone: Path, other: Path) -> list[Fault]:
-    """Which results of two runs of one recipe differ."""
-    return [
-        Fault("wrong", f"{path.name} is not that of the run left alone")
-        for path in sorted(alone.iterdir())
-        if path.read_bytes() != (other / path.name).read_bytes()
-    ]
+        faults.append(f"odds {got} by the file, {result.probabilities} by the result")
+    most = max(read_recipe(out / "recipe.yaml").method.tolerance, FILE_LIMIT)
+    if result.converged and result.thrown is None and np.abs(got - result.target).max() > most:
+        faults.append(f"odds {got} of a die that converged to {result.target}")
+    return faults

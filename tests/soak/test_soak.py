@@ -9,46 +9,30 @@ and `SOAK_FIRST` is the number of the first run and file.
 
 from __future__ import annotations
 
+import multiprocessing
 import os
-from collections.abc import Iterable
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from tests.soak.batch import batch_faults, make_meshes, run_batches
-from tests.soak.commands import Case, Fault, drive, require_signals
-from tests.soak.files import Samples, file_cases
-from tests.soak.runs import run_cases
+from tests.soak.files import make_samples, try_damaged
+from tests.soak.frame import all_faults
+from tests.soak.meshes import batch_faults, make_meshes, run_batches
+from tests.soak.runs import try_recipe
 
-pytestmark = pytest.mark.soak
-
-SEED = int(os.environ.get("SOAK_SEED", "0"))
-
-JOBS = 2
-
-MOST_GROWTH = 0.1
-"""Part by which the memory of a worker that counts as flat may grow."""
+pytestmark = [
+    pytest.mark.soak,
+    pytest.mark.skipif(
+        "forkserver" not in multiprocessing.get_all_start_methods(), reason="no signals and forks"
+    ),
+]
 
 
 def amount(name: str, default: int) -> int:
     return int(os.environ.get(f"SOAK_{name}", default))
 
 
-def numbers(name: str, default: int) -> range:
-    first = amount("FIRST", 0)
-    return range(first, first + amount(name, default))
-
-
-@pytest.fixture(autouse=True)
-def with_signals() -> None:
-    require_signals()
-
-
-def faults_of_all(cases: Iterable[Case], scratch: Path) -> list[tuple[int, Fault]]:
-    scratch.mkdir()
-    with closing(drive(cases, scratch, JOBS)) as tried:
-        return [(one.number, fault) for one in tried for fault in one.faults]
+SEED, FIRST = amount("SEED", 0), amount("FIRST", 0)
 
 
 def test_meshes_of_a_folder(tmp_path: Path) -> None:
@@ -57,18 +41,15 @@ def test_meshes_of_a_folder(tmp_path: Path) -> None:
     meshes.mkdir()
     table.parent.mkdir()
     answers = make_meshes(meshes, count, SEED)
-    batch = run_batches(meshes, table, JOBS, count, SEED, kill_seconds=20.0)
-    assert [*batch.faults, *batch_faults(table, answers)] == []
-    assert (batch.growth or 0.0) <= MOST_GROWTH
+    assert [*run_batches(meshes, table, count, SEED), *batch_faults(table, answers)] == []
 
 
 def test_runs_of_recipes(tmp_path: Path) -> None:
-    cases = run_cases(tmp_path, numbers("RUNS", 300), SEED)
-    assert faults_of_all(cases, tmp_path / "printed") == []
+    numbers = range(FIRST, FIRST + amount("RUNS", 300))
+    assert all_faults(try_recipe, numbers, tmp_path, SEED) == []
 
 
 def test_damaged_files(tmp_path: Path) -> None:
-    folder = tmp_path / "samples"
-    folder.mkdir()
-    cases = file_cases(Samples(folder), numbers("FILES", 5_000), SEED)
-    assert faults_of_all(cases, tmp_path / "printed") == []
+    make_samples(tmp_path)
+    numbers = range(FIRST, FIRST + amount("FILES", 5_000))
+    assert all_faults(try_damaged, numbers, tmp_path, SEED) == []
