@@ -27,10 +27,11 @@ LIMIT = 120.0
 
 JOBS = 2
 
-PRELOADED = """torch trimesh manifold3d dicedesign.cli.rest dicedesign.cli.rolls dicedesign.cli.dice
-dicedesign.fabricate.engraving dicedesign.geometry.meshes.reading dicedesign.recipe.convex
-dicedesign.recipe.thrown dicedesign.recipe.pipeline dicedesign.throws.roll_verdict"""
-"""Imported by the process that others are forked from."""
+PRELOADED = (
+    "torch trimesh manifold3d dicedesign.cli.rest dicedesign.cli.rolls dicedesign.recipe.convex "
+    "dicedesign.recipe.thrown dicedesign.fabricate.engraving"
+)
+"""Imported, where it is there, by the process that others are forked from."""
 
 
 @dataclass(frozen=True)
