@@ -25,8 +25,8 @@ from benchmarks.frame import Report, processes
 from benchmarks.models import is_model, model_names, random_model
 from dicedesign import InputError, Result, checked_recipe
 from dicedesign.concave.shapes import SHAPES
-from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.geometry.surfaces.remeshing import decimated
+from dicedesign.geometry.meshes.reading import stl_bytes
+from dicedesign.geometry.surfaces.closed_surface import decimated
 
 GOALS: Final = {"fair:2": 0.9, "fair:3": 0.9, "1/2,1/3,1/6": 0.75, "fair:4": 0.4}
 """Least share of the models that become dice, by target."""

@@ -40,11 +40,11 @@ from dicedesign import (
 )
 from dicedesign.concave.shapes import SHAPES
 from dicedesign.extensions import ENGINES
-from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.surfaces.closed_surface import make_surface
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.rest.asymmetry import asymmetry
+from dicedesign.geometry.triangles import Surface
+from dicedesign.rest.outcomes import asymmetry
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import hendecahedron
 from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance

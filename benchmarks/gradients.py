@@ -33,8 +33,7 @@ import torch
 
 from benchmarks.frame import Report, time_in_turn
 from dicedesign import RestEvaluation, evaluate_rests
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.methods import FacetCoordinates
 from dicedesign.rest.equilibria import classify

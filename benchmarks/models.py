@@ -18,11 +18,10 @@ from benchmarks.model_kinds import REACH, ROUND_KINDS
 from dicedesign.concave.distance_functions import Distance, level_set
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.manifold import mesh_of
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.surfaces.closed_surface import make_surface
-from dicedesign.geometry.surfaces.remeshing import refined
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.meshes.manifold import mesh_of
+from dicedesign.geometry.surfaces.closed_surface import make_surface, refined
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats
 
 SEED: Final = 2024

@@ -31,7 +31,7 @@ from benchmarks.frame import Report, Watched, panels, time_in_turn
 from dicedesign import RestPoses, read_body, rest_poses, sum_of_dice
 from dicedesign.energies import EnergyWeights
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.methods import FacetCoordinates, VertexCoordinates
 from dicedesign.optimize.energy.energy import Objective
 from dicedesign.optimize.solvers.candidate import CandidateMaker

@@ -19,8 +19,8 @@ from dicedesign.errors import NoStartError as NoStartError
 from dicedesign.errors import OutputError as OutputError
 from dicedesign.geometry.meshes.body import Body as Body
 from dicedesign.geometry.meshes.body import make_body as make_body
+from dicedesign.geometry.meshes.manifold import weighted_body as weighted_body
 from dicedesign.geometry.meshes.reading import read_body as read_body
-from dicedesign.geometry.meshes.weighted_body import weighted_body as weighted_body
 from dicedesign.geometry.point_groups import point_group as point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest as differentiable_rest
 from dicedesign.gradient.differentiable_rest import (
@@ -41,14 +41,14 @@ from dicedesign.recipe.pipeline import run as run
 from dicedesign.recipe.reading import checked_recipe as checked_recipe
 from dicedesign.recipe.reading import read_recipe as read_recipe
 from dicedesign.recipe.recipe import Recipe as Recipe
-from dicedesign.rest.axial_priors import SphericalCap as SphericalCap
-from dicedesign.rest.axial_priors import VonMisesFisher as VonMisesFisher
-from dicedesign.rest.density_function import DensityFunction as DensityFunction
+from dicedesign.rest.density_priors import DensityFunction as DensityFunction
+from dicedesign.rest.density_priors import SphericalCap as SphericalCap
+from dicedesign.rest.density_priors import VonMisesFisher as VonMisesFisher
 from dicedesign.rest.poses import RestPoses as RestPoses
 from dicedesign.rest.poses import rest_poses as rest_poses
 from dicedesign.rest.prior import Prior as Prior
+from dicedesign.rest.prior import SampledDirections as SampledDirections
 from dicedesign.rest.roll import roll as roll
-from dicedesign.rest.sampled_directions import SampledDirections as SampledDirections
 from dicedesign.results.folder import read_result as read_result
 from dicedesign.results.parts import Status as Status
 from dicedesign.results.result import Result as Result

@@ -15,8 +15,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, DiceError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions

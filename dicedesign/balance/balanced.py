@@ -16,9 +16,9 @@ from dicedesign.balance.ways import Made, move_center, reachable_shifts
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.repair.repair import FINEST, input_surface
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.repair import FINEST, input_surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM, SAME_REST_ANGLE

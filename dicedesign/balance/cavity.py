@@ -15,14 +15,17 @@ from manifold3d import Manifold, OpType
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.orientation import shells_of
-from dicedesign.geometry.repair.grid_surface import surface_nets, without_double_cuts
-from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import even_directions, norms
-from dicedesign.geometry.surfaces.distances import DepthGrid, depth_grid
-from dicedesign.geometry.surfaces.surface import Surface, joined, surface_of
+from dicedesign.geometry.surfaces.grid_surface import (
+    DepthGrid,
+    depth_grid,
+    surface_nets,
+    without_double_cuts,
+)
+from dicedesign.geometry.triangles import Surface, joined, solid_properties, surface_of
 from dicedesign.results.parts import Cavities
 from dicedesign.runtime.arrays import Floats, Integers
 

@@ -15,10 +15,14 @@ from scipy.optimize import nnls
 from scipy.stats import qmc
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.halfspaces import deepest_point, polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import (
+    ConvexHull,
+    convex_hull,
+    deepest_point,
+    polyhedron_corners,
+)
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 

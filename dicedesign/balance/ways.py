@@ -28,15 +28,13 @@ from dicedesign.balance.options import Material
 from dicedesign.balance.regions import is_shifted
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.formats import parsed_stl, stl_bytes
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.orientation import shells_of
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
 from dicedesign.geometry.sphere import norms, rotation_between, unit_vectors
-from dicedesign.geometry.surfaces.distances import closest_points
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.geometry.surfaces.grid_surface import closest_points
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
 from dicedesign.runtime.arrays import Booleans, Floats
 
 PLACES: Final = 3000

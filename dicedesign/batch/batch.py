@@ -30,8 +30,7 @@ def analyse_files(
     center_of_mass, coplanar_tolerance: see `rest_poses`.
     """
     # Imported by the workers; the process that hands out the work needs none of it.
-    from dicedesign.geometry.meshes.formats import without_solids
-    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.geometry.meshes.reading import read_body, without_solids
     from dicedesign.rest.poses import rest_poses
 
     entries = {}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.meshes.formats import OWN_ENDINGS, mesh_endings
+from dicedesign.geometry.meshes.reading import OWN_ENDINGS, mesh_endings
 
 __all__ = ["FolderFiles", "list_folder"]
 

@@ -29,8 +29,8 @@ from dicedesign.tolerances import SMALLEST_EXTENT
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dicedesign.geometry.repair.repair import RepairedMesh
-    from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.geometry.triangles import Surface
     from dicedesign.scenes.posing import Job, Stood
     from dicedesign.scenes.room import Room
 
@@ -264,7 +264,7 @@ def add_scatter_parser(commands: Any) -> None:
 def _run_scatter(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.batch.folder import list_folder
-    from dicedesign.geometry.meshes.formats import without_solids
+    from dicedesign.geometry.meshes.reading import without_solids
     from dicedesign.scenes.room import room_glb, scattered
 
     floor = _checked_floor(options)
@@ -367,7 +367,7 @@ def _run_repair(options: argparse.Namespace) -> int:
     # Imported here, as other commands do without.
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.repair.repair import FINEST, input_surface
+    from dicedesign.geometry.surfaces.repair import FINEST, input_surface
     from dicedesign.report.render.raster import upward_of
     from dicedesign.report.surface_figures import repair_figure
 

@@ -231,15 +231,14 @@ def read_poses(
     center, coplanar_tolerance: as in `rest_poses`; parts: what `--part` gives.
     """
     # Imported here, as other commands do without.
-    from dicedesign.geometry.meshes.formats import without_solids
-    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.geometry.meshes.reading import read_body, without_solids
     from dicedesign.rest.poses import rest_poses
 
     with without_solids():
         body = read_body(path)
         others = [_part(text) for text in parts]
     if others:
-        from dicedesign.geometry.meshes.weighted_body import weighted_body
+        from dicedesign.geometry.meshes.manifold import weighted_body
 
         body = weighted_body([(body, 1.0), *others])
     poses = rest_poses(body, center, coplanar_tolerance=coplanar_tolerance)

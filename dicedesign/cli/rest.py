@@ -125,9 +125,8 @@ def _run_rest(options: argparse.Namespace) -> int:
 
 def _under_prior(options: argparse.Namespace, poses: RestPoses) -> RestPoses:
     """The rests with the odds that `--prior` asks for."""
-    from dicedesign.rest.axial_priors import VonMisesFisher
-    from dicedesign.rest.prior import read_prior
-    from dicedesign.rest.sampled_directions import SampledDirections
+    from dicedesign.rest.density_priors import VonMisesFisher
+    from dicedesign.rest.prior import SampledDirections, read_prior
 
     if options.table is not None:
         raise InputError(

@@ -201,7 +201,7 @@ def throw_summary(
     """
     import numpy as np
 
-    from dicedesign.rest.asymmetry import asymmetry
+    from dicedesign.rest.outcomes import asymmetry
     from dicedesign.runtime.arrays import exact_intervals
     from dicedesign.throws.distances import effective_counts, measure_transport, measure_variation
     from dicedesign.throws.goodness_of_fit import chi_square

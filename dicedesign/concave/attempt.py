@@ -38,7 +38,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dicedesign.geometry.repair.grid_surface import evened, surface_nets
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.grid_surface import evened, surface_nets
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
 Distance = Callable[[Floats], Floats]

@@ -17,8 +17,7 @@ from torch import Tensor
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import edge_neighbors
+from dicedesign.geometry.triangles import Surface, edge_neighbors
 from dicedesign.runtime.arrays import Floats, Integers
 
 

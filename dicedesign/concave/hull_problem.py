@@ -20,7 +20,7 @@ from dicedesign.concave.space_elasticity import (
     spread_points,
 )
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.solvers.sobolev import graph_laplacian
 from dicedesign.runtime.arrays import Floats, Integers
 

@@ -14,7 +14,7 @@ from dicedesign.concave.options import ConcavePaperOptions
 from dicedesign.concave.result import FillResult, FillStatus, OnEnergy
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.sobolev import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Floats

@@ -21,8 +21,8 @@ from dicedesign.concave.result import FillResult, FillStatus, OnEnergy
 from dicedesign.errors import missing_extra
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.distances import closest_points
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.grid_surface import closest_points
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats
 
 

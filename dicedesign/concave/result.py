@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
 

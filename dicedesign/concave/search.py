@@ -25,7 +25,7 @@ from dicedesign.concave.result import (
 )
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
 from dicedesign.runtime import checkpoint
 from dicedesign.runtime.arrays import Floats

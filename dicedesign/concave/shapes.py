@@ -21,7 +21,7 @@ from dicedesign.concave.distance_functions import (
     tube,
 )
 from dicedesign.errors import InputError
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 
 LENGTHENING = np.array([1.25, 1.0, 1.0])

@@ -21,7 +21,7 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 
 FREE = 100.0

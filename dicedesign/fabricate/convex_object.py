@@ -19,12 +19,11 @@ from dicedesign.fabricate.label_layout import Placement
 from dicedesign.fabricate.rounded_edges import rounded
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.polygons import centroid
-from dicedesign.geometry.manifold import mesh_of
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.meshes.manifold import mesh_of
 from dicedesign.geometry.sphere import rotation_between
-from dicedesign.geometry.surfaces.distances import distances_from_surface
-from dicedesign.geometry.surfaces.surface import Surface, joined
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
+from dicedesign.geometry.triangles import Surface, joined, solid_properties
 from dicedesign.optimize.solvers.reshaping import Measured
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse, rest_poses

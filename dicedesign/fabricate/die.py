@@ -14,11 +14,16 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.formats import parsed_stl
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.meshes.reading import parsed_stl
+from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.targets import Target
-from dicedesign.rest.asymmetry import asymmetry, border_margins
-from dicedesign.rest.outcomes import OutcomeOdds, outcome_margins, outcome_odds
+from dicedesign.rest.outcomes import (
+    OutcomeOdds,
+    asymmetry,
+    border_margins,
+    outcome_margins,
+    outcome_odds,
+)
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
@@ -30,8 +35,8 @@ if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
     from dicedesign.fabricate.label_layout import Placement
     from dicedesign.fabricate.label_reading import Reading
-    from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.throws.simulation import ThrownDie
 

@@ -18,8 +18,8 @@ from dicedesign.errors import EngravingError
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import Placement, border_lines
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.manifold import mesh_of, solid
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 

@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.results.parts import ThinParts
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -161,7 +160,7 @@ def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
     Raises InputError: the surface bounds no solid.
     """
     # Imported late: convex dice do without.
-    from dicedesign.geometry.manifold import solid
+    from dicedesign.geometry.meshes.manifold import solid
 
     body = solid(surface.points, surface.triangles)
     doubled = doubled_area_vectors(surface.points, surface.triangles)

@@ -10,10 +10,14 @@ import numpy as np
 
 from dicedesign.fabricate.die import Assessment
 from dicedesign.fabricate.print_tolerances import NOTICED, ROLLS
-from dicedesign.geometry.hulls.halfspaces import deepest_point, polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.hulls.hull import (
+    ConvexHull,
+    convex_hull,
+    deepest_point,
+    polyhedron_corners,
+)
 from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.results.result import InfillOdds
@@ -57,7 +61,7 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
     if pockets:
         from manifold3d import Manifold, OpType
 
-        from dicedesign.geometry.manifold import mesh_of, solid
+        from dicedesign.geometry.meshes.manifold import mesh_of, solid
 
         left = Manifold.batch_boolean([solid(points, triangles), *pockets], OpType.Subtract)
         if not left.volume() > 0.0:

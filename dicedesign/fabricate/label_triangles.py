@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.distances import distances_from_surface
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import connected_parts, edge_neighbors
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
+from dicedesign.geometry.triangles import Surface, connected_parts, edge_neighbors
 from dicedesign.runtime.arrays import Booleans, Floats
 
 OFF: Final = 0.1

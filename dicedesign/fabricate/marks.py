@@ -20,8 +20,8 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import LabelArt, label_arts
 from dicedesign.fabricate.label_layout import require_room
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.manifold import solid
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.meshes.manifold import solid
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 

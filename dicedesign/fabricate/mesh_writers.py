@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.fabricate.file_formats import Contents, FileFormat, Part, joined
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.runtime.arrays import Floats, Integers
 
 

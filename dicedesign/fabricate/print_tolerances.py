@@ -18,13 +18,11 @@ from scipy.optimize import brentq
 
 from dicedesign.errors import DiceError
 from dicedesign.fabricate.print_options import PrintErrors
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.solid import is_closed, second_moments
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.gradient.facet_offsets import offset_derivatives
+from dicedesign.geometry.triangles import doubled_area_vectors, is_closed, second_moments
+from dicedesign.gradient.facet_measures import offset_derivatives
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.rest.outcomes import OutcomeOdds, gathered

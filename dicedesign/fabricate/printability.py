@@ -20,17 +20,21 @@ from dicedesign.fabricate.print_orientation import (
 from dicedesign.fabricate.printers import Printer
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.triangles import connected_parts, doubled_area_vectors, edge_neighbors
+from dicedesign.geometry.triangles import (
+    connected_parts,
+    doubled_area_vectors,
+    edge_neighbors,
+    solid_properties,
+)
 from dicedesign.results.parts import FileCheck, Printability, PrintedLabel, SmallestFacet, ThinParts
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
     from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.geometry.triangles import Surface
     from dicedesign.rest.poses import RestPoses
 
 THIN: Final = 1e-4

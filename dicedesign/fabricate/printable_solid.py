@@ -7,12 +7,12 @@ from typing import Final
 from manifold3d import Error, Manifold, OpType
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.self_intersections import (
     intersecting_triangles,
     intersection_groups,
 )
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import PRINT_TOLERANCE
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.fabricate.file_formats import Contents, FileFormat, Part
-from dicedesign.geometry.solid import solid_properties
-from dicedesign.geometry.triangles import connected_parts, edge_neighbors
+from dicedesign.geometry.triangles import connected_parts, edge_neighbors, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 
 JOINT_MM: Final = 1e-7

@@ -15,12 +15,12 @@ from dicedesign.concave.result import ConcaveDie
 from dicedesign.fabricate.die import Assessment, Solid
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.repair.repair import RepairedMesh
 from dicedesign.geometry.sphere import angle_between, norms
-from dicedesign.geometry.surfaces.distances import distances_from_surface
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.surfaces.quality import SurfaceQuality, surface_quality
+from dicedesign.geometry.surfaces.repair import RepairedMesh
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Concave, Displacement, HullOfSurface, Status, SurfaceSize

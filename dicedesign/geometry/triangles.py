@@ -1,11 +1,22 @@
-"""Triangles of a mesh: areas, neighbors, what hangs together, and what lies inside."""
+"""Triangle surfaces: areas, neighbors, what lies inside, and volume, centroid and inertia of the
+uniform solid that a closed one bounds.
+
+Sums over tetrahedra are written once, for NumPy and torch (`xp`) alike.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from dicedesign.geometry.sphere import signed_solid_angle
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.kernels import ops as kernels
+from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
+from dicedesign.tolerances import THIN_VOLUME
 
 
 def doubled_area_vectors(points: Floats, triangles: Integers) -> Floats:
@@ -67,3 +78,194 @@ def winding_number(point: Floats, corners: Floats) -> float:
     0 outside, to within rounding, but for a point on the surface."""
     a, b, c = (corners - point).transpose(1, 0, 2)
     return float(signed_solid_angle(a, b, c, np).sum()) / (4.0 * np.pi)
+
+
+def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats]:
+    """Signed volume and centroid of the uniform solid a closed surface bounds.
+
+    The volume is summed over signed tetrahedra from the mean of the points, in units of the
+    body's own size, so a body far from the origin or of any scale loses nothing. That of a needle
+    or a plate is summed before it is stretched, see `stretch_matrix`.
+
+    Parameters
+    ----------
+    points: (n, 3) finite coordinates, any length unit.
+    triangles: (t, 3) indices into `points` of a closed oriented surface (see `is_closed`); it may
+        consist of several shells, and an inward shell inside an outward one is a cavity.
+
+    Returns
+    -------
+    The volume in the cubed unit of the points, positive when the surface is oriented outward, and
+    (3,) the centroid, the same for either orientation; NaN when the volume is exactly zero.
+    """
+    reference = points.mean(axis=0)
+    offsets = points - reference
+    scale = float(np.abs(offsets).max())
+    if scale == 0.0:
+        return 0.0, np.full(3, np.nan)
+    offsets = offsets / scale
+    volume, centroid = volume_and_centroid(offsets, triangles, np)
+    stretch = stretch_matrix(offsets, volume)
+    if stretch is not None:
+        image = np.linalg.solve(stretch.T, offsets.T).T
+        volume, centroid = volume_and_centroid(image, triangles, np)
+        volume, centroid = volume * float(np.linalg.det(stretch)), centroid @ stretch
+    return float(volume) * scale**3, reference + scale * centroid
+
+
+def solid_inertia(points: Floats, triangles: Integers) -> Floats:
+    """Tensor of inertia (3, 3) about the centroid of the uniform solid a closed surface bounds, for
+    a mass of 1: in squared length units.
+
+    points: (n, 3); triangles: (t, 3) as for `solid_properties`, of a volume that is not zero.
+    """
+    _, centroid = solid_properties(points, triangles)
+    offsets = points - centroid
+    scale = float(np.abs(offsets).max())
+    moments, volume = second_moments(offsets / scale, triangles, np)
+    moments = moments * (scale**2 / volume)
+    inertia: Floats = np.trace(moments) * np.eye(3) - moments
+    return inertia
+
+
+def second_moments(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
+    """Integral (3, 3) of the products of two coordinates over a solid, and its volume.
+
+    offsets: (n, 3) from the origin; triangles: (t, 3), see `solid_properties`.
+    Source: second moments of a tetrahedron from the origin, with corners a, b, c and d = a + b + c:
+    its volume over 20 times (d d^T + a a^T + b b^T + c c^T).
+    """
+    a, b, c = xp.moveaxis(offsets[triangles], 1, 0)
+    volumes = xp.einsum("ij,ij->i", a, xp.linalg.cross(b, c)) / 6.0
+    arms = (a, b, c, a + b + c)
+    moments = sum(xp.einsum("t,ti,tj->ij", volumes, arm, arm) / 20.0 for arm in arms)
+    return moments, volumes.sum()
+
+
+def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
+    """Linear map that makes a needle or a plate of a body about as thick as it is long.
+
+    Of a body A times as long as thick, the sums over tetrahedra lose some A^2 units of rounding,
+    as they cancel to that part of their terms. Taken of `image`, with `offsets = image @ matrix`,
+    they lose some A, for the rounding of the image, and hardly any where the body lies along the
+    axes of coordinates. Volume and centroid of the body are those of the image times the matrix's
+    determinant, and times the matrix.
+
+    offsets: (n, 3) points less a point near their mean; volume: of the body, to within rounding.
+    Returns (3, 3), triangular but for the order of its columns; None for a body that is not thin
+    (`THIN_VOLUME`), or thinner than its coordinates tell.
+    """
+    if abs(volume) >= THIN_VOLUME * float(np.abs(offsets).max()) ** 3:
+        return None
+    # Imported late: few bodies are thin, and SciPy takes longer to load than a query.
+    from scipy.linalg import qr
+
+    factor, order = qr(offsets, mode="r", pivoting=True)
+    factor = factor[:3]
+    if abs(factor[2, 2]) <= np.finfo(np.float64).eps * np.linalg.norm(factor[:, 2]):
+        return None
+    matrix: Floats = factor[:, np.argsort(order)] / np.sqrt(len(offsets))
+    return matrix
+
+
+def volume_and_centroid(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
+    """Volume and centroid (3,) of a solid, by tetrahedra from the origin; NaN for a volume of 0.
+
+    offsets: (n, 3) from the origin; triangles: (t, 3), see `solid_properties`.
+    """
+    a, b, c = xp.moveaxis(offsets[triangles], 1, 0)
+    volumes = xp.einsum("ij,ij->i", a, xp.linalg.cross(b, c)) / 6.0
+    volume = volumes.sum()
+    if volume == 0.0:
+        return volume, np.nan * offsets[0]
+    return volume, (volumes[:, None] * (a + b + c)).sum(0) / 4.0 / volume
+
+
+def is_closed(triangles: Integers) -> bool:
+    """True if the triangles form a closed, consistently oriented surface.
+
+    They do when every undirected edge is passed equally often in both directions. Several shells,
+    and edges where four or more triangles meet, are allowed.
+
+    triangles: (t, 3) vertex indices, nonnegative; vertices at one position must share one index.
+    Returns False also when there is no triangle.
+    """
+    if len(triangles) == 0:
+        return False
+    closed = kernels.is_closed(triangles)
+    if closed is not kernels.UNDECIDED:
+        return closed
+    _, edges = np.unique(edge_keys(triangles), return_inverse=True)
+    rising = triangles < np.roll(triangles, -1, axis=1)
+    return not np.bincount(edges, weights=np.where(rising, 1.0, -1.0).ravel()).any()
+
+
+def centroid_derivatives(points: Floats, triangles: Integers, center: Floats) -> Floats:
+    """(3, n, 3) derivative of each coordinate of the centroid by each coordinate of the points
+    (eq. 34).
+
+    points: (n, 3); triangles: (m, 3) of a closed surface; center: (3,) its centroid.
+    """
+    corners = points[triangles] - center
+    lifts = np.linalg.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)) / 6.0
+    volumes = (corners[:, 0] * lifts[:, 0]).sum(-1)
+    means = corners.sum(axis=1) / 4.0
+    by_corner = means[:, None, :, None] * lifts[:, :, None, :]
+    by_corner += (volumes / 4.0)[:, None, None, None] * np.eye(3)
+    sums = sums_by_index(triangles.ravel(), by_corner.reshape(-1, 3, 3), len(points))
+    return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A closed triangle surface, oriented outward, of one solid body.
+
+    Attributes
+    ----------
+    points: (n, 3) in any length unit, each used by a triangle.
+    triangles: (t, 3) counter-clockwise seen from outside.
+    """
+
+    points: Floats
+    triangles: Integers
+
+    @cached_property
+    def _properties(self) -> tuple[float, Floats]:
+        return solid_properties(self.points, self.triangles)
+
+    @property
+    def volume(self) -> float:
+        """Of the uniform solid, in cubed length units."""
+        return self._properties[0]
+
+    @property
+    def centroid(self) -> Floats:
+        """(3,) center of mass of the uniform solid."""
+        return self._properties[1]
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Length of the diagonal of the box along the axes that holds the surface."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    def centroid_derivatives(self) -> Floats:
+        """(3, n, 3) of each coordinate of the centroid by each coordinate of the points."""
+        return centroid_derivatives(self.points, self.triangles, self.centroid)
+
+    def moved(self, points: Floats) -> Surface:
+        """The same triangles between other points (n, 3)."""
+        return Surface(points, self.triangles)
+
+
+def surface_of(points: Floats, triangles: Integers) -> Surface:
+    """The surface of triangles (t, 3) alone: of the points (n, 3) those that they use."""
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return Surface(points[used], renumbered.reshape(-1, 3))
+
+
+def joined(first: Surface, second: Surface) -> Surface:
+    """Two surfaces as one, of which neither changes."""
+    return Surface(
+        np.concatenate([first.points, second.points]),
+        np.concatenate([first.triangles, second.triangles + len(first.points)]),
+    )

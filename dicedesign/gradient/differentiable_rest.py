@@ -1,20 +1,240 @@
-"""Rests of one hull, or of many at once, with their odds, as a differentiable function."""
+"""Rests of one hull, or of many at once, with their odds, as a differentiable function.
+
+Bodies about which rounding can change nothing are done by compiled kernels, all in one call and on
+as many threads as torch has. The others, those with other odds, and derivatives that the kernels do
+not know are done body by body (`RestEvaluation`).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from dicedesign.errors import InputError
-from dicedesign.gradient.body_function import double_tensor
-from dicedesign.gradient.odds_model import odds_model
-from dicedesign.gradient.rested_bodies import rested
+from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
+from dicedesign.gradient.body_function import BodyFunction, double_tensor, seen
+from dicedesign.gradient.odds_model import OddsModel, odds_model
+from dicedesign.gradient.rest_odds import RestEvaluation, hull_centroid
+from dicedesign.kernels import ops as kernels
+from dicedesign.rest.basins import Basins, find_basins
+from dicedesign.rest.equilibria import classify
+from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.rest.prior import Prior
+
+
+def rested(
+    points: Tensor,
+    centers: Tensor | None = None,
+    counts: Tensor | None = None,
+    *,
+    single_precision: bool = False,
+    model: OddsModel | None = None,
+) -> tuple[Tensor, Tensor]:
+    """Normals (*l, k, 3) and odds (*l, k) of the rests of bodies (*l), the most probable first.
+
+    A body with fewer rests than the one with most has 0 in the rows that are left.
+
+    Parameters
+    ----------
+    points: (*l, n, 3) float64.
+    centers: (*l, 3) centers of mass, or None for those of the uniform solids.
+    counts: (*l) how many of its points each body has, the others are left out of account; None for
+        all.
+    single_precision: see `convex_hull`.
+    model: of the odds, for bodies that are thrown or let go under a prior; None where they are let
+        go without momentum, with any side down alike.
+
+    Raises
+    ------
+    DegenerateBodyError, OutsideHullError: as `differentiable_rest`; where there are several bodies
+        their numbers come first.
+    """
+    bodies = _RestedBodies(centers is not None, counts is not None, single_precision, model)
+    inputs = (points,) if centers is None else (points, centers)
+    which = seen(bodies.find, *inputs, *(() if counts is None else (counts,)))
+    normals, odds = bodies.function(which, *inputs)
+    return normals, odds
+
+
+class _Record(NamedTuple):
+    """Rests of one body that autograd can differentiate.
+
+    Attributes
+    ----------
+    inputs: its points (n, 3), and its center (3,) of mass if that was given.
+    facets, normals, odds: (k,), (k, 3) and (k,) of the rests.
+    """
+
+    inputs: tuple[Tensor, ...]
+    facets: Integers
+    normals: Tensor
+    odds: Tensor
+
+
+class _RestedBodies:
+    """The bodies of one call: what is found from numbers, and the function of the rest."""
+
+    def __init__(
+        self,
+        has_centers: bool,
+        has_counts: bool,
+        single_precision: bool,
+        model: OddsModel | None,
+    ) -> None:
+        self._has_centers, self._has_counts = has_centers, has_counts
+        self._single_precision, self._model = single_precision, model
+        self._sides: dict[int, tuple[Basins, ...]] = {}
+        self._records: dict[int, _Record] = {}
+
+    @property
+    def function(self) -> BodyFunction:
+        """From points, and centers if they are given, to normals and odds."""
+        return BodyFunction(1 + self._has_centers, 2, self._formula, self._value, self._adjoint)
+
+    def find(self, points: Floats, *others: Floats) -> Integers:
+        """Find the rests of bodies (*l), and number them; others: centers and counts, see
+        `rested`."""
+        lead, (size, _) = points.shape[:-2], points.shape[-2:]
+        bodies = math.prod(lead)
+        self._points = np.ascontiguousarray(points).reshape(bodies, size, 3)
+        self._centers = None
+        if self._has_centers:
+            self._centers = np.ascontiguousarray(others[0]).reshape(bodies, 3)
+        self._counts = np.full(bodies, size)
+        if self._has_counts:
+            self._counts = np.ascontiguousarray(others[-1], np.int64).reshape(bodies)
+        self._handle = None
+        if self._model is None:
+            self._handle = kernels.bodies(
+                self._points.reshape(-1, 3),
+                size * np.arange(bodies),
+                self._counts,
+                self._centers,
+                *hull_precision(self._single_precision),
+                torch.get_num_threads(),
+            )
+        if self._handle is kernels.UNDECIDED:
+            found = np.zeros(bodies, dtype=np.int64)
+            self._facets = np.zeros((bodies, 0), dtype=np.int64)
+            self._normals, self._odds = np.zeros((bodies, 0, 3)), np.zeros((bodies, 0))
+        else:
+            found, self._facets, self._normals, self._odds = self._handle.rests()
+        for body in np.flatnonzero(found == 0).tolist():
+            try:
+                self._find_one(body)
+            except InputError as error:
+                if not lead:
+                    raise
+                raise type(error)(f"body {body}: {error}") from error
+        return np.arange(bodies).reshape(lead)
+
+    def _find_one(self, body: int) -> None:
+        """Find the rests of a body that kernels left open."""
+        _, facets, normals, odds = self._recorded(body)
+        room = len(odds) - self._odds.shape[1]
+        if room > 0:
+            self._facets = np.pad(self._facets, ((0, 0), (0, room)))
+            self._odds = np.pad(self._odds, ((0, 0), (0, room)))
+            self._normals = np.pad(self._normals, ((0, 0), (0, room), (0, 0)))
+        self._facets[body, : len(odds)] = facets
+        self._normals[body, : len(odds)] = normals.detach().numpy()
+        self._odds[body, : len(odds)] = odds.detach().numpy()
+
+    def _recorded(self, body: int) -> _Record:
+        """The rests of a body, as functions of inputs that autograd knows."""
+        if body not in self._records:
+            points, center = self._numbers(body)
+            with torch.enable_grad():
+                inputs = tuple(torch.tensor(part, requires_grad=True) for part in (points, *center))
+                self._records[body] = _Record(inputs, *self._rests(body, *inputs))
+        return self._records[body]
+
+    def _numbers(self, body: int) -> tuple[Floats, tuple[Floats, ...]]:
+        """Points (n, 3) of a body and its center (3,) of mass, if that was given."""
+        points = self._points[body, : self._counts[body]]
+        return points, () if self._centers is None else (self._centers[body],)
+
+    def _sides_of(self, body: int) -> tuple[Basins, ...]:
+        """Basins of a body, or of those beside it where it is tied."""
+        if body not in self._sides:
+            points, center = self._numbers(body)
+            hull = convex_hull(points, single_precision=self._single_precision)
+            middle = classify(hull, center[0] if center else hull.centroid).center_of_mass
+            self._sides[body] = find_basins(hull, middle)
+        return self._sides[body]
+
+    def _rests(
+        self, body: int, points: Tensor, given: Tensor | None = None
+    ) -> tuple[Integers, Tensor, Tensor]:
+        """Facets (k,), normals (k, 3) and odds (k,) of a body's rests by operations of torch."""
+        sides = self._sides_of(body)
+        hull = sides[0].equilibria.hull
+        corners = points[torch.from_numpy(hull.source)]
+        center = hull.centroid if self._centers is None else self._centers[body]
+        of_facet = torch.zeros(len(hull.normals), dtype=torch.float64)
+        for side in sides:
+            aside = side.equilibria.center_of_mass - center
+            at = given
+            if aside.any():
+                middle = hull_centroid(corners, hull) if given is None else given
+                at = middle + torch.from_numpy(aside)
+            beside = RestEvaluation(side.equilibria, corners, at, side)
+            odds = beside.probabilities if self._model is None else self._model.tensor(beside)
+            of_facet = of_facet.index_add(0, torch.from_numpy(side.paths.rests), odds)
+        facets = self._facets[body, : np.count_nonzero(self._normals[body].any(axis=1))]
+        if len(facets) == 0:
+            resting = np.unique(np.concatenate([side.paths.rests for side in sides]))
+            # Stable, so that equal rests keep the order of their facets.
+            order = np.argsort(-of_facet.detach().numpy()[resting], kind="stable")
+            facets = resting[order]
+        odds = of_facet[torch.from_numpy(facets)] / len(sides)
+        return facets, beside.facet_normals(facets), odds
+
+    def _formula(
+        self, body: int, points: Tensor, center: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        _, normals, odds = self._rests(body, points, center)
+        left = self._odds.shape[1] - len(odds)
+        return (
+            torch.nn.functional.pad(normals, (0, 0, 0, left)),
+            torch.nn.functional.pad(odds, (0, left)),
+        )
+
+    def _value(self, which: Integers, *inputs: Floats) -> tuple[Floats, Floats]:
+        return self._normals[which], self._odds[which]
+
+    def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...]:
+        *inputs, by_normals, by_odds = given
+        if self._handle is kernels.UNDECIDED:
+            found, known = (
+                [np.zeros_like(column) for column in inputs],
+                np.zeros(len(which), np.int64),
+            )
+        else:
+            size, threads = self._points.shape[1], torch.get_num_threads()
+            slopes = self._handle.pull_back(which, by_normals, by_odds, size, threads)
+            *found, known = slopes if self._has_centers else (slopes[0], slopes[2])
+        for row in np.flatnonzero(known == 0):
+            record = self._recorded(int(which[row]))
+            count = len(record.odds)
+            parts = torch.autograd.grad(
+                (record.normals, record.odds),
+                record.inputs,
+                [torch.from_numpy(column[row, :count]) for column in (by_normals, by_odds)],
+                retain_graph=True,
+                allow_unused=True,
+                materialize_grads=True,
+            )
+            for column, part in zip(found, parts, strict=True):
+                column[row, : len(part)] = part.numpy()
+        return tuple(found)
 
 
 def differentiable_rest(

@@ -17,7 +17,7 @@ from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_odds

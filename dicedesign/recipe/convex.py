@@ -117,7 +117,7 @@ def choose_symmetry(work: Work) -> None:
 def _leads_there(work: Work) -> bool:
     """Whether one of a few starts with the recipe's symmetry leads to the odds, with no other
     preference."""
-    from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
+    from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
 
     if not _start_has_it(work):
         return False

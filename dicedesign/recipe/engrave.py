@@ -20,13 +20,11 @@ from dicedesign.fabricate.die import Assessment, assess_file
 from dicedesign.fabricate.label_layout import Placement
 from dicedesign.fabricate.label_reading import MARKED, core_of, place_on_facets, require_rests
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
 from dicedesign.geometry.meshes.orientation import shells_of
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.surface import Surface, joined
-from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior
-from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.geometry.triangles import Surface, joined, solid_properties
+from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior, ThrownOdds
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped
 from dicedesign.optimize.solvers.stretching import stretched
 from dicedesign.recipe.pipeline import Work

@@ -36,9 +36,8 @@ from dicedesign.fabricate.print_tolerances import (
 from dicedesign.fabricate.printability import PrintedDie, printability
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.formats import parsed_stl, stl_bytes
-from dicedesign.geometry.solid import solid_properties
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
+from dicedesign.geometry.triangles import Surface, solid_properties
 from dicedesign.gradient.odds_model import odds_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text

@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
     from dicedesign.fabricate.label_reading import Reading
     from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.geometry.repair.repair import RepairedMesh
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
-    from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.geometry.triangles import Surface
     from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.optimize.starts.start import Start
     from dicedesign.runtime.arrays import Floats

@@ -15,7 +15,7 @@ from dicedesign.fabricate.die import assess_file, make_solid
 from dicedesign.fabricate.label_reading import core_of, place_on_facets
 from dicedesign.fabricate.numbering import numbered
 from dicedesign.geometry.hulls.polygons import facet_inradius
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.starts.start import Task, made_start
 from dicedesign.recipe.pipeline import Work
@@ -56,9 +56,8 @@ def make_start(work: Work) -> None:
 
 def _make_surface(work: Work, points: int | None) -> None:
     """The surface of a recipe, remeshed to have so many points unless that is None."""
-    from dicedesign.geometry.repair.repair import FINEST, MOST_POINTS
-    from dicedesign.geometry.surfaces.closed_surface import require_dents
-    from dicedesign.geometry.surfaces.remeshing import decimated, refined
+    from dicedesign.geometry.surfaces.closed_surface import decimated, refined, require_dents
+    from dicedesign.geometry.surfaces.repair import FINEST, MOST_POINTS
 
     start = work.recipe.start
     assert start.kind.surface is not None

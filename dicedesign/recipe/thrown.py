@@ -14,7 +14,7 @@ import numpy as np
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
+from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
 from dicedesign.optimize.preferences.preference import Preferences

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.balance.balanced import Balanced
-from dicedesign.geometry.manifold import solid
+from dicedesign.geometry.meshes.manifold import solid
 from dicedesign.report.bar_charts import Bars, outcome_chart
 from dicedesign.report.palette import ACCENT, FAINT, PALE, rgb
 from dicedesign.report.render.pictures import Picture, trim

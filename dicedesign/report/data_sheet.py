@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.patches import Rectangle
 
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.report.palette import ACCENT, DARK, FAINT, GRID
 from dicedesign.report.render.pictures import Picture
 from dicedesign.report.render.raster import Camera, framed

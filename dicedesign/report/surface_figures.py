@@ -22,7 +22,7 @@ from dicedesign.report.sheet import TITLE, Sheet, picture_grid, styled
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.geometry.repair.repair import RepairedMesh
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
 
 PIXELS: Final = 400
 

@@ -1,8 +1,20 @@
-"""Great arcs that borders of basins are made of."""
+"""Great arcs that borders of basins are made of, and adaptive quadrature of many integrals at once,
+along them and over spherical triangles.
+
+The rule is that of Kronrod with 15 points, and the error that of its 7 points by Gauss: where that
+is too large an interval is halved. A triangle is a square of a coordinate along the side opposite
+to its first corner and one toward that side, with the product of the rule, halved along whichever
+of the two is the worse.
+
+Source: Kronrod, "Nodes and weights of quadrature formulas", Consultants Bureau, 1965; Piessens et
+al., "QUADPACK", Springer, 1983.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -120,3 +132,156 @@ class Borders:
             moved[self.moving] = fluxes[:, column, None] * outward
             ends += moved
         return np.asarray(slopes / self.lengths[..., None])
+
+
+_POSITIVE: Final = np.array(
+    [
+        0.991455371120812639206854697526329,
+        0.949107912342758524526189684047851,
+        0.864864423359769072789712788640926,
+        0.741531185599394439863864773280788,
+        0.586087235467691130294144691693219,
+        0.405845151377397166906606412076961,
+        0.207784955007898467600689403773245,
+    ]
+)
+_KRONROD: Final = np.array(
+    [
+        0.022935322010529224963732008058970,
+        0.063092092629978553290700663189204,
+        0.104790010322250183839876322541518,
+        0.140653259715525918745189590510238,
+        0.169004726639267902826583426598550,
+        0.190350578064785409913256402421014,
+        0.204432940075298892414161999234649,
+        0.209482141084727828012999174891714,
+    ]
+)
+_GAUSS: Final = np.array(
+    [
+        0.129484966168869693270611432679082,
+        0.279705391489276667901467771423780,
+        0.381830050505118944950369775488975,
+        0.417959183673469387755102040816327,
+    ]
+)
+
+# On the interval from 0 to 1.
+NODES: Final = (np.concatenate([-_POSITIVE, [0.0], _POSITIVE[::-1]]) + 1.0) / 2.0
+WEIGHTS: Final = np.concatenate([_KRONROD, _KRONROD[-2::-1]]) / 2.0
+COARSE: Final = np.zeros(15)
+COARSE[1::2] = np.concatenate([_GAUSS, _GAUSS[-2::-1]]) / 2.0
+
+ROUNDED: Final = 16.0 * float(np.finfo(np.float64).eps)
+"""Error over the integral of the absolute value below which halving gains nothing."""
+
+MOST_HALVINGS: Final = 60
+
+MOST_VALUES: Final = 8_000_000
+"""Values of an integrand on triangles after which the error is left as it is."""
+
+CHUNK: Final = 2_000
+"""Triangles that are evaluated at once."""
+
+Integrand = Callable[[Integers, Floats], Floats]
+"""From numbers of integrals (r,) and places (r, 15) to values (r, 15, c)."""
+
+
+def integrals(integrand: Integrand, edges: Floats, tolerance: float) -> tuple[Floats, Floats]:
+    """Integrals of functions with c components, and estimates of the largest error of each.
+
+    integrand: smooth between the edges; edges: (n, m) ascending ends of the intervals to begin
+    with, of which some may be empty; tolerance: of each integral, above 0.
+    Returns (n, c) and (n,).
+    """
+    rows = np.repeat(np.arange(len(edges)), edges.shape[1] - 1)
+    low, high = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+    components = integrand(rows[:0], np.zeros((0, len(NODES)))).shape[-1]
+    values, errors = np.zeros((len(edges), components)), np.zeros(len(edges))
+    for halving in range(MOST_HALVINGS + 1):
+        real = high > low
+        rows, low, high = rows[real], low[real], high[real]
+        if len(rows) == 0:
+            break
+        width = (high - low)[:, None]
+        found = integrand(rows, low[:, None] + width * NODES)
+        fine = width * np.einsum("j,rjc->rc", WEIGHTS, found)
+        coarse = width * np.einsum("j,rjc->rc", COARSE, found)
+        size = width * np.einsum("j,rjc->rc", WEIGHTS, np.abs(found))
+        rounding = ROUNDED * size.max(axis=1)
+        error = np.abs(fine - coarse).max(axis=1)
+        done = (error <= np.maximum(tolerance, rounding)) | (halving == MOST_HALVINGS)
+        np.add.at(values, rows[done], fine[done])
+        np.add.at(errors, rows[done], np.maximum(error, rounding)[done])
+        rows, low, high = np.tile(rows[~done], 2), low[~done], high[~done]
+        middle = (low + high) / 2.0
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    return values, errors
+
+
+def triangle_integrals(
+    density: Callable[[Floats], Floats], corners: Floats, tolerance: float
+) -> tuple[Floats, Floats]:
+    """Integrals over spherical triangles, and estimates of their errors.
+
+    density: from unit directions (p, 3) to values (p,); corners: (n, 3, 3) directions, not all of
+    a triangle in one plane through the center, or it counts as empty; triangles that turn clockwise
+    seen from outside count as negative; tolerance: of all of them together, above 0.
+    Returns (n,) and (n,).
+    """
+    values, errors = np.zeros(len(corners)), np.zeros(len(corners))
+    rows = np.flatnonzero(np.linalg.det(corners) != 0.0)
+    low, width = np.zeros((len(rows), 2)), np.ones((len(rows), 2))
+    evaluated = 0
+    # Each its part of the tolerance, by its part of the square.
+    allowed = tolerance / max(len(rows), 1)
+    while len(rows):
+        fine, error, worse = _products(density, corners[rows], low, width)
+        evaluated += fine.size * len(NODES) ** 2
+        done = error[:, 0] <= np.maximum(allowed * width.prod(axis=1), error[:, 1])
+        done |= evaluated >= MOST_VALUES
+        np.add.at(values, rows[done], fine[done])
+        np.add.at(errors, rows[done], error[done].max(axis=1))
+        rows, low, width, worse = (part[~done] for part in (rows, low, width, worse))
+        half = width.copy()
+        half[np.arange(len(rows)), worse] /= 2.0
+        aside = np.where(np.arange(2) == worse[:, None], half, 0.0)
+        rows, width = np.tile(rows, 2), np.tile(half, (2, 1))
+        low = np.concatenate([low, low + aside])
+    return values, errors
+
+
+def _products(
+    density: Callable[[Floats], Floats], corners: Floats, low: Floats, width: Floats
+) -> tuple[Floats, Floats, Integers]:
+    """Integrals (r,) over parts of triangles, their errors (r, 2) by the rule and by rounding, and
+    the coordinate (r,) that has more of the error."""
+    fine, error = np.empty(len(corners)), np.empty((len(corners), 2))
+    worse = np.empty(len(corners), dtype=np.int64)
+    for first in range(0, len(corners), CHUNK):
+        part = slice(first, first + CHUNK)
+        found = _scaled_values(density, corners[part], low[part], width[part])
+        exact = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, found)
+        along = np.einsum("i,j,rij->r", COARSE, WEIGHTS, found)
+        toward = np.einsum("i,j,rij->r", WEIGHTS, COARSE, found)
+        size = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, np.abs(found))
+        misses = np.abs(np.stack([exact - along, exact - toward], axis=1))
+        fine[part], worse[part] = exact, misses.argmax(axis=1)
+        error[part, 0], error[part, 1] = misses.sum(axis=1), ROUNDED * size
+    return fine, error, worse
+
+
+def _scaled_values(
+    density: Callable[[Floats], Floats], corners: Floats, low: Floats, width: Floats
+) -> Floats:
+    """(r, 15, 15) integrand on the square: density times the area that a part of the square has on
+    the sphere, seen through the flat triangle."""
+    along = low[:, :1] + width[:, :1] * NODES
+    toward = low[:, 1:] + width[:, 1:] * NODES
+    tip, a, b = (corners[:, None, None, number] for number in range(3))
+    x, y = along[:, :, None, None], toward[:, None, :, None]
+    points = (1.0 - y) * tip + y * ((1.0 - x) * a + x * b)
+    length = norms(points)
+    values = density((points / length[..., None]).reshape(-1, 3)).reshape(length.shape)
+    scale = np.linalg.det(corners) * width.prod(axis=1)
+    return np.asarray(values * scale[:, None, None] * toward[:, None, :] / length**3)

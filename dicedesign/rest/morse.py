@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,3 +222,31 @@ def wraps(areas: Floats) -> Integers:
     added = np.zeros(len(areas), dtype=np.int64)
     added[np.argsort(areas, kind="stable")[: max(missing, 0)]] = 1
     return added
+
+
+SHORT_ARC: Final = 1e-24
+"""Squared sine of an arc below which its chord takes its place."""
+
+
+def basin_moments(paths: Separatrices, points: Any, xp: ModuleType) -> Any:
+    """(k, 3) integrals of the direction over each basin, which point to the basins' barycenters.
+
+    An arc of angle t in a plane with unit normal m, counter-clockwise about the basin, contributes
+    m t / 2, by Stokes' theorem; so no more than the border is needed.
+
+    paths: the separatrices; points: (2 s, depth + 2, 3) on them, from `separatrix_points`, NumPy or
+    torch as `xp` says.
+    """
+    unit = points / xp.sqrt((points * points).sum(-1))[..., None]
+    a, b = unit[:, :-1], unit[:, 1:]
+    cross = xp.linalg.cross(a, b)
+    squared = (cross * cross).sum(-1)
+    curved = squared > SHORT_ARC
+    sine = xp.sqrt(xp.where(curved, squared, 1.0))
+    ratio = xp.where(curved, xp.atan2(sine, (a * b).sum(-1)) / sine, 1.0)
+    halves = (ratio[..., None] * cross).sum(1).reshape(-1, 2, 3) / 2.0
+    # The branch into the head's cell runs along the left basin's border, the other against it.
+    left = halves[:, 0] - halves[:, 1]
+    borders = paths.basins[None] == np.arange(len(paths.rests))[:, None, None]
+    signs = borders[..., 0].astype(np.float64) - borders[..., 1]
+    return xp.asarray(signs) @ left

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.sphere import angle_between
+from dicedesign.geometry.sphere import angle_between, norms
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import EQUAL_ODDS, MATCHED_ODDS, SAME_REST_ANGLE
@@ -103,6 +103,48 @@ def outcome_margins(poses: RestPoses, outcomes: OutcomeOdds) -> Floats:
         # The last place gathers rests of no outcome.
         np.minimum.at(margins, side[leaves], angles[leaves])
     return margins[:-1]
+
+
+def asymmetry(poses: RestPoses) -> float:
+    """The asymmetry rho of a body, 0 to 1/2 times the number of pairs of neighbouring basins.
+
+    A pair counts once, at the lowest saddle of its border, over which a body rolls at the least
+    speed. With every saddle counted, a coin would have the more the more corners it is drawn with:
+    0.56 for 40 in place of 0.014.
+
+    Source: eq. 20, 21.
+    """
+    morse = poses.morse
+    pairs = np.sort(morse.saddle_basins, axis=1)
+    heights = (morse.equilibria.radii @ morse.saddles.T).max(axis=0)
+    lowest_first = np.argsort(heights, kind="stable")
+    # The first of each pair is kept.
+    _, first = np.unique(pairs[lowest_first], axis=0, return_index=True)
+    saddles = lowest_first[first]
+    basins = pairs[saddles]
+    angles = angle_between(poses.normals[basins], morse.saddles[saddles, None])
+    # phi - 1/2
+    unequal = angles.max(axis=1) / angles.sum(axis=1) - 0.5
+    return float((poses.probabilities[basins].min(axis=1) * unequal).sum())
+
+
+def border_margins(poses: RestPoses) -> Floats:
+    """(k,) least angle in radians from each rest's normal to the border of its basin, at saddles or
+    anywhere else; pi for a body with one rest."""
+    a, b = poses.morse.branches[:, :-1], poses.morse.branches[:, 1:]
+    plane = np.linalg.cross(a, b)
+    margins = np.full(len(poses.normals), np.pi)
+    for basins in poses.morse.saddle_basins.T:
+        basin = np.repeat(basins, 2)
+        normal = poses.normals[basin][:, None]
+        # The foot on the great circle counts if it lies on the arc.
+        above = (np.linalg.cross(plane, a) * normal).sum(-1) > 0.0
+        below = (np.linalg.cross(b, plane) * normal).sum(-1) > 0.0
+        height = np.arctan2(np.abs((plane * normal).sum(-1)), norms(np.linalg.cross(plane, normal)))
+        ends = np.minimum(angle_between(a, normal), angle_between(b, normal))
+        angles = np.where(above & below, height, ends)
+        np.minimum.at(margins, basin, angles.min(axis=1))
+    return margins
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
+from dicedesign.rest.basins import Basins
+from dicedesign.rest.border_arcs import Arcs
+from dicedesign.rest.tracing import destined_facets, slide
+from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
+from dicedesign.runtime.files import read_text
 from dicedesign.runtime.registry import Extension, Registry
-
-if TYPE_CHECKING:
-    from dicedesign.rest.basins import Basins
-    from dicedesign.rest.border_arcs import Arcs
-    from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import ROUNDING
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +82,10 @@ PRIORS: Final = Registry(
     "prior",
     PriorKind,
     (
-        "dicedesign.rest.axial_priors:VON_MISES_FISHER",
-        "dicedesign.rest.axial_priors:HALF",
-        "dicedesign.rest.axial_priors:CAP",
-        "dicedesign.rest.sampled_directions:SAMPLES",
+        "dicedesign.rest.density_priors:VON_MISES_FISHER",
+        "dicedesign.rest.density_priors:HALF",
+        "dicedesign.rest.density_priors:CAP",
+        "dicedesign.rest.prior:SAMPLES",
     ),
     "dicedesign.priors",
 )
@@ -137,3 +139,124 @@ def axis_of(given: ArrayLike) -> Floats:
     axis = axis / np.abs(axis).max()
     unit: Floats = axis / np.linalg.norm(axis)
     return unit
+
+
+CONFIDENCE: Final = 0.95
+"""Of the intervals of the odds behind the samples."""
+
+AT_ONCE: Final = 1 << 22
+"""Products of samples and corners that are held in memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledDirections(Prior):
+    """Directions, each of which the body is let go with once.
+
+    Its odds are the parts of them that end on each rest, and the errors reach to the farther end of
+    the exact interval, at `CONFIDENCE`, of the odds of whatever the directions are a sample of.
+    They jump as the body changes, so that no design goes by them; `VonMisesFisher.fitted` makes a
+    density of the directions.
+
+    Attributes
+    ----------
+    directions: (n, 3), down in the body's frame, of any length but zero; kept at length 1.
+
+    Raises InputError for no such array.
+    """
+
+    directions: ArrayLike
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "directions", unit_directions(self.directions))
+
+    @classmethod
+    def read(cls, path: Path) -> SampledDirections:
+        """Those of a CSV file of three numbers a line, perhaps after a line of names.
+
+        Raises InputError where there is no such file, or a line has anything else.
+        """
+        rows = []
+        for number, line in enumerate(read_text(path, "a CSV file of directions").splitlines()):
+            row = [_number(cell) for cell in line.split(",")]
+            if not line.strip() or (number == 0 and not any(x is not None for x in row)):
+                continue
+            if len(row) != 3 or None in row:
+                raise InputError(
+                    f"{path}: expected three numbers x,y,z in each line, got {line[:40]!r} in line "
+                    f"{number + 1}; correct it"
+                )
+            rows.append(row)
+        try:
+            return cls(np.array(rows).reshape(-1, 3))
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+    def odds(self, basins: Basins) -> PriorOdds:
+        """Parts of the directions that end on each rest, every one rolled there."""
+        directions = np.asarray(self.directions)
+        reached = _destinations(basins, directions)
+        places = np.searchsorted(basins.paths.rests, reached)
+        odds = np.bincount(places, minlength=len(basins.paths.rests)) / len(directions)
+        intervals = exact_intervals(odds * len(directions), len(directions), CONFIDENCE)
+        return PriorOdds(odds, np.abs(intervals - odds[:, None]).max(axis=1))
+
+
+def unit_directions(given: ArrayLike) -> Floats:
+    """Directions (n, 3), n >= 1, at length 1. Raises InputError for anything else."""
+    try:
+        directions = np.asarray(given, dtype=np.float64)
+    except (ValueError, TypeError):
+        directions = np.zeros(0)
+    if directions.ndim != 2 or directions.shape[1] != 3 or len(directions) == 0:
+        raise InputError(
+            f"prior: expected directions as an (n, 3) array of numbers, got shape "
+            f"{directions.shape}; give one row of three for each"
+        )
+    usable = np.isfinite(directions).all(axis=1) & directions.any(axis=1)
+    if not usable.all():
+        row = int(np.argmin(usable))
+        raise InputError(
+            f"prior: expected directions of finite numbers, not all zero, got "
+            f"{directions[row].tolist()} in row {row}; leave it out"
+        )
+    directions = directions / np.abs(directions).max(axis=1, keepdims=True)
+    unit: Floats = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return unit
+
+
+def _number(cell: str) -> float | None:
+    """What a cell says; None for no number."""
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _read(text: str) -> SampledDirections:
+    if not text:
+        raise ValueError
+    return SampledDirections.read(Path(text))
+
+
+def _destinations(basins: Basins, directions: Floats) -> Integers:
+    """(n,) the stable facet on which a body comes to rest that is let go with each direction
+    down."""
+    # A balance that no basin depends on is none to give up for.
+    equilibria = replace(basins.equilibria, tie_distance=0.0)
+    count = max(1, AT_ONCE // len(equilibria.radii))
+    lowest = [
+        (directions[first : first + count] @ equilibria.radii.T).argmax(axis=1)
+        for first in range(0, len(directions), count)
+    ]
+    errors = np.full(len(directions), ROUNDING)
+    facets, _ = slide(equilibria, np.concatenate(lowest), directions, errors)
+    touched, place = np.unique(facets, return_inverse=True)
+    return destined_facets(equilibria, touched)[place]
+
+
+SAMPLES = PriorKind(
+    name="samples",
+    line="the directions of a CSV file, three numbers a line, each as likely as any other",
+    form="samples:FILE.csv",
+    read=_read,
+)

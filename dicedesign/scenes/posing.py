@@ -16,8 +16,7 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.fabricate.file_formats import BODY_COLOR, FILE_FORMATS, Contents, Part, file_bytes
 from dicedesign.fabricate.mesh_writers import rows
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.formats import OWN_ENDINGS, without_solids
-from dicedesign.geometry.meshes.reading import quiet_trimesh, read_body
+from dicedesign.geometry.meshes.reading import OWN_ENDINGS, quiet_trimesh, read_body, without_solids
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write

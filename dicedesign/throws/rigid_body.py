@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.center_of_mass import solid_triangles
-from dicedesign.geometry.solid import solid_inertia, solid_properties
+from dicedesign.geometry.meshes.orientation import solid_triangles
+from dicedesign.geometry.triangles import solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.tables import Table, drawn

@@ -11,7 +11,7 @@ import numpy as np
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.report.palette import BASINS
 from dicedesign.runtime.arrays import Floats

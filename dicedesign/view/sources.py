@@ -13,9 +13,8 @@ from dicedesign.batch.folder import list_folder
 from dicedesign.errors import MeshFileError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.center_of_mass import resolve_center_of_mass
-from dicedesign.geometry.meshes.formats import without_solids
-from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.orientation import resolve_center_of_mass
+from dicedesign.geometry.meshes.reading import read_body, without_solids
 from dicedesign.rest.poses import analyse
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT

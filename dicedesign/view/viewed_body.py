@@ -11,8 +11,8 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.solid import solid_properties
 from dicedesign.geometry.sphere import angle_between
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior

@@ -15,9 +15,9 @@ from dicedesign.balance.cavity import (
 )
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.surfaces.distances import distances_from_surface
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.surfaces.surface import Surface, joined
+from dicedesign.geometry.triangles import Surface, joined
 from dicedesign.rest.poses import rest_poses
 
 

@@ -196,7 +196,7 @@ def test_a_mesh_with_holes_becomes_a_die(
 ) -> None:
     pytest.importorskip("igl", reason="repair needs the extra repair")
     # A coarse repair: the fine one is tested where it is.
-    monkeypatch.setattr("dicedesign.geometry.repair.repair.GRIDS", ((32, 0.0),))
+    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.GRIDS", ((32, 0.0),))
     whole, path = bent_capsule(), tmp_path / "capsule.obj"
     trimesh.Trimesh(whole.points, whole.triangles[9:], process=False).export(path)
     command = ["design", "--target", "1/2,1/2", "--mesh", str(path), "--no-figures", "--repair"]

@@ -16,7 +16,7 @@ from scipy import stats
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.rest.asymmetry import asymmetry
+from dicedesign.rest.outcomes import asymmetry
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import distances
 from dicedesign.throws.momentum_odds import thrown_odds

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 
 
 def surface_of(mesh: trimesh.Trimesh) -> Surface:

@@ -16,7 +16,7 @@ from dicedesign.concave.result import (
 )
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
 
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)

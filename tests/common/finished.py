@@ -9,7 +9,7 @@ import numpy as np
 
 from dicedesign.fabricate.die import FinishedDie, Solid, assess_file
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.targets import Target
 from dicedesign.results.parts import Concave, Displacement, HullOfSurface, SurfaceSize
 from dicedesign.results.result import Designed, Result, StageTime, Step

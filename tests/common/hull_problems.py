@@ -9,7 +9,7 @@ from dicedesign.concave.hull_design import HullDraft, design_hull
 from dicedesign.concave.hull_problem import HullProblem
 from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.concave.slopes import SlopeOptions
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 
 SLOPES = SlopeOptions(fall=3e-3, rise=4e-3, circle=float(np.radians(7.5)))

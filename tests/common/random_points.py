@@ -6,8 +6,8 @@ import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.distances import distances_from_surface
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats
 
 FLAT = 1e-4

@@ -30,11 +30,10 @@ from dicedesign.concave.search import checkpoint_bytes, make_concave_die
 from dicedesign.concave.space_elasticity import Elasticity
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 from dicedesign.runtime.arrays import Floats
 

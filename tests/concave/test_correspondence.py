@@ -13,8 +13,8 @@ from dicedesign.concave.correspondence import MOST_ROUNDS, Contacts, fill_by_cor
 from dicedesign.concave.result import FillResult, FillStatus
 from dicedesign.concave.space_elasticity import Elasticity, HeldCorners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.surfaces.remeshing import refined
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.closed_surface import refined
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
 

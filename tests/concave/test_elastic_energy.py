@@ -9,7 +9,7 @@ from common.bumpy import bent_capsule, bumpy_sphere
 from dicedesign.concave.elastic_energy import ElasticEnergy
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import rotation_between
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 
 

@@ -14,7 +14,7 @@ from dicedesign import rest_poses
 from dicedesign.concave.easing import settled_draft
 from dicedesign.concave.hull_design import HullDraft, design_hull, designed_hull, exact_draft
 from dicedesign.concave.hull_problem import HullProblem
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 

@@ -21,7 +21,7 @@ from dicedesign.concave.hull_problem import (
 from dicedesign.concave.space_elasticity import FREE
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 
 

@@ -23,7 +23,7 @@ from dicedesign.concave.paper_fill import (
 from dicedesign.concave.result import FillResult, FillStatus
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 
 needs_clarabel = pytest.mark.skipif(

@@ -16,7 +16,7 @@ from dicedesign.concave.distance_functions import (
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 
 
 @pytest.fixture(scope="module", params=sorted(SHAPES))

@@ -12,7 +12,7 @@ from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents,
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.fabricate.label_triangles import labels_below_hull
-from dicedesign.geometry.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
 
 
 @dataclass

@@ -15,11 +15,9 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import BAR_THICKNESS, reads_upside_down, text_contours
 from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.fabricate.label_triangles import labels_below_hull, labels_off_surface
-from dicedesign.geometry.manifold import mesh_of, solid
-from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.geometry.solid import solid_properties
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
+from dicedesign.geometry.meshes.reading import stl_bytes
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
 
 OPTIONS = EngravingOptions()
 

@@ -22,8 +22,7 @@ from dicedesign.fabricate.file_formats import (
     save_mesh,
 )
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.solid import solid_properties
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface, solid_properties
 
 THREE_MF = FILE_FORMATS["3mf"]
 

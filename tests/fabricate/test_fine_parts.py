@@ -14,7 +14,7 @@ from dicedesign.errors import InputError
 from dicedesign.fabricate.fine_parts import narrowest_gap, narrowest_stroke, thin_parts
 from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 
 

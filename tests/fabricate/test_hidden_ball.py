@@ -9,8 +9,8 @@ import trimesh
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.convex_object import WALL, hollowed
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.manifold import mesh_of, solid
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
+from dicedesign.geometry.triangles import Surface
 
 
 def cube(size: float) -> Surface:

@@ -12,7 +12,7 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.infill import Inside, infill_odds, inside_walls, pocket_walls, weighed
 from dicedesign.fabricate.label_layout import edge_margins, place_labels
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 
 PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.0, 70.0]])
 

@@ -9,9 +9,9 @@ import trimesh
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.marks import engrave_marks, relief
-from dicedesign.geometry.manifold import solid
-from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.meshes.manifold import solid
+from dicedesign.geometry.meshes.reading import stl_bytes
+from dicedesign.geometry.triangles import solid_properties
 
 OPTIONS = EngravingOptions()
 DOWNS = np.array([(0, 0, -1), (0, 0, 1), (1, 0, 0), (-0.3, -1, 0.2)], dtype=float)

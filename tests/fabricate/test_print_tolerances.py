@@ -19,8 +19,7 @@ from dicedesign.fabricate.print_tolerances import (
     OffPrints,
     print_tolerances,
 )
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.rest.outcomes import outcome_odds

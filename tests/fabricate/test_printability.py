@@ -17,7 +17,7 @@ from dicedesign.fabricate.printability import checked_file
 from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.formats import parsed_stl
+from dicedesign.geometry.meshes.reading import parsed_stl
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.results.parts import Printability

@@ -13,7 +13,7 @@ from dicedesign.fabricate.printable_solid import printable_solid
 from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.geometry.surfaces.quality import surface_quality
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 
 
 def test_slivers_are_collapsed_and_counted_and_nothing_else() -> None:

@@ -13,7 +13,7 @@ from dicedesign.errors import InputError
 from dicedesign.fabricate.finish_options import EdgeOptions, core_scale
 from dicedesign.fabricate.rounded_edges import rounded
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.poses import analyse
 
 CUBE = convex_hull(np.array(np.meshgrid([-5.0, 5.0], [-5.0, 5.0], [-5.0, 5.0])).reshape(3, -1).T)

@@ -16,7 +16,7 @@ from dicedesign.fabricate.print_orientation import PrintedSolid, placement_on_be
 from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.recipe.pipeline import run, run_stages
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.results.result import Result

@@ -17,7 +17,7 @@ from dicedesign.fabricate.file_formats import (
     save_mesh,
 )
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.poses import rest_poses
 
 STEP = FILE_FORMATS["step"]

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.fabricate.die import Assessment, assess_file
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.optimize.targets import Target, fair
 from dicedesign.results.parts import Status

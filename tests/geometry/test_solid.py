@@ -12,7 +12,7 @@ from common.paths import public_data
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.meshes.orientation import consistent_winding
-from dicedesign.geometry.solid import is_closed, solid_properties
+from dicedesign.geometry.triangles import is_closed, solid_properties
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 

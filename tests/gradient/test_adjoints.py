@@ -16,8 +16,12 @@ from common.corner_formula import corner_formula
 from common.kernels import compiled_only, without_kernels
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.solid_moments import centroid_gradient, hull_centroid
+from dicedesign.gradient.rest_odds import (
+    RestEvaluation,
+    centroid_gradient,
+    evaluate_rests,
+    hull_centroid,
+)
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.energy.clusters import ClusteredRests, Clusters, cluster
 from dicedesign.optimize.energy.energy import Energy, energy_terms

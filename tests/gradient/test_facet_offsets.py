@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.facet_offsets import offset_derivatives, offset_secants
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
+from dicedesign.gradient.facet_measures import offset_derivatives, offset_secants
+from dicedesign.gradient.odds_model import ThrownOdds
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.optimize.starts.half_space_odds import repulsion
 
 BOARD_GAME = ThrownOdds.on("board-game")

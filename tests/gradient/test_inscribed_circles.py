@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.hulls.polygons import inscribed_circle
 from dicedesign.geometry.sphere import rotation_between, unit_vectors
-from dicedesign.gradient.inscribed_circles import SOFTNESS, circle_radii, soft_circle_radii
+from dicedesign.gradient.facet_measures import SOFTNESS, circle_radii, soft_circle_radii
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.solvers.candidate import BARRIER_DEPTH, barrier_residuals

@@ -12,8 +12,8 @@ from common.made_up_die import SIDES, box, designed
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.manifold import solid
-from dicedesign.geometry.meshes.formats import parsed_stl
+from dicedesign.geometry.meshes.manifold import solid
+from dicedesign.geometry.meshes.reading import parsed_stl
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats

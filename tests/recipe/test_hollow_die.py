@@ -9,9 +9,8 @@ import pytest
 
 from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.solid import solid_properties
-from dicedesign.geometry.surfaces.distances import distances_from_surface
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
+from dicedesign.geometry.triangles import Surface, solid_properties
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.rest.outcomes import outcome_odds

@@ -15,7 +15,7 @@ from common.made_up_die import SIDES, box, checked
 
 from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import STAGES, Listeners, Stage, Work, run
 from dicedesign.recipe.reading import checked_recipe, read_recipe

@@ -10,8 +10,7 @@ import pytest
 from check_outputs import check
 from common.paths import ROOT
 
-from dicedesign.geometry.meshes.formats import stl_bytes
-from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run
 from dicedesign.recipe.reading import read_recipe

@@ -10,7 +10,7 @@ from common.bumpy import bumpy_sphere
 from PIL import Image
 
 from dicedesign.concave.shapes import shape
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe import pipeline
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import checked_recipe

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import torch
 
+from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.gradient.thrown_odds import TableSensitivity, ThrownOdds
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.refinement.rounds import Round

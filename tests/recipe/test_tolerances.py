@@ -12,7 +12,7 @@ from common.thrown import thrown
 
 from dicedesign.fabricate.infill import inside_walls, weighed
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses

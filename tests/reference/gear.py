@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import CrossSection, Manifold
 
-from dicedesign.geometry.manifold import mesh_of
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.meshes.manifold import mesh_of
+from dicedesign.geometry.triangles import Surface
 
 SPACING = 0.085
 """Longest edge."""

@@ -8,9 +8,8 @@ import numpy as np
 
 from dicedesign.errors import DiceError
 from dicedesign.fabricate.print_options import PrintErrors
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.solid import second_moments, solid_properties
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
+from dicedesign.geometry.triangles import second_moments, solid_properties
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats

@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.optimize.starts.built_in import prism
 from dicedesign.optimize.starts.half_space_odds import repulsion

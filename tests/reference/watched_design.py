@@ -12,7 +12,7 @@ import numpy as np
 
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.gradient.rest_odds import RestEvaluation
 from dicedesign.optimize.energy.clusters import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions

@@ -21,7 +21,7 @@ from dicedesign.report.gauss_map import (
 )
 from dicedesign.report.palette import BASINS, LOW_TO_HIGH
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.sampled_directions import SampledDirections
+from dicedesign.rest.prior import SampledDirections
 
 PATH = "#d6006e"
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.sphere import angle_between, unit_vectors
-from dicedesign.rest.asymmetry import asymmetry, basin_moments, border_margins
 from dicedesign.rest.equilibria import classify
-from dicedesign.rest.morse import separatrices, separatrix_points
+from dicedesign.rest.morse import basin_moments, separatrices, separatrix_points
+from dicedesign.rest.outcomes import asymmetry, border_margins
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import dicedesign as dd
 from dicedesign.geometry.sphere import signed_solid_angle
-from dicedesign.rest.quadrature import integrals, triangle_integrals
+from dicedesign.rest.border_arcs import integrals, triangle_integrals
 from dicedesign.runtime.arrays import Floats
 from tests.reference.extremes import (
     ANTIPODE_SEEDS,

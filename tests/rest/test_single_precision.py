@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign import read_body, rest_poses
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly

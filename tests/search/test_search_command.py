@@ -12,7 +12,7 @@ from common.kernels import usual_notes
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.runtime import workers
 from dicedesign.search.study import open_study

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.batch.rest_table import COLUMNS
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.formats import stl_bytes
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.runtime.arrays import Floats, Integers
 from tests.reference.oracle import hull_probabilities
 from tests.reference.random_hulls import random_hull

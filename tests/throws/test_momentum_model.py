@@ -19,7 +19,7 @@ from benchmarks.training.fitting import GENERAL, drawn_table, plain_model
 from benchmarks.training.random_dice import RandomDie, random_die
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.solid import solid_inertia
+from dicedesign.geometry.triangles import solid_inertia
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.distances import total_variation
 from dicedesign.throws.momentum_model import (

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.solid import solid_inertia
+from dicedesign.geometry.triangles import solid_inertia
+from dicedesign.gradient.odds_model import ThrownOdds
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.gradient.thrown_odds import ThrownOdds
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_odds import hull_odds, landing_odds, momentum_odds

@@ -1,29 +1,330 @@
-"""Read a triangle mesh, a polygon mesh or a point cloud from a file."""
+"""Read a triangle mesh, a polygon mesh or a point cloud from a file; write STL.
+
+STL, OBJ, OFF and XYZ are read here: positions and faces, nothing else. These readers take polygons
+of any size, relative OBJ indices, comments and any separator, and say on which line a file is
+wrong."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import logging
+import re
+import sys
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Final, cast
 
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
-from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
-from dicedesign.geometry.meshes.formats import (
-    EXPORT_AGAIN,
-    TEXT_READERS,
-    Geometry,
-    mesh_endings,
-    parsed_stl,
-)
+from dicedesign.geometry.meshes.body import Body, is_rounded, make_body, repeated_positions
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
+
+Geometry = tuple[Floats, Integers]
+
+Line = tuple[int, list[str]]
+
+EXPORT_AGAIN: Final = "export it again as STL, PLY or OBJ"
+"""The remedy for a file that is wrong as a whole."""
+
+QUOTED: Final = 40
+"""Characters of a wrong line that are quoted."""
+
+MOST_INDEX: Final = 2**31
+"""No mesh has so many vertices."""
+
+DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
+"""A number with a comma for its point."""
+
+
+def parsed_obj(data: bytes, path: Path) -> Geometry:
+    """Positions and fan-triangulated faces of a Wavefront OBJ file.
+
+    Texture and normal indices are skipped, so seams in them do not split vertices. Groups and
+    objects are joined. A fan has the signed volume and centroid of its polygon, convex or not.
+
+    Parameters
+    ----------
+    data: content of the file; path: what to call it in messages.
+
+    Returns
+    -------
+    (n, 3) points and (t, 3) zero-based triangles, t = 0 for a point cloud; not yet checked
+    against n.
+
+    Raises
+    ------
+    MeshFileError: a `v` or `f` line cannot be read.
+    """
+    points: list[float] = []
+    triangles: list[int] = []
+    for number, fields in _lines(data):
+        if fields[0] == "v":
+            points += _position(path, number, fields[1:4])
+        elif fields[0] == "f":
+            corners = [field.partition("/")[0] for field in fields[1:]]
+            indices = _integers(path, number, corners)
+            if 0 in indices:
+                raise bad_line(path, number, "vertex numbers other than 0", " ".join(fields))
+            polygon = [i - 1 if i > 0 else len(points) // 3 + i for i in indices]
+            triangles += _fan(path, number, fields, polygon)
+    return _arrays(points, triangles)
+
+
+def parsed_off(data: bytes, path: Path) -> Geometry:
+    """Positions and fan-triangulated faces of an ASCII OFF file, colored or not.
+
+    Parameters, results and errors are those of `parsed_obj`.
+    """
+    lines = list(_lines(data))
+    if not lines or lines[0][1][0].upper() not in {"OFF", "COFF", "NOFF", "CNOFF"}:
+        raise MeshFileError(
+            f"{path}: expected an ASCII OFF file, whose first line is OFF, got another first line; "
+            f"{EXPORT_AGAIN}"
+        )
+    number, header = lines[0]
+    if len(header) > 1:
+        lines[0] = (number, header[1:])
+    else:
+        del lines[0]
+    counts = _integers(path, lines[0][0], lines[0][1][:2]) if lines else []
+    if len(counts) != 2 or min(counts) < 0 or len(lines) - 1 < sum(counts):
+        raise MeshFileError(
+            f"{path}: expected the numbers of vertices and faces and then as many lines, got "
+            f"{counts} and {max(len(lines) - 1, 0)} lines; export the file again"
+        )
+    rows, faces = lines[1 : 1 + counts[0]], lines[1 + counts[0] : 1 + sum(counts)]
+    points: list[float] = []
+    for number, fields in rows:
+        points += _position(path, number, fields[:3])
+    triangles: list[int] = []
+    for number, fields in faces:
+        (size,) = _integers(path, number, fields[:1])
+        polygon = _integers(path, number, fields[1 : 1 + size])
+        if len(polygon) != size:
+            raise bad_line(path, number, f"{size} vertex numbers", " ".join(fields))
+        triangles += _fan(path, number, fields, polygon)
+    return _arrays(points, triangles)
+
+
+def parsed_xyz(data: bytes, path: Path) -> Geometry:
+    """Points of a text file, the first three numbers of every line; further columns are skipped.
+
+    Parameters, results and errors are those of `parsed_obj`, without triangles.
+    """
+    points: list[float] = []
+    for number, words in _lines(data):
+        if len(words) >= 3 and all(DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
+            raise bad_line(path, number, "decimal points", " ".join(words))
+        fields = " ".join(words).replace(",", " ").replace(";", " ").split()
+        points += _position(path, number, fields[:3])
+    return _arrays(points, [])
+
+
+TEXT_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
+    ".obj": parsed_obj,
+    ".off": parsed_off,
+    ".xyz": parsed_xyz,
+}
+"""The reader of each file ending, in lower case."""
+
+
+def _lines(data: bytes) -> Iterator[Line]:
+    """Number and fields of every line that holds any, comments and continuations resolved."""
+    text = data.decode("utf-8-sig", errors="replace")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    pending, start = "", 0
+    for number, line in enumerate(lines, start=1):
+        start = start or number
+        if "#" in line:
+            line = line.partition("#")[0]
+        line = pending + line.rstrip()
+        if line.endswith("\\"):
+            pending = line[:-1]
+            continue
+        if fields := line.split():
+            yield start, fields
+        pending, start = "", 0
+
+
+def _position(path: Path, number: int, fields: Sequence[str]) -> tuple[float, float, float]:
+    try:
+        x, y, z = fields
+        position = float(x), float(y), float(z)
+        # float() would take "1_0" as 10.
+        if "_" in x + y + z:
+            raise ValueError
+        return position
+    except ValueError as error:
+        raise bad_line(path, number, "three coordinates", " ".join(fields)) from error
+
+
+def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
+    try:
+        numbers = list(map(int, fields))
+        # int() would take "1_0" as 10, and numbers that no array holds.
+        if "_" in "".join(fields) or max(map(abs, numbers), default=0) > MOST_INDEX:
+            raise ValueError
+        return numbers
+    except ValueError as error:
+        raise bad_line(path, number, "whole numbers", " ".join(fields)) from error
+
+
+def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[int]:
+    """Corners of its triangles, one after the other."""
+    if len(polygon) == 3:
+        return polygon
+    if len(polygon) < 3:
+        raise bad_line(path, number, "a face of at least 3 vertices", " ".join(fields))
+    return [i for b, c in pairwise(polygon[1:]) for i in (polygon[0], b, c)]
+
+
+def _arrays(points: list[float], triangles: list[int]) -> Geometry:
+    return (
+        np.array(points, dtype=np.float64).reshape(-1, 3),
+        np.array(triangles, dtype=np.int64).reshape(-1, 3),
+    )
+
+
+def bad_line(path: Path, number: int, expected: str, line: str) -> MeshFileError:
+    """The error of a text file whose line of this number, counted from 1, does not hold what was
+    expected."""
+    return MeshFileError(
+        f"{path}: line {number}: expected {expected}, got {line.strip()[:QUOTED]!a}; correct the "
+        "line or export the file again"
+    )
+
+
+STL_HEADER: Final = 84
+"""Bytes before the first triangle: 80 of any text, then the number of triangles."""
+
+STL_TITLE: Final = b"dicedesign, binary STL, lengths in millimetres".ljust(STL_HEADER - 4)
+"""Text at the start of the files that this package writes."""
+
+STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
+"""A triangle of a binary file; its last two bytes are an extension that most programs skip."""
+
+
+def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
+    """Points and triangles of the content of an STL file, equal positions made one point again.
+
+    A file is binary when its size is that of the number of triangles it tells, whatever its header
+    says (many begin with "solid"). The solids of an ASCII file are joined. Normals and colors are
+    skipped.
+
+    path: what to call it in messages. Returns (n, 3) points and (t, 3) triangles.
+    Raises MeshFileError: the file is neither, or a `vertex` line of an ASCII file cannot be read.
+    """
+    count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], "little")
+    if len(data) == STL_HEADER + count * STL_TRIANGLE.itemsize:
+        records = np.frombuffer(data, dtype=STL_TRIANGLE, offset=STL_HEADER)
+        points = records["corners"].reshape(-1, 3).astype(np.float64)
+    elif data.lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid" and b"\0" not in data:
+        points = _ascii_corners(path, data.decode("utf-8", errors="replace"))
+    else:
+        raise MeshFileError(
+            f"{path}: expected a .stl file, text that begins with solid or binary of {STL_HEADER} "
+            f"+ {STL_TRIANGLE.itemsize} bytes per triangle, got {len(data)} bytes; {EXPORT_AGAIN}"
+        )
+    # The format has no shared corners, so joining them repairs nothing worth a note.
+    first, place = repeated_positions(points)
+    return points[first], place.reshape(-1, 3)
+
+
+def _ascii_corners(path: Path, text: str) -> Floats:
+    corners: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        keyword, *fields = line.split() or [""]
+        if keyword.lower() == "vertex":
+            try:
+                x, y, z = (float(field) for field in fields)
+            except ValueError as error:
+                raise bad_line(path, number, "three coordinates", line) from error
+            corners.append([x, y, z])
+        elif keyword.lower() == "facet" and len(corners) % 3 != 0:
+            raise bad_line(path, number, "three corners before the next facet", line)
+    if len(corners) % 3 != 0:
+        raise MeshFileError(
+            f"{path}: expected three corners in every facet, got a file that ends within one; "
+            f"{EXPORT_AGAIN}"
+        )
+    return np.array(corners, dtype=np.float64).reshape(-1, 3)
+
+
+def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
+    """A triangle mesh as binary STL.
+
+    STL holds float32. Triangles of which two corners round to the same float32 point are left out:
+    their two other edges then coincide, so a closed mesh stays closed.
+
+    Parameters
+    ----------
+    vertices: (n, 3) in mm.
+    triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
+
+    Returns
+    -------
+    bytes, the same for the same mesh. Normals of triangles that round to no area are zero.
+
+    Raises
+    ------
+    InputError: a coordinate is not finite in float32.
+    """
+    with np.errstate(over="ignore"):
+        points = np.asarray(vertices, dtype=np.float64).astype(np.float32)
+    if not np.isfinite(points).all():
+        bad = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise InputError(
+            f"STL: expected vertices that are finite in float32, got {points[bad].tolist()} in "
+            f"row {bad}; repair or scale the solid"
+        )
+    corners = points[np.asarray(triangles, dtype=np.int64)]
+    following = np.roll(corners, -1, axis=1)
+    corners = corners[(corners != following).any(axis=2).all(axis=1)]
+
+    a, b, c = corners.astype(np.float64).transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    records = np.zeros(len(corners), dtype=STL_TRIANGLE)
+    records["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    records["corners"] = corners
+    return STL_TITLE + np.array(len(records), dtype="<u4").tobytes() + records.tobytes()
+
+
+OWN_ENDINGS: Final = frozenset({".stl", *TEXT_READERS})
+"""Endings, in lower case, of files that are read without trimesh."""
+
+
+@cache
+def mesh_endings() -> frozenset[str]:
+    """Endings such as ".stl", in lower case, that `read_body` knows here. Imports trimesh."""
+    with without_solids():
+        from trimesh.exchange.load import mesh_formats
+
+        return frozenset(f".{name}" for name in mesh_formats()) | OWN_ENDINGS
+
+
+@contextmanager
+def without_solids() -> Iterator[None]:
+    """Keep manifold3d from being loaded: trimesh takes it along if it can, and a query needs it
+    for nothing."""
+    hidden = "manifold3d" not in sys.modules
+    if hidden:
+        sys.modules["manifold3d"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        # Another thread may have ended first.
+        if hidden and sys.modules.get("manifold3d", hidden) is None:
+            sys.modules.pop("manifold3d", None)
+
 
 OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
     **TEXT_READERS,

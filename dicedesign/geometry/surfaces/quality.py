@@ -13,8 +13,7 @@ from dicedesign.geometry.surfaces.self_intersections import (
     intersecting_triangles,
     intersection_groups,
 )
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_neighbors
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 

@@ -9,7 +9,8 @@
 namespace dicedesign {
 
 // The facet of each triangle, numbered from 0, and how many there are: all corners of a facet lie
-// within `tolerance` of the plane of its largest triangle. See dicedesign/geometry/hulls/qhull.py.
+// within `tolerance` of the plane of its largest triangle. See
+// dicedesign/geometry/hulls/numpy_hull.py.
 struct FacetLabels {
     std::vector<int> label;
     int facets;

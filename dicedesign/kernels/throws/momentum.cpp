@@ -10,7 +10,7 @@ namespace {
 
 // Tensor of inertia of the uniform solid over its mass, about its own center of mass.
 //
-// Source: second moments of a tetrahedron, as in dicedesign/geometry/solid.py.
+// Source: second moments of a tetrahedron, as in dicedesign/geometry/triangles.py.
 template <class Real>
 Symmetric<Real> inertia_of(const Hull& hull, const std::vector<Vector<Real>>& vertices) {
     // From near the middle, so that little cancels.

@@ -24,7 +24,7 @@ that of the caps that as many equal parts of a sphere are."""
 
 def circle_residuals(die: BearingFacets) -> Tensor:
     """Shares of the squared high-power mean of the inverse radii."""
-    from dicedesign.gradient.inscribed_circles import soft_circle_radii
+    from dicedesign.gradient.facet_measures import soft_circle_radii
 
     count = len(die.facets)
     inverse = USUAL_CIRCLE / (np.sqrt(count) * soft_circle_radii(die.rests, die.facets))
@@ -48,8 +48,7 @@ def margin_residuals(die: BearingFacets) -> Tensor:
     on the border, which eq. 14 takes for them, jumps where a maximum joins or leaves."""
     import torch
 
-    from dicedesign.rest.asymmetry import basin_moments
-    from dicedesign.rest.morse import separatrix_points
+    from dicedesign.rest.morse import basin_moments, separatrix_points
 
     rests = die.rests
     points = separatrix_points(rests.paths, rests.vertices, rests.center, torch)
@@ -201,8 +200,7 @@ def tolerance_residuals(die: BearingFacets) -> Tensor:
     standard deviation, the sum of squares is in proportion to the summed variance of the odds."""
     import torch
 
-    from dicedesign.gradient.facet_offsets import offset_secants
-    from dicedesign.gradient.inscribed_circles import soft_diameter
+    from dicedesign.gradient.facet_measures import offset_secants, soft_diameter
 
     diameter = soft_diameter(die.rests)
     secants = offset_secants(die.rests, die.model, OFF * diameter)

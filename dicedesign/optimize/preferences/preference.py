@@ -13,9 +13,8 @@ from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dicedesign.gradient.odds_model import OddsModel
+    from dicedesign.gradient.odds_model import OddsModel, TableSensitivity
     from dicedesign.gradient.rest_odds import RestEvaluation
-    from dicedesign.gradient.thrown_odds import TableSensitivity
     from dicedesign.runtime.arrays import Integers
 
 

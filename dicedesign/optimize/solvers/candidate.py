@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
-from dicedesign.gradient.inscribed_circles import SOFTNESS, FacetEdges
+from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.kernels.ops import Tie

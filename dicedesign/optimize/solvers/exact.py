@@ -13,9 +13,8 @@ from typing import Final
 
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.inscribed_circles import circle_radii
-from dicedesign.gradient.odds_model import OddsUnderPrior
-from dicedesign.gradient.thrown_odds import TableSensitivity
+from dicedesign.gradient.facet_measures import circle_radii
+from dicedesign.gradient.odds_model import OddsUnderPrior, TableSensitivity
 from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates, VertexCoordinates
 from dicedesign.optimize.coordinates.linked import PinnedCoordinates, SymmetricCoordinates
 from dicedesign.optimize.options import MOST_WORK, ExactOptions

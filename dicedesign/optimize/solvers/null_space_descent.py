@@ -17,8 +17,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.gradient.inscribed_circles import circle_radii
-from dicedesign.gradient.thrown_odds import TableSensitivity
+from dicedesign.gradient.facet_measures import circle_radii
+from dicedesign.gradient.odds_model import TableSensitivity
 from dicedesign.optimize.preferences.built_in import nearness_pull
 from dicedesign.optimize.preferences.preference import (
     BearingFacets,

@@ -16,7 +16,7 @@ import torch
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates

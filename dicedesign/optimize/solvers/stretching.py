@@ -14,7 +14,7 @@ import numpy as np
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.rest.prior import Prior

@@ -177,7 +177,7 @@ def _circus() -> Start:
 
 
 def _polyhedron(normals: Floats, offsets: Floats, directions: Floats) -> Start:
-    from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+    from dicedesign.geometry.hulls.hull import polyhedron_corners
 
     return normalised_start(polyhedron_corners(normals, offsets), directions)
 
@@ -286,7 +286,7 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
 def _exact_corners(hull: ConvexHull) -> Floats:
     """(n, 3) corners where the planes of a hull's facets meet. Rounded coordinates scatter about
     the plane of a merged facet; these lie on it, so that it stays one facet."""
-    from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
+    from dicedesign.geometry.hulls.hull import polyhedron_corners
 
     start = hull.facet_start[:-1]
     offsets = ((hull.vertices[hull.tail] - hull.centroid) * hull.normals[hull.facet]).sum(-1)
@@ -307,7 +307,7 @@ def _make_mesh(options: MeshOptions, task: Task) -> Start:
 
 def _mesh_surface(options: MeshOptions, points: int) -> StartSurface:
     from dicedesign.geometry.meshes.reading import read_body
-    from dicedesign.geometry.repair.repair import input_surface
+    from dicedesign.geometry.surfaces.repair import input_surface
 
     return StartSurface(
         *input_surface(read_body(Path(options.path)), points, repair=options.repair)

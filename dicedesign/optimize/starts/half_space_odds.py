@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.hulls.qhull import hull_triangles
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
+from dicedesign.geometry.hulls.numpy_hull import hull_triangles
 from dicedesign.geometry.sphere import norms
 from dicedesign.optimize.starts.start import Start, normalised_start
 from dicedesign.rest.basins import find_basins

@@ -17,8 +17,8 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
-    from dicedesign.geometry.repair.repair import RepairedMesh
-    from dicedesign.geometry.surfaces.surface import Surface
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.geometry.triangles import Surface
 
 
 FEWEST_SIDES: Final = 3

@@ -7,9 +7,8 @@ import pytest
 from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.halfspaces import deepest_point, polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.hulls.hull import convex_hull, deepest_point, polyhedron_corners
+from dicedesign.geometry.triangles import solid_properties
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.poses import rest_poses
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))

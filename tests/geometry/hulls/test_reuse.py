@@ -12,8 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls import hull as hulls
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, HullMemory, convex_hull, same_connectivity
+from dicedesign.geometry.hulls.hull import (
+    ConvexHull,
+    HullMemory,
+    convex_hull,
+    polyhedron_corners,
+    same_connectivity,
+)
 
 pytestmark = compiled_only
 

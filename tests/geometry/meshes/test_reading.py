@@ -16,9 +16,8 @@ import trimesh
 from common.paths import ROOT
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
-from dicedesign.geometry.meshes.formats import OWN_ENDINGS, stl_bytes
-from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.solid import is_closed, solid_properties
+from dicedesign.geometry.meshes.reading import OWN_ENDINGS, read_body, stl_bytes
+from dicedesign.geometry.triangles import is_closed, solid_properties
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
 CUBE_FACES = "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"

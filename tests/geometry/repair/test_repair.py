@@ -13,11 +13,11 @@ from scipy.ndimage import gaussian_filter, label
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.repair import repair
-from dicedesign.geometry.repair.grid_surface import surface_nets, without_double_cuts
-from dicedesign.geometry.repair.repair import RepairedMesh, input_surface, repaired
 from dicedesign.geometry.surfaces.closed_surface import make_surface
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.surfaces.grid_surface import surface_nets, without_double_cuts
+from dicedesign.geometry.surfaces.repair import RepairedMesh, input_surface, repaired
+from dicedesign.geometry.triangles import Surface
+from dicedesign.report.surface_figures import repair
 from dicedesign.runtime.arrays import Floats, Integers
 
 CELL = 0.02

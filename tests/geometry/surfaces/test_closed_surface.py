@@ -13,10 +13,14 @@ from scipy.spatial import cKDTree
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.surfaces.closed_surface import make_surface, require_dents
+from dicedesign.geometry.surfaces.closed_surface import (
+    decimated,
+    make_surface,
+    refined,
+    require_dents,
+)
 from dicedesign.geometry.surfaces.quality import surface_quality
-from dicedesign.geometry.surfaces.remeshing import decimated, refined
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 
 
 def sphere(radius: float = 1.0, x: float = 0.0) -> trimesh.Trimesh:

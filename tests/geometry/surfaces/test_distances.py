@@ -8,13 +8,12 @@ import trimesh
 from common.bumpy import bent_capsule, bumpy_sphere
 from common.dented_cube import dented_cube
 
-from dicedesign.geometry.surfaces.distances import (
+from dicedesign.geometry.surfaces.grid_surface import (
     closest_points,
     depth_grid,
     distances_from_surface,
 )
-from dicedesign.geometry.surfaces.surface import Surface
-from dicedesign.geometry.triangles import winding_number
+from dicedesign.geometry.triangles import Surface, winding_number
 from tests.reference.gear import gear
 
 

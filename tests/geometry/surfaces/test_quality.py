@@ -9,7 +9,7 @@ import pytest
 from common.bumpy import ball, pushed_through
 
 from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 
 
 def test_a_sphere_has_no_defect() -> None:

@@ -14,10 +14,9 @@ from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.coordinates.facets import FacetCoordinates, VertexCoordinates
 from dicedesign.optimize.coordinates.linked import (

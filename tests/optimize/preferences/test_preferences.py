@@ -9,12 +9,11 @@ import pytest
 import torch
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.gradient.inscribed_circles import SOFTNESS
+from dicedesign.gradient.facet_measures import SOFTNESS
+from dicedesign.gradient.odds_model import USUAL_SWING, TableSensitivity, ThrownOdds
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.gradient.thrown_odds import USUAL_SWING, TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.facets import FacetCoordinates
 from dicedesign.optimize.preferences.built_in import (
     CIRCLE_POWER,
@@ -32,8 +31,7 @@ from dicedesign.optimize.preferences.preference import (
 )
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.starts.half_space_odds import repulsion
-from dicedesign.rest.asymmetry import basin_moments
-from dicedesign.rest.morse import separatrix_points
+from dicedesign.rest.morse import basin_moments, separatrix_points
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_model import other_tables
 from dicedesign.throws.tables import table_named

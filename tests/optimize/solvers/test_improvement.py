@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.gradient.inscribed_circles import circle_radii
+from dicedesign.gradient.facet_measures import circle_radii
 from dicedesign.optimize.coordinates.facets import (
     Coordinates,
     FacetCoordinates,

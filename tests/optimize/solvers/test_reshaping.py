@@ -12,11 +12,10 @@ from dicedesign.errors import InputError
 from dicedesign.fabricate.convex_object import ConvexObject, measure_resting
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import Placement, place_labels
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.surfaces.surface import Surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.solvers.reshaping import reshaped
 from dicedesign.optimize.solvers.stretching import stretched
 from dicedesign.optimize.starts.half_space_odds import repulsion

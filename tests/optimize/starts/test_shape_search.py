@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.halfspaces import polyhedron_corners
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, start_with_odds
 from dicedesign.optimize.starts.needles import needle_near
