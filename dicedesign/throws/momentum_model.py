@@ -12,8 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
-from importlib import resources
-from itertools import combinations_with_replacement, compress
+from itertools import compress
 from types import ModuleType
 from typing import Any, Final
 
@@ -23,7 +22,7 @@ from dicedesign.errors import InputError, named
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines import GRAVITY
-from dicedesign.throws.tables import Table, least_of, mean_of, table_entries, table_named
+from dicedesign.throws.tables import Table, least_of, read_packaged, table_entries, table_named
 from dicedesign.throws.tables import scaled as spread_by
 from dicedesign.throws.transition_features import CARRY_FEATURES, SMOOTHING, TRANSITION_FEATURES
 from dicedesign.tolerances import ROUNDING
@@ -31,9 +30,7 @@ from dicedesign.tolerances import ROUNDING
 TABLE_NUMBERS: Final = ("restitution", "friction", "height", "speed", "spin")
 """Parameters of a table that throws depend on, besides the size."""
 
-PAIRS: Final = tuple(combinations_with_replacement(range(len(TABLE_NUMBERS)), 2))
-
-TABLE_TERMS: Final = 1 + len(TABLE_NUMBERS) + len(PAIRS)
+TABLE_TERMS: Final = 21
 """Terms of a quadratic polynomial in the table's numbers."""
 
 CENTERS: Final = np.array([0.4, -1.0, 1.6, 0.8, 0.9])
@@ -50,7 +47,7 @@ UNITS: Final = {"height": " m", "speed": " m/s", "spin": " rad/s"}
 def dimensionless(table: Table) -> Floats:
     """(5,) restitution, friction, height over size, speed over the root of gravity times size, spin
     times the root of size over gravity; of a range its mean."""
-    middles = [mean_of(getattr(table, name)) for name in TABLE_NUMBERS]
+    middles = [np.mean(getattr(table, name)) for name in TABLE_NUMBERS]
     return np.array(middles) / _units(table.size)
 
 
@@ -58,7 +55,8 @@ def table_terms(table: Table) -> Floats:
     """(`TABLE_TERMS`,) what a model's numbers are linear in: 1, the `scaled` numbers of a table and
     their products by twos. Its friction and height are above 0."""
     numbers = scaled(dimensionless(table))
-    return np.array([1.0, *numbers, *(numbers[i] * numbers[j] for i, j in PAIRS)])
+    first, second = np.triu_indices(len(numbers))
+    return np.concatenate([[1.0], numbers, numbers[first] * numbers[second]])
 
 
 def scaled(numbers: Floats) -> Floats:
@@ -111,13 +109,11 @@ def moved(table: Table, numbers: Floats) -> Table:
     """A table with those numbers that differ from its own; ranges stay as wide as they are
     compared with their mean."""
     values = dict(zip(TABLE_NUMBERS, (numbers * _units(table.size)).tolist(), strict=True))
-    differs = numbers != dimensionless(table)
     changed: dict[str, Any] = {}
-    for name in compress(TABLE_NUMBERS, differs):
+    for name in compress(TABLE_NUMBERS, numbers != dimensionless(table)):
         spread, value = getattr(table, name), values[name]
-        mean = mean_of(spread)
-        is_wide = isinstance(spread, tuple) and mean > 0.0
-        changed[name] = spread_by(spread, value / mean) if is_wide else value
+        is_wide = isinstance(spread, tuple)
+        changed[name] = spread_by(spread, value / float(np.mean(spread))) if is_wide else value
     if least_of(changed.get("height", table.height)) < table.size:
         # A die falls from no less than its size.
         changed["height"] = max(values["height"], table.size)
@@ -258,40 +254,27 @@ def general_model_of(plain: Any) -> GeneralModel:
             f"momentum: expected an object with the numbers of a model, got {plain!r:.40}; "
             "train one with `python -m benchmarks train` in a checkout"
         )
-    return GeneralModel(
-        _range(plain),
-        _array(plain, "numbers", (TABLE_TERMS, 3)),
-        _network(plain, "transitions", len(TRANSITION_FEATURES), TRANSITION_OUTPUTS),
-        _network(plain, "carries", len(CARRY_FEATURES), CARRY_OUTPUTS),
-    )
-
-
-def _range(plain: dict[str, Any]) -> TableRange:
     entries = _part(plain, "range", TABLE_NUMBERS)
-    limits = [_array(entries, f"range.{name}", (2,)) for name in TABLE_NUMBERS]
+    limits = np.array([_array(entries, f"range.{name}", (2,)) for name in TABLE_NUMBERS])
     for name, (least, most) in zip(TABLE_NUMBERS, limits, strict=True):
         if least > most:
             raise _wrong(f"range.{name}", "the lower limit first", f"{least:g}, {most:g}")
-    least, most = np.transpose(limits)
-    return TableRange(least, most)
+    return GeneralModel(
+        TableRange(*limits.T),
+        _array(plain, "numbers", (TABLE_TERMS, 3)),
+        _network(plain, "transitions", TRANSITION_FEATURES, TRANSITION_OUTPUTS),
+        _network(plain, "carries", CARRY_FEATURES, CARRY_OUTPUTS),
+    )
 
 
 def _network(plain: dict[str, Any], key: str, columns: int, outputs: int) -> Network:
-    entries = _part(plain, key, tuple(field.name for field in fields(Network)))
-    units = _array(entries, f"{key}.outward", None).shape[:1]
-    hidden = units[0] if units else 0
-    shapes: dict[str, tuple[int, ...]] = {
-        "mean": (columns,),
-        "deviation": (columns,),
-        "linear": (columns, outputs),
-        "bias": (TABLE_TERMS, outputs),
-        "inward": (columns, hidden),
-        "shift": (TABLE_TERMS, hidden),
-        "outward": (hidden, outputs),
-    }
-    return Network(
-        **{name: _array(entries, f"{key}.{name}", shape) for name, shape in shapes.items()}
-    )
+    names = tuple(field.name for field in fields(Network))
+    entries = _part(plain, key, names)
+    hidden = len(entries["outward"]) if isinstance(entries["outward"], list) else 0
+    shapes = [(columns,), (columns,), (columns, outputs), (TABLE_TERMS, outputs)]
+    shapes += [(columns, hidden), (TABLE_TERMS, hidden), (hidden, outputs)]
+    each = zip(names, shapes, strict=True)
+    return Network(*(_array(entries, f"{key}.{name}", shape) for name, shape in each))
 
 
 def _part(plain: dict[str, Any], key: str, names: tuple[str, ...]) -> dict[str, Any]:
@@ -303,8 +286,8 @@ def _part(plain: dict[str, Any], key: str, names: tuple[str, ...]) -> dict[str, 
     return part
 
 
-def _array(plain: dict[str, Any], path: str, shape: tuple[int, ...] | None) -> Floats:
-    """The numbers of an entry, named by its whole path, in any shape for None."""
+def _array(plain: dict[str, Any], path: str, shape: tuple[int, ...]) -> Floats:
+    """The numbers of an entry, named by its whole path."""
     name = path.rpartition(".")[-1]
     try:
         array = np.array(plain.get(name))
@@ -312,7 +295,7 @@ def _array(plain: dict[str, Any], path: str, shape: tuple[int, ...] | None) -> F
         raise _wrong(path, "rows of the same length", "others") from None
     if array.dtype.kind not in "iuf":
         raise _wrong(path, "numbers", f"{plain.get(name)!r:.60}")
-    if shape is not None and array.shape != shape:
+    if array.shape != shape:
         raise _wrong(path, f"numbers of shape {shape}", f"{array.shape}")
     least, most = RANGES.get(name, WEIGHTS)
     outside = array[~((least <= array) & (array <= most))]
@@ -381,22 +364,19 @@ class MomentumModel(kernels.Handled):
         )
         return cls(hot, cooling, carry_barrier, transitions, carries, general)
 
-    def on(self, table: Table) -> MomentumModel:
-        """The model of another table. Raises InputError: it is not in the model's range."""
-        return self.of(self.general, table)
-
     def near(self, table: Table) -> MomentumModel:
         """That of another table, or of the nearest one that the model knows."""
-        return self.on(self.general.range.nearest(table))
+        return self.of(self.general, self.general.range.nearest(table))
 
     def converted(self, convert: Callable[[Any], Any]) -> MomentumModel:
         """The same with other arrays."""
-        hot, cooling, carry = (convert(x) for x in (self.hot, self.cooling, self.carry_barrier))
+        numbers = self.hot, self.cooling, self.carry_barrier
+        hot, cooling, carry_barrier = map(convert, numbers)
         transitions, carries = (
-            Network(*(convert(array) for array in vars(network).values()))
+            Network(*map(convert, vars(network).values()))
             for network in (self.transitions, self.carries)
         )
-        return MomentumModel(hot, cooling, carry, transitions, carries, self.general)
+        return MomentumModel(hot, cooling, carry_barrier, transitions, carries, self.general)
 
     @cached_property
     def handle(self) -> Any:
@@ -434,5 +414,4 @@ def momentum_model(table: str) -> MomentumModel | None:
 @cache
 def general_model() -> GeneralModel:
     """The model of all tables that comes with the package."""
-    text = resources.files("dicedesign.throws").joinpath("named/momentum.json").read_text()
-    return general_model_of(json.loads(text))
+    return general_model_of(json.loads(read_packaged("momentum")))

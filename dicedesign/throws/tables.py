@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeGuard, cast
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
 
 from dicedesign.errors import InputError, named
 from dicedesign.runtime.files import read_text
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from dicedesign.runtime.arrays import Floats
 
 
@@ -25,17 +25,12 @@ all equally likely and independent of everything else."""
 
 def least_of(spread: Spread) -> float:
     """The least value of any throw."""
-    return spread[0] if isinstance(spread, tuple) else spread
+    return float(np.min(spread))
 
 
 def most_of(spread: Spread) -> float:
     """The largest value of any throw."""
-    return spread[1] if isinstance(spread, tuple) else spread
-
-
-def mean_of(spread: Spread) -> float:
-    """The mean of all throws."""
-    return (least_of(spread) + most_of(spread)) / 2.0
+    return float(np.max(spread))
 
 
 def scaled(spread: Spread, factor: float) -> Spread:
@@ -72,48 +67,29 @@ class Hand:
     source: str
 
 
+SPREADS: Final = ("height", "speed", "spin")
+"""Parameters that may differ from one throw to the next."""
+
+
+def read_packaged(name: str) -> str:
+    """The text of a file that comes with the package."""
+    return resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
 HANDS: Final = {
-    hand.name: hand
-    for hand in (
-        Hand(
-            name="cup",
-            line="shaken in a cup and tipped out low over the table",
-            height=(0.05, 0.12),
-            speed=(0.1, 0.6),
-            spin=(5.0, 30.0),
-            phrase="out of a cup",
-            source="chosen, not measured: it leaves the rim of a tipped cup at the speed of the "
-            "cup, and turns about as it would roll over the rim",
-        ),
-        Hand(
-            name="hand",
-            line="shaken in the hand and thrown along the table",
-            height=(0.1, 0.3),
-            speed=(0.4, 1.4),
-            spin=(15.0, 70.0),
-            phrase="by hand",
-            source="chosen, not measured: around the height, speed and spin that explain published "
-            "throws of printed dice, from half of them to about twice",
-        ),
-        Hand(
-            name="tower",
-            line="dropped through a dice tower, out of which it tumbles over a ramp",
-            height=(0.04, 0.08),
-            speed=(0.3, 0.8),
-            spin=(15.0, 60.0),
-            phrase="through a dice tower",
-            source="chosen, not measured: it comes off the last of the ledges, having kept a third "
-            "to two thirds of the speed of a fall of 8 cm, and spins about as it would roll so "
-            "fast",
-        ),
-    )
+    name: Hand(name, **{key: _frozen(value) for key, value in entries.items()})
+    for name, entries in json.loads(read_packaged("hands")).items()
 }
 """All hands, by name."""
 
 
-def hand_named(name: str) -> Hand:
+def hand_named(name: object) -> Hand:
     """Raises InputError where there is no such hand."""
-    if name not in HANDS:
+    if not isinstance(name, str) or name not in HANDS:
         raise InputError(f"hand: expected {', '.join(HANDS)}, got {name!r}; take one of them")
     return HANDS[name]
 
@@ -138,13 +114,10 @@ _LIMITS: Final = {
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
 
-SPREADS: Final = ("height", "speed", "spin")
-"""Parameters that may differ from one throw to the next."""
-
 _DRAWN: Final = ("restitution", "friction", *SPREADS)
 """Parameters in which tables of a posterior differ."""
 
-_BESIDE: Final = ("posterior", "momentum")
+_BESIDE: Final = {"posterior", "momentum"}
 """Entries of a file that are not of its table."""
 
 
@@ -199,31 +172,24 @@ class Table:
                 "or make it smaller"
             )
 
-    def _checked(self, name: str, value: object) -> Spread:
+    def _checked(self, name: str, value: Any) -> Spread:
         """A number, or a range as list or tuple, within its limits."""
         owner, (least, most, words) = f"table {self.name}", _LIMITS[name]
-        if name in SPREADS and not _is_number(value):
-            if (
-                not isinstance(value, list | tuple)
-                or len(value) != 2
-                or not all(map(_is_number, value))
-            ):
-                raise InputError(
-                    f"{owner}: expected a number or a range [least, most] as {name}, got "
-                    f"{value!r}; correct it"
-                )
-            low, high = (cast(float, self._checked(name, end)) for end in value)
-            if low >= high:
-                raise InputError(
-                    f"{owner}: expected a range of {name} from less to more, got [{low}, {high}]; "
-                    + ("turn it round" if low > high else "give the number alone")
-                )
-            return low, high
-        if not _is_number(value):
-            raise InputError(f"{owner}: expected a number as {name}, got {value!r}; correct it")
-        if not least <= value <= most:
-            raise InputError(f"{owner}: expected a {name} of {words}, got {value}; correct it")
-        return value
+        is_range = name in SPREADS and isinstance(value, list | tuple) and len(value) == 2
+        ends = value if is_range else [value]
+        if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in ends):
+            wanted = "a number" + " or a range [least, most]" * (name in SPREADS)
+            raise InputError(f"{owner}: expected {wanted} as {name}, got {value!r}; correct it")
+        for end in ends:
+            if not least <= end <= most:
+                raise InputError(f"{owner}: expected a {name} of {words}, got {end}; correct it")
+        if is_range and ends[0] >= ends[1]:
+            raise InputError(
+                f"{owner}: expected a range of {name} from less to more, got [{ends[0]}, "
+                f"{ends[1]}]; "
+                + ("turn it round" if ends[0] > ends[1] else "give the number alone")
+            )
+        return tuple(ends) if is_range else value
 
     def livelier(self, change: float) -> Table:
         """A table whose restitution is higher by this part, but not above `MOST_RESTITUTION`."""
@@ -232,6 +198,14 @@ class Table:
     def sized(self, size: float | None) -> Table:
         """The same for a die of a size in m; None leaves the table's own."""
         return self if size is None else replace(self, size=size)
+
+    def lifted(self, size: float | None) -> Table:
+        """The same for a die of a size in m, let go from no lower than it is large; None leaves the
+        table's own."""
+        height = self.height
+        if size is not None and most_of(height) > 0.0 and least_of(height) < size:
+            height = (size, most_of(height)) if most_of(height) > size else size
+        return replace(self, height=height).sized(size)
 
     def thrown_by(self, hand: str) -> Table:
         """The same table with dice thrown in another way, one of `HANDS`.
@@ -245,38 +219,27 @@ class Table:
                 f"table {self.name}: expected a table on which dice have momentum for the hand "
                 f"{hand}, got one with drag; leave the hand out, or take another table"
             )
-        return replace(
-            self,
-            name=f"{self.name}:{hand}",
-            height=way.height,
-            speed=way.speed,
-            spin=way.spin,
-            source=_with_way(self.source, way),
-        )
+        return replace(self, name=f"{self.name}:{hand}", **_throw_by(way, self.source))
 
     @property
     def hand(self) -> Hand | None:
         """The one of `HANDS` whose height, speed and spin it has, if any."""
-        own = (self.height, self.speed, self.spin)
-        return next(
-            (way for way in HANDS.values() if (way.height, way.speed, way.spin) == own), None
-        )
-
-    def lifted(self, size: float | None) -> Table:
-        """The same for a die of a size in m, let go from no lower than it is large; None leaves the
-        table's own."""
-        if size is None:
-            return self
-        if most_of(self.height) > 0.0 and least_of(self.height) < size:
-            ends = max(size, least_of(self.height)), max(size, most_of(self.height))
-            height = ends if ends[0] < ends[1] else ends[0]
-            return replace(self, height=height, size=size)
-        return replace(self, size=size)
+        own = _motion(self)
+        return next((way for way in HANDS.values() if _motion(way) == own), None)
 
     def as_dict(self) -> dict[str, Any]:
         """The table as plain data, ranges as lists."""
         plain = asdict(self)
         return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items()}
+
+
+def _motion(thrown: Hand | Table) -> dict[str, Spread]:
+    return {key: getattr(thrown, key) for key in SPREADS}
+
+
+def _throw_by(way: Hand, source: object) -> dict[str, Any]:
+    """Height, speed and spin of a hand, and the source of these beside that of a table."""
+    return {**_motion(way), "source": f"{source}; {way.phrase}, {way.source}"}
 
 
 def table_named(name: str) -> Table:
@@ -316,7 +279,7 @@ def posterior_tables(name: str) -> tuple[Table, ...]:
             "out of the file"
         )
     return tuple(
-        Table(**{**table.as_dict(), **row, "name": f"{table.name} {number} of {len(listed)}"})
+        replace(table, **row, name=f"{table.name} {number} of {len(listed)}")
         for number, row in enumerate(listed, start=1)
     )
 
@@ -327,7 +290,7 @@ def posterior_entries(tables: Sequence[Table]) -> list[dict[str, Any]]:
 
 
 def _table(entries: dict[str, Any]) -> Table:
-    return Table(**{key: value for key, value in entries.items() if key not in _BESIDE})
+    return Table(**{key: entries[key] for key in entries.keys() - _BESIDE})
 
 
 def with_hand(name: str, hand: str | None) -> str:
@@ -343,18 +306,17 @@ def table_entries(name: str) -> dict[str, Any]:
         return _entries_of_file(name)
     entries = _entries_of_file(place)
     with named(f"table {name}"):
-        thrown = _table(entries).thrown_by(hand).as_dict()
+        thrown = _table(entries).thrown_by(hand)
     if isinstance(entries.get("posterior"), list):
-        motion = {key: thrown[key] for key in SPREADS}
         entries["posterior"] = [
-            row | motion if isinstance(row, dict) else row for row in entries["posterior"]
+            row | _motion(thrown) if isinstance(row, dict) else row for row in entries["posterior"]
         ]
-    return {**entries, **thrown}
+    return {**entries, **thrown.as_dict()}
 
 
 def _entries_of_file(name: str) -> dict[str, Any]:
     if name in TABLE_NAMES:
-        text = resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
+        text = read_packaged(name)
     elif name.endswith(".json"):
         text = read_text(Path(name), "a JSON file of a table")
     else:
@@ -367,10 +329,12 @@ def _entries_of_file(name: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise InputError(f"table {name}: expected JSON, but {error}; correct it") from error
     if isinstance(entries, dict) and "hand" in entries and not set(entries) & set(SPREADS):
-        entries = _by_hand(name, entries)
+        with named(f"table {name}"):
+            way = hand_named(entries.pop("hand"))
+        entries |= _throw_by(way, entries.get("source", "given"))
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
-    if not isinstance(entries, dict) or not needed <= set(entries) <= known | set(_BESIDE):
+    if not isinstance(entries, dict) or not needed <= set(entries) <= known | _BESIDE:
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
             f"table {name}: expected an object with {', '.join(sorted(needed))} (or hand in place "
@@ -378,22 +342,3 @@ def _entries_of_file(name: str) -> dict[str, Any]:
             f"got {got}; correct it"
         )
     return entries
-
-
-def _by_hand(name: str, entries: dict[str, Any]) -> dict[str, Any]:
-    """Entries with height, speed and spin in place of "hand"."""
-    hand = entries.pop("hand")
-    with named(f"table {name}"):
-        if not isinstance(hand, str):
-            raise InputError(f"hand: expected {', '.join(HANDS)}, got {hand!r}; correct it")
-        way = hand_named(hand)
-    source = {"source": _with_way(entries.get("source", "given"), way)}
-    return entries | {key: getattr(way, key) for key in SPREADS} | source
-
-
-def _with_way(source: object, way: Hand) -> str:
-    return f"{source}; {way.phrase}, {way.source}"
-
-
-def _is_number(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -14,7 +14,6 @@ Formulas are written once, for NumPy and torch alike; `dicedesign.kernels.ops` h
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from types import ModuleType
 from typing import Any, Final
 
@@ -22,7 +21,7 @@ import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.rest.morse import Separatrices
-from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
+from dicedesign.runtime.arrays import Booleans, Integers, ragged_ranges
 
 
 @dataclass(frozen=True)
@@ -68,61 +67,11 @@ class Transitions:
         """Number of rests."""
         return len(self.corners)
 
-    @cached_property
-    def is_return(self) -> Floats:
-        """(t,) 1 for carries back to the rest that they came from."""
-        return (self.source[self.first] == self.target[self.second]).astype(np.float64)
 
-
-TRANSITION_FEATURES: Final = (
-    "barrier",
-    "barrier back",
-    "log barrier",
-    "log barrier back",
-    "saddle height",
-    "log narrowness",
-    "angle to saddle",
-    "angle from saddle",
-    "angle of rests",
-    "hinge inertia",
-    "rocking",
-    "landing",
-    "reach",
-    "reach after",
-    "trace of inertia",
-    "log odds",
-    "log odds after",
-    "area",
-    "area after",
-    "log polar area",
-    "log polar area after",
-    "inner radius",
-    "inner radius after",
-    "outer radius",
-    "outer radius after",
-    "rocking around",
-    "rocking around after",
-    "spinning inertia",
-    "spinning inertia after",
-)
+TRANSITION_FEATURES: Final = 29
 """Columns of `Features.transitions`."""
 
-CARRY_FEATURES: Final = (
-    "speed kept",
-    "energy kept",
-    "straightness",
-    "barrier",
-    "drop",
-    "energy lacking",
-    "return",
-    "softened energy lacking",
-    "landing",
-    "angle from saddle",
-    "hinge inertia",
-    "reach after",
-    "angle to next saddle",
-    "log narrowness of next saddle",
-)
+CARRY_FEATURES: Final = 14
 """Columns of `Features.carries`."""
 
 LOG_SOFTENING: Final = 0.003
@@ -152,9 +101,17 @@ class Features:
     ----------
     odds: (k,) of the rests without momentum.
     barriers: (m,) height of each transition's saddle over the rest that it leaves.
-    transitions: (m, 29) the columns of `TRANSITION_FEATURES`.
+    transitions: (m, 29) barrier and that of the way back; their logarithms; height of the saddle;
+        logarithm of its narrowness; angles to the saddle from the rest before and after, and
+        between these; inertia about the hinge; what rocking and landing keep of the speed, and how
+        far the corners are that hit; trace of the inertia. Then, before and after, logarithm of the
+        odds, area, logarithm of the polar dual's area, inner and outer radius of the facet, what
+        rocking around it keeps, and inertia about its normal.
     exits: (t,) height of the second saddle of each carry over the rest between.
-    carries: (t, 14) the columns of `CARRY_FEATURES`.
+    carries: (t, 14) speed and energy kept; straightness; second barrier; drop from the first
+        saddle; energy lacking; whether it is a return; softened energy lacking; of the first
+        transition what landing keeps, angle from the saddle, inertia about the hinge and reach
+        after it; of the second the angle to its saddle and that one's narrowness.
     """
 
     odds: Any
@@ -173,183 +130,138 @@ def body_features(
     inertia about it over the mass, in the squared unit; odds: (k,) of the rests without momentum.
     """
     arms = vertices - center
-    radius = xp.sqrt((arms * arms).sum(-1).max())
+    radius = xp.sqrt(_dot(arms, arms).max())
     arms, inertia = arms / radius, inertia / radius**2
-    rest = _Rests(transitions, arms, inertia, odds, xp)
+    corners, normals, heights, columns = _measure_rests(transitions, arms, inertia, odds, xp)
     i, j = transitions.source, transitions.target
     tail, head = arms[transitions.tail], arms[transitions.head]
     edge = _unit(head - tail, xp)
-    foot = tail - edge * _dot(edge, tail)
+    foot = _across(tail, edge)
     height = _norm(foot, xp)
     saddle = foot / height[:, None]
-    hinge = _dot(edge, edge @ inertia)[:, 0]
-    narrowness = xp.log(1.0 / _dot(foot - tail, edge) + 1.0 / _dot(head - foot, edge))[:, 0]
-    rocking, reach = _rocking(rest, i, edge, foot, saddle, hinge, xp)
-    landing, reach_after = _rocking(rest, j, edge, foot, saddle, hinge, xp)
-    up, down = height - rest.height[i], height - rest.height[j]
-    to_saddle, from_saddle = _angle(rest.normal[i], saddle, xp), _angle(rest.normal[j], saddle, xp)
-    both = [column[rests] for column in rest.columns for rests in (i, j)]
-    table = xp.stack(
-        [
-            up,
-            down,
-            xp.log(up + LOG_SOFTENING),
-            xp.log(down + LOG_SOFTENING),
-            height,
-            narrowness,
-            to_saddle,
-            from_saddle,
-            _angle(rest.normal[i], rest.normal[j], xp),
-            hinge,
-            rocking,
-            landing,
-            reach,
-            reach_after,
-            (0.0 * up + 1.0) * (inertia[0, 0] + inertia[1, 1] + inertia[2, 2]),
-            *both,
-        ],
-        -1,
-    )
+    hinge = _dot(edge, edge @ inertia)
+    narrowness = xp.log(1.0 / _dot(foot - tail, edge) + 1.0 / _dot(head - foot, edge))
+
+    def land(rests: Integers) -> tuple[Any, Any]:
+        """The part of its angular speed that a body keeps when it lands flat on a rest's facet,
+        having turned about a hinge, and hits with the corner farthest from that; and how far that
+        is."""
+        own, tangent = corners[rests], _unit(_across(saddle, normals[rests]), xp)
+        along = -_dot(own - foot[:, None], tangent[:, None])
+        farthest = xp.arange(len(rests)), along.argmax(-1)
+        far = _across(own[farthest], edge)
+        return (hinge + _dot(foot, far)) / (hinge + _dot(far, far)), along[farthest]
+
+    rocking, reach = land(i)
+    landing, reach_after = land(j)
+    up, down = height - heights[i], height - heights[j]
+    to_saddle, from_saddle = _angle(normals[i], saddle, xp), _angle(normals[j], saddle, xp)
+    of_transitions = [
+        up,
+        down,
+        xp.log(up + LOG_SOFTENING),
+        xp.log(down + LOG_SOFTENING),
+        height,
+        narrowness,
+        to_saddle,
+        from_saddle,
+        _angle(normals[i], normals[j], xp),
+        hinge,
+        rocking,
+        landing,
+        reach,
+        reach_after,
+        0.0 * up + inertia.trace(),
+        *(column[rests] for column in columns for rests in (i, j)),
+    ]
     a, b = transitions.first, transitions.second
     # The body turns about the hinge from i to j.
-    across = rest.normal[j] - saddle * _dot(rest.normal[j], saddle)
-    forward = (_dot(xp.linalg.cross(across, saddle), edge) > 0.0) * 2.0 - 1.0
-    axis = edge * forward
-    kept, energy, straight = _carried(
-        axis[a], axis[b], foot[a], foot[b], hinge[a], hinge[b], inertia, rest.normal[j[a]], xp
-    )
-    exits, drop = height[b] - rest.height[j[a]], height[a] - rest.height[j[a]]
+    forward = _dot(xp.linalg.cross(_across(normals[j], saddle), saddle), edge) > 0.0
+    axis = edge * (forward * 2.0 - 1.0)[:, None]
+    # It lands on the second hinge with no slip.
+    velocity = xp.linalg.cross(axis[a], -foot[a])
+    momentum = _dot(axis[b], axis[a] @ inertia)
+    momentum = momentum + _dot(axis[b], xp.linalg.cross(-foot[b], velocity))
+    swing = hinge + _dot(foot, foot)
+    kept = momentum / xp.sqrt(swing[a] * swing[b])
+    energy = ((kept + xp.sqrt(kept * kept + SPEED_SOFTENING)) / 2.0) ** 2
+    # The cosine of the angle by which its way across the facet between them bends.
+    coming, going = (_unit(_across(saddle[way], normals[j[a]]), xp) for way in (a, b))
+    exits, drop = height[b] - heights[j[a]], height[a] - heights[j[a]]
     lacking = exits / (energy + ENERGY_SOFTENING) - drop
     lacking = xp.where(lacking < MOST_LACKING, lacking, 0.0 * lacking + MOST_LACKING)
-    carries = xp.stack(
-        [
-            kept,
-            energy,
-            straight,
-            exits,
-            drop,
-            lacking,
-            xp.asarray(transitions.is_return),
-            xp.logaddexp(0.0 * lacking, SHARPNESS * lacking),
-            landing[a],
-            from_saddle[a],
-            hinge[a],
-            reach_after[a],
-            to_saddle[b],
-            narrowness[b],
-        ],
-        -1,
-    )
-    return Features(odds, up, table, exits, carries)
+    of_carries = [
+        kept,
+        energy,
+        -_dot(coming, going),
+        exits,
+        drop,
+        lacking,
+        xp.asarray((i[a] == j[b]) * 1.0),
+        xp.logaddexp(0.0 * lacking, SHARPNESS * lacking),
+        landing[a],
+        from_saddle[a],
+        hinge[a],
+        reach_after[a],
+        to_saddle[b],
+        narrowness[b],
+    ]
+    return Features(odds, up, xp.stack(of_transitions, -1), exits, xp.stack(of_carries, -1))
 
 
-class _Rests:
-    """Measures of each rest; see `TRANSITION_FEATURES`."""
-
-    def __init__(
-        self, transitions: Transitions, arms: Any, inertia: Any, odds: Any, xp: ModuleType
-    ) -> None:
-        real = xp.asarray(transitions.real)
-        a = arms[transitions.corners]
-        b = xp.roll(a, -1, 1)
-        vectors = 0.5 * xp.linalg.cross(a - a[:, :1], b - a[:, :1]).sum(1)
-        area = _norm(vectors, xp)
-        self.corners = a
-        self.normal = vectors / area[:, None]
-        normal = self.normal[:, None]
-        self.height = (self.normal * a[:, 0]).sum(-1)
-        edge = xp.where(real[..., None], b - a, a[:, :1] - b[:, :1])
-        length = _norm(edge, xp)
-        edge = edge / length[..., None]
-        outward = xp.linalg.cross(edge, normal + 0.0 * edge)
-        distance = (outward * a).sum(-1)
-        inner = xp.where(real, distance, distance[:, :1]).min(-1)
-        inner = inner if xp is np else inner.values
-        flat = a - normal * self.height[:, None, None]
-        outer = _norm(flat, xp).max(-1)
-        outer = outer if xp is np else outer.values
-        # Corners of the polar dual of the facet about the foot of the center of mass.
-        dual = xp.where(
-            real[..., None], outward / distance[..., None], _first_dual(outward, distance)
-        )
-        turned = xp.linalg.cross(dual, xp.roll(dual, -1, 1))
-        polar = 0.5 * (turned * normal).sum((-1, -2))
-        feet = a - edge * _dot(edge, a)
-        back = -((a[:, None] - a[:, :, None]) * outward[:, :, None]).sum(-1)
-        depth = back.max(-1)
-        depth = depth if xp is np else depth.values
-        far = feet - outward * depth[..., None]
-        about = _dot(edge, edge @ inertia)[..., 0]
-        kept = (about + (feet * far).sum(-1)) / (about + (far * far).sum(-1))
-        weight = xp.where(real, length, 0.0 * length)
-        rocking = (kept * weight).sum(-1) / weight.sum(-1)
-        spinning = _dot(self.normal, self.normal @ inertia)[:, 0]
-        self.columns = (
-            xp.log(odds),
-            area,
-            xp.log(polar),
-            inner,
-            outer,
-            rocking,
-            spinning,
-        )
+def _measure_rests(
+    transitions: Transitions, arms: Any, inertia: Any, odds: Any, xp: ModuleType
+) -> tuple[Any, Any, Any, tuple[Any, ...]]:
+    """Corners (k, c, 3), normals (k, 3) and heights (k,) of the rests' facets, and columns (k,) of
+    `Features.transitions` that are of a rest alone."""
+    real = xp.asarray(transitions.real)
+    a = arms[transitions.corners]
+    b = xp.roll(a, -1, 1)
+    vectors = 0.5 * xp.linalg.cross(a - a[:, :1], b - a[:, :1]).sum(1)
+    area = _norm(vectors, xp)
+    normals = vectors / area[:, None]
+    normal = normals[:, None]
+    heights = _dot(normals, a[:, 0])
+    edge = xp.where(real[..., None], b - a, a[:, :1] - b[:, :1])
+    length = _norm(edge, xp)
+    edge = edge / length[..., None]
+    outward = xp.linalg.cross(edge, normal + 0.0 * edge)
+    distance = _dot(outward, a)
+    inner = _values(xp.where(real, distance, distance[:, :1]).min(-1))
+    outer = _values(_norm(a - normal * heights[:, None, None], xp).max(-1))
+    # Corners of the polar dual of the facet about the foot of the center of mass.
+    dual = outward / distance[..., None]
+    dual = xp.where(real[..., None], dual, dual[:, :1])
+    polar = 0.5 * _dot(xp.linalg.cross(dual, xp.roll(dual, -1, 1)), normal).sum(-1)
+    depth = _values((-_dot(a[:, None] - a[:, :, None], outward[:, :, None])).max(-1))
+    feet = _across(a, edge)
+    far = feet - outward * depth[..., None]
+    about = _dot(edge, edge @ inertia)
+    kept = (about + _dot(feet, far)) / (about + _dot(far, far))
+    weight = xp.where(real, length, 0.0 * length)
+    rocking = (kept * weight).sum(-1) / weight.sum(-1)
+    spinning = _dot(normals, normals @ inertia)
+    columns = (xp.log(odds), area, xp.log(polar), inner, outer, rocking, spinning)
+    return a, normals, heights, columns
 
 
-def _first_dual(outward: Any, distance: Any) -> Any:
-    return outward[:, :1] / distance[:, :1, None]
-
-
-def _rocking(
-    rest: _Rests, of: Integers, edge: Any, foot: Any, saddle: Any, hinge: Any, xp: ModuleType
-) -> tuple[Any, Any]:
-    """The part of its angular speed that a body keeps when it lands flat on a rest's facet, having
-    turned about a hinge, and hits with the corner farthest from that; and how far that is."""
-    normal = rest.normal[of]
-    tangent = _unit(saddle - normal * _dot(normal, saddle), xp)
-    corners = rest.corners[of]
-    along = -((corners - foot[:, None]) * tangent[:, None]).sum(-1)
-    farthest = along.argmax(-1)
-    which = xp.arange(len(of))
-    far = corners[which, farthest]
-    far = far - edge * _dot(far, edge)
-    kept = (hinge + (foot * far).sum(-1)) / (hinge + (far * far).sum(-1))
-    return kept, along[which, farthest]
-
-
-def _carried(
-    axis: Any,
-    axis_after: Any,
-    foot: Any,
-    foot_after: Any,
-    hinge: Any,
-    hinge_after: Any,
-    inertia: Any,
-    normal: Any,
-    xp: ModuleType,
-) -> tuple[Any, Any, Any]:
-    """Speed and energy about a second hinge that are left of those about a first when the body
-    lands on the second with no slip, and the cosine of the angle by which its way across the facet
-    between them, of normal `normal`, bends."""
-    first, second = hinge + (foot * foot).sum(-1), hinge_after + (foot_after * foot_after).sum(-1)
-    velocity = xp.linalg.cross(axis, -foot)
-    momentum = _dot(axis_after, axis @ inertia)[:, 0]
-    momentum = momentum + (axis_after * xp.linalg.cross(-foot_after, velocity)).sum(-1)
-    kept = momentum / xp.sqrt(first * second)
-    energy = ((kept + xp.sqrt(kept * kept + SPEED_SOFTENING)) / 2.0) ** 2
-    coming = foot / _norm(foot, xp)[:, None]
-    going = foot_after / _norm(foot_after, xp)[:, None]
-    coming = _unit(coming - normal * _dot(normal, coming), xp)
-    going = _unit(going - normal * _dot(normal, going), xp)
-    return kept, energy, -(coming * going).sum(-1)
+def _values(found: Any) -> Any:
+    """The least or largest values, as torch gives their places with them."""
+    return getattr(found, "values", found)
 
 
 def _dot(a: Any, b: Any) -> Any:
-    """(..., 1) products of vectors (..., 3)."""
-    return (a * b).sum(-1)[..., None]
+    """(...) products of vectors (..., 3)."""
+    return (a * b).sum(-1)
+
+
+def _across(vector: Any, axis: Any) -> Any:
+    """Parts of vectors (..., 3) that are normal to unit vectors (..., 3)."""
+    return vector - axis * _dot(axis, vector)[..., None]
 
 
 def _norm(a: Any, xp: ModuleType) -> Any:
-    return xp.sqrt((a * a).sum(-1))
+    return xp.sqrt(_dot(a, a))
 
 
 def _unit(a: Any, xp: ModuleType) -> Any:
@@ -359,7 +271,7 @@ def _unit(a: Any, xp: ModuleType) -> Any:
 def _angle(a: Any, b: Any, xp: ModuleType) -> Any:
     """Angles (...) between unit vectors (..., 3); the derivative is 0 where they are parallel."""
     turned = xp.linalg.cross(a, b)
-    squared = (turned * turned).sum(-1)
+    squared = _dot(turned, turned)
     aslant = squared > 0.0
     sine = xp.where(aslant, xp.sqrt(xp.where(aslant, squared, 1.0)), 0.0)
-    return xp.arctan2(sine, (a * b).sum(-1))
+    return xp.arctan2(sine, _dot(a, b))

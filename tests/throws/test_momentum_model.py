@@ -123,7 +123,7 @@ def test_a_model_of_the_table_s_own_goes_before_that_of_all(tmp_path: Path) -> N
     assert model is not None
     assert model.hot == pytest.approx(MomentumModel.of(general_model(), table).hot + 0.5)
     with pytest.raises(InputError, match=r"spin of 0 to 29\.7 rad/s"):
-        model.on(replace(table, spin=30.0))
+        MomentumModel.of(model.general, replace(table, spin=30.0))
 
 
 def _hull_and_rests(seed: int, count: int, flatness: float) -> tuple[Any, ...]:
@@ -211,6 +211,6 @@ def test_the_model_knows_what_a_livelier_table_does(dice: list[RandomDie]) -> No
         throws = [simulate(die.body, one, 1000, 5) for one in livelier]
         up, down = (one.counts / one.counts.sum() for one in throws)
         seen.append(up - down)
-        up, down = (momentum_odds(die.poses, die.body, model.on(one)) for one in livelier)
+        up, down = (momentum_odds(die.poses, die.body, model.near(one)) for one in livelier)
         expected.append(up - down)
     assert np.corrcoef(np.concatenate(seen), np.concatenate(expected))[0, 1] > 0.5

@@ -27,7 +27,7 @@ from dicedesign.throws.sessions import (
 )
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import TableFit, fit_table
-from dicedesign.throws.tables import Table, least_of, mean_of
+from dicedesign.throws.tables import Table, least_of
 from dicedesign.throws.throw_counts import CountedDie
 
 CENTERS = np.array([[0.3, 0.6], [0.4, 0.5]])
@@ -202,7 +202,7 @@ def supposed(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> 
     """Counts from known odds in place of simulated ones."""
     restitution = np.array(table.restitution)
     if die.name == "hand":
-        p = by_height(np.array(mean_of(table.height)), restitution)
+        p = by_height(np.mean(table.height), restitution)
     elif die.name == "second":
         p = by_friction(np.array(table.friction), restitution)
     else:
@@ -288,7 +288,7 @@ def test_a_posterior_table_is_a_draw_of_the_posterior_and_of_a_session(fit: Tabl
         assert values.std() == pytest.approx(parameter.standard_deviation, rel=0.35)
     assert all(least_of(table.height) >= 0.04 for table in fit.posterior)
     # Wider than the prior of the center by the sessions.
-    speeds = np.log([mean_of(table.speed) for table in fit.posterior])
+    speeds = np.log([np.mean(table.speed) for table in fit.posterior])
     least, most = PARAMETERS["speed"]
     wide = np.sqrt(np.log(most / least) ** 2 / 12.0 + BETWEEN**2)
     assert speeds.std() == pytest.approx(wide, rel=0.3)
