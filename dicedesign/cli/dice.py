@@ -22,8 +22,8 @@ from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.print_options import PrintOptions
-    from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.recipe.recipe import Recipe
+    from dicedesign.results.parts import RoundOfThrows
     from dicedesign.results.result import Result, Step
     from dicedesign.search.study import SearchStudy
 
@@ -117,7 +117,7 @@ def run_and_print(
                 error = f"{place}, {error}" if error else place
             bar.set_postfix_str(error)
 
-        def on_round(thrown: Round) -> None:
+        def on_round(thrown: RoundOfThrows) -> None:
             told = f"{thrown.drops} throws, total variation {thrown.deviation:.3f}"
             bar.set_description_str(f"{told} (perfect {thrown.noise_floor:.3f})")
 

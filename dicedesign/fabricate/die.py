@@ -26,7 +26,7 @@ from dicedesign.rest.outcomes import (
 )
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior
-from dicedesign.results.parts import Status
+from dicedesign.results.parts import Numbers, RoundOfThrows, Status
 from dicedesign.results.result import FacetOfDie, HullsMade, Result, Step
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import FILE_ODDS, LEAST_MARGIN, SAME_REST_ANGLE
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.label_reading import Reading
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
-    from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.throws.simulation import ThrownDie
 
 
@@ -70,14 +69,18 @@ class Design:
     starts: int | None = None
     evaluations: int | None = None
     hulls: HullsMade | None = None
-    rounds: tuple[Round, ...] = ()
+    rounds: tuple[RoundOfThrows, ...] = ()
     reshaped: ConcaveDie | None = None
     prior: Prior | None = None
 
     def reordered(self, order: Integers) -> Design:
         """The same die whose outcomes, `order` (k,) of this one's, have changed places."""
+
+        def place(values: Numbers) -> Numbers:
+            return tuple(np.array(values)[order].tolist())
+
         rounds = tuple(
-            replace(done, asked=done.asked[order], frequencies=done.frequencies[order])
+            replace(done, asked=place(done.asked), frequencies=place(done.frequencies))
             for done in self.rounds
         )
         return replace(self, directions=self.directions[order], rounds=rounds)

@@ -34,7 +34,7 @@ from dicedesign.runtime.workers import one_tensor_thread
 
 if TYPE_CHECKING:
     from dicedesign.gradient.rest_odds import RestEvaluation
-    from dicedesign.optimize.refinement.rounds import Round
+    from dicedesign.results.parts import RoundOfThrows
 
 TURNS: Final = 40
 """Starting shapes of a group, or turns of a search for them, that are looked at."""
@@ -212,7 +212,9 @@ def normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
     return start.normalised(np.array(recipe.center_of_mass))
 
 
-def designed_die(work: Work, result: DesignResult, rounds: tuple[Round, ...] = ()) -> Design:
+def designed_die(
+    work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, ...] = ()
+) -> Design:
     """The die of a solver's result."""
     recipe = work.recipe
     die = Design(

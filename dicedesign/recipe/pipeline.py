@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface
-    from dicedesign.optimize.refinement.rounds import Round
     from dicedesign.optimize.starts.start import Start
+    from dicedesign.results.parts import RoundOfThrows
     from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.simulation import ThrownDie
 
@@ -76,7 +76,7 @@ class Listeners:
 
     on_stage: Callable[[str], None] = _ignore
     on_step: Callable[[Step], None] = _ignore
-    on_round: Callable[[Round], None] = _ignore
+    on_round: Callable[[RoundOfThrows], None] = _ignore
     on_attempt: Callable[[str], None] = _ignore
     on_start: Callable[[int], None] = _ignore
     on_shape: Callable[[ConvexHull, Floats], None] = _ignore

@@ -18,7 +18,7 @@ from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
 from dicedesign.optimize.coordinates.linked import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.refinement.rounds import Refinement, Round, Thrown, shape_measures
+from dicedesign.optimize.refinement.rounds import Refinement, Thrown, shape_measures
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
@@ -73,7 +73,7 @@ def design_for_table(work: Work) -> Design:
     sensitivity = TableSensitivity(thrown, others, wanted)
     starts = iter(starts_of(work, wanted))
     result = solver(work)(starts, wanted, sensitivity=sensitivity)
-    rounds: tuple[Round, ...] = ()
+    rounds: tuple[RoundOfThrows, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
         with throwing_threads() as workers:
             corrections = _Corrections(work, wanted, sensitivity, workers)
@@ -99,7 +99,7 @@ class _Corrections:
 
     def refined(
         self, die: DesignResult, starts: Iterator[Start | None]
-    ) -> tuple[DesignResult, tuple[Round, ...]]:
+    ) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
         """The die that the rounds lead to, and the rounds; from one, or from the steadiest of some
         that further starts lead to."""
         if self._work.start is None and self._others:
@@ -211,20 +211,7 @@ def throw(work: Work) -> None:
     work.throws = ThrownSection(
         table=die.table.as_dict(),
         momentum=tuple(work.thrown.momentum.tolist()),
-        rounds=tuple(
-            RoundOfThrows(
-                drops=thrown.drops,
-                deviation=thrown.deviation,
-                noise_floor=thrown.noise_floor,
-                expected=thrown.expected,
-                elsewhere_drops=thrown.elsewhere_drops,
-                elsewhere=thrown.elsewhere,
-                is_kept=thrown.is_kept,
-                asked=tuple(thrown.asked.tolist()),
-                frequencies=tuple(thrown.frequencies.tolist()),
-            )
-            for thrown in work.die.rounds
-        ),
+        rounds=work.die.rounds,
         simulated=measured,
         elsewhere=elsewhere,
     )

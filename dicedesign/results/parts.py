@@ -243,13 +243,15 @@ class RoundOfThrows:
 
     Attributes
     ----------
-    drops: throws. deviation: total variation of the frequencies from the target; noise_floor: what
-        a perfect die shows.
-    expected: total variation of the die's odds that the throws of all rounds let one expect.
+    drops: throws that came to rest. deviation: total variation of the frequencies from the target;
+        noise_floor: what a perfect die would show on the mean in as many throws.
+    expected: total variation of the die's odds from the target that the throws of all rounds let
+        one expect on the mean: it has what is not known of them in it.
     elsewhere_drops: throws onto what the table may be instead, all together. elsewhere: as
         `expected`, on nine of ten of these tables at most; None without any.
     is_kept: whether the die of this round was kept.
-    asked: odds that the design of this round was asked for. frequencies: of the outcomes.
+    asked: odds in the model that the design of this round was asked for. frequencies: of the
+        outcomes, with a sum of less than 1 where some throws came to rest on no outcome.
     """
 
     drops: int

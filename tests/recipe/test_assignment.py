@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.starts.built_in import prism
 from dicedesign.recipe.convex import designed_die, wanted_odds
@@ -16,7 +15,7 @@ from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.results.parts import Status
+from dicedesign.results.parts import RoundOfThrows, Status
 
 ODDS = {"a": 0.22, "b": 0.24, "c": 0.26, "d": 0.28}
 ORDER = "cabd"
@@ -65,11 +64,11 @@ def test_what_a_solver_tells_by_direction_is_told_by_outcome() -> None:
     """Also of the rounds of throws."""
     given, start = recipe("thrown"), prism(4)
     np.testing.assert_array_equal(wanted_odds(given), [ODDS[label] for label in ORDER])
-    asked, seen = np.array([0.1, 0.2, 0.3, 0.4]), np.array([0.15, 0.25, 0.35, 0.2])
+    asked, seen = (0.1, 0.2, 0.3, 0.4), (0.15, 0.25, 0.35, 0.2)
     result = DesignResult(
         Status.CONVERGED, convex_hull(start.points), start.directions, 0.0, {}, (), 1, 1, 0
     )
-    rounds = (Round(asked, 100, seen, 0.1, 0.01, 0.1),)
+    rounds = (RoundOfThrows(100, 0.1, 0.01, 0.1, 0, None, True, asked, seen),)
     die = designed_die(Work(given), result, rounds)
     for place, label in enumerate(ORDER):
         outcome = "abcd".index(label)

@@ -9,12 +9,11 @@ import pytest
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.optimize.coordinates.linked import orbits_of_directions
-from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.rest.outcomes import outcome_odds
-from dicedesign.results.parts import Status
+from dicedesign.results.parts import RoundOfThrows, Status
 
 
 def numbered(style: str, sides: tuple[float, float, float] = (1.0, 1.0, 1.0), **more: Any) -> Work:
@@ -56,7 +55,7 @@ def test_odds_stay_with_their_labels(style: str) -> None:
 
 def test_what_throws_told_of_an_outcome_goes_with_it() -> None:
     asked = np.arange(6.0)
-    thrown = Round(asked, 10, 2.0 * asked, 0.0, 0.0, 0.0)
+    thrown = RoundOfThrows(10, 0.0, 0.0, 0.0, 0, None, True, tuple(asked), tuple(2.0 * asked))
     work = designed(box(1.0, 1.0, 1.0), entries={"numbering": "standard"}, rounds=(thrown,))
     run_stages(work, after="design", last="numbering")
     (after,) = work.die.rounds

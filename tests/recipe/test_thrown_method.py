@@ -15,13 +15,12 @@ from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.refinement.rounds import Round
 from dicedesign.optimize.result import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.results.parts import Status
+from dicedesign.results.parts import RoundOfThrows, Status
 from dicedesign.throws import simulation as die_on_table
 from dicedesign.throws.momentum_model import other_tables
 from dicedesign.throws.rigid_body import RigidBody
@@ -118,7 +117,7 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
         return simulate(body, table, drops, seed, **options)
 
     monkeypatch.setattr(die_on_table, "simulate", told)
-    rounds: list[Round] = []
+    rounds: list[RoundOfThrows] = []
     exact = {**ROBUST["method"]["exact"], "table": fitted_table}
     work = Work(
         checked_recipe({**ROBUST, "method": {"exact": exact}}),

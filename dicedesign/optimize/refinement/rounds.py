@@ -19,13 +19,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from dicedesign.optimize.options import MOST_DROPS
 from dicedesign.optimize.result import DesignResult
+from dicedesign.results.parts import RoundOfThrows
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import OFTEN, Bias, expected_variation
 from dicedesign.throws.distances import noise_floor, total_variation
@@ -169,35 +170,6 @@ class Thrown:
 
 
 @dataclass(frozen=True)
-class Round:
-    """Throws of one die.
-
-    Attributes
-    ----------
-    asked: (k,) its odds in the model.
-    drops: throws that came to rest; frequencies: (k,) of the outcomes among them, which sum to less
-        than 1 where some came to rest on no outcome.
-    deviation: total variation of the frequencies from the target.
-    noise_floor: what a perfect die would show on the mean in as many throws.
-    expected: total variation of the die's odds from the target that the throws of all rounds let
-        one expect on the mean: it has what is not known of them in it.
-    elsewhere_drops: throws onto the other tables, all together. elsewhere: as `expected`, on the
-        table that is the worst of nine in ten; None where there are no other tables.
-    is_kept: whether it is the die of this round that was kept.
-    """
-
-    asked: Floats
-    drops: int
-    frequencies: Floats
-    deviation: float
-    noise_floor: float
-    expected: float
-    elsewhere_drops: int = 0
-    elsewhere: float | None = None
-    is_kept: bool = False
-
-
-@dataclass(frozen=True)
 class Refinement:
     """Rounds of throwing a die and designing it anew.
 
@@ -230,9 +202,9 @@ class Refinement:
     throw_on_tables: Callable[[DesignResult, int, int], list[Thrown]]
     design: Callable[[DesignResult, Floats, Floats | None], DesignResult | None]
     measures: Callable[[DesignResult], Floats]
-    on_round: Callable[[Round], None] | None = None
+    on_round: Callable[[RoundOfThrows], None] | None = None
 
-    def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[Round, ...]]:
+    def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
         """The best of the dice that the rounds lead to, from one whose odds in the model are the
         target, and the rounds, the last of which is the last die's. There are none where symmetry
         makes a die right."""
@@ -264,8 +236,7 @@ class Refinement:
                 break
             (die, asked), own, least = improved, number + 1, self.drops
         best = min(dice, key=lambda one: self._shortfall(known, one))
-        history = [replace(self._round(known, one), is_kept=one is best) for one in dice]
-        return best.die, tuple(history)
+        return best.die, tuple(self._round(known, one, one is best) for one in dice)
 
     def swing(self, die: DesignResult, place: int) -> float:
         """Total variation between the odds of a die on the table that is meant and on the others,
@@ -311,22 +282,23 @@ class Refinement:
                 known.learn(shape, own, table, one.odds, one.counts[:-1])
         return _Seen(die, asked, shape, own, thrown, tuple(others))
 
-    def _round(self, known: KnownOdds, seen: _Seen) -> Round:
+    def _round(self, known: KnownOdds, seen: _Seen, is_kept: bool = False) -> RoundOfThrows:
         counts = seen.thrown.counts
         drops = int(counts.sum())
-        return Round(
-            seen.asked,
-            drops,
-            counts[:-1] / drops,
-            total_variation(counts / drops, np.append(self.target, 0.0)),
-            noise_floor(self.target, drops),
-            known.variation(seen.shape, seen.number, known.meant, seen.thrown.odds),
-            sum(int(one.counts.sum()) for one in seen.others),
-            self._elsewhere(known, seen),
+        return RoundOfThrows(
+            drops=drops,
+            deviation=total_variation(counts / drops, np.append(self.target, 0.0)),
+            noise_floor=noise_floor(self.target, drops),
+            expected=known.variation(seen.shape, seen.number, known.meant, seen.thrown.odds),
+            elsewhere_drops=sum(int(one.counts.sum()) for one in seen.others),
+            elsewhere=self._elsewhere(known, seen),
+            is_kept=is_kept,
+            asked=tuple(seen.asked.tolist()),
+            frequencies=tuple((counts[:-1] / drops).tolist()),
         )
 
     def _elsewhere(self, known: KnownOdds, seen: _Seen) -> float | None:
-        """See `Round`."""
+        """See `RoundOfThrows`."""
         found = [
             known.variation(seen.shape, seen.number, table, one.odds)
             for table, one in zip(self.tables, seen.others, strict=True)
