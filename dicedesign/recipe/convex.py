@@ -3,11 +3,11 @@ open."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import islice
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.workers import one_tensor_thread
 
 if TYPE_CHECKING:
-    from dicedesign.gradient.rest_odds import RestEvaluation
     from dicedesign.results.parts import RoundOfThrows
 
 TURNS: Final = 40
@@ -41,18 +40,6 @@ TURNS: Final = 40
 
 TRIED: Final = 4
 """How many of these are led to the odds."""
-
-
-class Shaped(Protocol):
-    """A shape that a solver reports."""
-
-    @property
-    def rests(self) -> RestEvaluation:
-        """Its hull and rests."""
-
-    @property
-    def directions(self) -> Floats:
-        """(k, 3) of the outcomes, in the order of the start's."""
 
 
 def design_exactly(work: Work) -> Design:
@@ -115,15 +102,21 @@ def choose_symmetry(work: Work) -> None:
 
 
 def _leads_there(work: Work) -> bool:
-    """Whether one of a few starts with the recipe's symmetry leads to the odds, with no other
-    preference."""
+    """Whether a start that is given has the recipe's symmetry, which carries outcomes to others as
+    probable; and one of a few starts with it leads to the odds, with no other preference."""
     from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
 
-    if not _start_has_it(work):
-        return False
+    group, start, sensitivity = work.recipe.group(), work.start, None
+    if start is not None and group is not None:
+        try:
+            check_orbits(work.recipe, start.directions)
+            SymmetricCoordinates.of(start.points, np.zeros(3), group)
+        except InputError:
+            return False
+        if orbits_of_directions(start.directions, group).max() + 1 == len(start.directions):
+            return False
     wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
     quick = replace(options, prefer=Preferences(), starts=TRIED)
-    sensitivity = None
     if options.odds == "thrown":
         # Other tables do not matter for whether there is a die at all.
         sensitivity = TableSensitivity(ThrownOdds.on(options.thrown_onto), (), wanted)
@@ -133,20 +126,6 @@ def _leads_there(work: Work) -> bool:
     except NoStartError:
         return False
     return result.status is Status.CONVERGED
-
-
-def _start_has_it(work: Work) -> bool:
-    """Whether a given start has the recipe's symmetry, facets of outcomes that are images of each
-    other, and equal odds on these."""
-    group, start = work.recipe.group(), work.start
-    if start is None or group is None:
-        return True
-    try:
-        check_orbits(work.recipe, start.directions)
-        SymmetricCoordinates.of(start.points, np.zeros(3), group)
-    except InputError:
-        return False
-    return bool(orbits_of_directions(start.directions, group).max() + 1 < len(start.directions))
 
 
 def wanted_odds(recipe: Recipe) -> Floats:
@@ -175,27 +154,26 @@ def solver(work: Work) -> Callable[..., DesignResult]:
     )
 
 
-def starts_of(work: Work, wanted: Floats) -> Iterable[Start | None]:
-    """What the solver begins with, one after the other; None where nothing was found for a
-    while."""
-    recipe, group = work.recipe, work.recipe.group()
+def starts_of(work: Work, wanted: Floats) -> Iterator[Start | None]:
+    """What the solver begins with, one after the other, each of which a run's listener is told of;
+    None where nothing was found for a while."""
+    recipe, group, prior = work.recipe, work.recipe.group(), work.recipe.prior_read()
     if work.start is not None:
-        like = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
-        return told_starts(work, like)
-    search = recipe.start.kind.search
-    assert search is not None
-    found = search(recipe.start.options, wanted, group, recipe.seed)
-    prior = recipe.prior_read()
-    if prior is not None:
-        found = (_ranked(start, wanted, prior) for start in found)
-    return told_starts(work, found)
+        found = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
+    else:
+        search = recipe.start.kind.search
+        assert search is not None
+        found = search(recipe.start.options, wanted, group, recipe.seed)
+        if prior is not None:
+            found = (start and _ranked(start, wanted, prior) for start in found)
+    for number, start in enumerate(found):
+        work.listeners.on_start(number)
+        yield start
 
 
-def _ranked(start: Start | None, wanted: Floats, prior: Prior) -> Start | None:
+def _ranked(start: Start, wanted: Floats, prior: Prior) -> Start:
     """A shape whose outcomes, with odds (k,), have changed places: the likelier ones have the rests
     that are likelier under a prior."""
-    if start is None:
-        return None
     poses = rest_poses(start.points, "hull").under(prior)
     odds = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
     directions = np.empty_like(start.directions)
@@ -239,17 +217,11 @@ def step_listener(work: Work) -> Callable[[DesignStep], None]:
     return lambda step: work.listeners.on_step(_step(step))
 
 
-def shape_listener(work: Work) -> Callable[[Shaped], None]:
-    """What tells a run's listener of the shapes of a solver."""
+def shape_listener(work: Work) -> Callable[[Any], None]:
+    """What tells a run's listener of the shapes of a solver, which have `rests` and `directions`
+    (k, 3) in the order of the start's."""
     order = np.argsort(work.recipe.outcome_of_direction())
     return lambda shape: work.listeners.on_shape(shape.rests.hull, shape.directions[order])
-
-
-def told_starts(work: Work, starts: Iterable[Start | None]) -> Iterator[Start | None]:
-    """The starting shapes, each of which a run's listener is told of."""
-    for number, start in enumerate(starts):
-        work.listeners.on_start(number)
-        yield start
 
 
 def _step(step: DesignStep) -> Step:

@@ -3,9 +3,9 @@ inside of it, and what its file does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -20,10 +20,9 @@ from dicedesign.fabricate.die import Assessment, assess_file
 from dicedesign.fabricate.label_layout import Placement
 from dicedesign.fabricate.label_reading import MARKED, core_of, place_on_facets, require_rests
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import Surface, joined, solid_properties
+from dicedesign.geometry.triangles import Surface, joined
 from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior, ThrownOdds
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped
 from dicedesign.optimize.solvers.stretching import stretched
@@ -34,9 +33,6 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.tables import table_named
 from dicedesign.tolerances import FILE_ODDS
-
-if TYPE_CHECKING:
-    from dicedesign.balance.ways import Made
 
 LEFT: Final = 1e-9
 """Largest |p - q| that moving facets may leave."""
@@ -82,17 +78,17 @@ def engrave(work: Work) -> None:
 def _make_convex(work: Work) -> None:
     """The finished object of a convex die."""
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
+    given, is_thrown = solid.center_of_mass, work.recipe.method.thrown
     core = core_of(solid.poses, edges)
     placements: list[Placement] = []
     if options is not None:
         work.reading, placements = place_on_facets(
             solid.poses, solid.outcomes.main, core, work.target.labels, options
         )
-    given = solid.center_of_mass
     made = ConvexObject(options, edges, None if given is None else given - core.centroid)
-    if given is not None and (edges is None or work.recipe.method.thrown):
+    if given is not None and (edges is None or is_thrown):
         # Labels do not change what the die stands on.
-        _finish(work, made.engraved(core, placements), made.placed(placements), core=core)
+        _finish(work, made.engraved(core, placements), made.placed(placements), core)
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
@@ -102,16 +98,18 @@ def _make_convex(work: Work) -> None:
     work.balance = Balance(
         by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
     )
-    placed, is_filled = made.placed(end.placements), by == "fill"
-    surface = made.engraved(end.core, end.placements) if is_filled else end.surface
+    placed, center = made.placed(end.placements), end.measured.center_of_mass
     is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
-    if rounds and is_left and given is None and not work.recipe.method.thrown and not is_filled:
+    if by == "fill":
+        marked = made.engraved(end.core, end.placements)
+        inlay = made.inlay(end.core, end.placements)
+        _finish(work, marked, placed, end.core, center, inlay)
+    elif rounds and is_left and given is None and not is_thrown:
         # Symmetric shapes whose corners fall apart when single facets move, and those with several
         # facets an outcome.
-        _finish_stretched(work, surface, placed, by, end.core)
-        return
-    inlay = made.inlay(end.core, end.placements) if is_filled else None
-    _finish(work, surface, placed, end.measured.center_of_mass, inlay, end.core)
+        _finish_stretched(work, end.surface, placed, by, end.core)
+    else:
+        _finish(work, end.surface, placed, end.core, center)
 
 
 def _measure(
@@ -142,9 +140,9 @@ def _mark_surface(work: Work) -> None:
     work.reading = MARKED
     marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
     if options.balance == "none" or work.status is not Status.CONVERGED:
-        _finish(work, marked, ())
-        return
-    _finish_stretched(work, marked, (), options.balance)
+        _finish(work, marked)
+    else:
+        _finish_stretched(work, marked, (), options.balance)
 
 
 def _finish_stretched(
@@ -158,34 +156,32 @@ def _finish_stretched(
     center = surface.centroid
     surface = surface.moved(surface.points - center)
     end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
-    alone = Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
-    before = work.balance or alone
+    before = work.balance or Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
     scales = np.linalg.eigvalsh(end.matrix)
-    moved = float(np.linalg.norm(end.surface.points - surface.points, axis=1).max())
     work.balance = replace(
         before,
         errors=(*before.errors, end.errors[1]),
-        moved_mm=before.moved_mm + moved,
+        moved_mm=before.moved_mm + float(norms(end.surface.points - surface.points).max()),
         stretch=float(scales[-1] / scales[0] - 1.0),
     )
     placements = [placement.moved(-center).stretched(end.matrix) for placement in placements]
     if core is not None:
         core = convex_hull((core.vertices - center) @ end.matrix.T)
-    _finish(work, end.surface, placements, core=core)
+    _finish(work, end.surface, placements, core)
 
 
 def _finish(
     work: Work,
     surface: Surface,
-    placements: Sequence[Placement],
+    placements: Sequence[Placement] = (),
+    core: ConvexHull | None = None,
     center: Floats | None = None,
     inlay: Surface | None = None,
-    core: ConvexHull | None = None,
 ) -> None:
     """Make die.stl and judge it.
 
-    center: (3,) point to put at the origin, or None to leave the surface where it is; inlay: bodies
-    that fill the labels, which have a file of their own; core: see `Solid`.
+    core: see `Solid`; center: (3,) point to put at the origin, or None to leave the surface where
+    it is; inlay: bodies that fill the labels, which have a file of their own.
     """
     if center is not None:
         surface = surface.moved(surface.points - center)
@@ -200,7 +196,6 @@ def _finish(
     verdict = None
     if work.solid.center_of_mass is None:
         verdict = assess_file(data, work.die.directions, work.target, prior=work.die.prior)
-        work.notes += _changes(work, verdict.outcomes.odds)
         _describe(work, verdict)
     work.engraved = replace(
         work.solid,
@@ -216,40 +211,31 @@ def _finish(
 def _describe(work: Work, verdict: Assessment) -> None:
     """The odds of the finished die, in words; it has not converged where they are off the target
     though its shape was to be moved to that."""
-    recipe, balance = work.recipe, work.balance
-    with_what = (
-        "labels and edges"
-        if recipe.engrave and recipe.edges
-        else ("the labels cut in" if recipe.engrave else "its edges rounded")
-    )
-    if not recipe.method.thrown:
+    recipe, balance, is_thrown = work.recipe, work.balance, work.recipe.method.thrown
+    plain, wanted = work.plain.outcomes.odds, work.target.probabilities
+    # A die that is no success may have next to no odds of an outcome.
+    changes = np.abs(verdict.outcomes.odds - plain) / np.where(plain > RARE * wanted, plain, wanted)
+    most = int(changes.argmax())
+    if changes[most] > CHANGED:
+        work.notes.append(
+            f"the finished die differs from the plain one in the odds of "
+            f"{work.target.labels[most]} by {changes[most]:.0%}; take a smaller depth_mm or a "
+            "larger size_mm"
+        )
+    with_what = "its edges rounded"
+    if recipe.engrave:
+        with_what = "labels and edges" if recipe.edges else "the labels cut in"
+    if not is_thrown:
         work.remarks.append(f"{verdict.max_abs_error:.3g} with {with_what}")
     if balance is None or balance.by == "none" or work.status is not Status.CONVERGED:
         return
-    if recipe.method.thrown:
-        is_off = min(balance.errors) > LEFT_THROWN
-    else:
-        is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_ODDS)
-    if is_off:
+    is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_ODDS)
+    if min(balance.errors) > LEFT_THROWN if is_thrown else is_off:
         work.fail(Status.UNBALANCED)
     elif recipe.symmetry is not None and balance.moved_mm > STILL * recipe.size_mm:
         work.notes.append(
             f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
             f"by up to {balance.moved_mm:.2g} mm to keep the odds"
-        )
-
-
-def _changes(work: Work, engraved: np.ndarray) -> Iterator[str]:
-    """What labels and edges change by more than `CHANGED`, in at most one sentence."""
-    plain, wanted = work.plain.outcomes.odds, work.target.probabilities
-    # A die that is no success may have next to no odds of an outcome.
-    changes = np.abs(engraved - plain) / np.where(plain > RARE * wanted, plain, wanted)
-    most = int(changes.argmax())
-    if changes[most] > CHANGED:
-        yield (
-            f"the finished die differs from the plain one in the odds of "
-            f"{work.target.labels[most]} by {changes[most]:.0%}; take a smaller depth_mm or a "
-            "larger size_mm"
         )
 
 
@@ -262,56 +248,39 @@ def fill_inside(work: Work) -> None:
     """
     from dicedesign.balance.ways import move_center, read_back
 
-    options = work.recipe.inside
+    options, method = work.recipe.inside, work.recipe.method
     assert options is not None
     body = read_back(work.files["die_plain.stl" if work.engraved is None else "die.stl"])
     assert body.triangles is not None
+    surface = Surface(body.points, body.triangles)
     try:
         # The center that was given is at the origin.
-        surface = Surface(body.points, body.triangles)
         made = move_center(surface, np.zeros(3), options.by, options)
     except InputError as error:
         if work.status is Status.CONVERGED:
             raise InputError(f"inside: {error}") from error
         work.remarks.append(f"nothing inside: {error}")
         return
-    _take_inside(work, made)
-
-
-def _take_inside(work: Work, made: Made) -> None:
-    assert work.recipe.inside is not None
     assert made.body.triangles is not None
-    for rest, data in made.files.items():
-        work.files[f"die{rest}" if rest else "die.stl"] = data
-    by = work.recipe.inside.by
+    work.files |= {f"die{rest}" if rest else "die.stl": data for rest, data in made.files.items()}
     # A cavity is judged by the file alone.
-    center = None if by == "cavity" else made.center
+    center = None if options.by == "cavity" else made.center
     verdict = assess_file(made.files[""], work.die.directions, work.target, center, work.die.prior)
-    points, triangles = made.body.points, made.body.triangles
-    if work.engraved is None:
-        work.engraved = work.solid
-    work.engraved = replace(work.engraved, points=points, triangles=triangles, assessment=verdict)
+    work.engraved = replace(
+        work.engraved or work.solid,
+        points=made.body.points,
+        triangles=made.body.triangles,
+        assessment=verdict,
+    )
     work.inside = Inside(
-        by=by,
-        shift_mm=float(norms(_outside_center(made))),
+        by=options.by,
+        shift_mm=float(norms(surface.centroid)),
         off_mm=float(norms(made.center)),
         wall_mm=made.wall_mm,
         made=dict(made.facts),
         notes=made.notes,
     )
     work.notes += made.notes
-    work.remarks.append(f"{verdict.max_abs_error:.3g} with its center of mass by {by}")
-    most = max(work.recipe.method.tolerance, FILE_ODDS)
-    if verdict.max_abs_error > most and not work.recipe.method.thrown:
+    work.remarks.append(f"{verdict.max_abs_error:.3g} with its center of mass by {options.by}")
+    if verdict.max_abs_error > max(method.tolerance, FILE_ODDS) and not method.thrown:
         work.fail(Status.OFF_TARGET)
-
-
-def _outside_center(made: Made) -> np.ndarray:
-    """(3,) center of mass of the uniform solid within the outside."""
-    assert made.body.triangles is not None
-    shell = shells_of(made.body.triangles)
-    solids = [
-        solid_properties(made.body.points, made.body.triangles[shell == number])
-        for number in range(int(shell.max()) + 1)
-    ]
-    return max(solids, key=lambda found: found[0])[1]

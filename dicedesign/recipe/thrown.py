@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from itertools import islice
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -36,12 +36,11 @@ from dicedesign.results.parts import ThrownOdds as ThrownSection
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.bias import Series, variations_on_tables
 from dicedesign.throws.momentum_model import (
-    MomentumModel,
     momentum_model,
     other_tables,
     table_measures,
 )
-from dicedesign.throws.simulation import DieOnTable, ThrownDie, Throws, throwing_threads
+from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
 from dicedesign.throws.tables import Table, posterior_tables, table_named
 
 ON_TABLES: Final = 0.5
@@ -68,119 +67,99 @@ def design_for_table(work: Work) -> Design:
     """The die of a recipe by the momentum model of its table, corrected by rounds of throws where
     the recipe asks for them. Raises InputError as `exact.design`, or as the start does."""
     wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
-    thrown = ThrownOdds.on(options.thrown_onto)
-    others = other_tables(table_named(options.thrown_onto), posterior_tables(options.thrown_onto))
-    sensitivity = TableSensitivity(thrown, others, wanted)
+    name = options.thrown_onto
+    others = other_tables(table_named(name), posterior_tables(name))
+    sensitivity = TableSensitivity(ThrownOdds.on(name), others, wanted)
     starts = iter(starts_of(work, wanted))
     result = solver(work)(starts, wanted, sensitivity=sensitivity)
     rounds: tuple[RoundOfThrows, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
         with throwing_threads() as workers:
-            corrections = _Corrections(work, wanted, sensitivity, workers)
-            result, rounds = corrections.refined(result, starts)
+            result, rounds = _refine(work, result, starts, sensitivity, options.refine, workers)
     return designed_die(work, result, rounds)
 
 
-class _Corrections:
-    """Rounds of throws of a recipe's dice at their printed size, and new designs."""
+def _refine(
+    work: Work,
+    die: DesignResult,
+    starts: Iterator[Start | None],
+    sensitivity: TableSensitivity,
+    refine: RefineOptions,
+    workers: Executor,
+) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
+    """The die that rounds of throws at its printed size lead to, and the rounds; from one, or from
+    the steadiest of some that further starts lead to."""
+    recipe, options, solve = work.recipe, exact_options(work.recipe), solver(work)
+    wanted, group, name = wanted_odds(recipe), recipe.group(), options.thrown_onto
+    center, model = normalised_center(recipe, work.start), momentum_model(name)
+    others: tuple[Table, ...] = ()
+    is_free = len(np.unique(wanted)) > 1 or group is None
+    if options.prefer.robustness > 0.0 and sensitivity.is_known and is_free:
+        others = posterior_tables(name) or sensitivity.tables
 
-    def __init__(
-        self, work: Work, wanted: Floats, sensitivity: TableSensitivity, workers: Executor
-    ) -> None:
-        self._work, self._wanted, self._sensitivity = work, wanted, sensitivity
-        self._options, self._solve = exact_options(work.recipe), solver(work)
-        self._center = normalised_center(work.recipe, work.start)
-        self._name, self._workers = self._options.thrown_onto, workers
-        self._model = momentum_model(self._name)
-        self._others: tuple[Table, ...] = ()
-        is_free = len(np.unique(wanted)) > 1 or work.recipe.group() is None
-        if self._options.prefer.robustness > 0.0 and sensitivity.is_known and is_free:
-            self._others = posterior_tables(self._name) or sensitivity.tables
+    def on_table(die: DesignResult) -> DieOnTable:
+        scale = recipe.size_mm / die.hull.diameter
+        solid = make_body(scale * die.hull.vertices, name="die")
+        middle = None if center is None else scale * center
+        return DieOnTable.of(solid, middle, die.directions, table_named(name))
 
-    def refined(
-        self, die: DesignResult, starts: Iterator[Start | None]
-    ) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
-        """The die that the rounds lead to, and the rounds; from one, or from the steadiest of some
-        that further starts lead to."""
-        if self._work.start is None and self._others:
-            dice = [die, *self._further(starts)]
-            swings = [self._rounds(one).swing(one, place) for place, one in enumerate(dice)]
-            die = dice[int(np.argmin(swings))]
-        return self._rounds(die).refine(die)
+    def throw(die: DesignResult, drops: int, number: int) -> Thrown:
+        thrown, seed = on_table(die), seed_of(recipe.seed, number)
+        throws = thrown.simulated(drops, seed, refine.engine, workers)
+        return Thrown(thrown.counts(throws), thrown.momentum(model))
 
-    def _rounds(self, die: DesignResult) -> Refinement:
-        """Rounds of dice like one."""
-        refine, group = self._options.refine, self._work.recipe.group()
-        assert refine is not None
-        orbits = np.arange(len(self._wanted))
-        if group is not None:
-            orbits = orbits_of_directions(die.directions, group)
+    def throw_on_tables(die: DesignResult, drops: int, number: int) -> list[Thrown]:
+        thrown, seed = on_table(die), seed_of(recipe.seed, number, is_elsewhere=True)
+        counts = thrown.counts_on(others, drops, seed, refine.engine, workers)
+        return [
+            Thrown(count, thrown.momentum(model and model.near(table)))
+            for count, table in zip(counts, others, strict=True)
+        ]
+
+    def design(die: DesignResult, odds: Floats, bias: Floats | None) -> DesignResult | None:
+        near = shapes_like(Start(die.hull.vertices, die.directions), recipe.seed, group)
+        own, known = options, sensitivity
+        if bias is None:
+            own = replace(options, prefer=Preferences())
+        elif others:
+            places = [others.index(table) for table in sensitivity.tables]
+            known = replace(sensitivity, bias=bias[places])
+        return _converged(solve, islice(near, CLOSE_STARTS), odds, sensitivity=known, options=own)
+
+    def rounds(die: DesignResult) -> Refinement:
+        orbits = np.arange(len(wanted))
         return Refinement(
-            target=self._wanted,
-            orbits=orbits,
-            tables=table_measures(table_named(self._name), self._others),
+            target=wanted,
+            orbits=orbits if group is None else orbits_of_directions(die.directions, group),
+            tables=table_measures(table_named(name), others),
             drops=refine.drops,
             rounds=refine.rounds,
             within=refine.within,
-            throw=self._throw,
-            throw_on_tables=self._throw_on_tables,
-            design=self._again,
-            measures=lambda tried: shape_measures(tried, self._center),
-            on_round=self._work.listeners.on_round,
+            throw=throw,
+            throw_on_tables=throw_on_tables,
+            design=design,
+            measures=lambda tried: shape_measures(tried, center),
+            on_round=work.listeners.on_round,
         )
 
-    def _further(self, starts: Iterator[Start | None]) -> Iterator[DesignResult]:
-        """Dice with the odds by the model, of other shapes."""
-        for _ in range(FURTHER):
-            few = islice(starts, CLOSE_STARTS)
-            try:
-                found = self._solve(few, self._wanted, sensitivity=self._sensitivity)
-            except NoStartError:
-                continue
-            if found.status is Status.CONVERGED:
-                yield found
-
-    def _throw(self, die: DesignResult, drops: int, number: int) -> Thrown:
-        """See `Refinement`."""
-        refine, on_table = self._options.refine, self._on_table(die)
-        assert refine is not None
-        seed = seed_of(self._work.recipe.seed, number)
-        throws = on_table.simulated(drops, seed, refine.engine, self._workers)
-        return Thrown(on_table.counts(throws), on_table.momentum(self._model))
-
-    def _throw_on_tables(self, die: DesignResult, drops: int, number: int) -> list[Thrown]:
-        """See `Refinement`."""
-        refine, on_table = self._options.refine, self._on_table(die)
-        assert refine is not None
-        seed = seed_of(self._work.recipe.seed, number, is_elsewhere=True)
-        counts = on_table.counts_on(self._others, drops, seed, refine.engine, self._workers)
-        return [
-            Thrown(count, on_table.momentum(self._model and self._model.near(table)))
-            for count, table in zip(counts, self._others, strict=True)
+    if work.start is None and others:
+        further = [
+            _converged(solve, islice(starts, CLOSE_STARTS), wanted, sensitivity=sensitivity)
+            for _ in range(FURTHER)
         ]
+        dice = [die, *(other for other in further if other is not None)]
+        swings = [rounds(one).swing(one, place) for place, one in enumerate(dice)]
+        die = dice[int(np.argmin(swings))]
+    return rounds(die).refine(die)
 
-    def _on_table(self, die: DesignResult) -> DieOnTable:
-        """A die at its printed size."""
-        scale = self._work.recipe.size_mm / die.hull.diameter
-        center = None if self._center is None else scale * self._center
-        solid = make_body(scale * die.hull.vertices, name="die")
-        return DieOnTable.of(solid, center, die.directions, table_named(self._name))
 
-    def _again(self, die: DesignResult, odds: Floats, bias: Floats | None) -> DesignResult | None:
-        """A die near one, with other odds (k,) by the model; see `Refinement.design`."""
-        recipe, sensitivity, options = self._work.recipe, self._sensitivity, self._options
-        near = shapes_like(Start(die.hull.vertices, die.directions), recipe.seed, recipe.group())
-        if bias is None:
-            options = replace(options, prefer=Preferences())
-        elif self._others:
-            places = [self._others.index(table) for table in sensitivity.tables]
-            sensitivity = replace(sensitivity, bias=bias[places])
-        close = islice(near, CLOSE_STARTS)
-        try:
-            result = self._solve(close, odds, sensitivity=sensitivity, options=options)
-        except NoStartError:
-            return None
-        return result if result.status is Status.CONVERGED else None
+def _converged(solve: Callable[..., DesignResult], *what: Any, **how: Any) -> DesignResult | None:
+    """The die of a solver with the odds by the model, or None."""
+    try:
+        result = solve(*what, **how)
+    except NoStartError:
+        return None
+    return result if result.status is Status.CONVERGED else None
 
 
 def seed_of(seed: int, number: int, *, is_elsewhere: bool = False) -> int:
@@ -193,21 +172,32 @@ def throw(work: Work) -> None:
     """Throw the printed die with random numbers that no round of its design has used, if the recipe
     asks for throws, and judge it by them. One with labels is thrown with them, but where the center
     of mass was given nobody knows how they move it."""
-    options, refine = exact_options(work.recipe), exact_options(work.recipe).refine
+    name, refine = exact_options(work.recipe).thrown_onto, exact_options(work.recipe).refine
+    target, model, tables = work.target.probabilities, momentum_model(name), posterior_tables(name)
     die = DieOnTable.of(
-        work.printed.body,
-        work.solid.center_of_mass,
-        work.die.directions,
-        table_named(options.thrown_onto),
+        work.printed.body, work.solid.center_of_mass, work.die.directions, table_named(name)
     )
-    model, throws, elsewhere = momentum_model(options.thrown_onto), None, None
+    throws = elsewhere = None
     if refine is not None:
         with throwing_threads() as workers:
             seed = seed_of(work.recipe.seed, VERDICT)
             throws = die.simulated(refine.verdict, seed, refine.engine, workers)
-            elsewhere = _elsewhere(work, die, model, throws, refine, workers)
+            if model is not None and tables:
+                drops = math.ceil(ON_TABLES * refine.verdict / len(tables))
+                seed = seed_of(work.recipe.seed, VERDICT, is_elsewhere=True)
+                counts = die.counts_on(tables, drops, seed, refine.engine, workers)
+                found = variations_on_tables(
+                    target,
+                    table_measures(table_named(name), tables),
+                    [
+                        Series(die.momentum(model.near(table)), count[:-1])
+                        for table, count in zip(tables, counts, strict=True)
+                    ],
+                    Series(die.momentum(model), die.counts(throws)[:-1]),
+                )
+                elsewhere = OtherTables(drops=drops * len(tables), **asdict(found))
     work.thrown = ThrownDie(die, die.momentum(model), throws)
-    measured = work.thrown.measured(work.target.probabilities)
+    measured = work.thrown.measured(target)
     work.throws = ThrownSection(
         table=die.table.as_dict(),
         momentum=tuple(work.thrown.momentum.tolist()),
@@ -227,32 +217,3 @@ def throw(work: Work) -> None:
         work.remarks[:] = [work.status.value, told]
     else:
         work.remarks.insert(0, told)
-
-
-def _elsewhere(
-    work: Work,
-    die: DieOnTable,
-    model: MomentumModel | None,
-    throws: Throws,
-    refine: RefineOptions,
-    workers: Executor,
-) -> OtherTables | None:
-    """What the die does on tables of the posterior; None where the table has none, or no
-    momentum."""
-    name = exact_options(work.recipe).thrown_onto
-    tables = posterior_tables(name)
-    if model is None or not tables:
-        return None
-    drops = math.ceil(ON_TABLES * refine.verdict / len(tables))
-    seed = seed_of(work.recipe.seed, VERDICT, is_elsewhere=True)
-    counts = die.counts_on(tables, drops, seed, refine.engine, workers)
-    found = variations_on_tables(
-        work.target.probabilities,
-        table_measures(table_named(name), tables),
-        [
-            Series(die.momentum(model.near(table)), count[:-1])
-            for table, count in zip(tables, counts, strict=True)
-        ],
-        Series(die.momentum(model), die.counts(throws)[:-1]),
-    )
-    return OtherTables(drops=drops * len(tables), **asdict(found))
