@@ -158,6 +158,7 @@ def starts_of(work: Work, wanted: Floats) -> Iterator[Start | None]:
     """What the solver begins with, one after the other, each of which a run's listener is told of;
     None where nothing was found for a while."""
     recipe, group, prior = work.recipe, work.recipe.group(), work.recipe.prior_read()
+    found: Iterator[Start | None]
     if work.start is not None:
         found = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
     else:
