@@ -11,18 +11,24 @@ Source of the incremental step: Preparata and Shamos, Computational Geometry, 19
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial import QhullError, cKDTree
 
 from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.meshes.orientation import consistent_winding
 from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors
-from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
+from dicedesign.geometry.triangles import (
+    connected_parts,
+    doubled_area_vectors,
+    edge_neighbors,
+    is_closed,
+)
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_WIDENINGS, FLATNESS_TOLERANCE, ROUNDING
 
 
@@ -32,60 +38,27 @@ def hull_triangles(points: Floats) -> tuple[Integers, Integers]:
 
     Raises scipy's QhullError where the points span no solid.
     """
-    qhull = _qhull(points)
+    try:
+        qhull = QhullHull(points)
+    except QhullError:
+        # Clusters of points make a facet wider than rounding explains: Qhull is asked to go on, as
+        # flat triangles are merged here anyway.
+        qhull = QhullHull(points, qhull_options="Qt Q12 Pp")
     triangles = qhull.simplices.astype(np.int64)
     neighbors = qhull.neighbors.astype(np.int64)
     outward = (doubled_area_vectors(points, triangles) * qhull.equations[:, :3]).sum(-1)
     flip = outward < 0.0
-    if (_edge_parity(triangles, neighbors) != (flip[:, None] ^ flip[neighbors])).any():
-        flip = _propagated_flip(triangles, neighbors, outward)
-    triangles[flip] = triangles[flip][:, [0, 2, 1]]
-    neighbors[flip] = neighbors[flip][:, [0, 2, 1]]
-    return triangles, neighbors
-
-
-def _qhull(points: Floats) -> QhullHull:
-    """Hull triangles by Qhull. Where clusters of points make it give up on a facet that became
-    wider than rounding explains, it is asked to go on: flat triangles are merged here anyway."""
-    try:
-        return QhullHull(points)
-    except QhullError:
-        return QhullHull(points, qhull_options="Qt Q12 Pp")
-
-
-def _edge_parity(triangles: Integers, neighbors: Integers) -> NDArray[np.bool_]:
-    """(t, 3) True where a triangle and its neighbour run along their common edge in the same
-    direction, so that exactly one of the two must be turned."""
-    parity = np.empty(triangles.shape, dtype=bool)
-    for k in range(3):
-        start, end = triangles[:, (k + 1) % 3], triangles[:, (k + 2) % 3]
-        other = triangles[neighbors[:, k]]
-        position = np.argmax(other == start[:, None], axis=1)
-        parity[:, k] = other[np.arange(len(other)), (position + 1) % 3] == end
-    return parity
-
-
-def _propagated_flip(
-    triangles: Integers, neighbors: Integers, outward: Floats
-) -> NDArray[np.bool_]:
-    """Turn every triangle consistently with the one whose orientation is clearest (slivers have
-    normals that are only rounding noise)."""
-    parity = _edge_parity(triangles, neighbors)
-    start = int(np.argmax(np.abs(outward)))
-    flip = np.zeros(len(triangles), dtype=bool)
-    flip[start] = outward[start] < 0.0
-    seen = np.zeros(len(triangles), dtype=bool)
-    seen[start] = True
-    stack = [start]
-    while stack:
-        t = stack.pop()
-        for k in range(3):
-            other = int(neighbors[t, k])
-            if not seen[other]:
-                seen[other] = True
-                flip[other] = flip[t] ^ parity[t, k]
-                stack.append(other)
-    return flip
+    mirrored = [0, 2, 1]
+    turned = np.where(flip[:, None], triangles[:, mirrored], triangles)
+    if not is_closed(turned):
+        # Normals of slivers are only rounding noise: all are turned like the clearest.
+        clearest = int(np.argmax(np.abs(outward)))
+        wound = consistent_winding(triangles)
+        if wound is not None:
+            flip = (wound != triangles).any(axis=1)
+            flip ^= flip[clearest] != (outward[clearest] < 0.0)
+            turned = np.where(flip[:, None], triangles[:, mirrored], triangles)
+    return turned, np.where(flip[:, None], neighbors[:, mirrored], neighbors)
 
 
 def facet_labels(
@@ -97,88 +70,54 @@ def facet_labels(
     points: (n, 3); triangles: (t, 3) counter-clockwise seen from outside; neighbors: (t, 3) across
     the edge opposite to each corner; tolerance: a length. Returns (t,) integers from 0.
     """
+    count = len(triangles)
     doubled = doubled_area_vectors(points, triangles)
     area = norms(doubled)
     normals = doubled / np.maximum(area, np.finfo(np.float64).tiny)[:, None]
-    left = np.repeat(np.arange(len(triangles)), 3)
-    right = neighbors.ravel()
+
+    def fits(base: Integers, other: Integers) -> NDArray[np.bool_]:
+        """Whether the corners of other triangles are near the planes of those of the base."""
+        offset = points[triangles[other]] - points[triangles[base, 0]][:, None, :]
+        heights = np.abs((offset * normals[base][:, None, :]).sum(-1))
+        return heights.max(axis=1) <= tolerance
+
+    def largest_of(labels: Integers) -> Integers:
+        """The largest triangle of each label."""
+        order = np.argsort(area, kind="stable")
+        largest = np.empty(int(labels.max()) + 1, dtype=np.int64)
+        largest[labels[order]] = order
+        return largest
+
+    left, right = np.repeat(np.arange(count), 3), neighbors.ravel()
     # Measured from the larger triangle of each pair: a sliver has no normal worth the name.
     base = np.where(area[left] >= area[right], left, right)
-    other = left + right - base
-    gap = _distance(points, triangles, normals, base, other)
-    joined = gap <= tolerance
-    if not joined.any():
-        return np.arange(len(triangles))
+    joined = fits(base, left + right - base)
     while True:
-        graph = coo_array(
-            (np.ones(int(joined.sum())), (left[joined], right[joined])), shape=(len(triangles),) * 2
-        )
-        labels = connected_components(graph, directed=False)[1].astype(np.int64)
+        labels = connected_parts(left[joined], right[joined], count)
         # A chain of small bends is no facet: compare with the plane of each group's largest
-        # triangle.
-        largest = _largest(labels, area)
-        drift = _distance(points, triangles, normals, largest[labels], np.arange(len(triangles)))
-        for group in np.unique(labels[drift > tolerance]):
-            labels = _grown(
-                points, triangles, neighbors, normals, area, labels, int(group), tolerance
-            )
+        # triangle, and split those that drift into regions grown from the largest outward.
+        drifts = ~fits(largest_of(labels)[labels], np.arange(count))
+        for group in np.unique(labels[drifts]):
+            members = np.flatnonzero(labels == group)
+            labels[members] = -1
+            for seed in members[np.argsort(-area[members], kind="stable")]:
+                front = [seed] if labels[seed] == -1 else []
+                labels[front] = labels.max() + 1
+                while front:
+                    beside = neighbors[front.pop()]
+                    beside = beside[labels[beside] == -1]
+                    beside = beside[fits(np.full(len(beside), seed), beside)]
+                    labels[beside] = labels[seed]
+                    front.extend(beside)
         labels = np.unique(labels, return_inverse=True)[1].astype(np.int64)
         # A sliver among slivers finds no plane in its neighbours, but it does in their groups.
-        largest = _largest(labels, area)
+        largest = largest_of(labels)
         base = largest[labels[right]]
-        smaller = (labels[left] != labels[right]) & (area[largest[labels[left]]] < area[base])
-        missed = smaller & (_distance(points, triangles, normals, base, left) <= tolerance)
-        missed &= ~joined
+        missed = (labels[left] != labels[right]) & (area[largest[labels[left]]] < area[base])
+        missed &= fits(base, left) & ~joined
         if not missed.any():
             return labels
         joined |= missed
-
-
-def _largest(labels: Integers, area: Floats) -> Integers:
-    """The largest triangle of each label."""
-    order = np.argsort(area, kind="stable")
-    largest = np.empty(int(labels.max()) + 1, dtype=np.int64)
-    largest[labels[order]] = order
-    return largest
-
-
-def _distance(
-    points: Floats, triangles: Integers, normals: Floats, base: Integers, other: Integers
-) -> Floats:
-    """Largest distance of the corners of `other` from the plane of `base`."""
-    offset = points[triangles[other]] - points[triangles[base, 0]][:, None, :]
-    return np.abs((offset * normals[base][:, None, :]).sum(-1)).max(axis=1)
-
-
-def _grown(
-    points: Floats,
-    triangles: Integers,
-    neighbors: Integers,
-    normals: Floats,
-    area: Floats,
-    labels: Integers,
-    group: int,
-    tolerance: float,
-) -> Integers:
-    """Split one group into regions grown from its largest triangles outward."""
-    members = np.flatnonzero(labels == group)
-    labels = labels.copy()
-    labels[members] = -1
-    number = int(labels.max()) + 1
-    for seed in members[np.argsort(-area[members], kind="stable")]:
-        if labels[seed] != -1:
-            continue
-        labels[seed] = number
-        front = [int(seed)]
-        while front:
-            for other in neighbors[front.pop()]:
-                if labels[other] == -1:
-                    index = np.array([other])
-                    if _distance(points, triangles, normals, np.array([seed]), index) <= tolerance:
-                        labels[other] = number
-                        front.append(int(other))
-        number += 1
-    return labels
 
 
 HalfEdges = tuple[Integers, Integers, Integers, Integers]
@@ -194,75 +133,35 @@ def facet_loops(
     from outside; neighbors: (t, 3) across the edge opposite to each corner; labels: (t,) facet of
     each triangle, from 0. Corners at which only two facets meet are left out.
     """
-    border = labels[:, None] != labels[neighbors]
-    triangle, corner = np.nonzero(border)
-    tail = triangles[triangle, (corner + 1) % 3]
-    head = triangles[triangle, (corner + 2) % 3]
-    facet = labels[triangle]
-    facets = int(labels.max()) + 1
-    count = np.bincount(facet, minlength=facets)
-    if len(tail) < 12 or (count < 3).any():
+    triangle, corner = np.nonzero(labels[:, None] != labels[neighbors])
+    tails = triangles[triangle, (corner + 1) % 3]
+    heads = triangles[triangle, (corner + 2) % 3]
+    meeting = np.bincount(tails, minlength=points)
+    ahead: list[dict[int, int]] = [{} for _ in range(int(labels.max()) + 1)]
+    for facet, tail, head in np.stack([labels[triangle], tails, heads], axis=1).tolist():
+        ahead[facet][tail] = head
+    # A corner that a border passes twice has only one edge ahead of it.
+    if sum(map(len, ahead)) < len(tails):
         return None
-    # The follower of a half-edge starts, in the same facet, where it ends.
-    size = np.int64(points)
-    key = facet * size + tail
-    order = np.argsort(key)
-    found = np.minimum(np.searchsorted(key[order], facet * size + head), len(order) - 1)
-    follower = order[found]
-    if (key[follower] != facet * size + head).any():
-        return None
-    walk = _walk_facets(facet, follower, count)
-    if walk is None:
-        return None
-    tail, facet = tail[walk], facet[walk]
-    keep = np.bincount(tail, minlength=points)[tail] >= 3
-    tail, facet = tail[keep], facet[keep]
-    count = np.bincount(facet, minlength=facets)
-    if (count < 3).any():
-        return None
-    facet_start = np.concatenate([[0], np.cumsum(count)])
-    source, tail = np.unique(tail, return_inverse=True)
-    facet_start, tail = _sorted_facets(facet_start, tail)
-    following = np.arange(1, len(tail) + 1)
-    following[facet_start[1:] - 1] = facet_start[:-1]
-    size, head = np.int64(len(source)), tail[following]
-    forward, backward = tail * size + head, head * size + tail
-    order = np.argsort(forward)
-    found = np.minimum(np.searchsorted(forward[order], backward), len(order) - 1)
-    twin = order[found]
-    if (forward[twin] != backward).any() or len(source) - len(tail) // 2 + facets != 2:
-        return None
-    return source, facet_start, tail, twin
-
-
-def _sorted_facets(facet_start: Integers, tail: Integers) -> tuple[Integers, Integers]:
-    """The same facets in the order that `ConvexHull` describes."""
-    start, count = facet_start[:-1], np.diff(facet_start)
-    owner = np.repeat(np.arange(len(count)), count)
-    first = np.lexsort((tail, owner))[start] - start
-    second = tail[start + (first + 1) % count]
-    order = np.lexsort((second, tail[start + first]))
-    facet, step = ragged_ranges(np.zeros(len(order), dtype=np.int64), count[order])
-    old = order[facet]
-    walk = start[old] + (first[old] + step) % count[old]
-    return np.concatenate([[0], np.cumsum(count[order])]), tail[walk]
-
-
-def _walk_facets(facet: Integers, follower: Integers, count: Integers) -> Integers | None:
-    """Half-edges in walking order, facet by facet, or None if a facet's border is not one loop."""
-    start = np.concatenate([[0], np.cumsum(count)])
-    current = np.empty(len(count), dtype=np.int64)
-    current[facet[::-1]] = np.arange(len(facet))[::-1]
-    first = current.copy()
-    walk = np.empty(len(facet), dtype=np.int64)
-    active = np.arange(len(count))
-    for step in range(int(count.max())):
-        if step > 0 and (current[active] == first[active]).any():
+    loops = []
+    for border in ahead:
+        loop = list(border)[:1]
+        while loop and border.get(loop[-1], loop[0]) != loop[0] and len(loop) < len(border):
+            loop.append(border[loop[-1]])
+        corners = [vertex for vertex in loop if meeting[vertex] >= 3]
+        closed = loop and border.get(loop[-1]) == loop[0]
+        if not closed or len(loop) < len(border) or len(corners) < 3:
             return None
-        walk[start[active] + step] = current[active]
-        current[active] = follower[current[active]]
-        active = active[count[active] > step + 1]
-    return walk if (current == first).all() else None
+        lowest = corners.index(min(corners))
+        loops.append(corners[lowest:] + corners[:lowest])
+    loops.sort()
+    source, tail = np.unique(list(chain(*loops)), return_inverse=True)
+    head = np.searchsorted(source, list(chain(*(loop[1:] + loop[:1] for loop in loops))))
+    numbers = {edge: number for number, edge in enumerate(zip(tail, head, strict=True))}
+    twin = np.array([numbers.get(edge, -1) for edge in zip(head, tail, strict=True)])
+    if (twin < 0).any() or len(source) - len(tail) // 2 + len(loops) != 2:
+        return None
+    return source, np.cumsum([0, *map(len, loops)]), tail, twin
 
 
 def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: float) -> HalfEdges:
@@ -290,7 +189,12 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
             "points: expected points that span a solid, got one repeated; pass distinct points"
         )
     if coplanar_tolerance == 0.0:
-        return _exact_half_edges(positions, local)
+        extents = np.abs(local).max(axis=0)
+        facets = exact_facets(positions, local / np.where(extents > 0.0, extents, 1.0))
+        half_edges = None if facets is None else facet_loops(len(positions), *facets)
+        if half_edges is None:
+            raise flat_error(local / scale)
+        return half_edges
     magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
     tolerance = coplanar_tolerance + 4.0 * precision * magnitude / scale
     kept, scaled = np.arange(len(positions)), local / scale
@@ -324,16 +228,6 @@ def _merged_half_edges(kept: Integers, scaled: Floats, tolerance: float) -> Half
         if half_edges is not None:
             return half_edges
     return None
-
-
-def _exact_half_edges(positions: Floats, local: Floats) -> HalfEdges:
-    """Hull whose facets are flat and whose edges are convex to the last bit."""
-    extents = np.abs(local).max(axis=0)
-    facets = exact_facets(positions, local / np.where(extents > 0.0, extents, 1.0))
-    half_edges = None if facets is None else facet_loops(len(positions), *facets)
-    if half_edges is None:
-        raise flat_error(local / extents.max())
-    return half_edges
 
 
 def _repeated(points: Floats, kept: Integers, half_edges: HalfEdges, distance: float) -> Integers:
@@ -390,31 +284,19 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     if start is None:
         return None
     surface = _Surface(sides, scaled, start)
-    corner = np.zeros(len(points), dtype=bool)
-    corner[start] = True
-    outside = np.flatnonzero(~corner)
+    outside = np.setdiff1d(np.arange(len(points)), start)
     while len(outside):
         outside, farthest = surface.outside(outside)
         for point in farthest:
             surface.add(int(point))
     triangles = surface.triangles
     neighbors = edge_neighbors(triangles)
-    left, right, bends = _bends(sides, triangles, neighbors)
-    flat = bends == 0
-    graph = coo_array(
-        (np.ones(int(flat.sum())), (left[flat], right[flat])), shape=(len(triangles),) * 2
-    )
-    return triangles, neighbors, connected_components(graph, directed=False)[1].astype(np.int64)
-
-
-def _bends(
-    sides: Orientation, triangles: Integers, neighbors: Integers
-) -> tuple[Integers, Integers, Integers]:
-    """The two triangles at each edge, and -1 where it is convex, 0 flat, 1 reflex."""
+    # The corner of the neighbor that is not on the common edge.
     beyond = triangles[neighbors].sum(axis=2) - (triangles.sum(axis=1)[:, None] - triangles)
     left, corner = np.nonzero(neighbors > np.arange(len(triangles))[:, None])
-    bends = sides.signs(triangles[left], beyond[left, corner])
-    return left, neighbors[left, corner], bends
+    flat = sides.signs(triangles[left], beyond[left, corner]) == 0
+    labels = connected_parts(left[flat], neighbors[left, corner][flat], len(triangles))
+    return triangles, neighbors, labels
 
 
 def _simplex(sides: Orientation, scaled: Floats) -> Integers | None:
@@ -442,33 +324,33 @@ def _simplex(sides: Orientation, scaled: Floats) -> Integers | None:
 
 
 class _Surface:
-    """A convex polyhedron that grows."""
+    """A convex polyhedron that grows. `planes`: (t, 5) of its triangles, normals, heights of the
+    origin above them, and bounds on how wrong heights of points are."""
 
     def __init__(self, sides: Orientation, scaled: Floats, triangles: Integers) -> None:
         self._sides = sides
-        self._scaled = scaled
+        self._scaled = np.column_stack([scaled, np.ones(len(scaled))])
         self.triangles = triangles
-        self._normals, self._offsets, self._bounds = self._planes(triangles)
+        self._planes = self._planes_of(triangles)
 
-    def _planes(self, triangles: Integers) -> tuple[Floats, Floats, Floats]:
-        a, b, c = (self._scaled[triangles[:, k]] for k in range(3))
-        normals = np.linalg.cross(b - a, c - a).astype(np.float64)
+    def _planes_of(self, triangles: Integers) -> Floats:
+        a, b, c = (self._scaled[triangles[:, k], :3] for k in range(3))
+        normals = np.linalg.cross(b - a, c - a)
         longest = np.maximum(np.abs(b - a), np.abs(c - a)).max(axis=1)
         bounds = PLANE_ROUNDING * longest + np.finfo(np.float64).tiny
-        return normals, (normals * a).sum(-1), bounds
+        return np.column_stack([normals, -(normals * a).sum(-1), bounds])
 
     def outside(self, candidates: Integers) -> tuple[Integers, Integers]:
         """Those of some points (k,) that lie outside, and the highest above each triangle."""
         found, above, heights = [], [], []
-        planes = np.column_stack([self._normals, self._bounds - self._offsets])
-        local = np.column_stack([self._scaled[candidates], np.ones(len(candidates))])
-        blocks = 1 + len(candidates) * len(self.triangles) // BLOCK
-        near = [(planes @ part.T).max(axis=0) >= 0.0 for part in np.array_split(local, blocks)]
-        candidates = candidates[np.concatenate(near)]
+        planes, bounds = self._planes[:, :4], self._planes[:, 4]
+        blocks = 1 + len(candidates) * len(planes) // BLOCK
         for block in np.array_split(candidates, blocks):
-            values = self._scaled[block] @ self._normals.T - self._offsets
-            out: Booleans = np.asarray((values > self._bounds).any(axis=1))
-            row, facet = np.nonzero((values >= -self._bounds) & ~out[:, None])
+            values = self._scaled[block] @ planes.T
+            near = (values >= -bounds).any(axis=1)
+            block, values = block[near], values[near]
+            out = (values > bounds).any(axis=1)
+            row, facet = np.nonzero((values >= -bounds) & ~out[:, None])
             signs = self._sides.signs(self.triangles[facet], block[row])
             out[row[signs > 0]] = True
             found.append(block[out])
@@ -481,9 +363,9 @@ class _Surface:
 
     def add(self, point: int) -> None:
         """The hull of the polyhedron and a point."""
-        values = self._normals @ self._scaled[point] - self._offsets
+        values, bounds = self._planes[:, :4] @ self._scaled[point], self._planes[:, 4]
         seen = values > 0.0
-        unsure = np.flatnonzero(np.abs(values) <= self._bounds)
+        unsure = np.flatnonzero(np.abs(values) <= bounds)
         seen[unsure] = self._sides.signs(self.triangles[unsure], np.full(len(unsure), point)) >= 0
         visible = self.triangles[seen]
         tail, head = visible.ravel(), np.roll(visible, -1, axis=1).ravel()
@@ -491,9 +373,4 @@ class _Surface:
         horizon = ~np.isin(tail * size + head, head * size + tail)
         fan = np.stack([tail[horizon], head[horizon], np.full(horizon.sum(), point)], axis=1)
         self.triangles = np.concatenate([self.triangles[~seen], fan])
-        self._normals, self._offsets, self._bounds = (
-            np.concatenate([old[~seen], new])
-            for old, new in zip(
-                (self._normals, self._offsets, self._bounds), self._planes(fan), strict=True
-            )
-        )
+        self._planes = np.concatenate([self._planes[~seen], self._planes_of(fan)])
