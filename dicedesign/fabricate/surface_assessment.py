@@ -134,7 +134,7 @@ def _describe_quality(quality: SurfaceQuality, crossings: int) -> Iterator[str]:
     if stretched is not None:
         yield (
             "95 % of the surface is distorted in shape by a factor of at most "
-            f"{stretched.shape_most:.3g}, and in size by {stretched.size_most:.3g}"
+            f"{stretched['shape_most']:.3g}, and in size by {stretched['size_most']:.3g}"
         )
 
 

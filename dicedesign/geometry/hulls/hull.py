@@ -350,19 +350,31 @@ def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.flo
     Returns (n, 3).
     """
     n = as_numbers(normals, "half-spaces", "normals").astype(np.float64)
-    d = _offsets(offsets, len(n))
+    try:
+        d = np.asarray(offsets, dtype=np.float64)
+    except (ValueError, TypeError):
+        d = np.full(len(n), np.nan)
+    if d.shape != (len(n),) or not np.isfinite(d).all():
+        got = repr(offsets) if d.shape == (len(n),) else f"shape {d.shape}"
+        raise InputError(
+            f"half-spaces: expected {len(n)} finite offsets, got {got}; pass one for each normal"
+        )
     if not np.isfinite(n).all():
         row = int(np.argmin(np.isfinite(n).all(axis=1)))
         raise InputError(
             f"half-spaces: expected finite normals, got {n[row].tolist()} in row {row}; repair it"
         )
-    if (d <= 0.0).any():
-        raise _no_polyhedron(f"offset {d.min():g}")
-    polar = convex_hull(n / d[:, None])
-    heights = polar.heights(np.zeros(3))
-    if (heights <= 0.0).any():
-        raise _no_polyhedron("one that is unbounded")
-    return polar.normals / heights[:, None]
+    got = f"offset {d.min():g}"
+    if (d > 0.0).all():
+        polar = convex_hull(n / d[:, None])
+        heights = polar.heights(np.zeros(3))
+        if (heights > 0.0).all():
+            return polar.normals / heights[:, None]
+        got = "one that is unbounded"
+    raise DegenerateBodyError(
+        "half-spaces: expected an intersection that is bounded and has the origin inside, got "
+        f"{got}; spread the normals over the whole sphere and keep the offsets positive"
+    )
 
 
 def deepest_point(normals: Floats, offsets: Floats) -> tuple[Floats, float]:
@@ -382,28 +394,3 @@ def deepest_point(normals: Floats, offsets: Floats) -> tuple[Floats, float]:
     if found.x is None or found.status == 3:
         return np.zeros(3), np.inf if found.status == 3 else -np.inf
     return size * found.x[:3], size * float(found.x[3])
-
-
-def _offsets(offsets: ArrayLike, count: int) -> NDArray[np.float64]:
-    try:
-        array = np.asarray(offsets, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise _bad_offsets(count, repr(offsets)) from error
-    if array.shape != (count,):
-        raise _bad_offsets(count, f"shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise _bad_offsets(count, repr(array[~np.isfinite(array)][0].item()))
-    return array
-
-
-def _bad_offsets(count: int, got: str) -> InputError:
-    return InputError(
-        f"half-spaces: expected {count} finite offsets, got {got}; pass one for each normal"
-    )
-
-
-def _no_polyhedron(got: str) -> DegenerateBodyError:
-    return DegenerateBodyError(
-        "half-spaces: expected an intersection that is bounded and has the origin inside, got "
-        f"{got}; spread the normals over the whole sphere and keep the offsets positive"
-    )

@@ -183,7 +183,12 @@ def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
     """The point (3,) of a polyhedron `rows @ x <= bounds` whose third coordinate times a sign is
     least, where there is one: it is a corner, in which three constraints are met exactly."""
     if len(rows) > MOST_TRIPLED:
-        return _by_linear_program(sign, rows, bounds)
+        # Imported where it is needed: it takes longer than most dice.
+        from scipy.optimize import linprog
+
+        free = [(None, None), (None, None), (0, None)]
+        answer = linprog((0, 0, sign), A_ub=rows, b_ub=bounds, bounds=free)
+        return answer.x if answer.success else None
     triples = np.array(list(combinations(range(len(rows)), 3)))
     regular = np.abs(np.linalg.det(rows[triples])) > PARALLEL
     triples = triples[regular]
@@ -196,13 +201,3 @@ def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
     tied = corners[values <= values.min() + MET]
     least: Floats = tied[np.argmin((tied[:, :2] ** 2).sum(axis=1))]
     return least
-
-
-def _by_linear_program(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
-    """The same where there are too many constraints to try all triples."""
-    # Imported where it is needed: it takes longer than most dice.
-    from scipy.optimize import linprog
-
-    free = [(None, None), (None, None), (0, None)]
-    answer = linprog((0, 0, sign), A_ub=rows, b_ub=bounds, bounds=free)
-    return answer.x if answer.success else None

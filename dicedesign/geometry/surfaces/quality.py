@@ -24,32 +24,6 @@ SHARE: Final = 0.95
 """Part of the area that is distorted no more than the figure given for it."""
 
 
-@dataclass(frozen=True)
-class Distortion:
-    """Distortion of triangles against those of a reference surface.
-
-    A triangle is stretched by factors `a >= b` along two orthogonal directions. It is distorted in
-    shape by `a / b`, 1 for a similar triangle (the quasi-conformal error of Sander et al., Texture
-    mapping progressive meshes, 2001). It is distorted in size by its area over that of the
-    reference, or the inverse if that is larger, apart from the ratio of the whole surfaces' areas.
-    Means and shares are weighted by the area of the reference; a triangle that has lost its area is
-    distorted infinitely, and one that had none is left out.
-
-    Attributes
-    ----------
-    shape_mean, shape_most, shape_largest: of the distortion in shape, the mean, the value that 95 %
-        of the area keep to, and the largest.
-    size_mean, size_most, size_largest: the same of the distortion in size.
-    """
-
-    shape_mean: float
-    shape_most: float
-    shape_largest: float
-    size_mean: float
-    size_most: float
-    size_largest: float
-
-
 @dataclass(frozen=True, eq=False)
 class SurfaceQuality:
     """Defects of a closed surface.
@@ -69,7 +43,7 @@ class SurfaceQuality:
         `SHARP_TURN` and did not in the reference.
     intersections: (m, 2) pairs of triangles that meet, as from `intersecting_triangles`.
     places: (k, 3) the middles of the groups of such triangles, see `intersection_groups`.
-    distortion: against the reference; None without one.
+    distortion: against the reference, see `surface_distortion`; None without one.
     """
 
     points: int
@@ -82,26 +56,30 @@ class SurfaceQuality:
     folds: Integers
     intersections: Integers
     places: Floats
-    distortion: Distortion | None
+    distortion: dict[str, float] | None
 
     def sentences(self) -> tuple[str, ...]:
         """The defects in words, one sentence each; none for a surface without any."""
+
+        def count(items: NDArray[Any], noun: str) -> str:
+            return f"{len(items)} {noun}{'' if len(items) == 1 else 's'}"
+
         defects = []
         if len(self.intersections):
             at = "; ".join(
                 "(" + ", ".join(f"{x:.4g}" for x in place) + ")" for place in self.places[:3]
             )
             defects.append(
-                f"the surface meets itself: {_count(self.intersections, 'pair')} of triangles in "
-                f"{_count(self.places, 'place')}, near {at}"
+                f"the surface meets itself: {count(self.intersections, 'pair')} of triangles in "
+                f"{count(self.places, 'place')}, near {at}"
             )
         if len(self.folds):
-            defects.append(f"the surface is folded sharply at {_count(self.folds, 'edge')}")
+            defects.append(f"the surface is folded sharply at {count(self.folds, 'edge')}")
         if len(self.inverted):
-            defects.append(f"{_count(self.inverted, 'triangle')} turned over")
+            defects.append(f"{count(self.inverted, 'triangle')} turned over")
         if len(self.slivers):
             defects.append(
-                f"{_count(self.slivers, 'sliver')} with an angle below "
+                f"{count(self.slivers, 'sliver')} with an angle below "
                 f"{np.degrees(SLIVER_ANGLE):.3g} degrees, the smallest "
                 f"{np.degrees(self.smallest_angle):.2g}"
             )
@@ -110,25 +88,24 @@ class SurfaceQuality:
     def data(self) -> dict[str, Any]:
         """Plain numbers and lists for a result file: angles in degrees, at most 20 of each list,
         None for an infinite distortion."""
-        shortest, mean, longest = self.edges
         data: dict[str, Any] = {
             "points": self.points,
             "triangles": self.triangles,
             "genus": self.genus,
-            "edges_over_diagonal": {"shortest": shortest, "mean": mean, "longest": longest},
+            "edges_over_diagonal": dict(
+                zip(("shortest", "mean", "longest"), self.edges, strict=True)
+            ),
             "smallest_angle_degrees": float(np.degrees(self.smallest_angle)),
-            "slivers": _listed(self.slivers),
-            "inverted": _listed(self.inverted),
-            "folds": _listed(self.folds),
-            "self_intersections": {
-                **_listed(self.intersections),
-                "places": self.places[:LISTED].tolist(),
-            },
         }
+        for name in ("slivers", "inverted", "folds", "intersections"):
+            items = getattr(self, name)
+            data[name] = {"count": len(items), "first": items[:LISTED].tolist()}
+        places = {"places": self.places[:LISTED].tolist()}
+        data["self_intersections"] = data.pop("intersections") | places
         if self.distortion is not None:
             data["distortion"] = {
                 name: value if np.isfinite(value) else None
-                for name, value in vars(self.distortion).items()
+                for name, value in self.distortion.items()
             }
         return data
 
@@ -167,45 +144,47 @@ def surface_quality(surface: Surface, reference: Surface | None = None) -> Surfa
     )
 
 
-def surface_distortion(surface: Surface, reference: Surface) -> Distortion:
+def surface_distortion(surface: Surface, reference: Surface) -> dict[str, float]:
     """Distortion of the triangles of a surface against those of the reference, which has the
-    same triangles and some area."""
+    same triangles and some area.
+
+    A triangle is stretched by factors `a >= b` along two orthogonal directions. It is distorted in
+    shape by `a / b`, 1 for a similar triangle (the quasi-conformal error of Sander et al., Texture
+    mapping progressive meshes, 2001). It is distorted in size by its area over that of the
+    reference, or the inverse if that is larger, apart from the ratio of the whole surfaces' areas.
+    Means and shares are weighted by the area of the reference; a triangle that has lost its area is
+    distorted infinitely, and one that had none is left out.
+
+    Returns `shape_mean`, `shape_most` and `shape_largest`: of the distortion in shape, the mean,
+    the value that 95 % of the area keep to, and the largest; and `size_...` of that in size.
+
+    Source: Pinkall and Polthier, Computing discrete minimal surfaces, 1993: the sum of squared
+    stretches is the Dirichlet energy, a sum over edges with the cotangents of angles.
+    """
     before, after = (
         norms(doubled_area_vectors(each.points, each.triangles)) for each in (reference, surface)
     )
+    old, new = (each.points[each.triangles] for each in (reference, surface))
+    spread = np.zeros(len(old))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for k in range(3):
+            a, b = old[:, k - 1] - old[:, k], old[:, k - 2] - old[:, k]
+            opposite = new[:, k - 1] - new[:, k - 2]
+            spread += (a * b).sum(axis=1) / before * (opposite * opposite).sum(axis=1)
     kept = before > 0.0
-    spread = _stretch(surface, reference, before)[kept]
-    before, after = before[kept], after[kept]
+    spread, before, after = spread[kept], before[kept], after[kept]
     ratio = after / before * (before.sum() / after.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
         half = np.where(after > 0.0, np.maximum(0.5 * spread / after, 1.0), np.inf)
         size = np.maximum(ratio, 1.0 / ratio)
-    shape = half + np.sqrt((half - 1.0) * (half + 1.0))
-    return Distortion(*_figures(shape, before), *_figures(size, before))
-
-
-def _stretch(surface: Surface, reference: Surface, area: Floats) -> Floats:
-    """(t,) twice the area (t,) of each reference triangle times the sum of its squared stretches: a
-    sum over its edges with the cotangents of its angles.
-
-    Source: Pinkall and Polthier, Computing discrete minimal surfaces, 1993: the Dirichlet energy.
-    """
-    corners = reference.points[reference.triangles]
-    new = surface.points[surface.triangles]
-    total = np.zeros(len(corners))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for k in range(3):
-            a, b = corners[:, k - 1] - corners[:, k], corners[:, k - 2] - corners[:, k]
-            opposite = new[:, k - 1] - new[:, k - 2]
-            total += (a * b).sum(axis=1) / area * (opposite * opposite).sum(axis=1)
-    return total
-
-
-def _figures(values: Floats, weights: Floats) -> tuple[float, float, float]:
-    order = np.argsort(values)
-    covered = np.cumsum(weights[order])
-    most = values[order[np.searchsorted(covered, SHARE * covered[-1])]]
-    return float(np.average(values, weights=weights)), float(most), float(values.max())
+    figures = {}
+    for name, values in (("shape", half + np.sqrt((half - 1.0) * (half + 1.0))), ("size", size)):
+        order = np.argsort(values)
+        covered = np.cumsum(before[order])
+        most = values[order[np.searchsorted(covered, SHARE * covered[-1])]]
+        figures[f"{name}_mean"] = float(np.average(values, weights=before))
+        figures[f"{name}_most"], figures[f"{name}_largest"] = float(most), float(values.max())
+    return figures
 
 
 def _angles(corners: Floats) -> Floats:
@@ -235,11 +214,3 @@ def _is_inverted(surface: Surface) -> Booleans:
     at_points = sums_by_index(triangles.ravel(), weighted.reshape(-1, 3), len(surface.points))
     away = (normals[:, None] * at_points[triangles]).sum(axis=2) < 0.0
     return away.sum(axis=1) >= 2
-
-
-def _count(items: NDArray[Any], noun: str) -> str:
-    return f"{len(items)} {noun}{'' if len(items) == 1 else 's'}"
-
-
-def _listed(items: Integers) -> dict[str, Any]:
-    return {"count": len(items), "first": items[:LISTED].tolist()}

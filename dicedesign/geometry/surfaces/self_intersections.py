@@ -40,20 +40,20 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     in_first, in_second = same.any(axis=2), same.any(axis=1)
     common = in_first.sum(axis=1)
     meet = common == 3
+
     edge = np.flatnonzero(common == 2)
-    meet[edge] = _folded_flat(
-        _from(first[edge], in_first[edge].argmin(axis=1)),
-        _from(second[edge], in_second[edge].argmin(axis=1)),
-        points,
-    )
+    one = _turned(first[edge], in_first[edge].argmin(axis=1))
+    other = _turned(second[edge], in_second[edge].argmin(axis=1))
+    start = points[one[:, 1]]
+    along = points[one[:, 2]] - start
+    ups = [np.cross(along, points[corner[:, 0]] - start) for corner in (one, other)]
+    cosine, sine = (ups[0] * ups[1]).sum(axis=1), np.linalg.norm(np.cross(*ups), axis=1)
+    meet[edge] = (cosine > 0.0) & (sine <= FLAT_FOLD * cosine)
+
     corner = np.flatnonzero(common == 1)
-    meet[corner] = _meet(
-        _from(first[corner], in_first[corner].argmax(axis=1)),
-        _from(second[corner], in_second[corner].argmax(axis=1)),
-        1,
-        points,
-        signs,
-    )
+    one = _turned(first[corner], in_first[corner].argmax(axis=1))
+    other = _turned(second[corner], in_second[corner].argmax(axis=1))
+    meet[corner] = _meet(one, other, 1, points, signs)
     apart = np.flatnonzero(common == 0)
     meet[apart] = _meet(first[apart], second[apart], 0, points, signs)
     return pairs[meet]
@@ -76,7 +76,7 @@ def intersection_groups(triangles: Integers, pairs: Integers) -> list[Integers]:
     return sorted(groups, key=len, reverse=True)
 
 
-def _from(triangles: Integers, column: Integers) -> Integers:
+def _turned(triangles: Integers, column: Integers) -> Integers:
     """Triangles (m, 3) turned so that they begin with their corner of that column (m,)."""
     return np.take_along_axis(triangles, (column[:, None] + np.arange(3)) % 3, axis=1)
 
@@ -94,15 +94,6 @@ def _projection(triangles: Integers, points: Floats, signs: Orientation) -> Inte
     return chosen
 
 
-def _folded_flat(first: Integers, second: Integers, points: Floats) -> Booleans:
-    """True (m,) where triangles (m, 3) that share all corners but their first lie on each other."""
-    start = points[first[:, 1]]
-    edge = points[first[:, 2]] - start
-    one, other = (np.cross(edge, points[corner[:, 0]] - start) for corner in (first, second))
-    along = (one * other).sum(axis=1)
-    return (along > 0.0) & (np.linalg.norm(np.cross(one, other), axis=1) <= FLAT_FOLD * along)
-
-
 def _meet(
     first: Integers, second: Integers, common: int, points: Floats, signs: Orientation
 ) -> Booleans:
@@ -112,29 +103,19 @@ def _meet(
     """
     meet = np.zeros(len(first), dtype=bool)
     near = close_pairs(points[first], points[second], common)
-    above = _sides(first[near], second[near], common, signs)
-    kept = _reaches(above)
-    near, above = near[kept], above[kept]
-    below = _sides(second[near], first[near], common, signs)
-    kept = _reaches(below)
-    near, above, below = near[kept], above[kept], below[kept]
+    sides = []
+    for planes, others in ((first, second), (second, first)):
+        # Of the corners that are not common: on which side of the other's plane they are.
+        corners = others[near].T[common:]
+        side = np.stack([signs.in_space(corner, *planes[near].T) for corner in corners], axis=1)
+        reaches = (side.min(axis=1) <= 0) & (side.max(axis=1) >= 0)
+        near, sides = near[reaches], [*(earlier[reaches] for earlier in sides), side[reaches]]
+    above, below = sides
     first, second = first[near], second[near]
     meet[near] = _pierces(first, second, above, signs) | _pierces(second, first, below, signs)
     flat = (above == 0).all(axis=1)
     meet[near[flat]] = _overlap(first[flat], second[flat], common, points, signs)
     return meet
-
-
-def _sides(planes: Integers, triangles: Integers, common: int, signs: Orientation) -> Integers:
-    """(m, 3 - common) the sides of planes on which the corners of triangles lie that are not
-    common."""
-    corners = triangles.T[common:]
-    return np.stack([signs.in_space(corner, *planes.T) for corner in corners], axis=1)
-
-
-def _reaches(sides: Integers) -> Booleans:
-    """True (m,) where not all corners lie strictly on one side."""
-    return (sides.min(axis=1) <= 0) & (sides.max(axis=1) >= 0)
 
 
 def _pierces(
@@ -145,7 +126,8 @@ def _pierces(
     Where triangles do not lie in one plane, what they have in common is a segment with ends on such
     edges. Of triangles with a common corner only the edges opposite to it count.
 
-    sides: of the corners of the second triangles, as from `_sides`.
+    sides: (m, 3 or 2) of the planes, on which corners of the second triangles are that are not
+    common.
     """
     meet = np.zeros(len(planes), dtype=bool)
     common = 3 - sides.shape[1]
@@ -196,34 +178,8 @@ def overlapping_boxes(lower: Floats, upper: Floats) -> Integers:
 
     lower, upper: (n, 3) the corners, lower <= upper. Returns (m, 2) pairs i < j, in order.
     """
-    order, levels = _tree(lower, upper)
-    first = second = np.zeros(1, dtype=np.int64)
-    for low, high in levels[1:]:
-        apart = first != second
-        first, second = (
-            np.concatenate(
-                (2 * first, 2 * first + 1, 2 * first, 2 * first[apart] + 1),
-            ),
-            np.concatenate(
-                (2 * second, 2 * second + 1, 2 * second + 1, 2 * second[apart]),
-            ),
-        )
-        for axis in range(3):
-            meet = (low[first, axis] <= high[second, axis]) & (
-                low[second, axis] <= high[first, axis]
-            )
-            first, second = first[meet], second[meet]
-    first, second = first[first != second], second[first != second]
-    pairs = np.sort(np.stack((order[first], order[second]), axis=1), axis=1)
-    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-
-
-def _tree(lower: Floats, upper: Floats) -> tuple[Integers, list[tuple[Floats, Floats]]]:
-    """The box at each leaf, and the corners of the nodes' boxes at each level from the root.
-
-    Leaves beyond the number of boxes are empty: their box overlaps none.
-    """
     count = len(lower)
+    # Leaves beyond the number of boxes are empty: their box overlaps none.
     size = 1 << max(count - 1, 0).bit_length()
     low = np.full((size, 3), np.inf)
     high = np.full((size, 3), -np.inf)
@@ -242,7 +198,20 @@ def _tree(lower: Floats, upper: Floats) -> tuple[Integers, list[tuple[Floats, Fl
     while len(levels[0][0]) > 1:
         below, above = levels[0]
         levels.insert(0, (np.minimum(below[::2], below[1::2]), np.maximum(above[::2], above[1::2])))
-    return order, levels
+    first = second = np.zeros(1, dtype=np.int64)
+    for low, high in levels[1:]:
+        apart = first != second
+        left, right = (2 * first, 2 * first[apart]), (2 * second, 2 * second[apart])
+        first = np.concatenate((left[0], left[0] + 1, left[0], left[1] + 1))
+        second = np.concatenate((right[0], right[0] + 1, right[0] + 1, right[1]))
+        for axis in range(3):
+            meet = (low[first, axis] <= high[second, axis]) & (
+                low[second, axis] <= high[first, axis]
+            )
+            first, second = first[meet], second[meet]
+    first, second = first[first != second], second[first != second]
+    pairs = np.sort(np.stack((order[first], order[second]), axis=1), axis=1)
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
 def close_pairs(first: Floats, second: Floats, common: int) -> Integers:
@@ -257,46 +226,27 @@ def close_pairs(first: Floats, second: Floats, common: int) -> Integers:
     close = np.arange(len(first))
     for part in range(8 if common == 0 else 1):
         one, other = first[close], second[close]
-        axis = _between_nearest_edges(one, other) if common else _upright(one, other, part)
-        close = close[~_apart(axis, one, other, common)]
+        if common:
+            # Between those two edges at the common corner that are nearest to each other.
+            edges = [corners[:, 1:] - corners[:, :1] for corners in (one, other)]
+            a, b = (edge / np.linalg.norm(edge, axis=2, keepdims=True) for edge in edges)
+            nearest = (a[:, :, None] * b[:, None]).sum(axis=3).reshape(-1, 4).argmax(axis=1)
+            rows = np.arange(len(one))
+            axis = b[rows, nearest % 2] - a[rows, nearest // 2]
+        else:
+            # The normals, then in the planes the directions across the edges.
+            corners = (one, other)[part % 2]
+            axis = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            if part >= 2:
+                edge = part // 2 - 1
+                axis = np.cross(axis, corners[:, edge] - corners[:, edge - 1])
+        products = [(c - one[:, :1])[:, common:] * axis[:, None] for c in (one, other)]
+        error = ROUNDING * np.abs(products).sum(axis=-1).max(axis=(0, 2)) + UNDERFLOW
+        ones, others = (product.sum(axis=2) for product in products)
+        if common:
+            apart = (ones.max(axis=1) < -error) & (others.min(axis=1) > error)
+        else:
+            apart = others.min(axis=1) - ones.max(axis=1) > 2 * error
+            apart |= ones.min(axis=1) - others.max(axis=1) > 2 * error
+        close = close[~apart]
     return close
-
-
-def _upright(first: Floats, second: Floats, part: int) -> Floats:
-    """(m, 3) the normal of the first or the second triangles, for part 0 or 1, or the direction in
-    the plane of one of them that is normal to one of its edges, for parts 2 to 7."""
-    corners = (first, second)[part % 2]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if part < 2:
-        return normal
-    edge = part // 2 - 1
-    return np.cross(normal, corners[:, edge] - corners[:, edge - 1])
-
-
-def _between_nearest_edges(first: Floats, second: Floats) -> Floats:
-    """(m, 3) the difference of the directions of those two edges at the common corner, one of each
-    triangle, that are nearest to each other."""
-    one, other = (_directions(corners) for corners in (first, second))
-    nearest = (one[:, :, None] * other[:, None]).sum(axis=3).reshape(-1, 4).argmax(axis=1)
-    rows = np.arange(len(one))
-    return other[rows, nearest % 2] - one[rows, nearest // 2]
-
-
-def _directions(corners: Floats) -> Floats:
-    """(m, 2, 3) unit vectors from the first corner to the others."""
-    edges = corners[:, 1:] - corners[:, :1]
-    return edges / np.linalg.norm(edges, axis=2, keepdims=True)
-
-
-def _apart(axis: Floats, first: Floats, second: Floats, common: int) -> Booleans:
-    """True (m,) where the heights of corners along an axis part them beyond rounding."""
-    origin = first[:, :1]
-    one, other = ((corners - origin)[:, common:] * axis[:, None] for corners in (first, second))
-    size = np.maximum(np.abs(one).sum(axis=2).max(axis=1), np.abs(other).sum(axis=2).max(axis=1))
-    error = ROUNDING * size + UNDERFLOW
-    one, other = one.sum(axis=2), other.sum(axis=2)
-    if common:
-        return (one.max(axis=1) < -error) & (other.min(axis=1) > error)
-    return (other.min(axis=1) - one.max(axis=1) > 2 * error) | (
-        one.min(axis=1) - other.max(axis=1) > 2 * error
-    )
