@@ -23,13 +23,9 @@ PAIRS_AT_ONCE: Final = 2_000_000
 
 def distances_from_surface(surface: Surface, points: Floats) -> Floats:
     """(k,) distances of points (k, 3) from a surface, in its unit of length."""
-    corners = surface.points[surface.triangles]
-    least = np.full(len(points), np.inf)
-    for query, triangle in _near_pairs(corners, points):
-        weights = _closest_in_triangles(points[query], corners[triangle])
-        squares = _squares(weights, corners[triangle], points[query])
-        np.minimum.at(least, query, np.sqrt(squares))
-    return least
+    triangles, weights = closest_points(surface, points)
+    feet = (weights[:, :, None] * surface.points[surface.triangles[triangles]]).sum(1)
+    return norms(feet - points)
 
 
 def closest_points(surface: Surface, points: Floats) -> tuple[Integers, Floats]:
@@ -68,10 +64,20 @@ def _near_pairs(corners: Floats, points: Floats) -> Iterator[tuple[Integers, Int
 def _closest_in_triangles(points: Floats, corners: Floats) -> Floats:
     """(m, 3) weights of the corners of triangles (m, 3, 3) of which the mean is closest to points
     (m, 3)."""
-    weights, inside = _feet(points, corners)
+    # The foot of the perpendicular onto the plane, where it is inside; a flat one has none.
+    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    normal = np.linalg.cross(opposite[:, 1], opposite[:, 2])
+    squared = (normal * normal).sum(-1)
+    arms = points[:, None] - np.roll(corners, -1, axis=1)
+    weights = (np.linalg.cross(opposite, arms) * normal[:, None]).sum(-1)
+    inside = (squared > 0.0) & (weights >= 0.0).all(axis=1)
+    weights = weights / np.where(squared > 0.0, squared, 1.0)[:, None]
     squares = np.where(inside, _squares(weights, corners, points), np.inf)
     for start, end in ((0, 1), (1, 2), (2, 0)):
-        part = _along_edges(points, corners[:, start], corners[:, end])
+        edge = corners[:, end] - corners[:, start]
+        length = (edge * edge).sum(-1)
+        along = ((points - corners[:, start]) * edge).sum(-1)
+        part = np.clip(along / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
         beside = np.zeros_like(weights)
         beside[:, start], beside[:, end] = 1.0 - part, part
         square = _squares(beside, corners, points)
@@ -84,26 +90,6 @@ def _closest_in_triangles(points: Floats, corners: Floats) -> Floats:
 def _squares(weights: Floats, corners: Floats, points: Floats) -> Floats:
     offsets = (weights[:, :, None] * corners).sum(1) - points
     return np.asarray((offsets * offsets).sum(-1))
-
-
-def _along_edges(points: Floats, starts: Floats, ends: Floats) -> Floats:
-    """(m,) part of the way from starts to ends (m, 3) that leads nearest to points (m, 3)."""
-    edge = ends - starts
-    length = (edge * edge).sum(-1)
-    along = ((points - starts) * edge).sum(-1)
-    return np.clip(along / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-
-
-def _feet(points: Floats, corners: Floats) -> tuple[Floats, Booleans]:
-    """Weights (m, 3) of the corners of which the means are the feet of the perpendiculars from
-    points onto the planes of triangles, and whether these are inside, as none of a flat one is."""
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    normal = np.linalg.cross(opposite[:, 1], opposite[:, 2])
-    squared = (normal * normal).sum(-1)
-    arms = points[:, None] - np.roll(corners, -1, axis=1)
-    weights = (np.linalg.cross(opposite, arms) * normal[:, None]).sum(-1)
-    inside = (squared > 0.0) & (weights >= 0.0).all(axis=1)
-    return weights / np.where(squared > 0.0, squared, 1.0)[:, None], inside
 
 
 LATTICE_OFFSET: Final = (np.sqrt(0.3), np.sqrt(0.5), np.sqrt(0.7))
@@ -159,9 +145,9 @@ def _inside(points: Floats, triangles: Integers, shape: Integers) -> Booleans:
     for k in range(3):
         # Both triangles of an edge decide alike on which side of it a column is.
         ends = np.sort(triangles[:, [k, (k + 1) % 3]], axis=1)
-        tail, head = points[ends[owner, 0], :2], points[ends[owner, 1], :2]
-        left = _turn(head - tail, column - tail) >= 0.0
-        sides.append(left ^ (triangles[owner, k] != ends[owner, 0]))
+        tail = points[ends[owner, 0], :2]
+        (x, y), (right, up) = (points[ends[owner, 1], :2] - tail).T, (column - tail).T
+        sides.append((x * up - y * right >= 0.0) ^ (triangles[owner, k] != ends[owner, 0]))
     crossed = (sides[0] == sides[1]) & (sides[1] == sides[2])
     owner, column = owner[crossed], column[crossed]
     a, b, c = corners[owner].transpose(1, 0, 2)
@@ -171,11 +157,6 @@ def _inside(points: Floats, triangles: Integers, shape: Integers) -> Booleans:
     crossings = np.zeros(tuple(shape.tolist()), dtype=np.int64)
     np.add.at(crossings, (*column.T, node), 1)
     return np.asarray(np.cumsum(crossings, axis=2) % 2 == 1)
-
-
-def _turn(u: Floats, v: Floats) -> Floats:
-    """(m,) u x v of vectors in a plane."""
-    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
 
 
 AROUND: Final = ((0, 0), (-1, 0), (-1, -1), (0, -1))
@@ -229,16 +210,25 @@ def without_double_cuts(values: Floats) -> Booleans:
 
     Source: Latecki, 3D well-composed pictures (1997), for the condition.
     """
+    cubes = []
+    for axes in ((0, 1), (1, 2), (0, 2), (0, 1, 2)):
+        corners = list(product(*((0, 1) if axis in axes else (0,) for axis in range(3))))
+        # Each pair of opposite corners first and last.
+        for near, far in zip(corners[: len(corners) // 2], corners[::-1], strict=False):
+            others = [corner for corner in corners if corner not in (near, far)]
+            cubes.append([near, *others, far])
     inside = values > 0.0
     while True:
         added = np.zeros_like(inside)
-        for offsets in _CUBES:
-            corners = [_shifted(inside, offset) for offset in offsets]
-            first = corners[0]
-            cut = (corners[-1] == first) & ~np.logical_or.reduce(
-                [corner == first for corner in corners[1:-1]]
+        for offsets in cubes:
+            first, *between, last = (
+                inside[
+                    tuple(slice(d, d + n - 1) for d, n in zip(offset, inside.shape, strict=True))
+                ]
+                for offset in offsets
             )
-            cells = np.stack(np.nonzero(cut), axis=-1)
+            same = np.logical_or.reduce([corner == first for corner in between])
+            cells = np.stack(np.nonzero((last == first) & ~same), axis=-1)
             nodes = cells[:, None] + np.array(offsets)
             places = tuple(nodes.transpose(2, 0, 1))
             outer = np.where(inside[places], -np.inf, values[places])
@@ -247,26 +237,6 @@ def without_double_cuts(values: Floats) -> Booleans:
         if not added.any():
             return inside
         inside |= added
-
-
-def _cubes() -> list[list[tuple[int, ...]]]:
-    """Corners of the faces of a cell and of the cell, as often as they have pairs of opposite ones:
-    such a pair first and last."""
-    cubes = []
-    for axes in ((0, 1), (1, 2), (0, 2), (0, 1, 2)):
-        corners = list(product(*((0, 1) if axis in axes else (0,) for axis in range(3))))
-        for near, far in zip(corners[: len(corners) // 2], corners[::-1], strict=False):
-            others = [corner for corner in corners if corner not in (near, far)]
-            cubes.append([near, *others, far])
-    return cubes
-
-
-_CUBES: Final = _cubes()
-
-
-def _shifted(inside: Booleans, offset: tuple[int, ...]) -> Booleans:
-    """The nodes at an offset, of 0 or 1 along each axis, from all but the last."""
-    return inside[tuple(slice(d, d + n - 1) for d, n in zip(offset, inside.shape, strict=True))]
 
 
 FLIP_PASSES: Final = 3
@@ -296,20 +266,13 @@ def evened(
     """
     for _ in range(rounds):
         triangles = _flipped(points, triangles)
-        points = onto(_spread(points, triangles), triangles)
+        a, b, c = points[triangles].transpose(1, 0, 2)
+        areas = np.linalg.norm(np.cross(b - a, c - a), axis=-1)
+        weights = sums_by_index(triangles.ravel(), areas.repeat(3), len(points))
+        moments = (areas[:, None] * points[triangles].mean(axis=1)).repeat(3, axis=0)
+        middles = sums_by_index(triangles.ravel(), moments, len(points)) / weights[:, None]
+        points = onto(points + STEP * (middles - points), triangles)
     return points, _flipped(points, triangles)
-
-
-def _spread(points: Floats, triangles: Integers) -> Floats:
-    """Points moved part of the way to the middle of the triangles around them, by area."""
-    corners = points[triangles]
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1
-    )
-    weights = sums_by_index(triangles.ravel(), areas.repeat(3), len(points))
-    moments = (areas[:, None] * corners.mean(axis=1)).repeat(3, axis=0)
-    middles = sums_by_index(triangles.ravel(), moments, len(points)) / weights[:, None]
-    return points + STEP * (middles - points)
 
 
 def _flipped(points: Floats, triangles: Integers) -> Integers:

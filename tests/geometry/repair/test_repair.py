@@ -17,7 +17,6 @@ from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.grid_surface import surface_nets, without_double_cuts
 from dicedesign.geometry.surfaces.repair import RepairedMesh, input_surface, repaired
 from dicedesign.geometry.triangles import Surface
-from dicedesign.report.surface_figures import repair
 from dicedesign.runtime.arrays import Floats, Integers
 
 CELL = 0.02
@@ -27,7 +26,7 @@ CELL = 0.02
 @pytest.fixture(autouse=True)
 def coarse_grids(monkeypatch: pytest.MonkeyPatch) -> None:
     """A grid of half as many cells along each side takes an eighth of the time."""
-    monkeypatch.setattr(repair, "GRIDS", ((50, 0.0), (50, 0.25)))
+    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.GRIDS", ((50, 0.0), (50, 0.25)))
 
 
 def body_of(points: Floats, triangles: Integers) -> Body:
