@@ -88,14 +88,14 @@ def random_recipe(rng: np.random.Generator) -> dict[str, Any]:
         *[{"method": {"paper": paper}, "start": prism}] * 3,
         *[{"method": {"exact": exact}, "start": prism}] * 3,
         *[{"method": {"exact": exact}}] * 3,
-        {"method": {"exact": thrown}},
+        {"method": {"exact": thrown}, "size_mm": 20.0},
     ]
     return {
         "name": "die",
         "seed": int(rng.integers(2**32)),
         "target": targets[rng.integers(len(targets))],
-        **methods[rng.integers(len(methods))],
         "size_mm": float(rng.uniform(15.0, 60.0)),
+        **methods[rng.integers(len(methods))],
         "engrave": bool(rng.random() < 0.6),
         **dict.fromkeys(("figures", "report", "clock"), False),
     }
