@@ -20,8 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.dice import begin, continue_to
-from benchmarks.frame import Report, processes
+from benchmarks.frame import Report, begin, continue_to, processes
 from benchmarks.models import is_model, model_names, random_model
 from dicedesign import InputError, Result, checked_recipe
 from dicedesign.concave.shapes import SHAPES

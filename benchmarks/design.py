@@ -21,8 +21,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.dice import add_recipes, make_die, read_recipes, start_of, with_method
-from benchmarks.frame import Report, panels
+from benchmarks.frame import (
+    Report,
+    add_recipes,
+    make_die,
+    panels,
+    read_recipes,
+    start_of,
+    with_method,
+)
 from dicedesign import Recipe, rigid_body, simulate, table_named
 from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, descend_as_paper

@@ -17,8 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.dice import add_recipes, begin, continue_to, read_recipes
-from benchmarks.frame import Report
+from benchmarks.frame import Report, add_recipes, begin, continue_to, read_recipes
 from dicedesign import NoStartError, Recipe, rest_poses
 from dicedesign.energies import Preferences
 from dicedesign.methods import ExactOptions, PaperOptions, descend_as_paper, solve_exactly

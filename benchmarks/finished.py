@@ -20,8 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.dice import Work, add_recipes, continue_to, make_die, read_recipes
-from benchmarks.frame import Report
+from benchmarks.frame import Report, Work, add_recipes, continue_to, make_die, read_recipes
 from dicedesign import EngravingError, Recipe, checked_recipe
 from dicedesign.fabricate.print_options import PrintErrors
 from dicedesign.fabricate.print_tolerances import (

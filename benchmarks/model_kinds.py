@@ -7,6 +7,7 @@ below 0 inside and near the surface about the distance from it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Final
 
 import numpy as np
@@ -14,7 +15,6 @@ from scipy.spatial import cKDTree
 
 from dicedesign.concave.distance_functions import (
     Distance,
-    Vector,
     blend,
     ellipsoid,
     mirrored,
@@ -26,6 +26,8 @@ from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.runtime.arrays import Floats
 
 Generator = np.random.Generator
+
+Triple = Floats | tuple[float, float, float]
 
 REACH: Final = 4.0
 """Largest coordinate of any model along any axis."""
@@ -39,7 +41,7 @@ def _blobs(rng: Generator) -> Distance:
         centers.append(centers[base] + 1.1 * radii[base] * _direction(rng))
         radii.append(rng.uniform([0.2, 0.2, 0.45], [0.4, 0.4, 0.9]))
     parts = [
-        ellipsoid(_vector(center), _vector(half_axes), *rng.uniform(-90.0, 90.0, size=2))
+        ellipsoid(center, half_axes, *rng.uniform(-90.0, 90.0, size=2))
         for center, half_axes in zip(centers, radii, strict=True)
     ]
     return _wavy(rng, blended(parts, rng.uniform(0.1, 0.4)), 0.12)
@@ -57,13 +59,13 @@ def _animal(rng: Generator) -> Distance:
         hip, toe = _at(x, 0.6 * width, -0.2), _at(x, foot, -height - leg)
         toe[0] += rng.uniform(-0.2, 0.2)
         for side in ([1.0, 1.0, 1.0], [1.0, -1.0, 1.0]):
-            parts.append(round_cone(_vector(side * hip), _vector(side * toe), 1.4 * thin, thin))
-    parts.append(round_cone((0.6 * length, 0.0, 0.1), _vector(head), 0.5 * height + 0.1, 0.2))
-    parts.append(ellipsoid(_vector(head), _vector(size * _at(1.2, 0.85, 0.9))))
+            parts.append(round_cone(side * hip, side * toe, 1.4 * thin, thin))
+    parts.append(round_cone((0.6 * length, 0.0, 0.1), head, 0.5 * height + 0.1, 0.2))
+    parts.append(ellipsoid(head, size * _at(1.2, 0.85, 0.9)))
     muzzle = head + size * _at(rng.uniform(1.0, 2.2), 0.0, -0.3)
-    parts.append(round_cone(_vector(head), _vector(muzzle), 0.6 * size, rng.uniform(0.12, 0.2)))
+    parts.append(round_cone(head, muzzle, 0.6 * size, rng.uniform(0.12, 0.2)))
     ear, tip = size * _at(0.0, 0.4, 0.4), size * _at(-0.2, *rng.uniform(0.7, 1.8, size=2))
-    parts.append(mirrored(round_cone(_vector(head + ear), _vector(head + tip), 0.18, 0.12)))
+    parts.append(mirrored(round_cone(head + ear, head + tip, 0.18, 0.12)))
     steps = np.linspace(0.0, 1.0, 6)[:, None]
     way = rng.uniform([-1.6, -0.5, -0.6], [-0.3, 0.5, 1.2])
     curl = _at(0.0, 0.0, rng.uniform(-0.5, 0.8))
@@ -104,9 +106,9 @@ def _rings(rng: Generator) -> Distance:
     parts, center = [], np.zeros(3)
     for _ in range(int(rng.integers(1, 5))):
         radius, thickness = rng.uniform(0.55, 1.1), rng.uniform(0.16, 0.34)
-        oval = stretched(ring(radius, thickness), _vector([1.0, rng.uniform(0.8, 1.5), 1.0]))
+        oval = stretched(ring(radius, thickness), [1.0, rng.uniform(0.8, 1.5), 1.0])
         rotation = _rotation(rng)
-        parts.append(turned(oval, rotation, _vector(center)))
+        parts.append(turned(oval, rotation, center))
         center = center + (1.9 * radius) * rotation[:, 0]
     return _wavy(rng, blended(parts, 0.15), 0.1)
 
@@ -118,8 +120,12 @@ def _vase(rng: Generator) -> Distance:
     line = np.stack([radii.clip(0.25, 1.15), 0.0 * z, z], axis=1)
     wall = rng.uniform(0.13, 0.19)
     line = np.concatenate([[[0.0, 0.0, -1.0]], line])
-    vessel = swept(tube(line, 1.2 * wall, wall))
-    parts = [vessel]
+    parts = [swept(tube(line, 1.2 * wall, wall))]
+
+    def within(points: Floats) -> Floats:
+        """Left of the line, whose z rises after its first two points, at y = 0."""
+        return points[..., 0] - np.interp(points[..., 2], line[1:, 2], line[1:, 0])
+
     handles = int(rng.integers(3))
     for side in (1.0, -1.0)[:handles]:
         middle = int(rng.integers(3, 5))
@@ -130,19 +136,8 @@ def _vase(rng: Generator) -> Distance:
             upright,
             (side * reach, 0.0, float(line[middle, 2])),
         )
-        within = swept(_filled(line))
-        parts.append(without(grip, within))
+        parts.append(without(grip, swept(within)))
     return blended(parts, 0.1)
-
-
-def _filled(line: Floats) -> Distance:
-    """Left of a line (n, 3) whose z rises after its first two points, at y = 0."""
-
-    def distance(points: Floats) -> Floats:
-        value: Floats = points[..., 0] - np.interp(points[..., 2], line[1:, 2], line[1:, 0])
-        return value
-
-    return distance
 
 
 def _star(rng: Generator) -> Distance:
@@ -154,21 +149,21 @@ def _star(rng: Generator) -> Distance:
     parts = [
         round_cone(
             (0.0, 0.0, 0.0),
-            _vector([size * np.cos(angle), size * np.sin(angle), rng.uniform(-0.3, 0.3)]),
+            [size * np.cos(angle), size * np.sin(angle), rng.uniform(-0.3, 0.3)],
             thick,
             tip,
         )
         for angle, size in zip(angles, lengths, strict=True)
     ]
     arms = stretched(blended(parts, 0.2), (1.0, 1.0, rng.uniform(0.45, 0.8)))
-    hump = ellipsoid((0.0, 0.0, 0.15), _vector(rng.uniform(0.3, 0.6, size=3)))
+    hump = ellipsoid((0.0, 0.0, 0.15), rng.uniform(0.3, 0.6, size=3))
     return _wavy(rng, blended([arms, hump], 0.2), 0.06)
 
 
 def _spider(rng: Generator) -> Distance:
     """A small body on long legs with knees, toward the floor or anywhere."""
     count, everywhere = int(rng.integers(5, 9)), rng.random() < 0.5
-    body = _vector(rng.uniform(0.3, 0.6, size=3))
+    body = rng.uniform(0.3, 0.6, size=3)
     parts, thin = [ellipsoid((0.0, 0.0, 0.0), body)], rng.uniform(0.13, 0.18)
     ways = _spread(rng, count)
     for k in range(count):
@@ -196,7 +191,8 @@ def _knot(rng: Generator) -> Distance:
         line *= 1.5 / np.abs(line).max()
         radius = 0.35 * _room(line)
         if radius > 0.14:
-            return closed_tube(line, min(radius, rng.uniform(0.16, 0.32)))
+            tree, width = cKDTree(line), min(radius, rng.uniform(0.16, 0.32))
+            return lambda points: tree.query(points)[0] - width
 
 
 def _room(line: Floats) -> float:
@@ -215,12 +211,12 @@ def _toy(rng: Generator) -> Distance:
     """Blocks upon and beside each other with balls and bars on them: vehicles, castles."""
     half = rng.uniform([0.7, 0.35, 0.2], [1.2, 0.7, 0.4])
     rounding = rng.uniform(0.03, 0.12)
-    parts = [rounded_box((0.0, 0.0, 0.0), _vector(half), rounding)]
+    parts = [rounded_box((0.0, 0.0, 0.0), half, rounding)]
     for _ in range(int(rng.integers(2, 5))):
         sides = rng.uniform([0.18, 0.18, 0.25], [0.6, 0.5, 0.9])
         place = rng.uniform(-0.8, 0.8, size=3) * half
         place[2] = half[2] + 0.8 * sides[2]
-        parts.append(rounded_box(_vector(place), _vector(sides), rounding))
+        parts.append(rounded_box(place, sides, rounding))
     if rng.random() < 0.6:
         wheel = rng.uniform(0.25, 0.4)
         for x in (-0.65, 0.65):
@@ -229,7 +225,7 @@ def _toy(rng: Generator) -> Distance:
     for _ in range(int(rng.integers(0, 3))):
         start = rng.uniform(-0.7, 0.7, size=3) * half
         end = start + rng.uniform(0.9, 1.8) * _direction(rng, least=[-1.0, -1.0, 0.0])
-        parts.append(round_cone(_vector(start), _vector(end), 0.14, rng.uniform(0.1, 0.3)))
+        parts.append(round_cone(start, end, 0.14, rng.uniform(0.1, 0.3)))
     return blended(parts, 0.04)
 
 
@@ -237,28 +233,32 @@ def _carved(rng: Generator) -> Distance:
     """A ball, oval or block that is bitten and drilled."""
     half = rng.uniform(0.65, 1.2, size=3)
     if rng.random() < 0.5:
-        body = ellipsoid((0.0, 0.0, 0.0), _vector(half))
+        body = ellipsoid((0.0, 0.0, 0.0), half)
     else:
-        body = rounded_box((0.0, 0.0, 0.0), _vector(half), 0.25)
+        body = rounded_box((0.0, 0.0, 0.0), half, 0.25)
     for _ in range(int(rng.integers(2, 5))):
         away = rng.uniform(0.9, 1.2) * half * _direction(rng)
-        body = without(body, ellipsoid(_vector(away), _vector(rng.uniform(0.4, 0.9, size=3))))
+        body = without(body, ellipsoid(away, rng.uniform(0.4, 0.9, size=3)))
     for _ in range(int(rng.integers(0, 2))):
         aim, off = 3.0 * _direction(rng), rng.uniform(-0.3, 0.3, size=3)
         width = rng.uniform(0.16, 0.3)
-        body = without(body, round_cone(_vector(off - aim), _vector(off + aim), width, width))
+        body = without(body, round_cone(off - aim, off + aim, width, width))
     return _wavy(rng, body, 0.08)
 
 
 def _wavy(rng: Generator, part: Distance, height: float) -> Distance:
-    """A part with waves up to a height over it."""
+    """A part whose surface goes up and down by up to a height, by the mean of four waves."""
     waves = rng.uniform(1.5, 5.0, size=(4, 1)) * np.stack([_direction(rng) for _ in range(4)])
     phases = rng.uniform(0.0, 2.0 * np.pi, size=4)
-    return rippled(part, waves, phases, rng.uniform(0.0, height))
+    height = rng.uniform(0.0, height)
+    return lambda points: (
+        part(points)
+        + height * np.sin(np.einsum("...i,wi->...w", points, waves) + phases).mean(axis=-1)
+    )
 
 
-def _at(x: float, y: float, z: float) -> Floats:
-    return np.array([x, y, z])
+def _at(*coordinates: float) -> Floats:
+    return np.array(coordinates)
 
 
 def _direction(rng: Generator, least: list[float] | None = None) -> Floats:
@@ -286,23 +286,14 @@ def _rotation(rng: Generator) -> Floats:
     return np.stack([first, np.cross(third, first), third], axis=1)
 
 
-def _vector(numbers: Floats | list[float]) -> Vector:
-    x, y, z = (float(number) for number in numbers)
-    return x, y, z
-
-
 def ring(radius: float, thickness: float) -> Distance:
     """A torus about the z axis.
 
     radius: of the circle in its middle; thickness: radius of the tube about it.
     """
-
-    def distance(points: Floats) -> Floats:
-        x, y, z = np.moveaxis(points, -1, 0)
-        away: Floats = np.hypot(np.hypot(x, y) - radius, z) - thickness
-        return away
-
-    return distance
+    return lambda points: (
+        np.hypot(np.hypot(points[..., 0], points[..., 1]) - radius, points[..., 2]) - thickness
+    )
 
 
 def swept(part: Distance) -> Distance:
@@ -316,70 +307,30 @@ def swept(part: Distance) -> Distance:
     return distance
 
 
-def rounded_box(center: Vector, half_sides: Vector, rounding: float) -> Distance:
+def rounded_box(center: Triple, half_sides: Triple, rounding: float) -> Distance:
     """A box along the axes whose edges are rounded by this radius, less than every half side."""
-    core = np.array(half_sides) - rounding
 
     def distance(points: Floats) -> Floats:
-        beyond = np.abs(points - np.array(center)) - core
-        inside = beyond.max(axis=-1).clip(max=0.0)
+        beyond = np.abs(points - np.array(center)) - (np.array(half_sides) - rounding)
         outside = np.sqrt((beyond.clip(0.0) ** 2).sum(axis=-1))
-        value: Floats = outside + inside - rounding
-        return value
+        return outside + beyond.max(axis=-1).clip(max=0.0) - rounding
 
     return distance
 
 
-def closed_tube(line: Floats, radius: float) -> Distance:
-    """All within a radius of points (n, 3) that follow each other closely along a closed line."""
-    tree = cKDTree(line)
-
-    def distance(points: Floats) -> Floats:
-        away: Floats = tree.query(points)[0] - radius
-        return away
-
-    return distance
-
-
-def turned(part: Distance, rotation: Floats, center: Vector = (0.0, 0.0, 0.0)) -> Distance:
+def turned(part: Distance, rotation: Floats, center: Triple) -> Distance:
     """A part about the origin, turned by a matrix (3, 3) and moved to a center."""
-
-    def distance(points: Floats) -> Floats:
-        return part(np.einsum("...i,ij->...j", points - np.array(center), rotation))
-
-    return distance
+    return lambda points: part(np.einsum("...i,ij->...j", points - np.array(center), rotation))
 
 
 def without(body: Distance, part: Distance) -> Distance:
     """A body from which a part is cut."""
-
-    def distance(points: Floats) -> Floats:
-        value: Floats = np.maximum(body(points), -part(points))
-        return value
-
-    return distance
-
-
-def rippled(part: Distance, waves: Floats, phases: Floats, height: float) -> Distance:
-    """A part whose surface goes up and down by a height, by the mean of waves.
-
-    waves: (w, 3) wave vectors, in radians for a unit of length; phases: (w,) in radians.
-    """
-
-    def distance(points: Floats) -> Floats:
-        turns = np.einsum("...i,wi->...w", points, waves) + phases
-        value: Floats = part(points) + height * np.sin(turns).mean(axis=-1)
-        return value
-
-    return distance
+    return lambda points: np.maximum(body(points), -part(points))
 
 
 def blended(parts: Sequence[Distance], width: float) -> Distance:
     """All parts joined in turn, creases rounded by blends of this width."""
-    first, *others = parts
-    for part in others:
-        first = blend(first, part, width)
-    return first
+    return reduce(lambda joined, part: blend(joined, part, width), parts)
 
 
 ROUND_KINDS: Final[dict[str, Callable[[Generator], Distance]]] = {

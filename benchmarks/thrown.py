@@ -5,7 +5,7 @@ momentum and by the recipe's own method, for throws with refinement; throw both,
 printed, with random numbers that no design has used, and the latter also onto what its table may be
 instead. `momentum`: throw random dice that the momentum model was not fitted to, three quarters
 random polyhedra and a quarter designed, and compare how often each rest comes up with its odds
-without momentum and by the model; and compare with printed dice of a file of throws. `simulators`:
+without momentum and by the model. `simulators`:
 throw dice in the package's own simulator, with a half and a quarter of its time step, with contacts
 half and twice as stiff, and in others that are installed. Numbers are total variations; the floor
 is the mean of right odds. Exits 1 where a design does not converge, or its throws are further from
@@ -23,7 +23,6 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
@@ -31,10 +30,25 @@ import numpy as np
 import torch
 from scipy.sparse.csgraph import connected_components
 
-from benchmarks.dice import Work, add_recipes, continue_to, make_die, read_recipes, with_method
-from benchmarks.frame import Report, panels, processes, time_in_turn
-from benchmarks.training.random_dice import DICE_KINDS, random_die
-from benchmarks.training.throws import Deviation, deviation, mean_deviations, throw_random_die
+from benchmarks.frame import (
+    Report,
+    add_recipes,
+    continue_to,
+    make_die,
+    panels,
+    processes,
+    read_recipes,
+    time_in_turn,
+    with_method,
+)
+from benchmarks.random_dice import (
+    DEVIATIONS,
+    DICE_KINDS,
+    deviations,
+    random_die,
+    summary,
+    throw_random_die,
+)
 from dicedesign import (
     DiceError,
     EngravingError,
@@ -47,18 +61,16 @@ from dicedesign import (
     table_named,
 )
 from dicedesign.extensions import ENGINES
-from dicedesign.gradient.odds_model import ThrownOdds
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.bias import OFTEN
-from dicedesign.throws.distances import measure_variation, noise_floor, total_variation
+from dicedesign.throws.distances import measure_variation, total_variation
 from dicedesign.throws.engines import ThrowStates, throw_states
-from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
-from dicedesign.throws.momentum_model import MomentumModel, momentum_model, other_tables
+from dicedesign.throws.momentum_model import momentum_model, other_tables
 from dicedesign.throws.momentum_odds import momentum_odds
 from dicedesign.throws.rigid_body import RigidBody, released
 from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.tables import posterior_tables
-from dicedesign.throws.throw_counts import read_throw_counts
 
 FRESH: Final = 2**64
 """First seed of the throws of dice, beyond all that designs and their verdicts take."""
@@ -84,7 +96,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--table", default="board-game", metavar="TABLE", help="of random dice (board-game)"
     )
-    parser.add_argument("--throws", type=Path, metavar="CSV", help="of printed dice")
     parser.add_argument("--random", type=int, metavar="N", help="dice that no model was fitted to")
     parser.add_argument("--drops", type=int, metavar="N", help="of each die")
 
@@ -114,9 +125,9 @@ def throw_recipes(
         "dice",
         {"recipe": "18s", "design": "14s", "status": "10s", "TV to target": "7.4f", "from": "7.4f"}
         | {"to": "7.4f", "floor": "7.4f", "geometric": "7.4f", "momentum": "7.4f", "s": "6.1f"}
-        | {"rounds": "6d", "within": "7.4f"},
+        | {"rounds": "6d", "90 % of tables": "7.4f", "worst": "7.4f"},
     )
-    elsewhere, is_good = [], True
+    is_good = True
     for recipe in recipes:
         exact = recipe.method.exact
         if exact is None or exact.refine is None:
@@ -128,70 +139,44 @@ def throw_recipes(
             refine = replace(exact.refine, drops=min(exact.refine.drops, 2_000), rounds=1)
             exact = replace(exact, refine=refine)
         seeds = iter(range(FRESH + 100 * recipe.seed, FRESH + 100 * recipe.seed + 100))
+        table = table_named(exact.thrown_onto)
+        others = posterior_tables(exact.thrown_onto) or other_tables(table)
         for name, method in {
             "resting": replace(exact, odds="resting", refine=None),
             "thrown": exact,
         }.items():
             start = time.perf_counter()
-            work = make_die(with_method(recipe, exact=method), "check")
+            work = make_die(with_method(recipe, exact=method))
             seconds = time.perf_counter() - start
             with suppress(EngravingError):
                 continue_to(work, "engrave", after="check")
-            die = on_table(work, exact.thrown_onto)
+            finished = work.plain if work.engraved is None else work.engraved.assessment
+            center, directions = work.solid.center_of_mass, work.die.directions
+            die = DieOnTable.of(finished.body, center, directions, table)
             counts = die.counts(die.simulated(drops, next(seeds), "native", workers))
             frequencies = counts[:-1] / counts.sum()
             target = np.append(work.target.probabilities, 0.0)
             found = measure_variation(counts, target, 0.95)
-            geometric = die.outcomes.sums(die.poses.probabilities)
-            momentum = die.momentum(momentum_model(exact.thrown_onto))
+            elsewhere: list[float] = []
+            for other in others if name == "thrown" else ():
+                each = drops // 20 if options.quick else drops // 5
+                lifted = other.lifted(die.table.size)
+                throws = simulate(die.body, lifted, each, next(seeds), workers=workers)
+                elsewhere.append(measure_variation(die.counts(throws), target, 0.95).value)
             status = work.status.name.lower()
             row(
                 *(recipe.name, name, status, found.value, *found.interval, found.noise_floor),
-                total_variation(geometric, frequencies),
-                total_variation(momentum, frequencies),
-                *(seconds, len(work.die.rounds), exact.refine.within if name == "thrown" else None),
+                total_variation(die.outcomes.sums(die.poses.probabilities), frequencies),
+                total_variation(die.momentum(momentum_model(exact.thrown_onto)), frequencies),
+                *(seconds, len(work.die.rounds)),
+                *(np.quantile(elsewhere, [OFTEN, 1.0]).tolist() if elsewhere else (None, None)),
             )
         is_good &= status == "converged" and found.interval[0] <= exact.refine.within
-        table = exact.thrown_onto
-        others = posterior_tables(table) or other_tables(table_named(table))
-        each = drops // 20 if options.quick else drops // 5
-        varied = [
-            measure_variation(die.counts(throws), target, 0.95).value
-            for throws in (
-                simulate(die.body, other.lifted(die.table.size), each, next(seeds), workers=workers)
-                for other in others
-            )
-        ]
-        chance = perfect(work.target.probabilities, each, len(varied))
-        elsewhere.append((recipe.name, len(varied), float(np.quantile(varied, OFTEN)), chance[0]))
-        elsewhere[-1] += (max(varied), chance[1])
-    row = report.table(
-        "other tables",
-        {"recipe": "18s", "tables": "6d", "90 %": "7.4f", "chance": "7.4f", "worst": "7.4f"}
-        | {"worst by chance": "7.4f"},
-    )
-    for cells in elsewhere:
-        row(*cells)
     return is_good
 
 
-def on_table(work: Work, table: str) -> DieOnTable:
-    """A die as it is printed, with labels if it has them."""
-    finished = work.plain if work.engraved is None else work.engraved.assessment
-    center = work.solid.center_of_mass
-    return DieOnTable.of(finished.body, center, work.die.directions, table_named(table))
-
-
-def perfect(target: Floats, drops: int, tables: int) -> tuple[float, float]:
-    """What a die of the target's odds (k,) shows on the mean, where nine tables in ten are no
-    worse, and where it is worst."""
-    counts = np.random.default_rng(0).multinomial(drops, target, (200, tables))
-    found = np.abs(counts / drops - target).sum(axis=2) / 2.0
-    return float(np.quantile(found, OFTEN, axis=1).mean()), float(found.max(axis=1).mean())
-
-
 def judge_model(options: argparse.Namespace, workers: Executor, report: Report) -> None:
-    """The momentum model against throws of dice that it was not fitted to, and of printed ones."""
+    """The momentum model against throws of dice that it was not fitted to."""
     table, model = table_named(options.table), momentum_model(options.table)
     if model is None:
         raise InputError(
@@ -200,18 +185,14 @@ def judge_model(options: argparse.Namespace, workers: Executor, report: Report) 
         )
     count = options.random or (12 if options.quick else 100)
     drops = options.drops or (1_000 if options.quick else 20_000)
-    task = partial(throw_unseen, throws=[(table, drops)])
-    thrown = list(workers.map(task, range(count)))
-    deviations = [deviation(one, model) for one in thrown]
-    row = report.table(
-        "momentum",
-        {"random dice": "23s", "dice": "5d", "geometric": "7.4f", "worst": "7.3f"}
-        | {"momentum": "7.4f", "worst by it": "7.3f", "floor": "7.4f"},
-    )
+    task = partial(throw_random_die, seed=UNSEEN, throws=[(table, drops)], rests=RESTS)
+    thrown = [one for (one,) in workers.map(task, range(count))]
+    found = deviations(thrown, model)
+    row = report.table("momentum", {"random dice": "23s", **DEVIATIONS})
     for kind in ("all", *DICE_KINDS):
-        alike = [one for one in deviations if kind in ("all", one.kind)]
-        if alike:
-            row(kind, *vars(mean_deviations(alike)).values())
+        pairs = zip(thrown, found, strict=True)
+        if alike := [one for die, one in pairs if kind in ("all", die.die.kind)]:
+            row(kind, *summary(alike))
     times = []
     for one in thrown:
         poses = one.die.poses
@@ -228,58 +209,14 @@ def judge_model(options: argparse.Namespace, workers: Executor, report: Report) 
     odds, jacobian = (median(column) for column in zip(*times, strict=True))
     report.record["seconds"] = {"odds": odds, "jacobian": jacobian}
     report.line(f"\nmedians: odds {1e3 * odds:.3f} ms, Jacobian {1e3 * jacobian:.3f} ms")
-    if options.throws is not None:
-        judge_printed(options.throws, table, model, drops, workers, report)
     if options.out is not None:
-        report.figure = draw(deviations)
-
-
-def throw_unseen(number: int, throws: list[tuple[Table, int]]) -> Any:
-    """A random die of `RESTS` rests, thrown onto one table."""
-    return throw_random_die(number, UNSEEN, throws, RESTS)[0]
-
-
-def judge_printed(
-    path: Path, table: Table, model: MomentumModel, drops: int, workers: Executor, report: Report
-) -> None:
-    """Three predictions of printed dice beside what came up."""
-    row = report.table(
-        "printed dice",
-        {"printed die": "23s", "throws": "6d", "odds": "10s", "chi-square": "8.2f", "degrees": "6d"}
-        | {"p": "8.2g", "TV": "7.4f", "floor": "7.4f"},
-    )
-    for die in read_throw_counts(path):
-        sized = table.sized(die.size)
-        counts = die.by_outcome(simulate(die.body, sized, drops, UNSEEN, workers=workers).counts)
-        shown = die.group_of_rest >= 0
-        by_rest = momentum_odds(die.poses, die.body, model)
-        momentum = np.bincount(die.group_of_rest[shown], by_rest[shown], minlength=len(die.labels))
-        momentum = momentum / momentum.sum()
-        throws = int(die.counts.sum())
-        for name, odds, test in (
-            ("geometric", die.geometric, chi_square(die.counts, die.geometric)),
-            ("momentum", momentum, chi_square(die.counts, momentum)),
-            ("simulated", counts / counts.sum(), two_sample_chi_square(die.counts, counts)),
-        ):
-            variation = total_variation(die.counts / throws, odds)
-            floor = noise_floor(odds, throws)
-            row(
-                *(die.name, throws, name, test.statistic, test.degrees, test.p_value),
-                *(variation, floor),
-            )
-
-
-def draw(deviations: Sequence[Deviation]) -> Any:
-    """Each die's total variation without momentum and by the model."""
-    figure, (axis,) = panels(1, 1, (8.0, 4.5))
-    ordered = sorted(deviations, key=lambda one: one.geometric)
-    places = range(len(ordered))
-    axis.bar(places, [one.geometric for one in ordered], label="without momentum")
-    axis.bar(places, [one.momentum for one in ordered], label="momentum model")
-    axis.plot(places, [one.noise_floor for one in ordered], color="black", label="right odds")
-    axis.set(xlabel="random dice", ylabel="total variation to simulated throws")
-    axis.legend()
-    return figure
+        report.figure, (axis,) = panels(1, 1, (8.0, 4.5))
+        geometric, momentum, floor = np.transpose(sorted(found))
+        axis.bar(range(count), geometric, label="without momentum")
+        axis.bar(range(count), momentum, label="momentum model")
+        axis.plot(range(count), floor, color="black", label="right odds")
+        axis.set(xlabel="random dice", ylabel="total variation to simulated throws")
+        axis.legend()
 
 
 def ways() -> Iterator[tuple[str, ThrowStates]]:

@@ -15,8 +15,8 @@ from common.kernels import compiled_only, without_kernels
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.training.fitting import GENERAL, drawn_table, plain_model
-from benchmarks.training.random_dice import RandomDie, random_die
+from benchmarks.random_dice import RandomDie, random_die
+from benchmarks.train import GENERAL, drawn_table, plain_model
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_inertia
