@@ -23,9 +23,9 @@ a maximum, or a path passes the normal of another facet: only the gradient jumps
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -55,9 +55,6 @@ from tests.reference.oracle_derivatives import (
 from tests.reference.problem import Problem, turned
 from tests.reference.random_hulls import random_hull
 from tests.reference.stiff import glancing, grazing_body
-
-MEDIAN_LIMIT: Final = 1e-8
-"""Of the relative errors of many hulls."""
 
 ERROR_FLOOR, CONDITION_FACTOR = 1e-13, 10.0
 """An error may be the first on any body, else so many times the derivative's own condition times
@@ -92,33 +89,30 @@ class Comparison:
     Attributes
     ----------
     sides: most of a facet.
-    gradient: of gradients one by one; jacobian: of `RestEvaluation.jacobian`.
-    broken: of the same from the sum over the triangles into which facets break; half_spaces: of
-        the Jacobian in `FacetCoordinates`; None where they do not apply.
+    errors: "gradient" of gradients one by one; "Jacobian" of `RestEvaluation.jacobian`; where they
+        apply "broken" of the same from the sum over the triangles into which facets break, and
+        "half-spaces" of the Jacobian in `FacetCoordinates`.
     size: largest norm of a probability's gradient, times the body's radius.
+    limit: of the errors.
     """
 
     sides: int
-    gradient: float
-    jacobian: float
-    broken: float | None
-    half_spaces: float | None
+    errors: dict[str, float]
     size: float
     limit: float
 
     @property
     def is_right(self) -> bool:
         """Whether all errors are within the limit."""
-        errors = (self.gradient, self.jacobian, self.broken or 0.0, self.half_spaces or 0.0)
-        return max(errors) <= self.limit
+        return max(self.errors.values()) <= self.limit
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """All parts."""
     quick = options.quick
     are_good = [
-        compare_hulls(100 if quick else 1000, report),
-        compare_polygons(12 if quick else None, 20 if quick else 200, report),
+        compare_many("random hulls", random_hulls(100 if quick else 1000), report),
+        compare_many("polygons", polygons(12 if quick else None, 20 if quick else 200), report),
         compare_growths(6 if quick else 14, report),
         compare_events(3 if quick else len(EVENT_BODIES), report),
     ]
@@ -159,18 +153,21 @@ def compare(
         found.append(float(np.vdot(parts[0].numpy(), along)) + by_center[-1])
         size = max(size, sum(float((part**2).sum()) for part in parts) ** 0.5)
     jacobian = rests.jacobian @ along.ravel() + by_center
-    broken = half_spaces = None
-    if center is not None and sides > 3 and not is_file:
-        broken = relative_error(rests, jacobian, as_floats(broken_derivative(motion)))
+    errors = {
+        "gradient": relative_error(rests, np.array(found), exact),
+        "Jacobian": relative_error(rests, jacobian, exact),
+    }
     if sides > 3 and not is_file:
-        half_spaces = half_space_error(hull, problem.center, stretch, rng)
-    errors = [relative_error(rests, values, exact) for values in (np.array(found), jacobian)]
+        errors["half-spaces"] = half_space_error(hull, problem.center, stretch, rng)
+        if center is not None:
+            broken = as_floats(broken_derivative(motion))
+            errors["broken"] = relative_error(rests, jacobian, broken)
     limit = ERROR_FLOOR
-    if max(*errors, broken or 0.0, half_spaces or 0.0) > limit:
+    if max(errors.values()) > limit:
         condition = derivative_condition(hull, problem.center, along, center_along)
         limit = max(limit, CONDITION_FACTOR * condition * float(np.finfo(np.float64).eps))
     radius = float(norms(hull.vertices - rests.equilibria.center_of_mass).max())
-    return Comparison(sides, *errors, broken, half_spaces, size * radius, limit)
+    return Comparison(sides, errors, size * radius, limit)
 
 
 def half_space_error(
@@ -201,53 +198,48 @@ def relative_error(rests: RestEvaluation, found: Floats, exact: Floats) -> float
     return float(np.abs(of_facets - exact).max() / np.abs(exact).max())
 
 
-def compare_hulls(count: int, report: Report) -> bool:
+def compare_many(name: str, compared: Iterable[tuple[str, Comparison]], report: Report) -> bool:
+    """A row for each group of bodies, and for all."""
+    groups: dict[str, list[Comparison]] = {"all": []}
+    for group, one in compared:
+        groups.setdefault(group, []).append(one)
+        groups["all"].append(one)
+    kinds = ("gradient", "Jacobian", "broken", "half-spaces")
+    row = report.table(
+        name,
+        {name: "30s", "bodies": "6d", "sides": "5d", "median": "9.1e"}
+        | dict.fromkeys(kinds, "9.1e")
+        | {"not ok": "6d"},
+    )
+    for group, ones in groups.items():
+        median = float(np.median([one.errors["gradient"] for one in ones]))
+        worst = [
+            max((one.errors[kind] for one in ones if kind in one.errors), default=None)
+            for kind in kinds
+        ]
+        wrong = sum(not one.is_right for one in ones)
+        row(group, len(ones), max(one.sides for one in ones), median, *worst, wrong)
+    return all(one.is_right for one in groups["all"])
+
+
+def random_hulls(count: int) -> Iterator[tuple[str, Comparison]]:
     """Random hulls of triangles, by kind."""
-    groups: dict[str, list[Comparison]] = {}
     for number in range(count):
         kind, problem = random_hull(number)
         what = "uniform" if problem.center is None else "given center"
-        found = compare(problem, seed=number, with_center=True)
-        groups.setdefault(f"{kind}, {what}", []).append(found)
-    every = [one for group in groups.values() for one in group]
-    row = report.table(
-        "hulls",
-        {"random hulls": "30s", "hulls": "6d", "median": "9.1e", "worst": "9.1e"}
-        | {"Jacobian": "9.1e", "not ok": "6d"},
-    )
-    for name, group in [*sorted(groups.items()), ("all", every)]:
-        errors = [one.gradient for one in group]
-        jacobian, wrong = max(one.jacobian for one in group), sum(not one.is_right for one in group)
-        row(name, len(group), float(np.median(errors)), max(errors), jacobian, wrong)
-    median = float(np.median([one.gradient for one in every]))
-    return median <= MEDIAN_LIMIT and all(one.is_right for one in every)
+        yield f"{kind}, {what}", compare(problem, seed=number, with_center=True)
 
 
-def compare_polygons(named: int | None, random: int, report: Report) -> bool:
+def polygons(named: int | None, random: int) -> Iterator[tuple[str, Comparison]]:
     """Bodies with facets of many sides, each with and without a given center of mass."""
-    groups: dict[str, list[Comparison]] = {}
     for name, body in islice(polygon_bodies(), named):
         for problem in (body, with_center(body, 0)):
-            found = compare(problem, seed=0, is_file=name.endswith("as a file"))
-            groups.setdefault(name.removesuffix(", turned"), []).append(found)
+            is_file = name.endswith("as a file")
+            yield name.removesuffix(", turned"), compare(problem, seed=0, is_file=is_file)
     for number in range(random):
         body = random_polyhedron(number)
         problem = body if number % 2 == 0 else with_center(body, number)
-        groups.setdefault("random polyhedra", []).append(compare(problem, seed=number))
-    every = [one for group in groups.values() for one in group]
-    row = report.table(
-        "polygons",
-        {"polygons": "30s", "bodies": "6d", "sides": "5d", "gradient": "9.1e"}
-        | {"Jacobian": "9.1e", "broken": "9.1e", "half-spaces": "9.1e", "not ok": "6d"},
-    )
-    for name, group in [*groups.items(), ("all", every)]:
-        errors = [
-            max((v for one in group if (v := getattr(one, key)) is not None), default=None)
-            for key in ("gradient", "jacobian", "broken", "half_spaces")
-        ]
-        wrong = sum(not one.is_right for one in group)
-        row(name, len(group), max(one.sides for one in group), *errors, wrong)
-    return all(one.is_right for one in every)
+        yield "random polyhedra", compare(problem, seed=number)
 
 
 def polygon_bodies() -> Iterator[tuple[str, Problem]]:
@@ -318,7 +310,7 @@ def compare_growths(count: int, report: Report) -> bool:
             found = max(
                 (compare(one, seed=0, with_center=True) for one in problems), key=lambda c: c.size
             )
-            row(name, rho, found.size, max(found.gradient, found.jacobian), found.limit)
+            row(name, rho, found.size, max(found.errors.values()), found.limit)
             is_good &= found.is_right
             if name == "grazing" and power >= 3:
                 sizes.append((np.log(rho), np.log(found.size)))
@@ -345,30 +337,30 @@ class Event:
     kink: float
     error: float
 
-    @property
-    def is_right(self) -> bool:
-        """Whether it jumps as its kind does, and both derivatives are right."""
-        return (self.jump > JUMP) == (self.kind in (RESTS, DESTINATION)) and (
-            self.error <= EVENT_ERROR
-        )
-
 
 def compare_events(bodies: int, report: Report) -> bool:
-    """Events on the way of the center of mass of random bodies, by kind."""
+    """Events on the way of the center of mass of random bodies, by kind: each is to jump as its
+    kind does, and the derivatives on both sides are to be right."""
     events = [event for number in EVENT_BODIES[:bodies] for event in Walk(number).events()]
     row = report.table(
         "events",
         {"event": "34s", "met": "5d", "odds jump": "5d", "only slope": "5d", "slope": "9.1e"}
         | {"error": "9.1e", "not ok": "6d"},
     )
+    all_wrong = 0
     for kind in EVENTS:
         met = [event for event in events if event.kind == kind]
-        jumps = sum(event.jump > JUMP for event in met)
+        jumps = [event.jump > JUMP for event in met]
         kinks = sum(event.jump <= JUMP and event.kink > KINK for event in met)
+        wrong = sum(
+            jumps_now != (kind in (RESTS, DESTINATION)) or event.error > EVENT_ERROR
+            for jumps_now, event in zip(jumps, met, strict=True)
+        )
         slope = max((event.slope for event in met), default=0.0)
         error = max((event.error for event in met), default=0.0)
-        row(kind, len(met), jumps, kinks, slope, error, sum(not e.is_right for e in met))
-    return all(event.is_right for event in events)
+        row(kind, len(met), sum(jumps), kinks, slope, error, wrong)
+        all_wrong += wrong
+    return all_wrong == 0
 
 
 class Walk:
@@ -408,10 +400,7 @@ class Walk:
     def events(self) -> Iterator[Event]:
         """Each place where decisions change, found by bisection."""
         times = np.linspace(0.0, self.reach, 100)
-        decisions = [self.decisions(time) for time in times]
-        for index in range(len(times) - 1):
-            low, high = times[index : index + 2]
-            before, after = decisions[index : index + 2]
+        for (low, before), (high, after) in pairwise((t, self.decisions(t)) for t in times):
             if kind_between(before, after) is None:
                 continue
             for _ in range(30):
@@ -421,27 +410,27 @@ class Walk:
                     low = middle
                 else:
                     high, after = middle, between
-            kind = kind_between(before, after)
-            sides = low - BESIDE, high + BESIDE
+            kind, left, right = kind_between(before, after), low - BESIDE, high + BESIDE
             # Else another event is so near that it would be seen along with this one.
-            alone = [
-                kind_between(decided, self.decisions(side)) is None
-                for decided, side in zip((before, after), sides, strict=True)
-            ]
-            if kind is not None and all(alone):
-                yield self.event(kind, sides)
-
-    def event(self, kind: str, sides: tuple[float, float]) -> Event:
-        """Probabilities and derivatives on both sides, and the oracle's."""
-        (p, dp), (q, dq) = (self.slopes(side) for side in sides)
-        slope = max(float(np.abs(dp).max()), float(np.abs(dq).max()))
-        still, moving = np.zeros_like(self.hull.vertices), self.radius * self.direction
-        error = max(
-            float(np.abs(d - oracle_derivative(self.hull, self.center(side), still, moving)).max())
-            for side, d in zip(sides, (dp, dq), strict=True)
-        )
-        kink = float(np.abs(dp - dq).max())
-        return Event(kind, float(np.abs(p - q).max()), slope, kink / slope, error / slope)
+            if not (
+                kind_between(before, self.decisions(left))
+                or kind_between(after, self.decisions(right))
+            ):
+                (p, dp), (q, dq) = self.slopes(left), self.slopes(right)
+                slope = float(np.abs([dp, dq]).max())
+                still, moving = np.zeros_like(self.hull.vertices), self.radius * self.direction
+                exact = [
+                    oracle_derivative(self.hull, self.center(side), still, moving)
+                    for side in (left, right)
+                ]
+                kink, error = np.abs(dp - dq).max(), np.abs(np.subtract([dp, dq], exact)).max()
+                yield Event(
+                    kind,
+                    float(np.abs(p - q).max()),
+                    slope,
+                    float(kink) / slope,
+                    float(error) / slope,
+                )
 
     def slopes(self, time: float) -> tuple[Floats, Floats]:
         """Probabilities (m,) of all facets, and their derivatives (m,)."""

@@ -61,7 +61,7 @@ from dicedesign import (
     table_named,
 )
 from dicedesign.extensions import ENGINES
-from dicedesign.gradient.thrown_odds import ThrownOdds
+from dicedesign.gradient.odds_model import ThrownOdds
 from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.bias import OFTEN
 from dicedesign.throws.distances import measure_variation, total_variation
