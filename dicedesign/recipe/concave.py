@@ -45,29 +45,33 @@ def design_concave(work: Work) -> Design:
     InputError: the surface does not suit the target, or there is no checkpoint of the same search
         to resume.
     """
-    recipe, surface, options = work.recipe, work.surface, concave_options(work.recipe)
+    recipe, surface, options = work.recipe, work.surface, work.recipe.method.concave
     assert surface is not None
-    search = _search_identity(recipe, surface)
+    assert options is not None
+    target, identity = work.target.probabilities, _search_identity(recipe, surface, options)
     path = None if work.folder is None else work.folder / CHECKPOINT
     progress = ConcaveProgress(0, 0.0, None, (), ())
-    if work.resume and path is not None:
-        progress = read_checkpoint(path, search)
-        work.kept = _kept(progress, options)
+
+    def tell(made: ConcaveProgress) -> None:
+        nonlocal progress
+        progress, told = made, _told(made, options)
+        if path is not None and made.attempts > 0:
+            work.kept = f"{told}; run it again with --resume to go on"
+        work.listeners.on_attempt(told)
 
     def on_attempt(made: ConcaveProgress) -> None:
-        nonlocal progress
-        progress = made
         if path is not None:
-            atomic_write(path, checkpoint_bytes(progress, search))
-            work.kept = _kept(progress, options)
-        work.listeners.on_attempt(_told(progress, options))
+            atomic_write(path, checkpoint_bytes(made, identity))
+        tell(made)
 
+    if work.resume and path is not None:
+        progress = read_checkpoint(path, identity)
+    tell(progress)
     numbers = count(0)
-    work.listeners.on_attempt(_told(progress, options))
     try:
         made = make_concave_die(
             surface,
-            work.target.probabilities,
+            target,
             options,
             wall=None if options.hollow is None else options.hollow.wall_mm / recipe.size_mm,
             seed=recipe.seed,
@@ -76,30 +80,24 @@ def design_concave(work: Work) -> Design:
             on_attempt=on_attempt,
         )
     except NoStartError:
-        made = _unchanged(surface, work.target.probabilities, progress)
-    best = made.progress.best
+        made = _unchanged(surface, target, progress)
+    progress, best = made.progress, made.progress.best
     center = None if made.hollow is None else made.hollow.center_of_mass
     poses = rest_poses(make_body(made.after.points, made.after.triangles), center)
     work.search = Search(
-        attempts=made.progress.attempts,
-        seconds=made.progress.seconds,
+        attempts=progress.attempts,
+        seconds=progress.seconds,
         attempt=None if best is None else best.attempt,
-        trade_off=_trade_off(made.progress, options),
+        trade_off=_trade_off(progress, options),
     )
     return Design(
         status=Status.UNCHANGED if best is None else Status.CONVERGED,
         hull=made.hull,
         directions=made.directions,
-        error=outcome_odds(poses, made.directions).error(work.target.probabilities),
-        steps=tuple(_step(number, step) for number, step in enumerate(made.progress.history)),
+        error=outcome_odds(poses, made.directions).error(target),
+        steps=tuple(_step(number, step) for number, step in enumerate(progress.history)),
         reshaped=made,
     )
-
-
-def concave_options(recipe: Recipe) -> ConcaveOptions:
-    """The options of a recipe whose method is concave."""
-    assert recipe.method.concave is not None
-    return recipe.method.concave
 
 
 def _step(number: int, step: ConcaveStep) -> Step:
@@ -108,21 +106,19 @@ def _step(number: int, step: ConcaveStep) -> Step:
     )
 
 
-def _search_identity(recipe: Recipe, surface: Surface) -> dict[str, str]:
+def _search_identity(recipe: Recipe, surface: Surface, options: ConcaveOptions) -> dict[str, str]:
     """What a search for a die depends on, by kind: two with the same go the same way, though one
     may end sooner."""
-    options = asdict(concave_options(recipe))
-    for name in _LIMITS:
-        del options[name]
-    target = recipe.target.target().probabilities.tolist()
-    data = surface.points.tobytes() + surface.triangles.tobytes()
-    if options["hollow"] is not None:
-        options["size_mm"] = recipe.size_mm
+    method = {name: value for name, value in asdict(options).items() if name not in _LIMITS}
+    if options.hollow is not None:
+        method["size_mm"] = recipe.size_mm
     return {
-        "target": json.dumps(target),
+        "target": json.dumps(recipe.target.target().probabilities.tolist()),
         "seed": str(recipe.seed),
-        "method": json.dumps(options, default=HullWeights.as_dict),
-        "surface": hashlib.sha256(data).hexdigest(),
+        "method": json.dumps(method, default=HullWeights.as_dict),
+        "surface": hashlib.sha256(
+            surface.points.tobytes() + surface.triangles.tobytes()
+        ).hexdigest(),
     }
 
 
@@ -154,14 +150,8 @@ def _told(progress: ConcaveProgress, options: ConcaveOptions) -> str:
     best = progress.best
     if best is None:
         return f"{done}, no die yet"
-    trade_off = _trade_off(progress, options)
-    draft = next(draft for draft in trade_off.drafts if draft.attempt == best.attempt)
-    lacks = [status.name.lower() for status in trade_off.flaws(draft)]
+    lacks = _trade_off(progress, options).flaws(best.draft(progress.seconds))
     return (
-        f"{done}, best moved by {100.0 * draft.displacement:.2g} %, error {draft.error:.1e}, "
-        f"{' and '.join(lacks) or 'as wanted'}"
+        f"{done}, best moved by {100.0 * best.displacement:.2g} %, error {best.error:.1e}, "
+        f"{' and '.join(status.name.lower() for status in lacks) or 'as wanted'}"
     )
-
-
-def _kept(progress: ConcaveProgress, options: ConcaveOptions) -> str:
-    return f"{_told(progress, options)}; run it again with --resume to go on"

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.body_figures import Lain, Subject, drawn_surface
 from dicedesign.report.render.raster import upward_of
@@ -58,66 +57,54 @@ def subject_of(
     InputError: there is no such file, or options that go with a mesh only are given with another.
     RecipeError: the recipe cannot be used.
     """
-    if os.path.isdir(path) or path.suffix.lower() in RECIPES:
+    is_mesh = not (os.path.isdir(path) or path.suffix.lower() in RECIPES)
+    if is_mesh:
+        upward = upward_of(path)
+
+        def make() -> Lain:
+            body = read_body(path)
+            poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
+            return Lain(body, poses)
+
+        def make_ablations() -> list[Ablation]:
+            raise InputError(
+                f"ablation: expected a recipe by the paper's method, or the folder of its run, got "
+                f"the mesh {path}; recipes/paper has some"
+            )
+
+    else:
+        from dicedesign.recipe.reading import read_recipe
+        from dicedesign.results.folder import RECIPE
+
         if center_of_mass is not None or coplanar_tolerance is not None:
             raise InputError(
                 f"--com, --coplanar-tolerance: expected a mesh file, got {path}, which says both "
                 "itself; leave them out"
             )
-        return _of_recipe(path, down, before, steps, on_step)
-    make = partial(_mesh, path, center_of_mass, coplanar_tolerance)
-    make_before = partial(_unknown, path) if before is None else partial(_other, before)
-    return Subject(upward_of(path), make, make_before, partial(_no_recipe, path), down)
+        is_folder = os.path.isdir(path)
+        recipe = read_recipe(path / RECIPE if is_folder else path)
+        mesh = recipe.start.mesh
+        upward = np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path))
 
+        def make() -> Lain:
+            return _finished(path, recipe) if is_folder else _designed(recipe, on_step)
 
-def _mesh(path: Path, center: Any, coplanar_tolerance: float | None) -> Lain:
-    body = read_body(path)
-    return Lain(body, rest_poses(body, center, coplanar_tolerance=coplanar_tolerance))
+        def make_ablations() -> list[Ablation]:
+            return _ablations(recipe, path, steps, on_step)
 
+    def make_before(after: Lain) -> Surface:
+        if before is not None:
+            body = read_body(before)
+            hull = convex_hull(body.points, single_precision=body.single_precision)
+            return drawn_surface(body.points, body.triangles, hull)
+        if is_mesh:
+            raise InputError(
+                f"before_after: expected to know what {path} was made from, got a mesh alone; name "
+                "that mesh with --before, or a recipe or a folder of a run instead"
+            )
+        return _start(recipe, path, after)
 
-def _other(path: Path, _: Lain) -> Surface:
-    """The mesh of another file as it is."""
-    body = read_body(path)
-    return drawn_surface(body.points, body.triangles, _hull_of(body))
-
-
-def _hull_of(body: Body) -> ConvexHull:
-    return convex_hull(body.points, single_precision=body.single_precision)
-
-
-def _unknown(path: Path, _: Lain) -> NoReturn:
-    raise InputError(
-        f"before_after: expected to know what {path} was made from, got a mesh alone; name that "
-        "mesh with --before, or a recipe or a folder of a run instead"
-    )
-
-
-def _no_recipe(path: Path) -> NoReturn:
-    raise InputError(
-        f"ablation: expected a recipe by the paper's method, or the folder of its run, got the "
-        f"mesh {path}; recipes/paper has some"
-    )
-
-
-def _of_recipe(
-    path: Path,
-    down: tuple[float, float, float] | None,
-    before: Path | None,
-    steps: int | None,
-    on_step: Callable[[], None],
-) -> Subject:
-    from dicedesign.recipe.reading import read_recipe
-    from dicedesign.results.folder import RECIPE
-
-    folder = os.path.isdir(path)
-    recipe = read_recipe(path / RECIPE if folder else path)
-    make = partial(_finished, path, recipe) if folder else partial(_designed, recipe, on_step)
-    make_before = partial(_start, recipe, path) if before is None else partial(_other, before)
-    mesh = recipe.start.mesh
-    upward = np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path))
-    return Subject(
-        upward, make, make_before, partial(_ablations, recipe, path, steps, on_step), down
-    )
+    return Subject(upward, make, make_before, make_ablations, down)
 
 
 def _finished(folder: Path, recipe: Recipe) -> Lain:
@@ -141,17 +128,15 @@ def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.recipe.pipeline import Listeners
 
-    work = design_recipe(recipe, Listeners(on_step=lambda _: on_step()), last="check")
-    labels = [facet.label or "" for facet in work.plain.facets]
-    return Lain(work.plain.body, work.plain.poses, labels)
+    die = design_recipe(recipe, Listeners(on_step=lambda _: on_step()), last="check").plain
+    return Lain(die.body, die.poses, [facet.label or "" for facet in die.facets])
 
 
 def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
     """What a recipe's design begins with, as large as the die and about the same middle."""
-    from dicedesign.recipe.pipeline import Listeners, Work, run_stages
+    from dicedesign.recipe.design_die import design_recipe
 
-    work = Work(recipe, None, Listeners())
-    run_stages(work, last="start")
+    work = design_recipe(recipe, last="start")
     if work.surface is not None:
         points, triangles = work.surface.points, work.surface.triangles
         hull = convex_hull(points)
@@ -171,40 +156,30 @@ def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
 def _ablations(
     recipe: Recipe, path: Path, steps: int | None, on_step: Callable[[], None]
 ) -> list[Ablation]:
-    if recipe.method.paper is None:
-        raise InputError(
-            f"ablation: expected a recipe by the paper's method, got {path} by method "
-            f"{recipe.method.name}; recipes/paper has some"
-        )
-    return _ablated(recipe, steps, on_step)
-
-
-def _ablated(
-    recipe: Recipe, steps: int | None = None, on_step: Callable[[], None] = lambda: None
-) -> list[Ablation]:
     """Dice of a recipe by the paper's descent, without a finish: with all terms, without one that
     has a weight after the other, and by the dice energy alone.
 
     steps: most of each descent; None for the recipe's. on_step: called after each. Raises as the
     recipe's design.
     """
-    from dataclasses import replace
-
     from dicedesign.optimize.energy.clusters import cluster
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import descend_as_paper
     from dicedesign.recipe.convex import normalised_center, wanted_odds
-    from dicedesign.recipe.pipeline import Listeners, Work, run_stages
+    from dicedesign.recipe.design_die import design_recipe
     from dicedesign.report.body_drawings import Ablation
     from dicedesign.rest.poses import analyse
     from dicedesign.runtime.workers import one_tensor_thread
 
     paper = recipe.method.paper
-    assert paper is not None
-    work = Work(recipe, None, Listeners())
-    run_stages(work, last="start")
-    assert work.start is not None
-    center = normalised_center(recipe, work.start)
+    if paper is None:
+        raise InputError(
+            f"ablation: expected a recipe by the paper's method, got {path} by method "
+            f"{recipe.method.name}; recipes/paper has some"
+        )
+    start = design_recipe(recipe, last="start").start
+    assert start is not None
+    center = normalised_center(recipe, start)
     weighted = [term.name for term, _ in paper.weights.active if term.weight is not None]
     cases = {"all terms": list[str](), **{f"without {name}": [name] for name in weighted}}
     if len(weighted) > 1:
@@ -212,16 +187,15 @@ def _ablated(
     dice = []
     with one_tensor_thread():
         for name, left_out in cases.items():
-            weights = PaperWeights(**{**paper.weights.as_dict(), **dict.fromkeys(left_out, 0.0)})
             options = replace(
                 paper,
-                weights=weights,
+                weights=PaperWeights(**paper.weights.as_dict() | dict.fromkeys(left_out, 0.0)),
                 finish="none",
                 tolerance=None,
                 steps=paper.steps if steps is None else min(steps, paper.steps),
             )
             die = descend_as_paper(
-                work.start,
+                start,
                 wanted_odds(recipe),
                 options,
                 center_of_mass=center,
