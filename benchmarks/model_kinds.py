@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dicedesign.concave.distance_functions import (
+from dicedesign.concave.shapes import (
     Distance,
     blend,
     ellipsoid,

@@ -15,7 +15,7 @@ from manifold3d import Manifold
 from scipy.ndimage import gaussian_filter, label, map_coordinates
 
 from benchmarks.model_kinds import REACH, ROUND_KINDS
-from dicedesign.concave.distance_functions import Distance, level_set
+from dicedesign.concave.shapes import Distance, level_set
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body

@@ -363,7 +363,6 @@ def test_a_plain_convex_recipe_loads_no_engraver_and_no_solver(tmp_path: Path) -
     assert concave == {
         "dicedesign.concave",
         "dicedesign.concave.options",
-        "dicedesign.concave.shape_start",
     }
     assert not any(name.startswith(("benchmarks", "tests")) for name in own)
     engravers = {"fonts", "label_layout", "label_art", "engraving"}

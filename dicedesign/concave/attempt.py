@@ -11,15 +11,17 @@ import numpy as np
 
 from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.correspondence import fill_by_correspondence
-from dicedesign.concave.easing import (
+from dicedesign.concave.hull_design import (
     NEAREST,
     UNCROSSED,
+    HullDraft,
+    design_hull,
+    designed_hull,
     eased_hull,
     nearer_draft,
     settled_draft,
 )
-from dicedesign.concave.hull_design import HullDraft, design_hull, designed_hull
-from dicedesign.concave.hull_problem import DesignedHull, HullProblem
+from dicedesign.concave.hull_problem import DesignedHull, HullProblem, point_masses
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.concave.result import (
@@ -32,7 +34,6 @@ from dicedesign.concave.result import (
     rank,
 )
 from dicedesign.concave.slopes import SlopeOptions
-from dicedesign.concave.space_elasticity import point_masses
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from dicedesign.concave.hull_problem import Elasticity, HeldCorners
 from dicedesign.concave.result import FillResult, FillStatus, OnEnergy
-from dicedesign.concave.space_elasticity import Elasticity, HeldCorners
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index

@@ -1,10 +1,10 @@
-"""Options of `method: concave`, apart from the method, so that a recipe loads none."""
+"""What a recipe says of a concave die, its surface and its method, which it does not load."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from dicedesign.optimize.options import (
     refused,
     require_choice,
 )
+from dicedesign.optimize.starts.start import StartKind, StartSurface
 from dicedesign.runtime.registry import STRICT, Number
 
 
@@ -202,3 +203,18 @@ def _require(options: object, name: str, is_valid: bool, expected: str, prefix: 
     if not is_valid:
         default = getattr(type(options), name)
         raise refused(prefix + name, expected, getattr(options, name), f"{default:g}")
+
+
+def _start_shape(name: str, _: int) -> StartSurface:
+    from dicedesign.concave.shapes import shape
+
+    return StartSurface(shape(name))
+
+
+SHAPE: Final = StartKind(
+    name="shape",
+    line="a surface built in, `dragon`, `duck`, `kitten` or `knot`, for method concave",
+    # The keys of `SHAPES`, whose builders take long to import.
+    options=Literal["dragon", "duck", "kitten", "knot"],
+    surface=_start_shape,
+)

@@ -1,9 +1,9 @@
 """Hull fill as in the paper (appendix B): a surface grows inside a wanted hull until it spans it
-(B.1, by quadratic programs), and then its center of mass is brought to its place (B.2).
+(B.1, by quadratic programs), and then its center of mass is brought to its place while its hull
+stays as it is (B.2).
 
 The corners of the hull draw on the points of the surface that are closest to them, more and more
-strongly.
-"""
+strongly."""
 
 from __future__ import annotations
 
@@ -16,14 +16,178 @@ from scipy.sparse import csc_array, csc_matrix, csr_array, eye_array, kron, triu
 
 from dicedesign.concave.elastic_energy import ElasticEnergy
 from dicedesign.concave.options import ConcavePaperOptions
-from dicedesign.concave.paper_balance import balance
 from dicedesign.concave.result import FillResult, FillStatus, OnEnergy
 from dicedesign.errors import missing_extra
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.grid_surface import closest_points
 from dicedesign.geometry.triangles import Surface
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.solvers.sobolev import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Booleans, Floats
+
+DEPTH = 1e-7
+"""Depth inside the hull, over the diagonal, at which points do not move any more. The corners do
+not move at all."""
+
+BOLDEST = 0.5
+"""Part of its distance from the hull that no point moves farther than in one step."""
+
+SHORTEST_MOVE = 1e-6
+"""Part of the boldest step below which none is taken."""
+
+NEAR_CENTER = 1e-3
+"""Distance of the center of mass, over the diagonal, from which on Newton's method takes over."""
+
+HEAVIEST = 1e6
+"""lambda_CoM, in units of that of the first steps, beyond which it does not grow."""
+
+STEPS = 20
+"""Most steps at each weight."""
+
+DECREASE = 1e-4
+"""Part of the decrease that the slope promises which a step must achieve."""
+
+EXACT = 1e-13
+"""Distance of the center of mass, over the diagonal, at which Newton's method ends."""
+
+CONTENT = 1e-9
+"""The same with which the balance is content."""
+
+REFINED = 100
+"""Most steps of Newton's method."""
+
+USEFUL = 0.999
+"""Part of the distance of the center of mass that may be left by a step with another after it."""
+
+
+def centering_gradient(surface: Surface, center_of_mass: Floats) -> Floats:
+    """(n, 3) of the squared distance E_CoM of a surface's center of mass from a place (3,) (eq. 33,
+    34)."""
+    offset = surface.centroid - center_of_mass
+    return np.asarray(2.0 * np.tensordot(offset, surface.centroid_derivatives(), 1))
+
+
+def hull_keeping_moves(
+    sobolev: SobolevSolver, depths: Floats, gradients: Floats
+) -> tuple[Floats, Floats]:
+    """Gradients (n, 3, ...) spread over a surface, as moves `D (I + gamma L)^-p D g` of the same
+    shape, and how far these go over the depths.
+
+    sobolev: applies `(I + gamma L)^-p`; depths: (n,) diagonal of D, distances from the hull.
+
+    Source: eq. 35, but for the second D: with it the operator is symmetric, and each move goes
+    downhill.
+    """
+    flat = gradients.reshape(len(gradients), -1)
+    spread = sobolev.solve(depths[:, None] * flat)
+    return (depths[:, None] * spread).reshape(gradients.shape), spread.reshape(gradients.shape)
+
+
+def balance(
+    reference: Surface,
+    filled: Surface,
+    hull: ConvexHull,
+    center_of_mass: Floats,
+    options: ConcavePaperOptions,
+    on_step: OnEnergy,
+) -> FillResult:
+    """Move a surface's center of mass to where it is wanted, the hull staying as it is to the last
+    bit.
+
+    First-order steps on the energy with a weight that grows (eq. 31, 35), and Newton's method for
+    the center of mass alone, with moves of the same kind, for the rest; see `hull_keeping_moves`.
+
+    Parameters
+    ----------
+    reference: of the elastic energy.
+    filled: the same triangles in the hull, as `fill_by_quadratic_programs` leaves them.
+    hull: of `filled`.
+    center_of_mass: (3,) wanted for the uniform solid, strictly inside the hull.
+    options: lambda_CoM, lambda_m, lambda_b, the growth of the first, gamma and p.
+    on_step: see `OnEnergy`.
+
+    Raises
+    ------
+    InputError: a triangle of the reference has no area.
+    """
+    # In units of the reference's diagonal about the wanted center of mass.
+    unit, weight, part = reference.diagonal, options.center_of_mass, 1.0
+    scaled = reference.moved(reference.points / unit)
+    surface = filled.moved((filled.points - center_of_mass) / unit)
+    heights = hull.heights(center_of_mass) / unit
+    elastic = ElasticEnergy.of(scaled, options.membrane, options.bending)
+    # A closed oriented surface passes each edge once in each direction.
+    starts, ends = scaled.triangles.ravel(), np.roll(scaled.triangles, -1, axis=1).ravel()
+    laplacian = edge_laplacian(starts, ends, len(scaled.points))
+    sobolev = SobolevSolver(laplacian, SobolevOptions(options.gamma, options.power))
+
+    def error() -> float:
+        """Distance of the center of mass from where it is wanted."""
+        return float(norms(surface.centroid))
+
+    def depths() -> Floats:
+        """(n,) distances of the points from the hull, 0 for those that may not move."""
+        slacks = (heights - surface.points @ hull.normals.T).min(axis=1)
+        return np.maximum(slacks - DEPTH, 0.0)
+
+    def energy(surface: Surface) -> float:
+        """That of a surface, with the weight of centering as it is now."""
+        centroid = surface.centroid
+        return elastic.value(surface.points) + weight * float(centroid @ centroid)
+
+    def descend() -> bool:
+        """One step of eq. 35; whether there was any."""
+        nonlocal surface, part
+        gradient = weight * centering_gradient(surface, np.zeros(3))
+        gradient = gradient + elastic.gradient(surface.points)
+        move, reach = hull_keeping_moves(sobolev, depths(), gradient)
+        slope, before = float((gradient * move).sum()), energy(surface)
+        longest = BOLDEST / max(float(norms(reach).max()), np.finfo(np.float64).tiny)
+        part = min(1.0, 4.0 * part)
+        while part >= SHORTEST_MOVE:
+            step = part * longest
+            trial = surface.moved(surface.points - step * move)
+            lower = energy(trial)
+            if lower <= before - DECREASE * step * slope:
+                surface = trial
+                on_step(lower)
+                return True
+            part *= 0.5
+        part = 1.0
+        return False
+
+    def refine() -> bool:
+        """One step of Newton's method for the center of mass, as far as the hull allows; whether
+        any point may move."""
+        nonlocal surface
+        derivatives = surface.centroid_derivatives()
+        moves, reaches = hull_keeping_moves(sobolev, depths(), np.moveaxis(derivatives, 0, -1))
+        system = np.einsum("kni,nij->kj", derivatives, moves)
+        multipliers = np.linalg.lstsq(system, -surface.centroid, rcond=None)[0]
+        longest = float(norms(reaches @ multipliers).max())
+        if longest == 0.0:
+            return False
+        step = min(1.0, BOLDEST / longest) * (moves @ multipliers)
+        surface = surface.moved(surface.points + step)
+        on_step(energy(surface))
+        return True
+
+    on_step(energy(surface))
+    while error() > NEAR_CENTER and weight <= HEAVIEST * options.center_of_mass:
+        for _ in range(STEPS):
+            if error() <= NEAR_CENTER or not descend():
+                break
+        weight *= options.growth
+    for _ in range(REFINED):
+        before = error()
+        if before <= EXACT or not refine() or error() > USEFUL * before:
+            break
+    points = surface.points * unit + center_of_mass
+    still = depths() == 0.0
+    points[still] = filled.points[still]
+    status = FillStatus.FITTED if error() <= CONTENT else FillStatus.NO_PROGRESS
+    return FillResult(points, energy(surface), status)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,28 +1,150 @@
-"""Closed surfaces that the package builds itself, to be made into dice.
+"""Surfaces that the package builds: level sets of distance functions, round parts that blend.
 
-Each has between 1,000 and 3,500 points, evenly spread, is one piece, does not meet itself, and is 2
-to 3 units of length large. Animals look along x, with z upward.
-"""
+Each part maps points (..., 3) to values (...) that are below 0 inside, 0 on its surface and about
+the distance from it outside, in the unit of the points."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dicedesign.concave.distance_functions import (
-    Distance,
-    blend,
-    ellipsoid,
-    level_set,
-    mirrored,
-    round_cone,
-    stretched,
-    tube,
-)
 from dicedesign.errors import InputError
+from dicedesign.geometry.surfaces.grid_surface import evened, surface_nets
 from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
+
+Distance = Callable[[Floats], Floats]
+
+Vector = tuple[float, float, float]
+
+
+def ellipsoid(center: Vector, radii: Vector, pitch: float = 0.0, yaw: float = 0.0) -> Distance:
+    """A solid ellipsoid.
+
+    center: of it; radii: half-axes along x, y and z, above 0, before it is turned; pitch: angle in
+    degrees by which its x axis then rises toward z; yaw: angle in degrees by which that is then
+    turned about z, from x toward y.
+    """
+    rise, turn = np.radians(pitch), np.radians(yaw)
+    pitched = np.array(
+        [[np.cos(rise), 0.0, -np.sin(rise)], [0.0, 1.0, 0.0], [np.sin(rise), 0.0, np.cos(rise)]]
+    )
+    yawed = np.array(
+        [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
+    )
+    half_axes = np.array(radii)
+
+    def distance(points: Floats) -> Floats:
+        local = (points - np.array(center)) @ (yawed @ pitched) / half_axes
+        norm = np.linalg.norm(local, axis=-1)
+        slope = np.linalg.norm(local / half_axes, axis=-1)
+        # To first order; at the center, where it is 0 / 0, the smallest half-axis inside.
+        deep = np.full(norm.shape, -half_axes.min())
+        return np.divide(norm * (norm - 1.0), slope, out=deep, where=slope > 0.0)
+
+    return distance
+
+
+def round_cone(start: Vector, end: Vector, start_radius: float, end_radius: float) -> Distance:
+    """Balls whose centers run along a segment and whose radii change evenly along it.
+
+    start and end: of the segment, not equal; the radii: above 0.
+    """
+    origin, axis = np.array(start), np.array(end) - np.array(start)
+
+    def distance(points: Floats) -> Floats:
+        offsets = points - origin
+        along = (offsets @ axis / (axis @ axis)).clip(0.0, 1.0)
+        away = np.linalg.norm(offsets - along[..., None] * axis, axis=-1)
+        return away - start_radius - along * (end_radius - start_radius)
+
+    return distance
+
+
+def tube(line: Sequence[Vector] | Floats, start_radius: float, end_radius: float) -> Distance:
+    """Round cones along a line of at least two points, its radius changing evenly from point to
+    point."""
+    radii = np.linspace(start_radius, end_radius, len(line)).tolist()
+    pieces = [
+        round_cone(line[k], line[k + 1], radii[k], radii[k + 1]) for k in range(len(line) - 1)
+    ]
+    return lambda points: np.minimum.reduce([piece(points) for piece in pieces])
+
+
+def mirrored(part: Distance) -> Distance:
+    """A part that lies at y above 0, and its mirror image in the plane y = 0."""
+
+    def distance(points: Floats) -> Floats:
+        x, y, z = np.moveaxis(points, -1, 0)
+        return part(np.stack([x, np.abs(y), z], axis=-1))
+
+    return distance
+
+
+def stretched(part: Distance, factors: Vector) -> Distance:
+    """A part whose extents along x, y and z are multiplied by factors above 0."""
+    return lambda points: min(factors) * part(points / np.array(factors))
+
+
+def blend(first: Distance, second: Distance, width: float) -> Distance:
+    """The union of two parts, its crease rounded where both values are within `width`, above 0, of
+    each other."""
+
+    def distance(points: Floats) -> Floats:
+        a, b = first(points), second(points)
+        near = (1.0 - np.abs(a - b) / width).clip(0.0)
+        joined: Floats = np.minimum(a, b) - near**2 * width / 4.0
+        return joined
+
+    return distance
+
+
+ROUNDS = 15
+"""Times that edges are flipped and points moved."""
+
+DIFFERENCE = 1e-5
+"""Step of the difference quotients, in cells."""
+
+
+def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> Surface:
+    """Triangles with edges of about one length on the surface where a distance function is 0.
+
+    A surface between the nodes of a grid (`surface_nets`) is made even (`evened`).
+
+    Parameters
+    ----------
+    distance: negative inside. No part of the body and no gap may be thinner than two cells.
+    low, high: (3,) corners of a box that holds the surface with a cell to spare.
+    spacing: side of the cells, above 0.
+
+    Returns
+    -------
+    Surface, oriented outward; the same for the same input.
+    """
+    axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
+    values = distance(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
+
+    def crossing(nodes: Integers, ahead: Integers) -> Floats:
+        here, there = values[tuple(nodes.T)], values[tuple(ahead.T)]
+        part = here / (here - there)
+        return np.asarray(low + spacing * (nodes + part[:, None] * (ahead - nodes)))
+
+    points, triangles = surface_nets(values < 0.0, crossing)
+    return Surface(
+        *evened(points, triangles, lambda moved, _: _onto(distance, moved, spacing), ROUNDS)
+    )
+
+
+def _onto(distance: Distance, points: Floats, spacing: float) -> Floats:
+    """Points after a Newton step toward the level set, no longer than half a cell."""
+    step = DIFFERENCE * spacing
+    values = distance(points)
+    slopes = (distance(points[:, None] + step * np.eye(3)) - values[:, None]) / step
+    squares = (slopes * slopes).sum(axis=-1).clip(0.25)
+    steps = (values / squares).clip(-0.5 * spacing, 0.5 * spacing)
+    return points - steps[:, None] * slopes
+
 
 LENGTHENING = np.array([1.25, 1.0, 1.0])
 """Of the duck, from bill to tail: rounder, it rests on everything a little."""

@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from dicedesign import rest_poses
 from dicedesign.concave import attempt
+from dicedesign.concave.hull_problem import Elasticity
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.result import (
     ConcaveDie,
@@ -27,7 +28,6 @@ from dicedesign.concave.result import (
     rank,
 )
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die
-from dicedesign.concave.space_elasticity import Elasticity
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import read_body, stl_bytes

@@ -10,8 +10,8 @@ from common.bumpy import ball, bent_capsule, bumpy_sphere, nearby_hull, unit
 from common.dented_cube import dented_cube
 
 from dicedesign.concave.correspondence import MOST_ROUNDS, Contacts, fill_by_correspondence
+from dicedesign.concave.hull_problem import Elasticity, HeldCorners
 from dicedesign.concave.result import FillResult, FillStatus
-from dicedesign.concave.space_elasticity import Elasticity, HeldCorners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.closed_surface import refined
 from dicedesign.geometry.triangles import Surface

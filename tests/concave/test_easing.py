@@ -9,10 +9,14 @@ from common.bumpy import bumpy_sphere
 from common.hull_problems import SLOPES, designed, problem_of
 
 from dicedesign import rest_poses
-from dicedesign.concave.easing import eased_hull, nearer_draft, settled_draft
-from dicedesign.concave.hull_design import HullDraft, designed_hull
-from dicedesign.concave.hull_problem import DesignedHull, HullProblem
-from dicedesign.concave.space_elasticity import HeldCorners
+from dicedesign.concave.hull_design import (
+    HullDraft,
+    designed_hull,
+    eased_hull,
+    nearer_draft,
+    settled_draft,
+)
+from dicedesign.concave.hull_problem import DesignedHull, HeldCorners, HullProblem
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds
 
 

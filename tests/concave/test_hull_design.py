@@ -11,8 +11,13 @@ from common.bumpy import bent_capsule, bumpy_sphere
 from common.hull_problems import SLOPES, choices_of, designed, original_draft, problem_of
 
 from dicedesign import rest_poses
-from dicedesign.concave.easing import settled_draft
-from dicedesign.concave.hull_design import HullDraft, design_hull, designed_hull, exact_draft
+from dicedesign.concave.hull_design import (
+    HullDraft,
+    design_hull,
+    designed_hull,
+    exact_draft,
+    settled_draft,
+)
 from dicedesign.concave.hull_problem import HullProblem
 from dicedesign.geometry.triangles import Surface
 from dicedesign.kernels import ops as kernels

@@ -12,13 +12,13 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.concave.hull_problem import (
     CLOSE,
+    FREE,
     MOST_CORNERS,
     SPREAD,
     HullMetric,
     HullProblem,
     coarse_corners,
 )
-from dicedesign.concave.space_elasticity import FREE
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.procrustes import best_similarity
 from dicedesign.geometry.triangles import Surface

@@ -7,7 +7,7 @@ import pytest
 from common.bumpy import ball, bent_capsule, bumpy_sphere
 
 from dicedesign.concave.options import ConcavePaperOptions
-from dicedesign.concave.paper_balance import balance, centering_gradient, hull_keeping_moves
+from dicedesign.concave.paper_fill import balance, centering_gradient, hull_keeping_moves
 from dicedesign.concave.result import FillStatus
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.options import SobolevOptions

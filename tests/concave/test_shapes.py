@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.concave.distance_functions import (
+from dicedesign.concave.shapes import (
+    SHAPES,
     blend,
     ellipsoid,
     level_set,
     mirrored,
     round_cone,
+    shape,
     stretched,
     tube,
 )
-from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from common.bumpy import ball, bumpy_sphere, unit
 
-from dicedesign.concave.space_elasticity import (
+from dicedesign.concave.hull_problem import (
     HANDLES,
     Elasticity,
     HeldCorners,

@@ -133,7 +133,7 @@ STARTS: Final = Registry(
         "dicedesign.optimize.starts.built_in:HENDECAHEDRON",
         "dicedesign.optimize.starts.built_in:REPULSION",
         "dicedesign.optimize.starts.built_in:MESH",
-        "dicedesign.concave.shape_start:SHAPE",
+        "dicedesign.concave.options:SHAPE",
         "dicedesign.optimize.starts.built_in:SEARCH",
     ),
     group="dicedesign.starts",
