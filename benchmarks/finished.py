@@ -22,7 +22,6 @@ import numpy as np
 
 from benchmarks.frame import Report, Work, add_recipes, continue_to, make_die, read_recipes
 from dicedesign import EngravingError, Recipe, checked_recipe
-from dicedesign.fabricate.print_options import PrintErrors
 from dicedesign.fabricate.print_tolerances import (
     ROLLS,
     OddsSlopes,
@@ -31,6 +30,7 @@ from dicedesign.fabricate.print_tolerances import (
     allowed_offset,
     print_tolerances,
 )
+from dicedesign.fabricate.printers import PrintErrors
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chi_square
 from tests.reference.perturbed_dice import PrintedDie, only

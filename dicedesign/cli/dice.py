@@ -21,7 +21,7 @@ from dicedesign.errors import InputError, RecipeError, check_whole, named
 from dicedesign.runtime.text import printable, text_table
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.print_options import PrintOptions
+    from dicedesign.fabricate.printers import PrintOptions
     from dicedesign.recipe.recipe import Recipe
     from dicedesign.results.parts import RoundOfThrows
     from dicedesign.results.result import Result, Step
@@ -80,7 +80,7 @@ def with_result_options(recipe: Recipe, options: argparse.Namespace) -> Recipe:
 def _with_printer(recipe: Recipe, name: str) -> PrintOptions:
     """The recipe's options of printing where they are for this printer, else its usual ones with
     the recipe's infill and errors."""
-    from dicedesign.fabricate.print_options import PrintOptions
+    from dicedesign.fabricate.printers import PrintOptions
 
     if recipe.print is not None and recipe.print.printer == name:
         return dataclasses.replace(recipe.print, oriented=True)

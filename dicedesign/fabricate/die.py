@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.body import Body, make_body
@@ -33,8 +32,7 @@ from dicedesign.tolerances import FILE_ODDS, LEAST_MARGIN, SAME_REST_ANGLE
 
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
-    from dicedesign.fabricate.label_layout import Placement
-    from dicedesign.fabricate.label_reading import Reading
+    from dicedesign.fabricate.label_layout import Placement, Reading
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.throws.simulation import ThrownDie
@@ -236,17 +234,15 @@ class FinishedDie:
 
 
 def make_solid(die: Design, size_mm: float) -> Solid:
-    """The plain solid of a die, with a largest distance `size_mm`, positive, between its points."""
-    if die.reshaped is not None:
-        return _solid_of_surface(die, die.reshaped, size_mm)
+    """The plain solid of a convex die, with a largest distance `size_mm`, positive, between its
+    points."""
     given = die.center_of_mass
     center = die.hull.centroid if given is None else given
     hull = convex_hull((die.hull.vertices - center) * (size_mm / die.hull.diameter))
     if given is None:
-        poses = analyse(hull, hull.centroid, "uniform solid")
+        poses = analyse(hull, hull.centroid, "uniform solid").under(die.prior)
     else:
-        poses = analyse(hull, np.zeros(3), "given")
-    poses = poses.under(die.prior)
+        poses = analyse(hull, np.zeros(3), "given").under(die.prior)
     return Solid(
         points=hull.vertices,
         triangles=hull.triangles,
@@ -254,38 +250,6 @@ def make_solid(die: Design, size_mm: float) -> Solid:
         outcomes=outcome_odds(poses, die.directions),
         center_of_mass=None if given is None else np.zeros(3),
         hull_points=hull.vertices,
-    )
-
-
-def _solid_of_surface(die: Design, made: ConcaveDie, size_mm: float) -> Solid:
-    # It brings a library of solids along, which no convex die needs.
-    from dicedesign.fabricate.printable_solid import printable_solid
-
-    hollow = made.hollow
-    center = made.after.centroid if hollow is None else hollow.center_of_mass
-    scale = size_mm / convex_hull(made.after.points).diameter
-    placed = made.after.moved((made.after.points - center) * scale)
-    points, triangles, is_printable = placed.points, placed.triangles, True
-    try:
-        points, triangles, changes = printable_solid(placed)
-        if hollow is not None:
-            from dicedesign.balance.cavity import with_cavity
-
-            whole = with_cavity(Surface(points, triangles), hollow.wall * size_mm, np.zeros(3))
-            points, triangles = whole.points, whole.triangles
-    except InputError as error:
-        # Then the die is written as it is, and says so.
-        is_printable, changes = False, (str(error),)
-    poses = rest_poses(make_body(points, triangles))
-    return Solid(
-        points=points,
-        triangles=triangles,
-        poses=poses,
-        outcomes=outcome_odds(poses, die.directions),
-        center_of_mass=None,
-        hull_points=(die.hull.vertices - center) * scale,
-        changes=changes,
-        is_printable=is_printable,
     )
 
 

@@ -1,5 +1,5 @@
-"""Labels cut into a solid as pockets, or left standing in sunk fields, and what fills them; with
-checks of what comes out.
+"""Labels on their places on a die, cut into it as pockets or left standing in sunk fields, and what
+fills them; with checks of what comes out, and which of its triangles belong to labels.
 
 Lengths are in millimetres, volumes in cubic millimetres.
 """
@@ -7,20 +7,31 @@ Lengths are in millimetres, volumes in cubic millimetres.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final
 
 import numpy as np
 from manifold3d import CrossSection, Error, Manifold, OpType
+from scipy.spatial import KDTree
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import Placement, border_lines
+from dicedesign.fabricate.label_layout import (
+    Placement,
+    Reading,
+    border_lines,
+    die_readings,
+    edge_margins,
+    place_labels,
+)
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
-from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
+from dicedesign.geometry.triangles import Surface, connected_parts, edge_neighbors
+from dicedesign.rest.poses import RestPoses
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 JOINED: Final = 0.02
@@ -143,15 +154,6 @@ def engrave(
     return cut_out(solid(vertices, triangles), cuts, options)
 
 
-def require_fields(
-    hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
-) -> None:
-    """Raise EngravingError where a label on a hull does not stand within the field that is to be
-    sunk around it."""
-    if options.style == "raised":
-        _cuts(hull, placements, options)
-
-
 def inlay(
     vertices: Floats,
     triangles: Integers,
@@ -175,12 +177,18 @@ def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> 
     """
     body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
     failure = _failed_check(plain, body, sum(cut.volume for cut in cuts))
-    if failure:
-        raise EngravingError(
-            f"engraved solid: {failure}; {_culprits(plain, cuts)}: reduce depth_mm "
-            f"(now {options.depth_mm:g}) or increase size_mm or margin_mm"
-        )
-    return Surface(*mesh_of(body))
+    if not failure:
+        return Surface(*mesh_of(body))
+    # Pockets that break through, or meet others.
+    at_fault = {cut.where for cut in cuts if _failed_check(plain, plain - cut.cutter, cut.volume)}
+    for one, other in combinations(cuts, 2):
+        if (one.cutter ^ other.cutter ^ plain).volume() > 0.0:
+            at_fault |= {one.where, other.where}
+    labels = ", ".join(cut.where for cut in cuts if cut.where in at_fault) or "some labels"
+    raise EngravingError(
+        f"engraved solid: {failure}; pockets meet, or break through another facet, at {labels}: "
+        f"reduce depth_mm (now {options.depth_mm:g}) or increase size_mm or margin_mm"
+    )
 
 
 def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
@@ -201,15 +209,98 @@ def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | Non
     return None
 
 
-def _culprits(plain: Manifold, cuts: Sequence[Cut]) -> str:
-    """Pockets that meet others or break through, in words."""
-    involved = {
-        index
-        for index, cut in enumerate(cuts)
-        if _failed_check(plain, plain - cut.cutter, cut.volume)
-    }
-    for (first, a), (second, b) in combinations(enumerate(cuts), 2):
-        if (a.cutter ^ b.cutter ^ plain).volume() > 0.0:
-            involved |= {first, second}
-    labels = ", ".join(cuts[index].where for index in sorted(involved)) or "some labels"
-    return f"pockets meet, or break through another facet, at {labels}"
+def place_on_facets(
+    poses: RestPoses,
+    main: Integers,
+    hull: ConvexHull,
+    labels: Sequence[str],
+    options: EngravingOptions,
+) -> tuple[Reading, list[Placement]]:
+    """How a die is read, and where its labels lie on the facets of its hull, or of its core
+    (`core_of`), in the order of the places of that reading.
+
+    poses: rests of the die in mm; main: (k,) the rest of each outcome, or -1.
+
+    Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
+    options say, or a label does not fit.
+    """
+    require_rests(labels, main, "a facet")
+    *better, last = die_readings(hull, poses.facets[main], labels, options.read)
+
+    def placed(reading: Reading) -> list[Placement]:
+        places, whole = reading.places, reading.way != "corner"
+        return place_labels(
+            places,
+            # Around a corner labels stand upright toward it.
+            options if whole else replace(options, upright="edge"),
+            poses.hull.diameter,
+            [edge_margins(hull, place.facet, options) for place in places] if whole else None,
+        )
+
+    for reading in better:
+        with suppress(EngravingError):
+            placements = placed(reading)
+            if options.style == "raised":
+                cut_sections(hull, placements, options)
+            return reading, placements
+    return last, placed(last)
+
+
+def require_rests(labels: Sequence[str], main: Integers, what: str) -> None:
+    """Raise EngravingError where an outcome, by the number (k,) of its own rest or -1, has none.
+
+    what: it is to have, in words.
+    """
+    if (main < 0).any():
+        raise EngravingError(
+            f"label {labels[int(main.argmin())]!r}: expected {what} to rest on for each label, got "
+            "none for this one; finish the design first"
+        )
+
+
+OFF: Final = 0.1
+"""Distance of the middle of a triangle from the plain surface, over the depth of labels. That of a
+wall with two corners on the surface is a third of the depth away, less where the surface slopes."""
+
+MATCHINGS: Final = 8
+"""Rounds in which the plain surface is brought onto the other; three are usual."""
+
+MATCHED: Final = 3.0
+"""Corners that are nearer than so many times the median are taken for the same corner."""
+
+
+def labels_below_hull(marked: Surface, depth: float) -> Booleans:
+    """(t,) which triangles of a die that is convex but for its labels belong to these: those below
+    its hull, but for a hollow inside.
+
+    depth: of labels, above 0, in the unit of the surface.
+    """
+    middles = marked.points[marked.triangles].mean(axis=1)
+    is_below = convex_hull(marked.points).least_depths(middles) > OFF * depth
+    across = edge_neighbors(marked.triangles)
+    one, edge = np.nonzero(across >= 0)
+    part = connected_parts(one, across[one, edge], len(across))
+    return is_below & np.isin(part, part[~is_below])
+
+
+def labels_off_surface(marked: Surface, plain: Surface, depth: float) -> Booleans:
+    """(t,) which triangles of a die with labels belong to these: those off the surface of the plain
+    die, of which it is an image under an affine map near the identity.
+
+    marked, plain: the die with labels and without; depth: of labels, above 0; all in one unit.
+    """
+    # The affine map that brings some corners onto most of the plain surface's.
+    homogeneous = np.column_stack([marked.points, np.ones(len(marked.points))])
+    points = marked.points
+    for _ in range(MATCHINGS):
+        apart, nearest = KDTree(points).query(plain.points)
+        same = apart <= MATCHED * np.median(apart)
+        matrix, *_ = np.linalg.lstsq(homogeneous[nearest[same]], plain.points[same])
+        points = homogeneous @ matrix
+    middles = points[marked.triangles].mean(axis=1)
+    # Most triangles of a surface of many are as they were.
+    apart, _ = KDTree(plain.points[plain.triangles].mean(axis=1)).query(middles)
+    new = np.flatnonzero(apart > OFF * OFF * depth)
+    labels = np.zeros(len(middles), dtype=bool)
+    labels[new] = distances_from_surface(plain, middles[new]) > OFF * depth
+    return labels

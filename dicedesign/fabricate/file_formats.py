@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import io
+import json
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape as escaped
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.registry import Extension, Registry
@@ -72,6 +77,11 @@ class Contents:
     facts: Mapping[str, str] = field(default_factory=dict)
     unit: str = "millimetres"
 
+    def materials(self) -> list[tuple[str, str]]:
+        """Names and colours of all groups of the parts, each once."""
+        groups = (group for part in self.parts for group in part.groups())
+        return list(dict.fromkeys((name, color) for name, color, _ in groups))
+
 
 @dataclass(frozen=True, kw_only=True)
 class FileFormat(Extension):
@@ -114,28 +124,276 @@ class FileFormat(Extension):
         return points @ np.linalg.inv(self.frame).T, triangles
 
 
-FILE_FORMATS: Final = Registry(
-    "file format",
-    FileFormat,
-    builtin=(
-        "dicedesign.fabricate.mesh_writers:STL",
-        "dicedesign.fabricate.mesh_writers:THREE_MF",
-        "dicedesign.fabricate.mesh_writers:OBJ",
-        "dicedesign.fabricate.mesh_writers:GLB",
-        "dicedesign.fabricate.mesh_writers:PLY",
-        "dicedesign.fabricate.mesh_writers:OFF",
-        "dicedesign.fabricate.step_file:STEP",
-    ),
-    group="dicedesign.file_formats",
-)
-"""All formats of solids."""
-
-
 def joined(parts: Sequence[Part]) -> tuple[Floats, Integers]:
     """Points (n, 3) and triangles (t, 3) of parts as one mesh of several shells."""
     starts = np.cumsum([0, *(len(part.points) for part in parts)])
     triangles = [part.triangles + start for part, start in zip(parts, starts, strict=False)]
     return np.concatenate([part.points for part in parts]), np.concatenate(triangles)
+
+
+def rows(form: str, values: Floats | Integers) -> str:
+    """A text for each row (n, k) of numbers, with all their digits.
+
+    form: such as "v {!r} {!r} {!r}\\n", with a place for each of the k numbers.
+    """
+    return "".join(form.format(*row) for row in values.tolist())
+
+
+STL: Final = FileFormat(
+    name="stl",
+    line="binary STL, which every printing program takes",
+    precision="float32",
+    write=lambda contents: stl_bytes(*joined(contents.parts)),
+)
+
+
+EARLIEST: Final = (1980, 1, 1, 0, 0, 0)
+"""Time of all parts of a ZIP archive, the first that it can hold: the same solid is the same file
+at any time."""
+
+PACKAGES: Final = "http://schemas.openxmlformats.org/package/2006"
+"""Start of the namespaces of the packages that 3MF files are."""
+
+PRINTING: Final = "http://schemas.microsoft.com/3dmanufacturing"
+"""Start of the namespaces of 3MF."""
+
+OWN: Final = "urn:dicedesign:die"
+"""Namespace of facts that 3MF has no name for."""
+
+KNOWN_FACTS: Final = frozenset({"Title", "Application", "Description"})
+"""Facts that it has a name for."""
+
+MATERIALS: Final = 1
+"""Number of the list of materials; objects are counted from the next on."""
+
+MODEL: Final = "3D/3dmodel.model"
+"""Part of a 3MF file that holds the solid."""
+
+TYPES: Final = (
+    f'<Types xmlns="{PACKAGES}/content-types">'
+    f'<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships'
+    '+xml"/><Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-'
+    '3dmodel+xml"/></Types>'
+)
+
+RELATIONS: Final = (
+    f'<Relationships xmlns="{PACKAGES}/relationships">'
+    f'<Relationship Target="/{MODEL}" Id="solid" Type="{PRINTING}/2013/01/3dmodel"/>'
+    "</Relationships>"
+)
+
+
+def three_mf(contents: Contents) -> bytes:
+    """Contents as a 3MF file: an object for each part, the colours of its triangles, and one thing
+    to print that holds them all."""
+    import zipfile
+
+    materials, objects = contents.materials(), ""
+    for number, part in enumerate(contents.parts, MATERIALS + 1):
+        corners, faces = rows('<vertex x="{!r}" y="{!r}" z="{!r}"/>', part.points), ""
+        for name, color, triangles in part.groups():
+            paint = f'pid="{MATERIALS}" p1="{materials.index((name, color))}"'
+            faces += rows(f'<triangle v1="{{}}" v2="{{}}" v3="{{}}" {paint}/>', triangles)
+        own = f'pid="{MATERIALS}" pindex="{materials.index((part.name, part.color))}"'
+        objects += (
+            f'<object id="{number}" type="model" name="{_escape(part.name)}" {own}><mesh>'
+            f"<vertices>{corners}</vertices><triangles>{faces}</triangles></mesh></object>"
+        )
+    if len(contents.parts) > 1:
+        numbers = range(MATERIALS + 1, number + 1)
+        number += 1
+        components = "".join(f'<component objectid="{each}"/>' for each in numbers)
+        objects += (
+            f'<object id="{number}" type="model" name="{_escape(contents.title)}"><components>'
+            f"{components}</components></object>"
+        )
+    bases = "".join(
+        f'<base name="{_escape(name)}" displaycolor="{_escape(color.upper())}"/>'
+        for name, color in materials
+    )
+    facts = "".join(
+        f'<metadata name="{"" if name in KNOWN_FACTS else "die:"}{name}" preserve="1">'
+        f"{_escape(text)}</metadata>"
+        for name, text in {"Title": contents.title, **contents.facts}.items()
+    )
+    model = (
+        f'<model unit="millimeter" xml:lang="en-US" xmlns="{PRINTING}/core/2015/02" '
+        f'xmlns:die="{OWN}">{facts}<resources><basematerials id="{MATERIALS}">{bases}'
+        f'</basematerials>{objects}</resources><build><item objectid="{number}"/></build></model>'
+    )
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, text in (
+            ("[Content_Types].xml", TYPES),
+            ("_rels/.rels", RELATIONS),
+            (MODEL, model),
+        ):
+            text = f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
+            archive.writestr(zipfile.ZipInfo(name, EARLIEST), text, zipfile.ZIP_DEFLATED)
+    return file.getvalue()
+
+
+def _escape(text: str) -> str:
+    """A text within XML. References by numbers, as of an apostrophe, are more than lib3mf reads."""
+    return escaped(text, quote=False).replace('"', "&quot;")
+
+
+THREE_MF: Final = FileFormat(
+    name="3mf",
+    line="3MF, the printers' own format, with labels in a colour of their own",
+    carries="name, parts, colours, target, odds, recipe, checksum",
+    write=three_mf,
+)
+
+
+MAGIC: Final = b"glTF"
+
+VERSION: Final = 2
+
+FLOAT: Final = 5126
+"""Number of the type float32."""
+
+VERTICES: Final = 34962
+"""Number of buffers of vertices."""
+
+ROUGHNESS: Final = 0.6
+"""Of the surface of a die: between a mirror, 0, and chalk, 1."""
+
+
+def glb(contents: Contents) -> bytes:
+    """Contents as GLB: a node for each part, a material for each colour of one. Faces are flat, as
+    programs have to show those without normals."""
+    data, materials = b"", contents.materials()
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    meshes: list[dict[str, Any]] = []
+    for part in contents.parts:
+        primitives = []
+        places = (part.points @ GLB.frame.T).astype("<f4")
+        for name, color, triangles in part.groups():
+            number = len(accessors)
+            primitives.append(
+                {"attributes": {"POSITION": number}, "material": materials.index((name, color))}
+            )
+            corners = places[triangles].reshape(-1, 3)
+            place = {"buffer": 0, "byteOffset": len(data), "byteLength": corners.nbytes}
+            views.append({**place, "target": VERTICES})
+            bounds = {"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()}
+            kind = {"componentType": FLOAT, "type": "VEC3", "count": len(corners)}
+            accessors.append({"bufferView": number, **kind, **bounds})
+            data += corners.tobytes()
+        meshes.append({"name": part.name, "primitives": primitives})
+    scene = {
+        "asset": {"version": "2.0", "generator": "dicedesign", "extras": dict(contents.facts)},
+        "scene": 0,
+        "scenes": [{"name": contents.title, "nodes": list(range(len(meshes)))}],
+        "nodes": [{"name": mesh["name"], "mesh": k} for k, mesh in enumerate(meshes)],
+        "meshes": meshes,
+        "materials": [_material(*material) for material in materials],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }
+    body = b""
+    for mark, chunk in (
+        (b"JSON", json.dumps(scene, separators=(",", ":")).encode()),
+        (b"BIN\0", data),
+    ):
+        # Filled up to a multiple of four bytes, of which positions are.
+        chunk += b" " * (-len(chunk) % 4)
+        body += struct.pack("<I", len(chunk)) + mark + chunk
+    return MAGIC + struct.pack("<II", VERSION, 12 + len(body)) + body
+
+
+def _material(name: str, color: str) -> dict[str, Any]:
+    """A material; `color`, in sRGB, becomes one in amounts of light."""
+    shown = np.array([int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
+    light = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+    factors = {
+        "baseColorFactor": [*np.round(light, 6).tolist(), 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": ROUGHNESS,
+    }
+    return {"name": name, "pbrMetallicRoughness": factors}
+
+
+GLB: Final = FileFormat(
+    name="glb",
+    line="GLB, which web pages and game engines show",
+    unit="m",
+    upward="y",
+    precision="float32",
+    carries="name, parts, colours, target, odds, recipe, checksum",
+    write=glb,
+)
+
+
+def obj(contents: Contents) -> bytes:
+    """Contents as Wavefront OBJ: an object for each part, and a group for each colour of one."""
+    text, first = f"# {contents.title}, lengths in {contents.unit}, z upward\n", 1
+    for part in contents.parts:
+        text += f"o {part.name}\n" + rows("v {!r} {!r} {!r}\n", part.points)
+        for name, _, triangles in part.groups():
+            text += f"g {name}\n" + rows("f {} {} {}\n", triangles + first)
+        first += len(part.points)
+    return text.encode()
+
+
+OBJ: Final = FileFormat(
+    name="obj",
+    line="Wavefront OBJ, for every program of three dimensions, all digits as text",
+    carries="parts; labels as a group",
+    write=obj,
+)
+
+
+def ply(contents: Contents) -> bytes:
+    """Contents as little-endian binary PLY."""
+    points, triangles = joined(contents.parts)
+    header = f"ply\nformat binary_little_endian 1.0\ncomment lengths in {contents.unit}\n"
+    header += f"element vertex {len(points)}\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    header += f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, triangles
+    return header.encode() + points.astype("<f8").tobytes() + faces.tobytes()
+
+
+PLY: Final = FileFormat(
+    name="ply",
+    line="binary PLY, small, all digits",
+    write=ply,
+)
+
+
+def off(contents: Contents) -> bytes:
+    """Contents as ASCII OFF."""
+    points, triangles = joined(contents.parts)
+    text = rows("{!r} {!r} {!r}\n", points) + rows("3 {} {} {}\n", triangles)
+    return f"OFF\n{len(points)} {len(triangles)} 0\n{text}".encode()
+
+
+OFF: Final = FileFormat(
+    name="off",
+    line="OFF, the plainest format of programs for geometry, all digits as text",
+    write=off,
+)
+
+FILE_FORMATS: Final = Registry(
+    "file format",
+    FileFormat,
+    builtin=(
+        "dicedesign.fabricate.file_formats:STL",
+        "dicedesign.fabricate.file_formats:THREE_MF",
+        "dicedesign.fabricate.file_formats:OBJ",
+        "dicedesign.fabricate.file_formats:GLB",
+        "dicedesign.fabricate.file_formats:PLY",
+        "dicedesign.fabricate.file_formats:OFF",
+        "dicedesign.fabricate.step_file:STEP",
+    ),
+    group="dicedesign.file_formats",
+)
+"""All formats of solids."""
 
 
 def save_mesh(path: Path, points: Floats, triangles: Integers) -> None:

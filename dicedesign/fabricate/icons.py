@@ -19,7 +19,7 @@ import numpy as np
 from manifold3d import CrossSection, FillRule
 
 from dicedesign.errors import InputError, named
-from dicedesign.fabricate.sections import CHORD_TOLERANCE, PolylinePen
+from dicedesign.fabricate.fonts import CHORD_TOLERANCE, PolylinePen
 from dicedesign.runtime.files import read_file
 
 MOST_BYTES: Final = 1 << 20

@@ -11,18 +11,12 @@ from itertools import combinations, pairwise
 from typing import Final
 
 import numpy as np
-from manifold3d import CrossSection, FillRule, OpType
+from manifold3d import CrossSection, FillRule, JoinType, OpType
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.finish_options import BUNDLED_FONT, EngravingOptions
-from dicedesign.fabricate.fonts import open_font
+from dicedesign.fabricate.fonts import CHORD_TOLERANCE, open_font
 from dicedesign.fabricate.icons import icon_section
-from dicedesign.fabricate.sections import (
-    CHORD_TOLERANCE,
-    grown,
-    holes_and_parts,
-    stroke_growth,
-)
 from dicedesign.runtime.arrays import Floats
 
 LINE_SPACING: Final = 1.45
@@ -53,12 +47,12 @@ def text_contours(text: str, font: str = BUNDLED_FONT) -> list[Floats]:
     """
     opened = open_font(font)
     lines = [opened.line(line) for line in text.split("\n")]
-    widest = max((width for _, width in lines), default=0.0)
-    contours: list[Floats] = []
-    for number, (outlines, width) in enumerate(lines):
-        start = np.array([0.5 * (widest - width), LINE_SPACING * (len(lines) - 1 - number)])
-        contours += [outline + start for outline in outlines]
-    return contours
+    widest = max(width for _, width in lines)
+    return [
+        outline + np.array([0.5 * (widest - width), LINE_SPACING * above])
+        for above, (outlines, width) in zip(range(len(lines))[::-1], lines, strict=True)
+        for outline in outlines
+    ]
 
 
 def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
@@ -67,18 +61,17 @@ def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
 
     Parameters and errors are those of `text_contours`.
     """
-    words = text.split(" ")
-    opened = open_font(font)
-    widths = [opened.line(word)[1] for word in words] if len(words) > 1 else [0.0]
+    words, opened = text.split(" "), open_font(font)
+    widths = [opened.line(word)[1] for word in words]
     space = opened.line(" ")[1] if len(words) > 1 else 0.0
+
+    def widest(spans: list[tuple[int, int]]) -> float:
+        return max(sum(widths[i:j]) + space * (j - i - 1) for i, j in spans)
+
     for lines in range(1, min(len(words), MOST_LINES) + 1):
-        breaks = min(
-            combinations(range(1, len(words)), lines - 1),
-            key=lambda inner: max(
-                sum(widths[i:j]) + space * (j - i - 1) for i, j in pairwise((0, *inner, len(words)))
-            ),
-        )
-        yield "\n".join(" ".join(words[i:j]) for i, j in pairwise((0, *breaks, len(words))))
+        ways = combinations(range(1, len(words)), lines - 1)
+        best = min((list(pairwise((0, *way, len(words)))) for way in ways), key=widest)
+        yield "\n".join(" ".join(words[i:j]) for i, j in best)
 
 
 def text_section(text: str, font: str = BUNDLED_FONT) -> CrossSection:
@@ -184,24 +177,16 @@ def pip_places(number: int) -> tuple[Floats, float]:
     """Middles (n, 2) of the pips of a number from 1 to `MOST_PIPS`, in the unit square, and the
     diameter of each."""
     if number in PATTERNS:
-        places: list[tuple[float, float]] = [
-            (column, -row)
-            for row, signs in enumerate(PATTERNS[number])
-            for column, sign in enumerate(signs)
-            if sign == "x"
+        rows = [
+            [x for x, sign in enumerate(signs, -1) if sign == "x"] for signs in PATTERNS[number]
         ]
-        steps, middle = 2, np.array([1.0, -1.0])
+        steps = 2
     else:
-        counts = ROWS[number]
-        places = [
-            (column - 0.5 * (count - 1), -row)
-            for row, count in enumerate(counts)
-            for column in range(count)
-        ]
-        steps = max(len(counts), *counts) - 1
-        middle = np.array([0.0, -0.5 * (len(counts) - 1)])
-    spacing = 1.0 / (steps + FULLNESS)
-    return 0.5 + spacing * (np.array(places, dtype=np.float64) - middle), FULLNESS * spacing
+        rows = [[x - 0.5 * (count - 1) for x in range(count)] for count in ROWS[number]]
+        steps = max(len(rows), *ROWS[number]) - 1
+    spacing, top = 1.0 / (steps + FULLNESS), 0.5 * (len(rows) - 1)
+    places = np.array([(x, top - row) for row, pips in enumerate(rows) for x in pips])
+    return 0.5 + spacing * places, FULLNESS * spacing
 
 
 def pips_section(text: str) -> CrossSection:
@@ -222,6 +207,57 @@ def pips_section(text: str) -> CrossSection:
     corners += -corners % 8
     disc = CrossSection.circle(radius, corners)
     return CrossSection.batch_boolean([disc.translate((x, y)) for x, y in places], OpType.Add)
+
+
+MITER: Final = 2.0
+"""Corners stay sharp unless they stick out by more, over the distance of the offset."""
+
+CORNERS: Final = 0.1
+"""Part of a stroke's width that may stick out of the discs of that width which cover it."""
+
+HALVINGS: Final = 10
+"""Of the interval in which the least growth is looked for."""
+
+
+def holes_and_parts(section: CrossSection) -> tuple[int, int]:
+    """Number of holes in a section and of pieces that it falls into."""
+    parts = len(section.decompose())
+    return section.num_contour() - parts, parts
+
+
+def stroke_growth(section: CrossSection, width: float) -> float:
+    """The least distance by which the outlines of a section move outward so that its strokes are as
+    wide as `width`, in its unit; 0 where they are.
+
+    A stroke is as wide where discs of that diameter in the grown section cover it, but for corners.
+    """
+    if width <= 0.0 or _covered(section, section, width):
+        return 0.0
+    low, high = 0.0, 0.5 * width
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if _covered(section, grown(section, middle), width):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def grown(section: CrossSection, distance: float) -> CrossSection:
+    """A section with outlines moved outward by a distance, at least 0; corners stay sharp."""
+    if distance == 0.0:
+        return section
+    return section.offset(distance, JoinType.Miter, MITER)
+
+
+def _covered(section: CrossSection, whole: CrossSection, width: float) -> bool:
+    opened = grown(whole.offset(-0.5 * width, JoinType.Miter, MITER), 0.5 * width)
+    left = section - opened
+    if left.is_empty():
+        return True
+    # Corners are narrow, and near what the discs cover; hairlines lead away from it.
+    is_narrow = left.offset(-0.5 * CORNERS * width, JoinType.Miter, MITER).is_empty()
+    return is_narrow and (left - grown(opened, width)).is_empty()
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,24 +283,7 @@ class LabelArt:
     def growth(self, height: float, stroke: float) -> float:
         """The distance, in mm, by which outlines of a digit height in mm have to move outward for
         strokes of a width in mm; 0 where strokes are as wide."""
-        return height * stroke_growth(self.section, stroke / height) if stroke > 0.0 else 0.0
-
-    def cut(self, height: float, growth: float, where: str) -> CrossSection:
-        """The section in mm, of a digit height and with outlines moved outward, both in mm.
-
-        Raises EngravingError, which begins with `where`: that closes a hole or joins parts.
-        """
-        plain = self.section.scale((height, height))
-        wider = grown(plain, growth)
-        before, after = holes_and_parts(plain), holes_and_parts(wider)
-        if before != after:
-            raise EngravingError(
-                f"{where}: expected {before[0]} holes and {before[1]} parts to stay apart with "
-                f"strokes wider by {2.0 * growth:.2f} mm at a digit height of {height:.2f} mm, got "
-                f"{after[0]} and {after[1]}; reduce stroke_mm, increase size_mm, or take another "
-                "font or a shorter label"
-            )
-        return wider
+        return height * stroke_growth(self.section, stroke / height)
 
 
 def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
@@ -278,15 +297,12 @@ def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
     EngravingError: the label cannot be drawn.
     """
     if text in options.icons:
-        return [_within_bounds(icon_section(options.icons[text], text))]
-    if options.content == "pips":
+        sections = [icon_section(options.icons[text], text)]
+    elif options.content == "pips":
         return [LabelArt(pips_section(text), (0.0, 0.0, 1.0, 1.0))]
-    if reads_upside_down(text):
-        return [_within_bounds(marked(text_section(text, options.font), options.ambiguous))]
-    broken = line_breaks(text, options.font)
-    return [_within_bounds(text_section(lines, options.font)) for lines in broken]
-
-
-def _within_bounds(section: CrossSection) -> LabelArt:
-    left, bottom, right, top = section.bounds()
-    return LabelArt(section, (left, bottom, right, top))
+    elif reads_upside_down(text):
+        sections = [marked(text_section(text, options.font), options.ambiguous)]
+    else:
+        broken = line_breaks(text, options.font)
+        sections = [text_section(lines, options.font) for lines in broken]
+    return [LabelArt(section, section.bounds()) for section in sections]

@@ -6,7 +6,7 @@ Lengths are in millimetres, volumes in cubic millimetres.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,7 +18,7 @@ from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.engraving import Cut, cut_out
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import LabelArt, label_arts
-from dicedesign.fabricate.label_layout import require_room
+from dicedesign.fabricate.label_layout import Placement, require_room
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
 from dicedesign.geometry.triangles import Surface
@@ -31,9 +31,21 @@ STEEPEST: Final = 1.0
 FLOOR: Final = 2.0
 """Thickness of the body beneath a mark before it is cut, in depths of the mark."""
 
-
 SAMPLES: Final = 160
 """Nodes of a relief along the larger of its extents."""
+
+SHRINKING: Final = 0.85
+"""Ratio of the digit heights tried one after the other."""
+
+SMALLEST: Final = 3.0
+"""Smallest digit height tried, in spacings of the relief."""
+
+EVENNESS: Final = 2.0
+"""Millimetres of the height of its digits that a millimetre counts for by which the surface rises
+and falls beneath a mark."""
+
+PLACES: Final = 3
+"""Places tried of one digit height: one may have a flaw between the nodes of the relief."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,58 +66,27 @@ class Relief:
     height: Floats
     thickness: Floats
 
+    def nodes(self) -> Floats:
+        """(a, b, 3) the points of the surface."""
+        places = self.corner + self.spacing * np.stack(np.indices(self.height.shape), axis=-1)
+        return np.concatenate([places, self.height[..., None]], axis=-1)
 
-@dataclass(frozen=True, eq=False)
-class UpperSide:
-    """A body turned so that the side to mark is up.
-
-    Attributes
-    ----------
-    turn: (3, 3) rows right, up on the mark, and up from the table, in the body.
-    points: (n, 3) of the body, turned: `body_points @ turn.T`.
-    relief: of the turned body.
-    """
-
-    turn: Floats
-    points: Floats
-    relief: Relief
-
-    def unevenness(self, depth: float, width: float, height: float) -> Floats:
-        """(a, b) how far the surface rises and falls within a box of a width and a height about
-        each node; inf where the box does not lie on the body or the body beneath it is steeper
-        than 45 degrees or not solid to twice a depth."""
-        good = self.relief.thickness >= FLOOR * depth
-        z = np.pad(np.where(good, self.relief.height, np.nan), 1, constant_values=np.nan)
-        reach = STEEPEST * self.relief.spacing
+    def unevenness(self, depth: float, size: Floats) -> Floats:
+        """(a, b) how far the surface rises and falls within a box of a width and a height (2,)
+        about each node; inf where the box does not lie on the body or the body beneath it is
+        steeper than 45 degrees or not solid to twice a depth."""
+        good = self.thickness >= FLOOR * depth
+        z = np.pad(np.where(good, self.height, np.nan), 1, constant_values=np.nan)
+        reach = STEEPEST * self.spacing
         along_x = np.abs(np.diff(z, axis=0))[:, 1:-1] <= reach
         along_y = np.abs(np.diff(z, axis=1))[1:-1] <= reach
         gentle = along_x[1:] & along_x[:-1] & along_y[:, 1:] & along_y[:, :-1]
-        half = np.ceil(0.5 * np.array([width, height]) / self.relief.spacing).astype(np.int64)
-        size = tuple((2 * half + 1).tolist())
         # Steep nodes are infinitely high, and so are those beyond the grid.
-        low = minimum_filter(np.where(gentle, self.relief.height, np.inf), size)
-        high = maximum_filter(
-            np.where(gentle, self.relief.height, np.inf), size, cval=np.inf, mode="constant"
-        )
-        uneven = np.full(high.shape, np.inf)
-        np.subtract(high, low, out=uneven, where=np.isfinite(high))
-        return uneven
-
-
-def upper_side(points: Floats, triangles: Integers, up: Floats) -> UpperSide:
-    """A body of points (n, 3) and triangles (t, 3) with a unit direction (3,) up.
-
-    Right is where the body is longest as seen from above.
-    """
-    flat = points - points.mean(axis=0)
-    flat -= np.outer(flat @ up, up)
-    right = np.linalg.eigh(flat.T @ flat)[1][:, -1]
-    right = right * np.sign(right[np.argmax(np.abs(right))])
-    right -= up * (up @ right)
-    right /= np.linalg.norm(right)
-    turn = np.stack([right, np.cross(up, right), up])
-    turned = points @ turn.T
-    return UpperSide(turn, turned, relief(turned, triangles))
+        z = np.where(gentle, self.height, np.inf)
+        box = tuple(2 * np.ceil(0.5 * size / self.spacing).astype(np.int64) + 1)
+        high = maximum_filter(z, box, cval=np.inf, mode="constant")
+        low = minimum_filter(z, box)
+        return np.subtract(high, low, out=np.full(z.shape, np.inf), where=np.isfinite(high))
 
 
 def relief(points: Floats, triangles: Integers) -> Relief:
@@ -118,27 +99,24 @@ def relief(points: Floats, triangles: Integers) -> Relief:
     corner = low - (np.sqrt(0.5), np.sqrt(0.3)) * np.array([spacing, spacing])
     grid = np.column_stack([(points[:, :2] - corner) / spacing, points[:, 2]])[triangles]
     # Upright triangles hide nothing.
-    a, b, c = grid.transpose(1, 0, 2)
-    grid = grid[_areas(a, b, c) != 0.0]
+    grid = grid[_areas(*grid.transpose(1, 0, 2)) != 0.0]
     first = np.ceil(grid[..., :2].min(axis=1)).astype(np.int64)
     count = np.floor(grid[..., :2].max(axis=1)).astype(np.int64) - first + 1
     owner, place = ragged_ranges(np.zeros(len(grid), dtype=np.int64), count.clip(0).prod(axis=1))
-    row, column = first[owner].T + np.stack(np.divmod(place, count[owner, 1]))
+    node = first[owner] + np.column_stack(np.divmod(place, count[owner, 1]))
     a, b, c = grid[owner].transpose(1, 0, 2)
-    node = np.stack([row, column], axis=-1)
     one, other = np.stack([_areas(node, b, c), _areas(a, node, c)]) / _areas(a, b, c)
     hit = (one >= 0.0) & (other >= 0.0) & (one + other <= 1.0)
     z = (one * a[:, 2] + other * b[:, 2] + (1.0 - one - other) * c[:, 2])[hit]
-    key = np.ravel_multi_index((row[hit], column[hit]), shape)
+    key = np.ravel_multi_index(tuple(node[hit].T), shape)
 
     # The highest two surfaces above each node: the body lies between them.
     order = np.lexsort((-z, key))
     key, z = key[order], z[order]
     fresh = np.diff(key, prepend=-1) != 0
-    top = np.flatnonzero(fresh)
     second = np.flatnonzero(fresh[:-1] & ~fresh[1:])
     height, thickness = np.full(shape, -np.inf), np.zeros(shape)
-    height.ravel()[key[top]] = z[top]
+    height.ravel()[key[fresh]] = z[fresh]
     thickness.ravel()[key[second]] = z[second] - z[second + 1]
     return Relief(corner, spacing, height, thickness)
 
@@ -150,48 +128,13 @@ def _areas(a: Floats, b: Floats, c: Floats) -> Floats:
     return doubled
 
 
-SHRINKING: Final = 0.85
-"""Ratio of the digit heights tried one after the other."""
-
-SMALLEST: Final = 3.0
-"""Smallest digit height tried, in spacings of the relief."""
-
-EVENNESS: Final = 2.0
-"""Millimetres of the height of its digits that a millimetre counts for by which the surface rises
-and falls beneath a mark."""
-
-PLACES: Final = 3
-"""Places tried of one digit height: one may have a flaw between the nodes of the relief."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mark:
-    """A label on the upper side of a body that lies on one of its outcomes.
-
-    Attributes
-    ----------
-    text: the label.
-    frame: (4, 4) rigid motion from local x (right), y (up) and z (from the table upward) to the
-        body; its origin is the point of the surface beneath the middle of the label.
-    height: digit height.
-    art: what it looks like, in digit heights.
-    growth: distance by which its outlines move outward, for strokes wide enough.
-    """
-
-    text: str
-    frame: Floats
-    height: float
-    art: LabelArt
-    growth: float = 0.0
-
-
 def engrave_marks(
     vertices: Floats,
     triangles: Integers,
     downs: Floats,
     texts: Sequence[str],
     options: EngravingOptions,
-) -> tuple[Surface, list[Mark]]:
+) -> tuple[Surface, list[Placement]]:
     """Engrave a label for each outcome on the side that is up when the body lies on it.
 
     Each label lies on a part of the surface that is seen straight from above, nowhere steeper than
@@ -210,7 +153,8 @@ def engrave_marks(
 
     Returns
     -------
-    Surface that passed the checks of `engrave`, and k marks in the order of the labels.
+    Surface that passed the checks of `engrave`, and k placements in the order of the labels; the
+    origin of each is the point of the surface beneath the middle of the label.
 
     Raises
     ------
@@ -227,119 +171,114 @@ def engrave_marks(
         )
     plain = solid(vertices, triangles)
     points, corners = np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
-    marks: list[Mark] = []
+    marks: list[Placement] = []
     cuts: list[Cut] = []
     for text, down in zip(texts, downs, strict=True):
-        side = upper_side(points, corners, -down / np.linalg.norm(down))
-        turned = plain.transform(np.column_stack([side.turn, np.zeros(3)]))
-        mark, cut = _fit(side, turned, text, marks, options)
+        turn = _upright(points, -down / np.linalg.norm(down))
+        seen = relief(points @ turn.T, corners)
+        z = (points @ turn.T)[:, 2]
+        rise = (seen.height - z.min()) / np.ptp(z)
+        turned = plain.transform(np.column_stack([turn, np.zeros(3)]))
+        # Of several lines, the shape that is nearest to a square.
+        art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
+        for middle, height in _places(seen, turn, rise, art, marks, options):
+            frame = np.eye(4)
+            frame[:3] = np.column_stack([turn.T, middle @ turn])
+            growth = art.growth(height, options.stroke_mm)
+            mark = Placement(text, frame, height, art, growth=growth)
+            cut = _cut(turned, mark, middle, options.depth_mm)
+            if cut is not None:
+                break
+        else:
+            raise EngravingError(
+                f"mark {text!r}: expected a place on the upper side that is seen from above, at "
+                f"most 45 degrees steep and solid to {2 * options.depth_mm:g} mm, got none of any "
+                f"size; reduce depth_mm (now {options.depth_mm:g}) or increase size_mm"
+            )
         marks.append(mark)
         cuts.append(cut)
-    heights = [mark.height for mark in marks]
-    require_room(
-        heights,
-        [options.min_height_mm / height for height in heights],
-        [(f"mark {mark.text!r}", "the upper side", "") for mark in marks],
-        convex_hull(points).diameter,
-        options,
-    )
+    needed = [options.min_height_mm / mark.height for mark in marks]
+    require_room(marks, needed, convex_hull(points).diameter, options)
     return cut_out(plain, cuts, options), marks
 
 
-def _fit(
-    side: UpperSide, turned: Manifold, text: str, others: Sequence[Mark], options: EngravingOptions
-) -> tuple[Mark, Cut]:
-    """The best mark of a label and its cut; it is too small to read where nothing else fits."""
-    # Of several lines, the shape that is nearest to a square.
-    art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
-    for legible in (True, False):
-        places = _places(side, art, others, options, legible)
-        for middle, height in places:
-            frame = np.eye(4)
-            frame[:3] = np.column_stack([side.turn.T, middle @ side.turn])
-            mark = Mark(text, frame, height, art, art.growth(height, options.stroke_mm))
-            cut = _cut(turned, mark, middle, options)
-            if cut is not None:
-                return mark, cut
-    raise EngravingError(
-        f"mark {text!r}: expected a place on the upper side that is seen from above, at most 45 "
-        f"degrees steep and solid to {2 * options.depth_mm:g} mm, got none of any size; reduce "
-        f"depth_mm (now {options.depth_mm:g}) or increase size_mm"
-    )
+def _upright(points: Floats, up: Floats) -> Floats:
+    """(3, 3) rows right, up on the mark, and up from the table, a unit direction (3,), in a body of
+    points (n, 3). Right is where the body is longest as seen from above."""
+    flat = points - points.mean(axis=0)
+    flat -= np.outer(flat @ up, up)
+    right = np.linalg.eigh(flat.T @ flat)[1][:, -1]
+    right = right * np.sign(right[np.argmax(np.abs(right))])
+    right -= up * (up @ right)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(up, right), up])
 
 
 def _places(
-    side: UpperSide,
+    seen: Relief,
+    turn: Floats,
+    rise: Floats,
     art: LabelArt,
-    others: Sequence[Mark],
+    others: Sequence[Placement],
     options: EngravingOptions,
-    legible: bool,
-) -> list[tuple[Floats, float]]:
-    """Middles (3,), turned, and digit heights of places for a label, the best first.
+) -> Iterator[tuple[Floats, float]]:
+    """Middles (3,), turned, and digit heights of places for a label, the best first: from the
+    largest height down to `min_height_mm`, then those below from the first that has a place.
 
-    legible: whether digit heights from the largest down to `min_height_mm` are tried, or those
-    below until one has a place.
+    turn: of the body; rise: (a, b) height of the surface above the table, over that of the body.
     """
-    grid = side.relief
-    x, y = (grid.corner[k] + grid.spacing * np.arange(grid.height.shape[k]) for k in range(2))
-    centers = np.stack([*np.meshgrid(x, y, indexing="ij"), grid.height], axis=-1)
-    low, high = side.points[:, 2].min(), side.points[:, 2].max()
-    rise = (grid.height - low) / (high - low)
+    nodes = seen.nodes()
     clear = [
-        np.linalg.norm(centers - side.turn @ other.frame[:3, 3], axis=-1)
+        np.linalg.norm(nodes - turn @ other.frame[:3, 3], axis=-1)
         - 0.5 * math.hypot(*_room(other.art, other.height, other.growth, options))
         for other in others
     ]
-    places = []
-    for height in _digit_heights(options, legible, SMALLEST * grid.spacing):
-        width, tall = _room(art, height, art.growth(height, options.stroke_mm), options)
-        uneven = side.unevenness(options.depth_mm, width, tall)
-        good = np.isfinite(uneven)
-        for distance in clear:
-            good &= distance > 0.5 * math.hypot(width, tall) + options.depth_mm
-        score = height * (1.0 + rise) - EVENNESS * uneven
-        for _ in range(PLACES):
-            if not good.any():
+    least = options.min_height_mm
+    for heights, is_legible in (
+        (_digit_heights(options.max_height_mm, least), True),
+        (_digit_heights(SHRINKING * least, SMALLEST * seen.spacing), False),
+    ):
+        places = []
+        for height in heights:
+            size = _room(art, height, art.growth(height, options.stroke_mm), options)
+            uneven = seen.unevenness(options.depth_mm, size)
+            good = np.isfinite(uneven)
+            for distance in clear:
+                good &= distance > 0.5 * math.hypot(*size) + options.depth_mm
+            score = height * (1.0 + rise) - EVENNESS * uneven
+            for _ in range(PLACES):
+                if not good.any():
+                    break
+                score[~good] = -np.inf
+                best = np.unravel_index(np.argmax(score), score.shape)
+                places.append((float(score[best]), nodes[best], height))
+                good &= np.linalg.norm((nodes - nodes[best])[..., :2], axis=-1) > 0.5 * height
+            if places and not is_legible:
                 break
-            score[~good] = -np.inf
-            best = np.unravel_index(np.argmax(score), score.shape)
-            places.append((float(score[best]), centers[best], height))
-            good &= np.linalg.norm((centers - centers[best])[..., :2], axis=-1) > 0.5 * height
-        if places and not legible:
-            break
-    places.sort(key=lambda place: -place[0])
-    return [place[1:] for place in places]
+        for _, middle, height in sorted(places, key=lambda place: -place[0]):
+            yield middle, height
 
 
-def _digit_heights(options: EngravingOptions, legible: bool, smallest: float) -> list[float]:
+def _digit_heights(largest: float, least: float) -> list[float]:
     """The digit heights to try, falling."""
-    largest, least = (
-        (options.max_height_mm, options.min_height_mm)
-        if legible
-        else (SHRINKING * options.min_height_mm, smallest)
-    )
     if largest < least:
         return []
     steps = math.ceil(math.log(least / largest) / math.log(SHRINKING))
     return [*(largest * SHRINKING**k for k in range(steps)), least]
 
 
-def _room(
-    art: LabelArt, height: float, growth: float, options: EngravingOptions
-) -> tuple[float, float]:
-    """Width and height of a label of a digit height and of what it keeps free around it: the
+def _room(art: LabelArt, height: float, growth: float, options: EngravingOptions) -> Floats:
+    """(2,) width and height of a label of a digit height and of what it keeps free around it: the
     margin, or for one too small to read what the margin would be on a die as large as it needs."""
-    width, tall = art.size
-    rim = 2.0 * (growth + options.margin_mm * min(1.0, height / options.min_height_mm))
-    return height * width + rim, height * tall + rim
+    rim = growth + options.margin_mm * min(1.0, height / options.min_height_mm)
+    return height * np.array(art.size) + 2.0 * rim
 
 
-def _cut(body: Manifold, mark: Mark, middle: Floats, options: EngravingOptions) -> Cut | None:
+def _cut(body: Manifold, mark: Placement, middle: Floats, depth: float) -> Cut | None:
     """The outlines of a mark cut out of the surface of a turned body; None where that is no whole
     sheet there. The cut ends where the body does that is moved down by the depth of the mark."""
-    depth = options.depth_mm
-    section = mark.art.cut(mark.height, mark.growth, f"mark {mark.text!r}")
-    left, bottom, right, top = (mark.height * edge for edge in mark.art.box)
+    section = mark.section()
+    left, bottom, right, top = mark.height * np.array(mark.art.box)
     x, y = middle[0] - 0.5 * (left + right), middle[1] - 0.5 * (bottom + top)
     low, high = body.bounding_box()[2] - 2.0 * depth, body.bounding_box()[5] + depth
     prism = section.extrude(high - low).translate((x, y, low))

@@ -14,13 +14,22 @@ from typing import Final
 import numpy as np
 
 from dicedesign.fabricate.even_sums import EvenSums
-from dicedesign.fabricate.label_reading import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import EQUAL_ODDS
+from dicedesign.tolerances import EQUAL_ODDS, LEVEL_ANGLE
 
 NUMBER: Final = re.compile(r"[+-]?\d+([.]\d*)?")
 """Labels that count as numbers."""
+
+
+def opposite_facets(hull: ConvexHull, facets: Integers) -> Integers:
+    """(k,) facets of a hull that are level on top while it rests on facets (k,), or -1 where the
+    nearest to that leans by more than `LEVEL_ANGLE`."""
+    angles = angle_between(-hull.normals[facets][:, None], hull.normals[None])
+    nearest = angles.argmin(axis=1)
+    level = angles[np.arange(len(facets)), nearest] <= LEVEL_ANGLE
+    return np.where(level, nearest, -1)
 
 
 def numbered(

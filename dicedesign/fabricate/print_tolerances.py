@@ -17,7 +17,7 @@ import torch
 from scipy.optimize import brentq
 
 from dicedesign.errors import DiceError
-from dicedesign.fabricate.print_options import PrintErrors
+from dicedesign.fabricate.printers import PrintErrors
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import norms

@@ -5,55 +5,335 @@ Lengths are in millimetres.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, compress
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.fabricate.print_options import PrintOptions
-from dicedesign.fabricate.print_orientation import (
-    PrintedSolid,
-    beds,
-    placement_on_bed,
-)
-from dicedesign.fabricate.printers import Printer
+from dicedesign.fabricate.printers import Printer, PrintOptions
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import facet_inradius
-from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.sphere import norms, rotation_between
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import (
+    Surface,
     connected_parts,
     doubled_area_vectors,
     edge_neighbors,
     solid_properties,
 )
-from dicedesign.results.parts import FileCheck, Printability, PrintedLabel, SmallestFacet, ThinParts
-from dicedesign.runtime.arrays import Floats
+from dicedesign.rest.poses import RestPoses
+from dicedesign.results.parts import (
+    FileCheck,
+    Printability,
+    PrintedLabel,
+    PrintPose,
+    SmallestFacet,
+    ThinParts,
+)
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 if TYPE_CHECKING:
+    from manifold3d import CrossSection, Manifold
+
     from dicedesign.fabricate.label_layout import Placement
-    from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.geometry.triangles import Surface
-    from dicedesign.rest.poses import RestPoses
+
+ON_BED: Final = 1e-3
+"""Height in mm up to which a triangle lies on the bed: less than a hundredth of a layer."""
+
+LOW: Final = 2.0
+"""Layers above the bed that need no supports: the feet of rounded edges."""
+
+LEVEL: Final = 1e-6
+"""By how much the cosine of an angle is to exceed that of a limit."""
+
+ALMOST_DEG: Final = 0.5
+"""Angle by which a printer's limit may be missed: facets that were meant to be at 45 degrees are a
+little off where they were moved."""
+
+FOOTING: Final = 0.2
+"""Diameter of the largest circle in a facet, over the height of the die on it, from which on the
+die holds to the bed: a rule of thumb."""
+
+SURFACE: Final = 1e-3
+"""Depth in mm below the plain die's hull from which on a triangle is a part of a pocket."""
 
 THIN: Final = 1e-4
 """Width in mm below which a triangle is a line to any printer. Single precision may fold it onto
 its neighbors, and what it meets is not counted."""
 
+MOST_LARGER: Final = 3.0
+"""Factor by which a die is made larger for the sake of its thin parts."""
 
-def checked_file(body: Body) -> FileCheck:
-    """The flaws of a file of triangles that was read back, its equal positions joined.
 
-    body: with triangles, at least one.
+@dataclass(frozen=True, eq=False)
+class PrintedSolid:
+    """A die to be printed.
+
+    Attributes
+    ----------
+    points: (n, 3); triangles: (t, 3) counter-clockwise seen from outside.
+    hull: of the die without labels where it is convex, else None: what lies deeper is a pocket.
+        Pockets need no supports: their ledges are no longer than they are deep, and their floors
+        are bridged.
+    labels: k texts; normals: (k, 3) outward where they are.
     """
-    points, triangles = body.points, body.triangles
-    assert triangles is not None
-    neighbors = edge_neighbors(triangles)
-    inner = neighbors >= 0
-    parts = connected_parts(
-        np.arange(len(triangles)).repeat(3)[inner.ravel()], neighbors[inner], len(triangles)
+
+    points: Floats
+    triangles: Integers
+    hull: ConvexHull | None
+    labels: Sequence[str]
+    normals: Floats
+
+    def poses(self, downs: Floats, printer: Printer) -> list[PrintPose]:
+        """The die on the bed for each direction (d, 3), unit, that points to the bed."""
+        heights = self._heights(downs)
+        hangs, areas = self.overhanging(downs, printer), norms(self._doubled) / 2.0
+        contacts = areas @ (heights.max(axis=1) < ON_BED)
+        overhangs = areas @ hangs
+        supports = areas @ (hangs * (self._units @ downs.T) * heights.mean(axis=1))
+        toward = self.normals @ downs.T
+        spoiled = toward > min(_limit(printer), 1.0 - LEVEL)
+        return [
+            PrintPose(
+                label=", ".join(compress(self.labels, toward[:, k] > 1.0 - LEVEL)) or None,
+                normal=tuple(down.tolist()),
+                contact_mm2=float(contacts[k]),
+                height_mm=float(heights[:, :, k].max()),
+                overhang_mm2=float(overhangs[k]),
+                support_mm3=float(supports[k]),
+                spoiled=tuple(compress(self.labels, spoiled[:, k])),
+            )
+            for k, down in enumerate(downs)
+        ]
+
+    def overhanging(self, downs: Floats, printer: Printer) -> Booleans:
+        """(t, d) whether a triangle needs supports when a unit direction (d, 3) points to the bed:
+        it looks down too nearly level, and is no part of a pocket nor of the lowest `LOW`
+        layers."""
+        above = self._heights(downs).max(axis=1) >= LOW * printer.layer_mm
+        level = self._units @ downs.T > _limit(printer)
+        return np.asarray(level & above & self._outside[:, None])
+
+    def _heights(self, downs: Floats) -> Floats:
+        """(t, 3, d) of the triangles' corners above the bed."""
+        depths = self.points @ downs.T
+        return np.asarray((depths.max(axis=0) - depths)[self.triangles])
+
+    @cached_property
+    def _doubled(self) -> Floats:
+        return doubled_area_vectors(self.points, self.triangles)
+
+    @cached_property
+    def _units(self) -> Floats:
+        """(t, 3) normals of the triangles, 0 for those without area."""
+        doubled = norms(self._doubled)[:, None]
+        return np.asarray(self._doubled / np.where(doubled > 0.0, doubled, 1.0))
+
+    @cached_property
+    def _outside(self) -> Booleans:
+        """(t,) whether a triangle is no part of a pocket."""
+        if self.hull is None:
+            return np.ones(len(self.triangles), dtype=bool)
+        return self.hull.least_depths(self.points[self.triangles].mean(axis=1)) < SURFACE
+
+
+def _limit(printer: Printer) -> float:
+    """Cosine of the angle to level that a surface which looks down is not to exceed."""
+    return math.cos(math.radians(max(printer.overhang_deg - ALMOST_DEG, 0.0))) + LEVEL
+
+
+def beds(hull: ConvexHull, rests: Integers, is_convex: bool) -> Floats:
+    """Directions (d, 3), unit, that can point to the bed: normals of the facets that are large
+    enough for the die to hold on, or where there are none, of those that it rests on.
+
+    hull: of the die; rests: (r,) facets that it rests on; is_convex: whether facets of the hull are
+    facets of the die, else only its rests are tried.
+    """
+    facets = np.arange(len(hull.normals)) if is_convex else rests
+    tall = np.ptp(hull.vertices @ hull.normals[facets].T, axis=0)
+    # A circle has no more area than the facet that it is in.
+    wide = np.pi * (FOOTING * tall / 2.0) ** 2 <= hull.areas[facets]
+    kept = [
+        facet
+        for facet, height in zip(facets[wide].tolist(), tall[wide], strict=True)
+        if 2.0 * facet_inradius(hull, facet) >= FOOTING * height
+    ]
+    return hull.normals[kept if kept else rests]
+
+
+def placement_on_bed(points: Floats, down: Floats) -> Floats:
+    """(4, 4) rigid motion that turns a unit direction (3,) down by the smallest rotation, and puts
+    points (n, 3) onto the bed z = 0 with the middle of their box above its origin."""
+    transform = np.eye(4)
+    transform[:3, :3] = rotation_between(down, np.array([0.0, 0.0, -1.0]))
+    turned = points @ transform[:3, :3].T
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    transform[:2, 3] = -(low + high)[:2] / 2.0
+    transform[2, 3] = -low[2]
+    return transform
+
+
+PARALLEL_COSINE: Final = math.cos(math.radians(15.0))
+"""Sides that run together at more than 15 degrees are a corner, and no stroke."""
+
+SAMPLES: Final = 24
+"""Samples along the extent of a label, at least; every edge of its outline has one."""
+
+NEAR: Final = 1e-9
+"""Over the extent: nearer than this along a ray is where the ray begins."""
+
+BENEATH: Final = -1e-2
+"""Cosine between the normals of two facets below which one is beneath the other."""
+
+OPPOSITE: Final = math.cos(math.radians(45.0))
+"""Two sides are those of one wall where their outward normals are opposite to within the angle of
+this cosine: what is between others is an edge, which is not weak."""
+
+FINENESS: Final = 0.25
+"""Distance between samples, over the least thickness of a wall."""
+
+MOST_SAMPLES: Final = 200_000
+
+SPOT: Final = 8
+"""Samples, half a wall's square, whose median is the thickness of a place: every edge is thin where
+it ends. Thin parts of fewer samples are not told."""
+
+SEED: Final = 20
+
+
+def narrowest_stroke(section: CrossSection, side: float = -1.0) -> float | None:
+    """Least width of the strokes within a plane section.
+
+    From points of the outline a ray goes straight inward to the other side. Its length is a width
+    where that side runs along the first to 15 degrees, which leaves out corners and ends; and where
+    both sides, as far as they are no farther apart, are as long as that, which leaves out joints.
+
+    side: -1 for strokes, 1 for what lies between them. Returns None where there is no such ray.
+    Source: the stroke width transform of Epshtein, Ofek and Wexler, CVPR 2010, on outlines.
+    """
+    contours = section.to_polygons()
+    if not contours:
+        return None
+    starts = np.concatenate(contours)
+    edges = np.concatenate([np.roll(contour, -1, axis=0) - contour for contour in contours])
+    lengths = norms(edges)
+    extent = float(np.ptp(starts, axis=0).max())
+    counts = np.ceil(lengths * SAMPLES / extent).astype(np.int64)
+    edge = np.arange(len(edges)).repeat(counts)
+    number = np.arange(len(edge)) - (np.cumsum(counts) - counts).repeat(counts)
+    points = starts[edge] + ((number + 0.5) / counts[edge])[:, None] * edges[edge]
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])[edge] / lengths[edge, None]
+    places, normals = (np.pad(vectors, ((0, 0), (0, 1))) for vectors in (points, normals))
+    prism = section.extrude(2.0).translate((0.0, 0.0, -1.0))
+    ends = side * extent * np.array([NEAR, 2.0])
+    ray, _, widths = _opposite_sides(prism, places, normals, ends, PARALLEL_COSINE)
+    order = np.argsort(widths, kind="stable")
+    widths = widths[order]
+    long = np.cumsum((lengths / counts)[edge[ray[order]]]) >= 2.0 * widths
+    return float(widths[long.argmax()]) if long.any() else None
+
+
+def _opposite_sides(
+    body: Manifold, starts: Floats, normals: Floats, ends: Floats, cosine: float
+) -> tuple[Integers, Floats, Floats]:
+    """Where rays from points (n, 3) of a surface meet it again, where it looks the other way: the
+    numbers (r,) of these rays, the places (r, 3), and how far (r,) they are from the points.
+
+    normals: (n, 3) outward at the points; ends: (2,) of a ray, as distances along these; cosine:
+    between a normal and the opposite one, at least.
+    """
+    rays, places = [], []
+    begins, stops = (starts + end * normals for end in ends)
+    for ray, (normal, begin, stop) in enumerate(zip(normals, begins, stops, strict=True)):
+        hits = body.ray_cast(begin, stop)
+        if hits and np.dot(hits[0].normal, normal) < -cosine:
+            rays.append(ray)
+            places.append(hits[0].position)
+    met = np.reshape(places, (-1, 3))
+    numbers = np.array(rays, dtype=np.int64)
+    return numbers, met, norms(met - starts[numbers])
+
+
+def walls_under(
+    placements: Sequence[Placement], depth: float, hull: ConvexHull
+) -> tuple[float, ...]:
+    """Thickness of a convex die under each of its labels: the least distance of the floor of the
+    label's pocket from a facet beneath, i.e. one that looks the other way, or of the pocket from
+    another.
+
+    Both are exact: in a convex solid the distance from its facets is a concave function, least at a
+    corner of the floor; that of two pockets is that of their triangles.
+
+    placements: k labels on facets of the die; depth: of their pockets, above 0; hull: the die, in
+    mm. Returns k numbers; 0 where a pocket meets another, or comes out beneath.
+    """
+    pockets, walls = [], []
+    for placement in placements:
+        section, frame = placement.section(), placement.frame
+        cut = section.extrude(depth).translate((0.0, 0.0, -depth))
+        pockets.append(cut.transform(frame[:3]))
+        rim = np.concatenate(section.to_polygons()) @ frame[:3, :2].T + frame[:3, 3]
+        beneath = hull.normals @ frame[:3, 2] < BENEATH
+        room = hull.depths(rim - depth * frame[:3, 2])[:, beneath]
+        walls.append(max(float(room.min(initial=hull.diameter)), 0.0))
+    for one, other in combinations(range(len(pockets)), 2):
+        gap = float(pockets[one].min_gap(pockets[other], max(walls[one], walls[other])))
+        walls[one], walls[other] = min(walls[one], gap), min(walls[other], gap)
+    return tuple(walls)
+
+
+def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
+    """What is thinner than a wall, measured by rays straight inward from points spread at random
+    over a surface, with even odds for each bit of area.
+
+    surface: closed, of positive volume; wall: least thickness, above 0. Returns None where nothing
+    is thinner.
+
+    Raises InputError: the surface bounds no solid.
+    """
+    # Imported late: convex dice do without.
+    from scipy.spatial import cKDTree
+
+    from dicedesign.geometry.meshes.manifold import solid
+
+    body = solid(surface.points, surface.triangles)
+    doubled = doubled_area_vectors(surface.points, surface.triangles)
+    lengths = norms(doubled)
+    area = float(lengths.sum()) / 2.0
+    count = min(int(area / (FINENESS * wall) ** 2) + 1, MOST_SAMPLES)
+    random = np.random.default_rng(SEED)
+    chosen = random.choice(len(lengths), count, p=lengths / lengths.sum())
+    weights = random.dirichlet(np.ones(3), count)
+    starts = np.einsum("nkx,nk->nx", surface.points[surface.triangles[chosen]], weights)
+    normals = doubled[chosen] / lengths[chosen, None]
+    # A ray begins a little inside, so that it does not meet the triangle that it starts from.
+    ends = wall * np.array([-1e-6, -1.0])
+    rays, exits, thicknesses = _opposite_sides(body, starts, normals, ends, OPPOSITE)
+    if len(rays) < SPOT:
+        return None
+    places = (starts[rays] + exits) / 2.0
+    _, near = cKDTree(places).query(places, SPOT)
+    medians = np.median(thicknesses[near], axis=1)
+    thinnest = int(medians.argmin())
+    return ThinParts(
+        wall_mm=wall,
+        share=len(rays) / count,
+        least_mm=float(medians[thinnest]),
+        place=tuple(places[thinnest].tolist()),
     )
+
+
+def checked_file(points: Floats, triangles: Integers) -> FileCheck:
+    """The flaws of a file of points (n, 3) and triangles (t, 3), t at least 1, that was read back,
+    its equal positions joined."""
+    neighbors = edge_neighbors(triangles)
+    one, edge = np.nonzero(neighbors >= 0)
+    parts = connected_parts(one, neighbors[one, edge], len(triangles))
     meeting = intersecting_triangles(points, triangles)
     corners = points[triangles]
     longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
@@ -62,7 +342,7 @@ def checked_file(body: Body) -> FileCheck:
         solid_properties(points, triangles[parts == part])[0] for part in range(parts.max() + 1)
     ]
     return FileCheck(
-        open_edges=int((~inner).sum()),
+        open_edges=neighbors.size - len(edge),
         pieces=sum(volume > 0.0 for volume in volumes),
         cavities=sum(volume <= 0.0 for volume in volumes),
         self_intersections=int((widths[meeting] >= THIN).all(axis=1).sum()),
@@ -71,68 +351,58 @@ def checked_file(body: Body) -> FileCheck:
     )
 
 
-MOST_LARGER: Final = 3.0
-"""Factor by which a die is made larger for the sake of its thin parts."""
-
-
-@dataclass(frozen=True, eq=False)
-class PrintedDie:
-    """A die and its labels, as they are to be printed.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PrintedDie(PrintedSolid):
+    """A die and its labels, as they are to be printed, with the points and triangles of the file.
 
     Attributes
     ----------
-    body: the file that is printed, read back.
-    poses: its rests.
+    rests: of the file.
     designed: the hull before edges were rounded, of a convex die; None of one that keeps the shape
         of a surface.
     shape: such a surface without its labels, where it bounds a solid; None of a convex die.
-    labels: k texts; normals: (k, 3) outward where they are.
     placements: of the labels that lie on facets.
     depth: of labels in mm; raised: whether they stand in sunk fields.
     filling_mm3: volume of bodies of another color that fill the labels.
     """
 
-    body: Body
-    poses: RestPoses
+    rests: RestPoses
     designed: ConvexHull | None
     shape: Surface | None
-    labels: Sequence[str]
-    normals: Floats
-    placements: Sequence[Placement] = ()
-    depth: float = 0.0
-    raised: bool = False
-    filling_mm3: float = 0.0
-
-    @property
-    def solid(self) -> PrintedSolid:
-        """What lies on the bed."""
-        assert self.body.triangles is not None
-        hull = None if self.designed is None else self.poses.hull
-        return PrintedSolid(self.body.points, self.body.triangles, hull, self.labels, self.normals)
+    placements: Sequence[Placement]
+    depth: float
+    raised: bool
+    filling_mm3: float
 
 
 def printability(die: PrintedDie, options: PrintOptions) -> Printability:
     """How a die is printed with the printer of some options."""
-    printer = options.chosen
-    solid = die.solid
-    directions = beds(die.poses.hull, die.poses.facets, die.designed is not None)
+    printer, rests, designed = options.chosen, die.rests, die.designed
     # The fewest labels spoiled, then the least area to support, then the largest on the bed.
     # Hundredths of mm2 decide nothing.
     best = min(
-        solid.poses(directions, printer),
+        die.poses(beds(rests.hull, rests.facets, designed is not None), printer),
         key=lambda pose: (
             len(pose.spoiled),
             round(pose.overhang_mm2, 1),
             -round(pose.contact_mm2, 1),
         ),
     )
-    placement = placement_on_bed(die.body.points, np.array(best.normal))
-    check, labels, thin = checked_file(die.body), _labels(die), None
-    if die.shape is not None:
-        # Brings a library of solids along, which no convex die needs here.
-        from dicedesign.fabricate.fine_parts import thin_parts
-
-        thin = thin_parts(die.shape, printer.wall_mm)
+    smallest = None
+    if designed is not None:
+        radii = [facet_inradius(designed, facet) for facet in range(len(designed.normals))]
+        least = int(np.argmin(radii))
+        smallest = SmallestFacet(float(designed.areas[least]), radii[least])
+    check = checked_file(die.points, die.triangles)
+    thin = None if die.shape is None else thin_parts(die.shape, printer.wall_mm)
+    walls: Sequence[float | None] = [None] * len(die.placements)
+    if not die.raised:
+        walls = walls_under(die.placements, die.depth, rests.hull)
+    labels = []
+    for placement, wall in zip(die.placements, walls, strict=True):
+        section = placement.section()
+        stroke, gap = narrowest_stroke(section), narrowest_stroke(section, 1.0)
+        labels.append(PrintedLabel(placement.text, stroke, gap, wall))
     return Printability(
         printer=printer.name,
         spot_mm=printer.spot_mm,
@@ -140,42 +410,16 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         material=options.substance,
         density_g_cm3=options.density,
         weight_g=1e-3 * options.density * (check.volume_mm3 + die.filling_mm3),
-        bounding_box_mm=tuple(np.ptp(die.body.points, axis=0).tolist()),
+        bounding_box_mm=tuple(np.ptp(die.points, axis=0).tolist()),
         file=check,
-        smallest_facet=_smallest_facet(die.designed),
+        smallest_facet=smallest,
         thin=thin,
-        labels=labels,
-        poses=tuple(solid.poses(die.poses.normals, printer)),
+        labels=tuple(labels),
+        poses=tuple(die.poses(rests.normals, printer)),
         best=best,
-        placement=tuple(map(tuple, placement.tolist())),
+        placement=tuple(map(tuple, placement_on_bed(die.points, np.array(best.normal)).tolist())),
         warnings=tuple(_warnings(die, printer, thin, labels, check)),
     )
-
-
-def _smallest_facet(hull: ConvexHull | None) -> SmallestFacet | None:
-    if hull is None:
-        return None
-    radii = [facet_inradius(hull, facet) for facet in range(len(hull.normals))]
-    least = int(np.argmin(radii))
-    return SmallestFacet(float(hull.areas[least]), radii[least])
-
-
-def _labels(die: PrintedDie) -> tuple[PrintedLabel, ...]:
-    """The finest parts of labels that lie on facets."""
-    if not die.placements:
-        return ()
-    # Nothing else here needs what draws labels.
-    from dicedesign.fabricate.fine_parts import narrowest_gap, narrowest_stroke, walls_under
-
-    walls: Sequence[float | None] = [None] * len(die.placements)
-    if not die.raised:
-        walls = walls_under(die.placements, die.depth, die.poses.hull)
-    labels = []
-    for placement, wall in zip(die.placements, walls, strict=True):
-        contours = placement.section().to_polygons()
-        stroke, gap = narrowest_stroke(contours), narrowest_gap(contours)
-        labels.append(PrintedLabel(placement.text, stroke, gap, wall))
-    return tuple(labels)
 
 
 def _warnings(
@@ -198,23 +442,18 @@ def _warnings(
             f"{thin.wall_mm:.2g} mm that {called} makes, the thinnest {thin.least_mm:.2g} mm "
             f"at ({x}, {y}, {z}) of die_plain.stl: {larger}thicken the model there"
         )
-    strokes, ridges = (
-        (printer.raised_mm, printer.groove_mm)
-        if die.raised
-        else (printer.groove_mm, printer.ridge_mm)
-    )
+    stroke, ridge = printer.groove_mm, printer.ridge_mm
+    if die.raised:
+        stroke, ridge = printer.raised_mm, printer.groove_mm
     larger = "raise size_mm or engrave.min_height_mm, or shorten the label"
     deeper = "reduce engrave.depth_mm or raise size_mm"
-    for what, widths, least, remedy in (
-        ("the strokes", [label.stroke_mm for label in labels], strokes, larger),
-        ("the ridges between the strokes", [label.ridge_mm for label in labels], ridges, larger),
-        ("the walls under the pocket", [each.wall_mm for each in labels], printer.wall_mm, deeper),
+    for what, name, least, remedy in (
+        ("the strokes", "stroke_mm", stroke, larger),
+        ("the ridges between the strokes", "ridge_mm", ridge, larger),
+        ("the walls under the pocket", "wall_mm", printer.wall_mm, deeper),
     ):
-        fine = [
-            (width, label.text)
-            for width, label in zip(widths, labels, strict=True)
-            if width is not None and width < least
-        ]
+        widths = [(getattr(label, name), label.text) for label in labels]
+        fine = [(width, text) for width, text in widths if width is not None and width < least]
         if fine:
             width, text = min(fine)
             others = f" (and {len(fine) - 1} more)" if len(fine) > 1 else ""

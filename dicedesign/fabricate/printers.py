@@ -1,13 +1,15 @@
-"""What kinds of printers can make, and what they print with."""
+"""What kinds of printers can make, what they print with, and what a recipe says of printing."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Final
 
-from dicedesign.errors import InputError
-from dicedesign.runtime.registry import Extension, Registry
+from dicedesign.errors import InputError, is_finite_number
+from dicedesign.runtime.registry import STRICT, Extension, Registry
+from dicedesign.tolerances import MOST_MM
 
 _SLICER: Final = "Prusa Research, filament profiles of PrusaSlicer 2.5, 2022"
 
@@ -177,3 +179,138 @@ PRINTERS: Final = Registry(
     group="dicedesign.printers",
 )
 """All kinds of printers, the most common first."""
+
+
+BELOW: Final = {
+    "dimensional_mm": MOST_MM,
+    "shrinkage": 0.2,
+    "density_gradient": 0.5,
+    "bubble_mm3": MOST_MM**3,
+}
+"""What each error is below: those in millimetres are beyond the largest die."""
+
+
+@dataclass(frozen=True)
+class PrintErrors:
+    """Standard deviations of what differs from print to print, each normal and on its own.
+
+    Those of an ordinary desktop printer for filament, unless given: ±0.2 mm between two faces, as
+    two standard deviations of the difference of two planes, and shrinkage of 0.2 % that slicers do
+    not make up for. Resin keeps to about half of that distance. How much density drifts, and what
+    bubbles there are, nobody promises: these are guesses on the large side.
+
+    Raises InputError for a value out of its range.
+    Source: Layer X, 3D printing tolerances and dimensional accuracy, 2026, with ±0.2 to ±0.3 mm for
+    filament, ±0.1 mm for resin, and a further 0.1 to 0.2 % of shrinkage.
+    """
+
+    __pydantic_config__ = STRICT
+
+    dimensional_mm: float = 0.07
+    """Place of the plane of each facet, along its normal; at least 0, below 1000."""
+    shrinkage: float = 0.002
+    """Relative length along each axis of the printer; at least 0, below 0.2."""
+    density_gradient: float = 0.01
+    """Relative change of the density from the bottom of the print to its top; at least 0, below
+    0.5."""
+    bubble_mm3: float = 1.0
+    """Volume of a bubble somewhere in the print; at least 0, below 1e9."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, bound = getattr(self, field.name), BELOW[field.name]
+            if not is_finite_number(value) or not 0.0 <= value < bound:
+                raise InputError(
+                    f"errors.{field.name}: expected a number of at least 0 and below {bound:g}, "
+                    f"got {value!r}; leave it out for {field.default}"
+                )
+
+
+THINNEST: Final = 0.05
+"""Walls in mm, thinner than any printer's."""
+
+LIMITS: Final = {
+    "nozzle_mm": (math.ulp(0.0), 2.0, "above 0 and at most", "correct it"),
+    "density_g_cm3": (math.ulp(0.0), 25.0, "above 0 and at most", "correct it"),
+    "infill": (0.0, 1.0, "from 0 to", "0.2 is 20 %"),
+    "walls_mm": (
+        THINNEST,
+        MOST_MM,
+        f"from {THINNEST:g} to",
+        "two lines of a 0.4 mm nozzle are 0.8",
+    ),
+}
+"""Least and most of options, in words what comes before the most, and what to do else. No metal is
+as dense as the most."""
+
+
+@dataclass(frozen=True)
+class PrintOptions:
+    """What the die is printed with, which its printability is judged by.
+
+    Raises InputError for a value that is unknown or out of its range.
+    """
+
+    __pydantic_config__ = STRICT
+
+    printer: str = "fdm"
+    """"fdm" for filament, "sla" for resin, "sls" for powder; a word alone, `print: sla`, is the
+    printer."""
+    nozzle_mm: float | None = None
+    """Diameter of the nozzle, above 0 and at most 2; None for the usual 0.4."""
+    material: str | None = None
+    """Of which the die is: "pla", "petg", "abs", "asa" or "pc" for fdm, "resin" for sla, "pa12" for
+    sls; None for the first of the printer's."""
+    density_g_cm3: float | None = None
+    """Density of the printed material, above 0 and at most 25; None for the material's."""
+    oriented: bool = False
+    """Whether die_oriented.stl is written, which lies on the print bed as is best."""
+    infill: float = 1.0
+    """Part of the inside that is material, from 0, hollow, to 1, solid, which the odds are for."""
+    walls_mm: float = 1.2
+    """Thickness of the solid walls around the infill, floor and ceiling included, from
+    `THINNEST` to `MOST_MM`."""
+    errors: PrintErrors | None = None
+    """How far prints are from what was asked for, see `PrintErrors`; None for the printer's."""
+
+    def __post_init__(self) -> None:
+        if self.printer not in PRINTERS:
+            raise InputError(
+                f"printer: expected {', '.join(PRINTERS.names)}, got {self.printer!r}; take one of "
+                "them"
+            )
+        for name, (least, most, expected, remedy) in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None and not (is_finite_number(value) and least <= value <= most):
+                raise InputError(
+                    f"{name}: expected a number {expected} {most:g}, got {value!r}; {remedy}"
+                )
+        fitting = self.chosen.materials
+        if self.material is not None and self.material not in fitting:
+            raise InputError(
+                f"material: expected {', '.join(fitting)} for {self.printer}, got "
+                f"{self.material!r}; take one of them, or leave it out and give density_g_cm3"
+            )
+
+    @property
+    def chosen(self) -> Printer:
+        """The printer, with its nozzle."""
+        printer = PRINTERS[self.printer]
+        return printer if self.nozzle_mm is None else printer.with_nozzle(self.nozzle_mm)
+
+    @property
+    def expected_errors(self) -> PrintErrors:
+        """Those that were given, or the printer's."""
+        # Twice the standard deviation of the difference of two planes.
+        plane = self.chosen.dimensional_error_mm / math.sqrt(8.0)
+        return self.errors or PrintErrors(dimensional_mm=plane, shrinkage=self.chosen.shrinkage)
+
+    @property
+    def substance(self) -> str:
+        """Name of the material."""
+        return self.material or self.chosen.materials[0]
+
+    @property
+    def density(self) -> float:
+        """Of the printed material, in g/cm3."""
+        return self.density_g_cm3 or MATERIALS[self.substance].density_g_cm3

@@ -13,12 +13,13 @@ from dicedesign.errors import InputError
 from dicedesign.fabricate.convex_object import (
     ConvexObject,
     Measured,
+    core_of,
     measure_resting,
     measure_thrown,
 )
 from dicedesign.fabricate.die import Assessment, assess_file
-from dicedesign.fabricate.label_layout import Placement
-from dicedesign.fabricate.label_reading import MARKED, core_of, place_on_facets, require_rests
+from dicedesign.fabricate.engraving import place_on_facets, require_rests
+from dicedesign.fabricate.label_layout import Placement, Reading
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
@@ -137,7 +138,7 @@ def _mark_surface(work: Work) -> None:
     main = work.plain.outcomes.main
     require_rests(labels, main, "a side")
     downs = work.plain.poses.normals[main]
-    work.reading = MARKED
+    work.reading = Reading("marks")
     marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
     if options.balance == "none" or work.status is not Status.CONVERGED:
         _finish(work, marked)

@@ -25,8 +25,6 @@ from dicedesign.fabricate.file_formats import (
     joined,
 )
 from dicedesign.fabricate.infill import infill_odds, inside_walls, pocket_walls
-from dicedesign.fabricate.label_triangles import labels_below_hull, labels_off_surface
-from dicedesign.fabricate.print_options import PrintOptions
 from dicedesign.fabricate.print_tolerances import (
     OddsSlopes,
     OddsSpread,
@@ -34,6 +32,7 @@ from dicedesign.fabricate.print_tolerances import (
     print_tolerances,
 )
 from dicedesign.fabricate.printability import PrintedDie, printability
+from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
@@ -73,9 +72,12 @@ def prepare_print(work: Work) -> None:
         if work.solid.is_printable:
             assert plain.body.triangles is not None
             shape = Surface(plain.body.points, plain.body.triangles)
+    assert body.triangles is not None
     die = PrintedDie(
-        body=body,
-        poses=poses,
+        points=body.points,
+        triangles=body.triangles,
+        hull=None if designed is None else poses.hull,
+        rests=poses,
         designed=designed,
         shape=shape,
         labels=labels,
@@ -88,7 +90,6 @@ def prepare_print(work: Work) -> None:
     work.printability = found = printability(die, options)
     work.notes += found.warnings
     if options.oriented:
-        assert body.triangles is not None
         placement = np.array(found.placement)
         points = body.points @ placement[:3, :3].T + placement[:3, 3]
         work.files["die_oriented.stl"] = stl_bytes(points, body.triangles)
@@ -217,6 +218,9 @@ def _parts(work: Work) -> list[Part]:
         return [body]
     if marked.inlay is not None:
         return [body, Part("labels", LABEL_COLOR, marked.inlay.points, marked.inlay.triangles)]
+    # It brings a library of solids along.
+    from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
+
     surface = Surface(body.points, body.triangles)
     if work.die.reshaped is None:
         labels = labels_below_hull(surface, options.depth_mm)

@@ -43,7 +43,7 @@ from dicedesign.runtime.workers import one_tensor_thread
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
-    from dicedesign.fabricate.label_reading import Reading
+    from dicedesign.fabricate.label_layout import Reading
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh

@@ -26,7 +26,7 @@ from dicedesign.balance.options import InsideOptions
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.file_formats import with_stl
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
-from dicedesign.fabricate.print_options import PrintOptions
+from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.starts.built_in import SearchOptions

@@ -12,7 +12,6 @@ import numpy as np
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError, named
 from dicedesign.fabricate.die import assess_file, make_solid
-from dicedesign.fabricate.label_reading import core_of, place_on_facets
 from dicedesign.fabricate.numbering import numbered
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
@@ -162,6 +161,10 @@ def number(work: Work) -> None:
 def enlarge(work: Work) -> None:
     """Take the smallest whole number of millimetres at which the labels fit, if the recipe's size
     is too small for them; the recipe that is written says so."""
+    # What draws labels and cuts them is loaded for dice that have them alone.
+    from dicedesign.fabricate.convex_object import core_of
+    from dicedesign.fabricate.engraving import place_on_facets
+
     recipe = work.recipe
     assert recipe.engrave is not None
     try:
@@ -184,7 +187,13 @@ def enlarge(work: Work) -> None:
 
 def export(work: Work) -> None:
     """Bring the die to its size, clean a surface for printing, and make die_plain.stl."""
-    work.solid = make_solid(work.die, work.recipe.size_mm)
+    if work.die.reshaped is None:
+        work.solid = make_solid(work.die, work.recipe.size_mm)
+    else:
+        # It brings a library of solids along, which no convex die needs.
+        from dicedesign.fabricate.surface_assessment import solid_of_surface
+
+        work.solid = solid_of_surface(work.die, work.die.reshaped, work.recipe.size_mm)
     work.notes += work.solid.changes
     work.files["die_plain.stl"] = stl_bytes(work.solid.points, work.solid.triangles)
 
@@ -203,15 +212,13 @@ def check(work: Work) -> None:
     tolerance = None if thrown else work.recipe.method.tolerance
     flaws = list(work.plain.flaws(tolerance))
     if die.reshaped is not None:
-        # It brings a library of solids along, which no convex die needs.
         from dicedesign.fabricate.surface_assessment import assess_surface
 
         assert work.recipe.method.concave is not None
-        found = assess_surface(
+        work.concave, work.quality, more = assess_surface(
             die.reshaped, solid, work.plain, work.recipe.method.concave, work.repaired
         )
-        work.concave, work.quality = found.record, found.quality
-        flaws += found.flaws
+        flaws += more
     if die.status is not Status.CONVERGED:
         # Its odds are off, as was to be expected.
         flaws = [die.status, *(f for f in flaws if f in (Status.CROWDED, Status.UNSTEADY))]

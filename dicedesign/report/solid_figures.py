@@ -25,8 +25,7 @@ from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
-    from dicedesign.fabricate.label_layout import Placement
-    from dicedesign.fabricate.label_reading import LabelPlace
+    from dicedesign.fabricate.label_layout import LabelPlace, Placement
 
 PIXELS: Final = 400
 
@@ -97,7 +96,7 @@ def print_orientation_figure(
 
 def print_orientation(die: FinishedDie) -> Sheet:
     """A die as it is best printed, and what needs supports."""
-    from dicedesign.fabricate.print_orientation import ON_BED, PrintedSolid
+    from dicedesign.fabricate.printability import ON_BED, PrintedSolid
     from dicedesign.fabricate.printers import PRINTERS
 
     found = die.result.printability

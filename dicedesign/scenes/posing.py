@@ -13,8 +13,14 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.fabricate.file_formats import BODY_COLOR, FILE_FORMATS, Contents, Part, file_bytes
-from dicedesign.fabricate.mesh_writers import rows
+from dicedesign.fabricate.file_formats import (
+    BODY_COLOR,
+    FILE_FORMATS,
+    Contents,
+    Part,
+    file_bytes,
+    rows,
+)
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.reading import OWN_ENDINGS, quiet_trimesh, read_body, without_solids
 from dicedesign.rest.poses import RestPoses, rest_poses

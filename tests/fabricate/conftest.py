@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from dicedesign.fabricate.engraving import engrave
+from dicedesign.fabricate.engraving import engrave, labels_below_hull
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents, Part
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import place_labels
-from dicedesign.fabricate.label_triangles import labels_below_hull
+from dicedesign.fabricate.label_layout import LabelPlace, place_labels
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 
 
@@ -34,6 +33,15 @@ class Box:
     @property
     def size_mm(self) -> float:
         return 2 * float(np.linalg.norm(self.vertices[0]))
+
+    def places(self, texts: list[str]) -> list[LabelPlace]:
+        """Labels on its first facets."""
+        return [
+            LabelPlace(text, number, number, polygon, normal)
+            for number, (text, polygon, normal) in enumerate(
+                zip(texts, self.polygons, self.normals, strict=False)
+            )
+        ]
 
     def moved(self, rotation: np.ndarray, factor: float = 1.0) -> Box:
         return Box(factor * self.vertices @ rotation.T, self.facets, self.normals @ rotation.T)
@@ -63,14 +71,7 @@ FACTS = {
 @pytest.fixture
 def placements(box):
     body = box(14.0, 16.0, 20.0)
-    return place_labels(
-        ["1", "8", "6."],
-        body.polygons[:3],
-        body.normals[:3],
-        range(3),
-        EngravingOptions(),
-        body.size_mm,
-    )
+    return place_labels(body.places(["1", "8", "6."]), EngravingOptions(), body.size_mm)
 
 
 @pytest.fixture

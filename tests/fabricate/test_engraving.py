@@ -10,11 +10,10 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.engraving import engrave
+from dicedesign.fabricate.engraving import engrave, labels_below_hull, labels_off_surface
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import BAR_THICKNESS, reads_upside_down, text_contours
 from dicedesign.fabricate.label_layout import place_labels
-from dicedesign.fabricate.label_triangles import labels_below_hull, labels_off_surface
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
@@ -23,10 +22,7 @@ OPTIONS = EngravingOptions()
 
 
 def engraved(body, texts, options=OPTIONS):
-    count = len(texts)
-    placements = place_labels(
-        texts, body.polygons[:count], body.normals[:count], range(count), options, body.size_mm
-    )
+    placements = place_labels(body.places(texts), options, body.size_mm)
     return engrave(body.vertices, body.triangles, placements, options), placements
 
 
@@ -89,8 +85,7 @@ def test_an_l_stands_upright_and_is_not_mirrored(box):
 
 def test_the_labels_at_fault_are_named(box):
     plate = box(20.0, 20.0, 4.0)
-    arguments = (plate.polygons[:3], plate.normals[:3], range(3), OPTIONS, plate.size_mm)
-    placements = place_labels(["8", "7", "1"], *arguments)
+    placements = place_labels(plate.places(["8", "7", "1"]), OPTIONS, plate.size_mm)
     with pytest.raises(
         EngravingError,
         match="break through another facet, at '8' on facet 0, '7' on facet 1: reduce",

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 from common.made_up_die import box
-from manifold3d import JoinType
+from manifold3d import CrossSection, JoinType
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.fine_parts import narrowest_gap, narrowest_stroke, thin_parts
 from dicedesign.fabricate.label_art import text_section
+from dicedesign.fabricate.printability import narrowest_stroke, thin_parts
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
@@ -28,21 +28,26 @@ def ring(radius: float, corners: int) -> np.ndarray:
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
+def widths(*contours: np.ndarray) -> tuple[float | None, float | None]:
+    """Of strokes, and of what is between them."""
+    section = CrossSection(list(contours))
+    return narrowest_stroke(section), narrowest_stroke(section, 1.0)
+
+
 def test_bars_are_as_wide_as_their_shorter_sides_and_a_triangle_has_no_strokes() -> None:
-    bars = [bar(0.0, 0.0, 0.5, 2.0), bar(0.7, 0.0, 0.4, 2.0)]
-    assert narrowest_stroke(bars) == pytest.approx(0.4, rel=1e-12)
-    assert narrowest_gap(bars) == pytest.approx(0.2, rel=1e-12)
-    assert narrowest_gap(bars[:1]) is None
-    assert narrowest_stroke([np.array([(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)])]) is None
-    assert narrowest_stroke([]) is None
+    bars = [bar(0.0, 0.0, 0.5, 2.0), bar(0.75, 0.0, 0.375, 2.0)]
+    assert widths(*bars) == pytest.approx((0.375, 0.25), rel=1e-12)
+    assert widths(bars[0])[1] is None
+    assert widths(np.array([(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)]))[0] is None
+    assert narrowest_stroke(CrossSection()) is None
 
 
 def test_a_ring_is_as_wide_as_its_radii_differ() -> None:
-    """Between two polygons of as many sides it is the difference of their inscribed circles."""
-    contours = [ring(2.0, 40), ring(1.4, 40)[::-1]]
+    """Between two polygons of as many sides it is the difference of their inscribed circles, to
+    the single precision that sections hold their corners in."""
     inscribed = np.cos(np.pi / 40)
-    assert narrowest_stroke(contours) == pytest.approx(0.6 * inscribed, rel=1e-12)
-    assert narrowest_gap(contours) == pytest.approx(2.8 * inscribed, rel=1e-12)
+    expected = (0.6 * inscribed, 2.8 * inscribed)
+    assert widths(ring(2.0, 40), ring(1.4, 40)[::-1]) == pytest.approx(expected, rel=2e-7)
 
 
 @pytest.mark.parametrize("text", ["3", "8", "10"])
@@ -50,7 +55,7 @@ def test_what_is_opened_by_half_a_stroke_loses_it(text: str) -> None:
     """By another way: a disc (with corners) that is thinner than the thinnest stroke can be rolled
     everywhere within the label, and one that is thicker cannot."""
     section = text_section(text)
-    stroke = narrowest_stroke(section.to_polygons())
+    stroke = narrowest_stroke(section)
 
     def kept(width: float) -> float:
         opened = section.offset(-width / 2, JoinType.Miter).offset(width / 2, JoinType.Miter)

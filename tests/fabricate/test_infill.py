@@ -10,7 +10,7 @@ from common.random_points import depths, drawn, in_pocket_walls
 from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.infill import Inside, infill_odds, inside_walls, pocket_walls, weighed
-from dicedesign.fabricate.label_layout import edge_margins, place_labels
+from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
 
@@ -59,9 +59,9 @@ def test_pockets_have_walls_too(text: str, style: str) -> None:
     hull = convex_hull(box(14.0, 15.0, 16.0))
     options, walls = EngravingOptions(depth_mm=1.5, max_height_mm=7.0, style=style), 0.7
     facet = int(np.argmax(hull.normals[:, 2]))
-    polygon, normal = hull.polygon(facet), hull.normals[facet]
+    places = die_readings(hull, np.array([facet]), [text], "down")[0].places
     margins = [edge_margins(hull, facet, options)]
-    placements = place_labels([text], [polygon], [normal], [facet], options, hull.diameter, margins)
+    placements = place_labels(places, options, hull.diameter, margins)
     surface = engrave(hull.vertices, hull.triangles, placements, options)
     sections = cut_sections(hull, placements, options)
     inside = inside_walls(hull, walls, pocket_walls(sections, options.depth_mm, walls))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import edge_margins, place_labels
+from dicedesign.fabricate.label_layout import LabelPlace, edge_margins, place_labels
 from dicedesign.geometry.hulls.hull import convex_hull
 
 
@@ -60,7 +60,7 @@ def clearances(placement, polygon, normal) -> np.ndarray:
 def test_labels_lie_within_the_margin_of_their_facet(box):
     body = box(14.0, 11.0, 9.0).moved(Rotation.random(rng=np.random.default_rng(0)).as_matrix())
     texts = ["1", "6", "16", "8", "100", "9"]
-    placements = place_labels(texts, body.polygons, body.normals, range(6), OPTIONS, body.size_mm)
+    placements = place_labels(body.places(texts), OPTIONS, body.size_mm)
     for placement, polygon, normal in zip(placements, body.polygons, body.normals, strict=True):
         points = on_body(placement)
         np.testing.assert_allclose((points - polygon[0]) @ normal, 0, atol=1e-12)
@@ -82,9 +82,7 @@ def test_labels_are_upright_toward_a_direction(box):
     body = box(16.0, 15.0, 14.0).moved(Rotation.random(rng=rng).as_matrix())
     toward = rng.normal(size=3)
     options = EngravingOptions(upright=tuple(toward.tolist()))
-    placements = place_labels(
-        list("123456"), body.polygons, body.normals, range(6), options, body.size_mm
-    )
+    placements = place_labels(body.places(list("123456")), options, body.size_mm)
     for placement, polygon, normal in zip(placements, body.polygons, body.normals, strict=True):
         up = toward - (toward @ normal) * normal
         np.testing.assert_allclose(placement.frame[:3, 1], up / np.linalg.norm(up), atol=1e-12)
@@ -98,7 +96,8 @@ def test_words_take_as_many_lines_as_make_them_largest():
     for shape in ((8.0, 8.0), (30.0, 3.0)):
         corners = 0.5 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * (*shape, 1)
         for text in ("big hit", ONE_LINE):
-            (label,) = place_labels([text], [corners], [np.array([0, 0, 1.0])], [0], options, 40.0)
+            place = LabelPlace(text, 0, 0, corners, np.array([0.0, 0.0, 1.0]))
+            (label,) = place_labels([place], options, 40.0)
             heights[shape, text] = label.height
     assert heights[(8.0, 8.0), "big hit"] > 1.2 * heights[(8.0, 8.0), ONE_LINE]
     assert heights[(30.0, 3.0), "big hit"] == pytest.approx(heights[(30.0, 3.0), ONE_LINE])
@@ -109,9 +108,8 @@ def test_strokes_grow_to_their_least_width_within_the_margin(box):
     body = box(9.0, 9.0, 9.0)
     options = EngravingOptions(stroke_mm=0.8, min_height_mm=1.0, max_height_mm=2.0)
     plain = EngravingOptions(min_height_mm=1.0, max_height_mm=2.0)
-    arguments = (body.polygons[:1], body.normals[:1], [0])
-    (wide,) = place_labels(["–"], *arguments, options, body.size_mm)
-    (thin,) = place_labels(["–"], *arguments, plain, body.size_mm)
+    (wide,) = place_labels(body.places(["–"]), options, body.size_mm)
+    (thin,) = place_labels(body.places(["–"]), plain, body.size_mm)
     left, bottom, right, top = wide.section().bounds()
     thin_left, thin_bottom, thin_right, thin_top = thin.section().bounds()
     assert thin_top - thin_bottom < 0.6
@@ -123,17 +121,16 @@ def test_strokes_grow_to_their_least_width_within_the_margin(box):
 def test_strokes_that_would_close_a_hole_are_refused_with_facet_numbers_and_remedy(box):
     body = box(9.0, 9.0, 9.0)
     options = EngravingOptions(stroke_mm=2.0, max_height_mm=3.0)
-    (placement,) = place_labels(["8"], body.polygons[:1], body.normals[:1], [4], options, 15.0)
-    with pytest.raises(EngravingError, match=r"label '8' on facet 4: expected 2 holes .* reduce"):
+    (placement,) = place_labels(body.places(["8"]), options, 15.0)
+    with pytest.raises(EngravingError, match=r"label '8' on facet 0: expected 2 holes .* reduce"):
         placement.section()
 
 
 def test_the_advised_size_does_for_all_labels_and_little_less_does_not(box):
     body = box(6.0, 5.0, 4.0)
     texts = ["1", "12", "123", "1234", "6", "3"]
-    arguments = (body.normals, range(6), OPTIONS)
     with pytest.raises(LabelRoomError) as caught:
-        place_labels(texts, body.polygons, *arguments, body.size_mm)
+        place_labels(body.places(texts), OPTIONS, body.size_mm)
     message = str(caught.value)
     assert message.startswith("label '1234': expected room on facet 3 for digits")
     assert "in a rectangle of " in message
@@ -141,18 +138,12 @@ def test_the_advised_size_does_for_all_labels_and_little_less_does_not(box):
     assert caught.value.size_mm == advised
 
     larger = body.moved(np.eye(3), advised / body.size_mm)
-    placements = place_labels(texts, larger.polygons, *arguments, larger.size_mm)
+    placements = place_labels(larger.places(texts), OPTIONS, larger.size_mm)
     assert min(placement.height for placement in placements) >= OPTIONS.min_height_mm
 
     smaller = body.moved(np.eye(3), (advised - 0.11) / body.size_mm)
     with pytest.raises(EngravingError, match=f"use size_mm = {advised:.1f}"):
-        place_labels(texts, smaller.polygons, *arguments, smaller.size_mm)
-
-
-def test_a_clockwise_facet_is_refused(box):
-    body = box(20.0, 20.0, 20.0)
-    with pytest.raises(InputError, match="facet 4: expected corners that run counter-clockwise"):
-        place_labels(["1"], [body.polygons[4][::-1]], [body.normals[4]], [4], OPTIONS, body.size_mm)
+        place_labels(smaller.places(texts), OPTIONS, smaller.size_mm)
 
 
 def test_options_say_what_is_wrong():

@@ -9,8 +9,7 @@ import pytest
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import place_labels
-from dicedesign.fabricate.label_reading import Reading, die_readings
+from dicedesign.fabricate.label_layout import Reading, die_readings, place_labels
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.runtime.arrays import Floats
 from tests.reference.solids import PLATONIC
@@ -79,14 +78,7 @@ def test_a_tetrahedron_is_read_around_the_corner_on_top() -> None:
 def test_around_a_corner_labels_stand_upright_toward_it() -> None:
     hull = convex_hull(20.0 * PLATONIC["tetrahedron"] * [1.0, 1.1, 1.2])
     places = read_as(hull, "up").places
-    placements = place_labels(
-        [place.text for place in places],
-        [place.region for place in places],
-        [place.normal for place in places],
-        [place.facet for place in places],
-        EngravingOptions(),
-        hull.diameter,
-    )
+    placements = place_labels(places, EngravingOptions(), hull.diameter)
     for place, placement in zip(places, placements, strict=True):
         top = hull.vertices[(hull.vertices @ -hull.normals[place.outcome]).argmax()]
         towards = top - placement.frame[:3, 3]
@@ -118,7 +110,7 @@ def test_both_sides_bear_the_label_where_they_say_the_same() -> None:
     reading = read_as(hull, "both", [base])
     assert [place.facet for place in reading.places] == [base, top]
     assert {place.text for place in reading.places} == {"a"}
-    with pytest.raises(EngravingError, match="'b' too on top of 'a'"):
+    with pytest.raises(EngravingError, match="'b' has too on top of 'a'"):
         read_as(hull, "both", [base, top])
     with pytest.raises(EngravingError, match=r"an edge, .* on top of 'a'"):
         read_as(prism(5), "both", [int(np.abs(prism(5).normals[:, 2]).argmin())])

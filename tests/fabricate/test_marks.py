@@ -87,7 +87,7 @@ def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
     # The sides of the square are a fifth of its height wide, and grow by half of what they lack.
     lacking = 2.0 - 0.2 * square.height
     assert square.growth == pytest.approx(0.5 * lacking, abs=0.15)
-    expected = sum(mark.art.cut(mark.height, mark.growth, "").area() for mark in marks)
+    expected = sum(mark.section().area() for mark in marks)
     removed = solid(points, triangles).volume() - solid(die.points, die.triangles).volume()
     assert removed == pytest.approx(expected * options.depth_mm, rel=1e-4)
 
@@ -113,7 +113,7 @@ def test_a_part_that_hangs_over_is_not_looked_through():
 
 def test_a_body_too_small_is_refused_with_the_size_that_does():
     points, triangles = torus(12.0, 4.0)
-    with pytest.raises(LabelRoomError, match=r"mark '16': .* min_height_mm = 2.5, got") as caught:
+    with pytest.raises(LabelRoomError, match=r"label '16': .* min_height_mm = 2.5, got") as caught:
         engrave_marks(points, triangles, DOWNS[2:], ["7", "16"], OPTIONS)
     assert f"use size_mm = {caught.value.size_mm:.1f} or more" in str(caught.value)
     grown = points * caught.value.size_mm / 12.0

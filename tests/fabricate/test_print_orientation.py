@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dicedesign.fabricate.print_orientation import (
+from dicedesign.fabricate.printability import (
     PrintedSolid,
     beds,
 )

@@ -10,7 +10,6 @@ import pytest
 from common.made_up_die import box
 from scipy import stats
 
-from dicedesign.fabricate.print_options import PrintErrors
 from dicedesign.fabricate.print_tolerances import (
     NOTICED,
     ROLLS,
@@ -19,6 +18,7 @@ from dicedesign.fabricate.print_tolerances import (
     OffPrints,
     print_tolerances,
 )
+from dicedesign.fabricate.printers import PrintErrors
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.starts.half_space_odds import repulsion

@@ -12,11 +12,9 @@ from common.made_up_die import SIDES, box, checked
 from scipy.spatial import cKDTree
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.print_options import PrintErrors, PrintOptions
 from dicedesign.fabricate.printability import checked_file
-from dicedesign.fabricate.printers import MATERIALS
+from dicedesign.fabricate.printers import MATERIALS, PrintErrors, PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import parsed_stl
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
@@ -182,24 +180,23 @@ def test_what_cannot_be_made_is_said_with_a_remedy(entries: dict, told: str) -> 
 
 def test_flaws_of_a_file_are_counted() -> None:
     hull = convex_hull(box(2.0, 2.0, 2.0))
-    whole = checked_file(make_body(hull.vertices, hull.triangles))
+    corners, triangles = hull.vertices, hull.triangles
+    whole = checked_file(corners, triangles)
     assert (whole.is_solid, whole.pieces) == (True, 1)
-    open_box = checked_file(make_body(hull.vertices, hull.triangles[1:]))
+    open_box = checked_file(corners, triangles[1:])
     assert (open_box.open_edges, open_box.is_solid) == (3, False)
-    inward = checked_file(make_body(hull.vertices, hull.triangles[:, ::-1]))
+    inward = checked_file(corners, triangles[:, ::-1])
     assert inward.volume_mm3 == pytest.approx(-8.0)
     assert (inward.pieces, inward.cavities) == (0, 1)
     assert not inward.is_solid
-    both = np.concatenate([hull.vertices, hull.vertices + 1.0])
-    crossed = checked_file(make_body(both, np.concatenate([hull.triangles, hull.triangles + 8])))
+    twice = np.concatenate([triangles, triangles + 8])
+    crossed = checked_file(np.concatenate([corners, corners + 1.0]), twice)
     assert crossed.pieces == 2
     assert crossed.self_intersections > 0
-    apart = np.concatenate([hull.vertices, hull.vertices + 3.0])
-    two = checked_file(make_body(apart, np.concatenate([hull.triangles, hull.triangles + 8])))
+    two = checked_file(np.concatenate([corners, corners + 3.0]), twice)
     assert (two.pieces, two.self_intersections, two.is_solid) == (2, 0, False)
-    nested = np.concatenate([hull.vertices, 0.5 * hull.vertices])
-    triangles = np.concatenate([hull.triangles, hull.triangles[:, ::-1] + 8])
-    hollow = checked_file(make_body(nested, triangles))
+    nested = np.concatenate([triangles, triangles[:, ::-1] + 8])
+    hollow = checked_file(np.concatenate([corners, 0.5 * corners]), nested)
     assert (hollow.pieces, hollow.cavities, hollow.is_solid) == (1, 1, True)
     assert hollow.volume_mm3 == pytest.approx(7.0)
 

@@ -9,7 +9,7 @@ import pytest
 from common.bumpy import ball, pushed_through
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.printable_solid import printable_solid
+from dicedesign.fabricate.surface_assessment import printable_solid
 from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.geometry.surfaces.quality import surface_quality
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles

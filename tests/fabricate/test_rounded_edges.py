@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dicedesign.errors import InputError
+from dicedesign.fabricate.convex_object import rounded
 from dicedesign.fabricate.finish_options import EdgeOptions, core_scale
-from dicedesign.fabricate.rounded_edges import rounded
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.poses import analyse

@@ -12,7 +12,7 @@ from common.made_up_die import SIDES, box, checked
 from common.slicer import sliced, told_of
 
 from dicedesign.fabricate.file_formats import save_mesh
-from dicedesign.fabricate.print_orientation import PrintedSolid, placement_on_bed
+from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
 from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body

@@ -238,7 +238,7 @@ def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
     def refused(surface: object) -> None:
         raise InputError("printable solid: expected one piece of positive volume, got 2")
 
-    monkeypatch.setattr("dicedesign.fabricate.printable_solid.printable_solid", refused)
+    monkeypatch.setattr("dicedesign.fabricate.surface_assessment.printable_solid", refused)
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "unprintable"
     assert result.notes == ("printable solid: expected one piece of positive volume, got 2",)

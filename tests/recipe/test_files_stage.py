@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from dicedesign.fabricate import mesh_writers
+from dicedesign.fabricate import file_formats
 from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.recipe.pipeline import run
@@ -88,7 +88,7 @@ def test_a_file_with_other_odds_is_left_out(
         (part,) = contents.parts
         points = part.points.copy()
         points[0] *= 1.0 + 1e-6
-        return mesh_writers.obj(replace(contents, parts=[replace(part, points=points)]))
+        return file_formats.obj(replace(contents, parts=[replace(part, points=points)]))
 
     known = FILE_FORMATS["obj"]
     FILE_FORMATS.unregister("obj")

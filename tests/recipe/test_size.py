@@ -9,7 +9,7 @@ from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.die import make_solid
-from dicedesign.fabricate.label_reading import place_on_facets
+from dicedesign.fabricate.engraving import place_on_facets
 from dicedesign.recipe.pipeline import Work, run_stages
 
 

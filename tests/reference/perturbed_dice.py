@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from dicedesign.errors import DiceError
-from dicedesign.fabricate.print_options import PrintErrors
+from dicedesign.fabricate.printers import PrintErrors
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.triangles import second_moments, solid_properties
 from dicedesign.rest.outcomes import outcome_odds

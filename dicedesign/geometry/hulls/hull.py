@@ -34,6 +34,9 @@ MOST_INSIDE: Final = 64
 """Number of points inside a hull above which none is looked at: it would take more time and memory
 than a new hull."""
 
+AT_A_TIME: Final = 128
+"""Points that are compared with all facets at a time."""
+
 FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
 
 FLOAT64_EPS: Final = float(np.finfo(np.float64).eps)
@@ -198,6 +201,12 @@ class ConvexHull(kernels.Handled):
         """(n, m) how far points (n, 3) are below the planes of the facets, negative above."""
         depths: Floats = self.heights(np.zeros(3)) - points @ self.normals.T
         return depths
+
+    def least_depths(self, points: Floats) -> Floats:
+        """(n,) how far points (n, 3) are below the nearest plane of a facet, negative outside."""
+        # In parts that stay in the processor's memory: rounded dice have thousands of facets.
+        parts = np.array_split(points, len(points) // AT_A_TIME + 1)
+        return np.concatenate([self.depths(part).min(axis=1) for part in parts])
 
     def polygon(self, facet: int) -> Floats:
         """(k, 3) corners of a facet, counter-clockwise seen from outside."""

@@ -11,7 +11,7 @@ import trimesh
 from dicedesign.errors import InputError
 from dicedesign.fabricate.convex_object import ConvexObject, measure_resting
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import Placement, place_labels
+from dicedesign.fabricate.label_layout import Placement, die_readings, place_labels
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
@@ -95,14 +95,8 @@ def folded_die(seed: int) -> tuple[ConvexHull, np.ndarray, list[Placement]]:
     noise = np.random.default_rng(seed).normal(size=corners.shape)
     solid = convex_hull(corners + 15e-12 * noise)
     facets = np.argmax(normals @ solid.normals.T, axis=1)
-    placements = place_labels(
-        [str(number) for number in range(1, 9)],
-        [solid.polygon(facet) for facet in facets.tolist()],
-        list(normals),
-        facets.tolist(),
-        EngravingOptions(),
-        solid.diameter,
-    )
+    places = die_readings(solid, facets, list("12345678"), "down")[0].places
+    placements = place_labels(places, EngravingOptions(), solid.diameter)
     return solid, solid.normals[facets], placements
 
 
