@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import islice
 from typing import Any, Final
 
@@ -31,7 +31,7 @@ from dicedesign.recipe.convex import (
     wanted_odds,
 )
 from dicedesign.recipe.pipeline import Work
-from dicedesign.results.parts import OtherTables, RoundOfThrows, Status
+from dicedesign.results.parts import RoundOfThrows, Status
 from dicedesign.results.parts import ThrownOdds as ThrownSection
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.bias import Series, variations_on_tables
@@ -186,7 +186,7 @@ def throw(work: Work) -> None:
                 drops = math.ceil(ON_TABLES * refine.verdict / len(tables))
                 seed = seed_of(work.recipe.seed, VERDICT, is_elsewhere=True)
                 counts = die.counts_on(tables, drops, seed, refine.engine, workers)
-                found = variations_on_tables(
+                elsewhere = variations_on_tables(
                     target,
                     table_measures(table_named(name), tables),
                     [
@@ -194,8 +194,8 @@ def throw(work: Work) -> None:
                         for table, count in zip(tables, counts, strict=True)
                     ],
                     Series(die.momentum(model), die.counts(throws)[:-1]),
+                    drops * len(tables),
                 )
-                elsewhere = OtherTables(drops=drops * len(tables), **asdict(found))
     work.thrown = ThrownDie(die, die.momentum(model), throws)
     measured = work.thrown.measured(target)
     work.throws = ThrownSection(

@@ -290,13 +290,14 @@ class SimulatedThrows:
 
 @dataclass(frozen=True)
 class OtherTables:
-    """Throws of the finished die onto what the table may be instead; see `TableVariations`.
+    """Throws of the finished die onto what the table may be instead.
 
     Attributes
     ----------
     drops: onto all of them together.
     values: total variation from the target on each. often: on nine tables of ten at most; worst.
-    chance_often, chance_worst: the same of a perfect die.
+    chance_often, chance_worst: what these would be on the mean of a perfect die, judged by as many
+        throws.
     """
 
     drops: int

@@ -18,7 +18,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from scipy.special import ndtr
 
+from dicedesign.results.parts import OtherTables
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.distances import total_variation
 
@@ -60,17 +62,13 @@ class Bias:
     """
 
     deviations: Floats
-    _features: list[Floats] = field(default_factory=list)
-    _odds: list[Floats] = field(default_factory=list)
-    _counts: list[Floats] = field(default_factory=list)
+    _learned: list[tuple[Floats, Floats, Floats]] = field(default_factory=list)
     _fit: tuple[Floats, Floats] | None = None
 
     def learn(self, features: Floats, odds: Floats, counts: Integers) -> None:
         """Take note of counts (k,) of a die with features (f,), whose odds in the model are
         (k,)."""
-        self._features.append(features)
-        self._odds.append(odds)
-        self._counts.append(counts.astype(np.float64))
+        self._learned.append((features, odds, counts.astype(np.float64)))
         self._fit = None
 
     def logarithms(self, features: Floats) -> Floats:
@@ -90,8 +88,8 @@ class Bias:
     def _weights(self) -> tuple[Floats, Floats]:
         """(k, f) most likely weights of each outcome, and their covariances (k, f, f)."""
         if self._fit is None:
-            rows, odds, counts = map(np.array, (self._features, self._odds, self._counts))
-            fits = [_most_likely(rows, odds, counts, guess) for guess in self.deviations]
+            rows, odds, counts = map(np.array, zip(*self._learned, strict=True))
+            fits = (_most_likely(rows, odds, counts, guess) for guess in self.deviations)
             self._fit = max(fits, key=lambda fit: fit[2])[:2]
         return self._fit
 
@@ -130,8 +128,6 @@ def expected_variation(belief: Belief, target: Floats) -> float:
     Source: the mean of the absolute value of a Gaussian, Leone, Nelson and Nottingham,
     Technometrics 3(4), 1961.
     """
-    from scipy.special import ndtr
-
     off, scatter = belief.odds - target, belief.scatter
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nan_to_num(np.clip(off / scatter, -CERTAIN, CERTAIN))
@@ -154,25 +150,6 @@ SEED: Final = 0
 
 
 @dataclass(frozen=True)
-class TableVariations:
-    """How far a die's odds are from the target on each of many tables.
-
-    Attributes
-    ----------
-    values: (n,) total variation on each. often: what they do not exceed on nine tables in ten;
-        worst: the largest.
-    chance_often, chance_worst: what these would be on the mean of a perfect die, judged by as many
-        throws.
-    """
-
-    values: tuple[float, ...]
-    often: float
-    worst: float
-    chance_often: float
-    chance_worst: float
-
-
-@dataclass(frozen=True)
 class Series:
     """Throws onto one table.
 
@@ -186,8 +163,8 @@ class Series:
 
 
 def variations_on_tables(
-    target: Floats, measures: Floats, others: Sequence[Series], meant: Series
-) -> TableVariations:
+    target: Floats, measures: Floats, others: Sequence[Series], meant: Series, drops: int
+) -> OtherTables:
     """The total variation of a die on other tables than the one that is meant, from throws onto
     all.
 
@@ -197,28 +174,29 @@ def variations_on_tables(
     Parameters
     ----------
     target: (k,) wanted odds. measures: (n, d) of the others, 0 for the table that is meant.
-    others: n series of throws; meant: those onto the table that is meant.
+    others: n series of throws, of `drops` in all; meant: those onto the table that is meant.
     """
     found = _odds_on_tables(measures, others, meant)
     values = [total_variation(odds, target) for odds in found]
     rng, chance = np.random.default_rng(SEED), []
     here = meant.counts / meant.counts.sum()
+
+    def again(series: Series, odds: Floats) -> Series:
+        """As many throws of a die with odds (k,)."""
+        return Series(series.odds, rng.multinomial(series.counts.sum(), odds))
+
     for _ in range(SERIES):
-        drawn = [_drawn(one, odds, rng) for one, odds in zip(others, found, strict=True)]
-        again = _odds_on_tables(measures, drawn, _drawn(meant, here, rng))
-        chance.append([total_variation(a, b) for a, b in zip(again, found, strict=True)])
-    return TableVariations(
+        drawn = [again(one, odds) for one, odds in zip(others, found, strict=True)]
+        by_chance = _odds_on_tables(measures, drawn, again(meant, here))
+        chance.append([total_variation(a, b) for a, b in zip(by_chance, found, strict=True)])
+    return OtherTables(
+        drops,
         tuple(values),
         float(np.quantile(values, OFTEN)),
         max(values),
         float(np.quantile(chance, OFTEN, axis=1).mean()),
         float(np.max(chance, axis=1).mean()),
     )
-
-
-def _drawn(series: Series, odds: Floats, rng: np.random.Generator) -> Series:
-    """As many throws of a die with odds (k,)."""
-    return Series(series.odds, rng.multinomial(series.counts.sum(), odds))
 
 
 def _odds_on_tables(measures: Floats, others: Sequence[Series], meant: Series) -> list[Floats]:

@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linprog
-from scipy.sparse import coo_array
+from scipy.sparse import eye_array, kron, vstack
+from scipy.special import betaincinv, betaln, ndtri, xlog1py, xlogy
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
@@ -53,8 +54,6 @@ def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
     """
     weights = np.asarray(counts, dtype=np.float64) + 0.5
     others = weights.sum() - weights
-    from scipy.special import betaincinv
-
     # What lies above, too, by its own small part: 1 less a very small one is rounded to 1.
     tail = (1.0 - confidence) / 2.0
     limits = [betaincinv(weights, others, tail), 1.0 - betaincinv(others, weights, tail)]
@@ -131,8 +130,6 @@ def noise_floor(odds: ArrayLike, throws: float) -> float:
     Source: the mean absolute deviation of a binomial distribution by De Moivre, 1730; Diaconis and
     Zabell, Statistical Science 6(3), 1991, eq. 1.1.
     """
-    from scipy.special import betaln, xlog1py, xlogy
-
     p = np.asarray(odds, dtype=np.float64)
     n = math.floor(throws)
     above = np.floor(n * p) + 1.0
@@ -164,26 +161,19 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
     odds: (k,) summing to 1.
     confidence: in (0, 1).
     """
-    from scipy.special import ndtri
-
     came = np.asarray(counts, dtype=np.float64)
     throws = float(came.sum())
     value = total_variation(came / throws, odds)
     estimate = jeffreys_means(came)
     most = max(0.5, float(estimate.max()))
     chance = -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
-    scatter = _scatter(estimate, math.floor(throws), (1.0 + confidence) / 2.0)
+    distances = [
+        np.abs(drawn / math.floor(throws) - estimate).sum(axis=1) / 2.0
+        for drawn in drawn_counts(estimate, math.floor(throws), DRAWS, SEED)
+    ]
+    scatter = float(np.quantile(np.concatenate(distances), (1.0 + confidence) / 2.0))
     limits = (max(0.0, value - scatter), min(1.0, value + chance))
     return MeasuredDistance(value, limits, noise_floor(odds, throws))
-
-
-def _scatter(odds: Floats, throws: int, level: float) -> float:
-    """Quantile of the total variation between odds (k,) and frequencies."""
-    distances = [
-        np.abs(counts / throws - odds).sum(axis=1) / 2.0
-        for counts in drawn_counts(odds, throws, DRAWS, SEED)
-    ]
-    return float(np.quantile(np.concatenate(distances), level))
 
 
 TRANSPORT_DRAWS: Final = 200
@@ -209,23 +199,17 @@ def measure_transport(
     Raises as `wasserstein_distance`.
     """
     came = np.asarray(counts, dtype=np.float64)
-    throws = math.floor(came.sum())
     value = wasserstein_distance(directions, came, directions, odds)
-    around = _transport_scatter(directions, jeffreys_means(came), throws)
-    reach = float(np.quantile(around, confidence))
-    floor = float(_transport_scatter(directions, np.asarray(odds, dtype=np.float64), throws).mean())
+
+    def scatter(odds: Floats) -> Floats:
+        """Distances of frequencies from the odds (k,) that they were drawn with."""
+        series = drawn_counts(odds, math.floor(came.sum()), TRANSPORT_DRAWS, SEED)
+        pairs = ((drawn, odds) for block in series for drawn in block)
+        return np.array([wasserstein_distance(directions, a, directions, b) for a, b in pairs])
+
+    reach = float(np.quantile(scatter(jeffreys_means(came)), confidence))
+    floor = float(scatter(np.asarray(odds, dtype=np.float64)).mean())
     return MeasuredDistance(value, (max(0.0, value - reach), min(math.pi, value + reach)), floor)
-
-
-def _transport_scatter(directions: ArrayLike, odds: Floats, throws: int) -> Floats:
-    """Distances of frequencies from the odds (k,) that they were drawn with."""
-    return np.array(
-        [
-            wasserstein_distance(directions, counts, directions, odds)
-            for block in drawn_counts(odds, throws, TRANSPORT_DRAWS, SEED)
-            for counts in block
-        ]
-    )
 
 
 def wasserstein_distance(
@@ -267,7 +251,23 @@ def wasserstein_distance(
         return 0.0
     unit = unit_vectors(places)
     cost = angle_between(unit[sources][:, None], unit[sinks])
-    return moved * _least_cost(surplus[sources] / moved, -surplus[sinks] / moved, cost)
+    supply, demand = surplus[sources] / moved, -surplus[sinks] / moved
+    m, n = cost.shape
+    # Sums over all that a source gives, and over all that a sink gets.
+    sums = vstack([kron(eye_array(m), np.ones((1, n))), kron(np.ones((1, m)), eye_array(n))], "csr")
+    wanted = np.concatenate([supply, demand])
+    # One equation follows from the others but for rounding, which may contradict it. That of the
+    # largest share is left out: a small one could come out negative.
+    kept = np.delete(np.arange(m + n), wanted.argmax())
+    answer = linprog(
+        cost.ravel(),
+        A_eq=sums[kept],
+        b_eq=wanted[kept],
+        options={"primal_feasibility_tolerance": TRANSPORT_TOLERANCE},
+    )
+    if not answer.success:
+        raise RuntimeError(f"optimal transport: {answer.message}")
+    return moved * float(answer.fun)
 
 
 def _shares(name: str, directions: ArrayLike, weights: ArrayLike) -> Floats:
@@ -283,25 +283,3 @@ def _shares(name: str, directions: ArrayLike, weights: ArrayLike) -> Floats:
             f"{values.min(initial=np.inf):g} and a sum of {values.sum():g}; correct them"
         )
     return values / values.sum()
-
-
-def _least_cost(supply: Floats, demand: Floats, cost: Floats) -> float:
-    """The least cost of a transport of supply (m,) to demand (n,), each with sum 1, at cost (m, n)
-    for each unit."""
-    m, n = cost.shape
-    plan = np.arange(m * n)
-    rows = np.concatenate([plan // n, m + plan % n])
-    sums = coo_array((np.ones(2 * m * n), (rows, np.tile(plan, 2))), shape=(m + n, m * n)).tocsr()
-    wanted = np.concatenate([supply, demand])
-    # One equation follows from the others but for rounding, which may contradict it. That of the
-    # largest share is left out: a small one could come out negative.
-    kept = np.delete(np.arange(m + n), wanted.argmax())
-    answer = linprog(
-        cost.ravel(),
-        A_eq=sums[kept],
-        b_eq=wanted[kept],
-        options={"primal_feasibility_tolerance": TRANSPORT_TOLERANCE},
-    )
-    if not answer.success:
-        raise RuntimeError(f"optimal transport: {answer.message}")
-    return float(answer.fun)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
@@ -138,17 +137,11 @@ def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) ->
 def longest_throw(table: Table) -> float:
     """Seconds after which a throw is given up: a ball would have come to lie, and `SETTLING` is for
     what a die does besides, as tumbling, sliding and rolling."""
-    return _bouncing_time(table) + SETTLING * math.sqrt(table.size / 2.0 / GRAVITY)
-
-
-def _bouncing_time(table: Table) -> float:
-    """Seconds until a ball lies that fell from the largest height.
-
-    One that falls for a time t bounces for 2 e t, then for 2 e^2 t and so on, where e is the
-    restitution: t (1 + e) / (1 - e) in all.
-    """
+    # A ball that falls for a time t bounces for 2 e t, then for 2 e^2 t and so on, where e is the
+    # restitution: t (1 + e) / (1 - e) in all.
     fall = math.sqrt(2.0 * most_of(table.height) / GRAVITY)
-    return fall * ((1.0 + table.restitution) / (1.0 - table.restitution))
+    bouncing = fall * ((1.0 + table.restitution) / (1.0 - table.restitution))
+    return bouncing + SETTLING * math.sqrt(table.size / 2.0 / GRAVITY)
 
 
 def restitution_of(ratio: float) -> float:
@@ -231,16 +224,7 @@ def advance(
         IMPEDANCE,
     )
     scale = table.size / 2.0
-    landscape, moments = _landscape(body, scale), body.moments * scale**2
-    advanced = kernels.advance_throws(landscape, moments, np.array(how), states, steps)
-    if advanced is None:
-        raise InputError(MISSING)
-    return advanced
-
-
-def _landscape(body: RigidBody, scale: float) -> tuple[NDArray[np.generic], ...]:
-    """The arrays of a body of some radius that the kernels take."""
-    return (
+    landscape = (
         body.vertices * scale,
         body.start,
         body.neighbors,
@@ -250,6 +234,11 @@ def _landscape(body: RigidBody, scale: float) -> tuple[NDArray[np.generic], ...]
         body.rest_of_facet,
         body.barriers * scale,
     )
+    moments = body.moments * scale**2
+    advanced = kernels.advance_throws(landscape, moments, np.array(how), states, steps)
+    if advanced is None:
+        raise InputError(MISSING)
+    return advanced
 
 
 NATIVE: Final = Engine(

@@ -10,9 +10,9 @@ import numpy as np
 from dicedesign.errors import missing_extra
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import GRAVITY, IMPEDANCE, Contact, Engine, contact_of
+from dicedesign.throws.rigid_body import RigidBody, vertical
 
 if TYPE_CHECKING:
-    from dicedesign.throws.rigid_body import RigidBody
     from dicedesign.throws.tables import Table
 
 
@@ -108,28 +108,20 @@ def throw_states(
     scale = table.size / 2.0
     model.dof_damping[3:6] = table.drag * scale**2 * body.moments.mean()
     data = mujoco.MjData(model)
-    steps = round(contact.seconds / contact.step)
+    steps, seconds = round(contact.seconds / contact.step), STEPS_PER_CHECK * contact.step
     outcome = np.full(len(states), -1, dtype=np.int64)
     for i, state in enumerate(states):
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = state[:7], state[7:]
         for _ in range(0, steps, STEPS_PER_CHECK):
-            _advance(mujoco, model, data, contact, scale)
+            rise = min(data.qvel[2] * seconds - 0.5 * GRAVITY * seconds**2, 0.0)
+            count = STEPS_IN_FLIGHT if data.qpos[2] + rise > scale else STEPS_PER_CHECK
+            model.opt.timestep = seconds / count
+            mujoco.mj_step(model, data, count)
             outcome[i] = _rest(body, scale, contact, data.qpos, data.qvel)
             if outcome[i] >= 0:
                 break
     return outcome
-
-
-def _advance(mujoco: ModuleType, model: Any, data: Any, contact: Contact, reach: float) -> None:
-    """Advance by `STEPS_PER_CHECK` time steps; reach: how far the die's points are from its
-    center, in m."""
-    seconds = STEPS_PER_CHECK * contact.step
-    height, rise = data.qpos[2], data.qvel[2]
-    lowest = height + min(rise * seconds - 0.5 * GRAVITY * seconds**2, 0.0)
-    steps = STEPS_IN_FLIGHT if lowest > reach else STEPS_PER_CHECK
-    model.opt.timestep = seconds / steps
-    mujoco.mj_step(model, data, steps)
 
 
 def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
@@ -161,8 +153,7 @@ def _rest(body: RigidBody, scale: float, contact: Contact, place: Any, velocity:
     least = place[2] + 0.5 * moving / GRAVITY
     if least >= scale * body.barriers.max():
         return -1
-    w, x, y, z = place[3:]
-    up = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+    up = vertical(place[3:])
     depths = np.minimum(place[2] + scale * (body.vertices @ up), 0.0)
     stored = 0.5 * contact.stiffness * float(depths @ depths) / GRAVITY
     return final_rest(body, -up, (least + stored) / scale)

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
-from scipy.special import expit, log_expit, logit, logsumexp
+from scipy.special import expit, log_expit, logit, logsumexp, xlogy
 from scipy.stats import multivariate_t, qmc
 
 from dicedesign.runtime.arrays import Floats, Integers
@@ -124,23 +124,16 @@ class OddsSurrogate:
             tuple(LogOddsProcess(points, values[:, j], noise[:, j]) for j in range(len(values.T)))
         )
 
-    def odds(self, points: Floats) -> Floats:
-        """Expected odds (m, g) at points (m, d)."""
-        left = np.ones(len(points))
-        odds = []
+    def odds(self, points: Floats, rng: np.random.Generator | None = None) -> Floats:
+        """Expected odds (m, g) at points (m, d), or with random numbers odds as they may be, each
+        point's independently of others'."""
+        left, odds = np.ones(len(points)), []
         for process in self.processes:
-            part = expit(process.means(points))
-            odds.append(left * part)
-            left = left * (1.0 - part)
-        return np.stack([*odds, left], axis=1)
-
-    def drawn(self, points: Floats, rng: np.random.Generator) -> Floats:
-        """Odds (m, g) at points (m, d) as they may be, each point's independently of others'."""
-        left = np.ones(len(points))
-        odds = []
-        for process in self.processes:
-            spread = np.sqrt(process.variances(points))
-            part = expit(process.means(points) + spread * rng.normal(size=len(points)))
+            logarithms = process.means(points)
+            if rng is not None:
+                spread = np.sqrt(process.variances(points))
+                logarithms = logarithms + spread * rng.normal(size=len(points))
+            part = expit(logarithms)
             odds.append(left * part)
             left = left * (1.0 - part)
         return np.stack([*odds, left], axis=1)
@@ -159,14 +152,10 @@ class OddsSurrogate:
             spread = np.sqrt(process.variances(points)) if exact else np.zeros(len(points))
             z = process.means(points)[:, None] + spread[:, None] * nodes
             each = -counts[j] * np.logaddexp(0.0, -z) - after[j] * np.logaddexp(0.0, z)
-            total += logsumexp(each, axis=1, b=weights / weights.sum()) - _best(counts[j], after[j])
+            kinds = np.array([counts[j], after[j]])
+            best = xlogy(kinds, kinds / max(kinds.sum(), 1)).sum()
+            total += logsumexp(each, axis=1, b=weights / weights.sum()) - best
         return total
-
-
-def _best(came: int, others: int) -> float:
-    """Largest logarithmic likelihood of so many throws of two kinds."""
-    both = came + others
-    return float(sum(n * np.log(n / both) for n in (came, others) if n > 0))
 
 
 BLOCK: Final = 2**13
@@ -192,7 +181,7 @@ class ThrownSession:
         at_once = max(1, BLOCK // len(offsets))
         parts = []
         for first in range(0, len(points), at_once):
-            sets = session_points(points[first : first + at_once], offsets, self.die.size)
+            sets = session_points(points[first : first + at_once, None], offsets, self.die.size)
             found = self.surrogate.log_likelihood(sets.reshape(-1, 5), self.die.counts, exact)
             parts.append(found.reshape(sets.shape[:2]))
         return np.concatenate(parts)
@@ -281,21 +270,21 @@ def weighted_points(
     spread = qmc.Sobol(dimensions, rng=rng).random_base2(each.bit_length() - 1)
     points = np.clip(spread, 1e-9, 1.0 - 1e-9)
     found = WeightedPoints(points, np.zeros(len(points)), log_likelihoods(points))
-    proposals: list[tuple[Floats, Floats]] = []
+    proposals = []
 
     def more(left_out: Sequence[int | None]) -> WeightedPoints:
-        new = [_proposal(found, without) for without in left_out]
+        new = [_proposal(found, without, rng) for without in left_out]
         proposals.extend(new)
-        drawn = [
-            multivariate_t(mean, covariance, DEGREES, seed=rng).rvs(each)
-            for mean, covariance in new
-        ]
         # A point at the very border of the cube has no weight in any case.
-        added = np.clip(expit(np.concatenate(drawn)), 1e-12, 1.0 - 1e-12)
+        drawn = expit(np.concatenate([proposal.rvs(each) for proposal in new]))
+        added = np.clip(drawn, 1e-12, 1.0 - 1e-12)
         points = np.concatenate([found.points, added])
+        places = logit(points)
+        stretch = (log_expit(places) + log_expit(-places)).sum(axis=1)
+        densities = [np.zeros(len(points)), *(one.logpdf(places) - stretch for one in proposals)]
         return WeightedPoints(
             points,
-            -_log_density(points, proposals),
+            np.log(len(densities)) - logsumexp(densities, axis=0),
             np.concatenate([found.log_likelihoods, log_likelihoods(added)]),
         )
 
@@ -307,8 +296,8 @@ def weighted_points(
     return more([None, *counts])
 
 
-def _proposal(found: WeightedPoints, without: int | None) -> tuple[Floats, Floats]:
-    """Mean (d,) and scale (d, d) of a t distribution for logits of points."""
+def _proposal(found: WeightedPoints, without: int | None, rng: np.random.Generator) -> Any:
+    """A t distribution for logits of points."""
     power, places = 1.0, logit(found.points)
     weights = found.weights(without)
     # Powers of the logarithms, as weights themselves may have come to 0.
@@ -317,17 +306,5 @@ def _proposal(found: WeightedPoints, without: int | None) -> tuple[Floats, Float
         weights = found.weights(without, power)
     mean = weights @ places
     offsets = places - mean
-    return mean, WIDER * offsets.T @ (weights[:, None] * offsets)
-
-
-def _log_density(points: Floats, proposals: Sequence[tuple[Floats, Floats]]) -> Floats:
-    """Logarithms (n,) of the mixture of the flat density over the cube and of proposals, in the
-    cube."""
-    places = logit(points)
-    stretch = (log_expit(places) + log_expit(-places)).sum(axis=1)
-    densities = [
-        multivariate_t(mean, covariance, DEGREES).logpdf(places) - stretch
-        for mean, covariance in proposals
-    ]
-    every = np.stack([np.zeros(len(points)), *densities])
-    return np.asarray(logsumexp(every, axis=0) - np.log(len(every)))
+    covariance = WIDER * offsets.T @ (weights[:, None] * offsets)
+    return multivariate_t(mean, covariance, DEGREES, seed=rng)

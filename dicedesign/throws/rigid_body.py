@@ -246,10 +246,16 @@ def released_on(
     return states
 
 
+def vertical(turns: Floats) -> Floats:
+    """(..., 3) directions of the body that are up after it is turned by quaternions (..., 4)."""
+    w, x, y, z = turns.T
+    up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    return np.stack(up, axis=-1)
+
+
 def _lowest(body: RigidBody, table: Table, turns: Floats) -> Floats:
     """(n,) of the lowest point over the center of mass in m; turns: (n, 4) quaternions."""
-    w, x, y, z = turns.T
-    up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], 1)
+    up = vertical(turns)
     lowest: Floats = (up @ body.vertices.T).min(axis=1) * table.size / 2.0
     return lowest
 

@@ -21,56 +21,16 @@ MOST: Final = 10**9
 QUOTED: Final = 40
 """Characters of a wrong entry that are quoted."""
 
-
-def csv_rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The first line of a file of throws, and the lines after it with their numbers; those that are
-    empty are left out, and so are the blanks around entries.
-
-    Raises InputError: the file cannot be read.
-    """
-    text = read_text(path, "a CSV file of throws")
-    try:
-        reader = csv.reader(io.StringIO(text, newline=""))
-        rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
-    except csv.Error as error:
-        raise InputError(
-            f"{path}: expected a CSV file of throws, but {error}; correct it"
-        ) from error
-    (_, first), *others = [(line, row) for line, row in rows if any(row)] or [(1, [])]
-    return first, others
-
-
-def require_equal_lengths(
-    path: Path, columns: list[str], rows: list[tuple[int, list[str]]]
-) -> None:
-    """Raise InputError for a line that has not one entry for each column."""
-    for line, row in rows:
-        if len(row) != len(columns):
-            raise InputError(
-                f"{path}, line {line}: expected {len(columns)} entries, got {','.join(row)!r}; "
-                "write as many as the first line has"
-            )
-
-
-def whole_count(path: Path, line: int, text: str) -> int:
-    """A number of throws. Raises InputError: it is no whole number from 0 to `MOST`."""
-    # int() would take "1_000" as well, and take long over thousands of digits.
-    digits = text.lstrip("0") or text
-    if text.isascii() and text.isdigit() and len(digits) <= QUOTED and int(digits) <= MOST:
-        return int(digits)
-    raise InputError(
-        f"{path}, line {line}: expected a whole number from 0 to {MOST}, got {text[:QUOTED]!r}; "
-        "correct the count"
-    )
-
-
 COUNTED: Final = ["label", "count"]
 
 ONE_BY_ONE: Final = ["label"]
-"""The two headers that a file may have."""
+"""The two headers that a file of one die may have."""
 
 MOST_NAMED: Final = 30
 """Labels that an error names."""
+
+Rows = list[tuple[int, list[str]]]
+"""Lines of a file with their numbers."""
 
 
 def read_counts(path: Path, labels: Sequence[str]) -> Integers:
@@ -85,17 +45,15 @@ def read_counts(path: Path, labels: Sequence[str]) -> Integers:
     InputError: the file cannot be read or has other columns, an unknown label, a label twice, a
         count that is not a whole number of at least 0, or no throw.
     """
-    rows = _rows(path, (COUNTED, ONE_BY_ONE))
     counts, line_of = dict.fromkeys(labels, 0), dict[str, int]()
-    for line, (label, *count) in rows:
-        _check_label(f"{path}, line {line}", label, labels)
+    for line, (label, *count) in _rows_of_one_die(path, labels, (COUNTED, ONE_BY_ONE)):
         if count and label in line_of:
             raise InputError(
                 f"{path}, line {line}: expected each label once, got {label!r} as on line "
                 f"{line_of[label]}; add the two up"
             )
         line_of[label] = line
-        counts[label] += whole_count(path, line, *count) if count else 1
+        counts[label] += whole_count(f"{path}, line {line}", *count) if count else 1
     if not any(counts.values()):
         raise InputError(f"{path}: expected at least one throw, got none; write down some")
     return np.array(list(counts.values()), dtype=np.int64)
@@ -132,9 +90,7 @@ class RollLog:
             if folded[name.casefold()] == 1
         } | written
         if path.exists():
-            for line, (label,) in _rows(path, (ONE_BY_ONE,)):
-                _check_label(f"{path}, line {line}", label, labels)
-                self.throws.append(label)
+            self.throws = [label for _, (label,) in _rows_of_one_die(path, labels, (ONE_BY_ONE,))]
         self._save()
 
     @property
@@ -148,15 +104,12 @@ class RollLog:
 
         Raises InputError: one is unknown; then none is written down.
         """
-        label = self._label(text)
-        if label is not None:
-            added = [label]
-        else:
-            parts = text.split(",") if "," in text else text.split()
-            typed = [part for part in map(str.strip, parts) if part]
-            for part in typed:
-                _check_label("roll", self._label(part) or part, self.labels)
-            added = [found for found in map(self._label, typed) if found is not None]
+        parts = text.split(",") if "," in text else text.split()
+        if self._label(text) in self.labels:
+            parts = [text]
+        added = [self._label(part) for part in parts if part.strip()]
+        for label in added:
+            _check_label("roll", label, self.labels)
         self.throws += added
         self._save()
         return added
@@ -169,10 +122,10 @@ class RollLog:
         self._save()
         return label
 
-    def _label(self, text: str) -> str | None:
-        """The label that a text is, if any."""
+    def _label(self, text: str) -> str:
+        """The label that a text is, or the text."""
         typed = _in_one_line(text)
-        return self._typed.get(typed, self._typed.get(typed.casefold()))
+        return self._typed.get(typed, self._typed.get(typed.casefold(), text.strip()))
 
     def _save(self) -> None:
         text = io.StringIO()
@@ -185,11 +138,11 @@ def _in_one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _rows(path: Path, headers: Sequence[list[str]]) -> list[tuple[int, list[str]]]:
-    """The numbered lines of a file after the first, which has to be one of some headers."""
-    first, rows = csv_rows(path)
-    header = [entry.lower() for entry in first]
-    if header not in headers:
+def _rows_of_one_die(path: Path, labels: Sequence[str], headers: Sequence[list[str]]) -> Rows:
+    """The lines of a file after the first, which has to be one of some headers; each begins with a
+    label of the die."""
+    columns, rows = csv_rows(path)
+    if [entry.lower() for entry in columns] not in headers:
         either = " or ".join(",".join(one) for one in headers)
         counted = (
             "begin with label,count and write each label with its count on a line, or with label "
@@ -198,9 +151,11 @@ def _rows(path: Path, headers: Sequence[list[str]]) -> list[tuple[int, list[str]
             else "write the label of each throw on a line, or name a new file"
         )
         raise InputError(
-            f"{path}: expected a first line {either}, got {','.join(first)!r}; {counted}"
+            f"{path}: expected a first line {either}, got {','.join(columns)!r}; {counted}"
         )
-    require_equal_lengths(path, header, rows)
+    check_lengths(path, columns, rows)
+    for line, row in rows:
+        _check_label(f"{path}, line {line}", row[0], labels)
     return rows
 
 
@@ -212,3 +167,43 @@ def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
             f"{where}: expected a label of the die ({some}), got {label!r}; correct it, or leave "
             "out throws that show no label"
         )
+
+
+def csv_rows(path: Path) -> tuple[list[str], Rows]:
+    """The first line of a file of throws, and the lines after it; those that are empty are left
+    out, and so are the blanks around entries.
+
+    Raises InputError: the file cannot be read.
+    """
+    text = read_text(path, "a CSV file of throws")
+    try:
+        reader = csv.reader(io.StringIO(text, newline=""))
+        rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
+    except csv.Error as error:
+        raise InputError(
+            f"{path}: expected a CSV file of throws, but {error}; correct it"
+        ) from error
+    (_, first), *others = [(line, row) for line, row in rows if any(row)] or [(1, [])]
+    return first, others
+
+
+def check_lengths(path: Path, columns: list[str], rows: Rows) -> None:
+    """Raise InputError for a line that has not one entry for each column."""
+    for line, row in rows:
+        if len(row) != len(columns):
+            raise InputError(
+                f"{path}, line {line}: expected {len(columns)} entries, got {','.join(row)!r}; "
+                "write as many as the first line has"
+            )
+
+
+def whole_count(where: str, text: str) -> int:
+    """A number of throws. Raises InputError: it is no whole number from 0 to `MOST`."""
+    # int() would take "1_000" as well, and take long over thousands of digits.
+    digits = text.lstrip("0") or text
+    if text.isascii() and text.isdigit() and len(digits) <= QUOTED and int(digits) <= MOST:
+        return int(digits)
+    raise InputError(
+        f"{where}: expected a whole number from 0 to {MOST}, got {text[:QUOTED]!r}; "
+        "correct the count"
+    )

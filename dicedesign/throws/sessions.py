@@ -31,9 +31,6 @@ PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
 die and table have, and the center of all hands. The prior is flat between them, of the hand in its
 logarithms. A speed or a spin below its least is nothing beside that of the fall."""
 
-HAND: Final = ("height", "speed", "spin")
-"""Of these, what differs between sessions."""
-
 BETWEEN: Final = 0.3
 """Standard deviation of the logarithm of a session's height, speed and spin about the center, each
 independently: two sessions of three are within a factor of 1.35. People told to throw a die alike
@@ -74,41 +71,17 @@ number in (0, 1) for a size that is not known."""
 def session_offsets(sessions: int, rng: np.random.Generator) -> Offsets:
     """Equally likely sessions, spread evenly. sessions: a power of 2."""
     even = qmc.Sobol(4, rng=rng).random_base2(sessions.bit_length() - 1)
-    return np.column_stack([BETWEEN * ndtri(_inside(even[:, :3])), even[:, 3]])
+    # The normal quantile of 0 is infinite.
+    return np.column_stack([BETWEEN * ndtri(np.maximum(even[:, :3], 1e-9)), even[:, 3]])
 
 
-def _inside(parts: Floats) -> Floats:
-    """Numbers of [0, 1) off 0, whose normal quantile is infinite."""
-    return np.maximum(parts, 1e-9)
-
-
-def shared_values(points: Floats) -> Floats:
-    """Values (n, 5) of the parameters at points (n, 5) of the unit cube of the prior."""
-    return _from_unit(points, PARAMETERS)
-
-
-def session_points(points: Floats, offsets: Offsets, size: float | None) -> Floats:
-    """Points (n, k, 5) of the unit cube of simulated sets: sessions (k, 4) of a die at points
-    (n, 5) of the prior's. size: of the die in m; None has that of the session."""
-    values = np.repeat(_from_unit(points, PARAMETERS)[:, None], len(offsets), axis=1)
-    least, most = SIZES
-    sizes = least + (most - least) * offsets[:, 3] if size is None else np.full(len(offsets), size)
-    moved = offsets[:, :3] + np.log(sizes / SIZE)[:, None] * BY_SIZE
-    values[..., 2:] *= np.exp(moved)
-    return _to_unit(values, SIMULATED)
-
-
-def _from_unit(points: Floats, limits: Mapping[str, tuple[float, float]]) -> Floats:
+def shared_values(points: Floats, limits: Mapping[str, tuple[float, float]] = PARAMETERS) -> Floats:
+    """Values (..., 5) of the parameters at points (..., 5) of the unit cube of the prior, or of
+    that with other limits."""
     least, most = _coordinates(np.array(list(limits.values())).T)
     values: Floats = least + (most - least) * points
     values[..., 2:] = np.exp(values[..., 2:])
     return values
-
-
-def _to_unit(values: Floats, limits: Mapping[str, tuple[float, float]]) -> Floats:
-    least, most = _coordinates(np.array(list(limits.values())).T)
-    points: Floats = np.clip((_coordinates(values) - least) / (most - least), 0.0, 1.0)
-    return points
 
 
 def _coordinates(values: Floats) -> Floats:
@@ -116,44 +89,46 @@ def _coordinates(values: Floats) -> Floats:
     return np.concatenate([values[..., :2], np.log(values[..., 2:])], axis=-1)
 
 
+def _session_values(points: Floats, offsets: Offsets, size: float | None) -> Floats:
+    """Values (..., 5) of restitution, friction and the hand, for dice of `SIZE`, of sessions
+    (..., 4) of a die at points (..., 5) of the prior's unit cube.
+
+    size: of the die in m; None has that of the session.
+    """
+    sizes = SIZES[0] + (SIZES[1] - SIZES[0]) * offsets[..., 3] if size is None else np.array(size)
+    moved = offsets[..., :3] + np.log(sizes / SIZE)[..., None] * BY_SIZE
+    return shared_values(points) * np.insert(np.exp(moved), [0, 0], 1.0, axis=-1)
+
+
+def session_points(points: Floats, offsets: Offsets, size: float | None) -> Floats:
+    """The same as points (..., 5) of the unit cube of simulated sets."""
+    least, most = _coordinates(np.array(list(SIMULATED.values())).T)
+    coordinates = _coordinates(_session_values(points, offsets, size))
+    return np.clip((coordinates - least) / (most - least), 0.0, 1.0)
+
+
 def drawn_values(points: Floats, offsets: Offsets) -> Floats:
-    """Values (n, 5) of restitution, friction and the hands of sessions (n, 4), each at the point of
-    its number (n, 5) of the prior's unit cube, for dice of `SIZE` and larger ones."""
-    values = _from_unit(points, PARAMETERS)
-    values[:, 2:] *= np.exp(offsets[:, :3])
+    """The same values (n, 5) for dice of `SIZE` and larger ones."""
+    values = _session_values(points, offsets, SIZE)
     values[:, 2] = np.maximum(values[:, 2], LOWEST)
     return values
-
-
-def simulated_table(start: Table, point: Floats) -> Table:
-    """The table of a simulated set, a point (5,) of its unit cube, for dice of `SIZE`."""
-    return table_of(start, _from_unit(point, SIMULATED))
 
 
 def table_of(start: Table, values: Floats) -> Table:
     """A table with restitution, friction and a session's mean height, speed and spin (5,), to three
     digits, for dice of `SIZE`. start: has the name and the source."""
-    restitution, friction, height, speed, spin = (_three_digits(value) for value in values)
-    return Table(
-        name=start.name,
-        restitution=restitution,
-        friction=friction,
-        height=_throws_about(height),
-        speed=_throws_about(speed),
-        spin=_throws_about(spin),
-        size=SIZE,
-        source=start.source,
+
+    def rounded(value: float) -> float:
+        """No counts determine more."""
+        return float(f"{value:.3g}")
+
+    restitution, friction, *means = map(rounded, values)
+    height, speed, spin = (
+        (rounded((1.0 - WITHIN) * mean), rounded((1.0 + WITHIN) * mean)) for mean in means
     )
-
-
-def _throws_about(mean: float) -> tuple[float, float]:
-    """The range of a session's throws."""
-    return _three_digits((1.0 - WITHIN) * mean), _three_digits((1.0 + WITHIN) * mean)
-
-
-def _three_digits(value: float) -> float:
-    """No counts determine more."""
-    return float(f"{value:.3g}")
+    return Table(
+        start.name, restitution, friction, height, speed, spin, size=SIZE, source=start.source
+    )
 
 
 COUNTS: Final = "counts"
@@ -182,23 +157,22 @@ def set_counts(
     """
     tasks = []
     for number, point in enumerate(sets, start=first):
-        table = simulated_table(start, point)
+        table = table_of(start, shared_values(point, SIMULATED))
         tasks += [
             partial(outcome_counts, die, table, drops, (seed, number, i))
             for i, die in enumerate(dice)
         ]
     begun = first * len(dice)
     known = list(checkpoint.rows(COUNTS)[begun : begun + len(tasks)])
-    counts: list[list[Integers]] = [[] for _ in dice]
-    for place, came in enumerate(chain(known, in_order(tasks[len(known) :], workers))):
-        die = place % len(dice)
+    came = []
+    for place, counts in enumerate(chain(known, in_order(tasks[len(known) :], workers))):
         if place >= len(known):
-            checkpoint.add(COUNTS, [came])
-        checkpoint.require(len(came) == len(dice[die].labels))
-        counts[die].append(came)
+            checkpoint.add(COUNTS, [counts])
+        checkpoint.require(len(counts) == len(dice[place % len(dice)].labels))
+        came.append(counts)
         if progress is not None:
             progress(drops)
-    return [np.array(rows, dtype=np.int64) for rows in counts]
+    return [np.array(came[die :: len(dice)], dtype=np.int64) for die in range(len(dice))]
 
 
 def outcome_counts(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> Integers:

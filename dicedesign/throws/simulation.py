@@ -78,7 +78,7 @@ class Throws:
     @cached_property
     def unresolved(self) -> int:
         """Drops that ended on an edge, stuck or still moving; they count for no rest."""
-        return int(np.count_nonzero(self.outcomes < 0))
+        return int((self.outcomes < 0).sum())
 
     def require_rest(self) -> None:
         """Raise InputError where no drop came to rest."""
@@ -156,19 +156,10 @@ def simulate(
             f"table {table.name}: expected friction above 0 with a speed or a spin, which nothing "
             "would take from the die, got 0; raise it"
         )
+    blocks = np.split(np.arange(drops), range(DROPS_PER_TASK, drops, DROPS_PER_TASK))
     tasks = [
-        partial(
-            throw_task,
-            body,
-            table,
-            first,
-            min(DROPS_PER_TASK, drops - first),
-            seed,
-            engine,
-            orientations,
-            refinement,
-        )
-        for first in range(0, drops, DROPS_PER_TASK)
+        partial(throw_task, body, table, numbers, seed, engine, orientations, refinement)
+        for numbers in blocks
     ]
     ended = (task() for task in tasks) if workers is None else in_order(tasks, workers, on_quiet)
     outcomes = []
@@ -189,17 +180,16 @@ def simulate(
 def throw_task(
     body: RigidBody,
     table: Table,
-    first: int,
-    count: int,
+    numbers: Integers,
     seed: int,
     engine: str,
     orientations: Orientations,
     refinement: float,
 ) -> Integers:
-    """The rests (count,) of the drops from number `first` on, which is a multiple of
-    `DROPS_PER_TASK`; -1 for those that found none."""
-    rng = np.random.default_rng([seed, first // DROPS_PER_TASK])
-    states = released(body, table, np.arange(first, first + count), orientations, rng)
+    """The rests (n,) of drops (n,), the first of which has a multiple of `DROPS_PER_TASK` as its
+    number; -1 for those that found none."""
+    count, rng = len(numbers), np.random.default_rng([seed, int(numbers[0]) // DROPS_PER_TASK])
+    states = released(body, table, numbers, orientations, rng)
     outcomes = np.asarray(ENGINES[engine].throw_states(body, table, states, refinement))
     rests = len(body.rest_heights)
     if outcomes.shape != (count,) or outcomes.dtype.kind != "i":

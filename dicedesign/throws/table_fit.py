@@ -33,7 +33,6 @@ from dicedesign.throws.odds_surrogate import (
 )
 from dicedesign.throws.sessions import (
     PARAMETERS,
-    Offsets,
     drawn_values,
     session_offsets,
     session_points,
@@ -337,34 +336,51 @@ def fit_table(
         simulated is added.
     progress: called with the number of drops of each die that was thrown.
 
-    Raises InputError: as `check_effort`.
+    The numbers are as of `check_effort`.
     """
-    check_effort(evaluations, drops, seed)
     kept = checkpoint or Checkpoint()
     every = [*dice, *others]
     first = round(FIRST * evaluations)
     rng = np.random.default_rng(seed)
     sets = qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first]
     counts = set_counts(every, start, sets, drops, seed, 0, workers, kept, progress)
+
+    def sessions_of(dice: Sequence[CountedDie]) -> list[ThrownSession]:
+        each = zip(dice, counts, strict=False)
+        return [ThrownSession(die, OddsSurrogate.through(sets, of_die)) for die, of_die in each]
+
+    def weighted(
+        sessions: Sequence[ThrownSession], effort: tuple[int, int], is_final: bool
+    ) -> WeightedPoints:
+        offsets = session_offsets(effort[1], rng)
+        return weighted_points(
+            lambda points: log_likelihoods(sessions, points, offsets, is_final),
+            len(PARAMETERS),
+            effort[0],
+            rng,
+            leave_one_out=is_final,
+        )
+
     for batch in np.array_split(np.arange(first, evaluations), ROUNDS):
         # Hands of sessions with unknown sizes spread the sets as far as any die's.
         offsets = session_offsets(2 ** (len(batch) - 1).bit_length(), rng)[: len(batch)]
-        pilot = _weighted(_sessions(dice, sets, counts), PILOT, rng, leave_one_out=False)
-        drawn = _resampled(pilot.weights(), len(batch), rng)
-        more = _paired(pilot.points[drawn], offsets, None)
-        done = len(sets)
-        added = set_counts(every, start, more, drops, seed, done, workers, kept, progress)
+        pilot = weighted(sessions_of(dice), PILOT, False)
+        drawn = _resampled(pilot.points, pilot.weights(), len(batch), rng)
+        more = session_points(drawn, offsets, None)
+        added = set_counts(every, start, more, drops, seed, len(sets), workers, kept, progress)
         sets = np.concatenate([sets, more])
         counts = [np.concatenate(pair) for pair in zip(counts, added, strict=True)]
-    sessions = _sessions(every, sets, counts)
+    sessions = sessions_of(every)
     fitted_to = sessions[: len(dice)]
-    found = _weighted(fitted_to, FINAL, rng, leave_one_out=True)
+    found = weighted(fitted_to, FINAL, True)
     best, height = _best(fitted_to, found)
     surprises = [p.surprises() for session in sessions for p in session.surrogate.processes]
     parameters, correlations = _summary(found, best)
+    drawn = _resampled(found.points, found.weights(), TABLES, rng)
+    drawn_tables = drawn_values(drawn, session_offsets(TABLES, rng))
     return TableFit(
         table=table_of(start, best),
-        posterior=_tables(start, found, rng),
+        posterior=tuple(table_of(start, row) for row in drawn_tables),
         parameters=parameters,
         correlations=correlations,
         dice=tuple(
@@ -379,46 +395,12 @@ def fit_table(
     )
 
 
-def _sessions(
-    dice: Sequence[CountedDie], sets: Floats, counts: Sequence[Integers]
-) -> list[ThrownSession]:
-    return [
-        ThrownSession(die, OddsSurrogate.through(sets, of_die))
-        for die, of_die in zip(dice, counts, strict=False)
-    ]
-
-
-def _weighted(
-    sessions: Sequence[ThrownSession],
-    effort: tuple[int, int],
-    rng: np.random.Generator,
-    *,
-    leave_one_out: bool,
-) -> WeightedPoints:
-    each, hands = effort
-    offsets = session_offsets(hands, rng)
-    return weighted_points(
-        lambda points: log_likelihoods(sessions, points, offsets, leave_one_out),
-        len(PARAMETERS),
-        each,
-        rng,
-        leave_one_out=leave_one_out,
-    )
-
-
-def _resampled(weights: Floats, count: int, rng: np.random.Generator) -> Integers:
-    """(count,) numbers of equally likely points, each as often as its weight has it to one less or
-    more, in random order."""
+def _resampled(points: Floats, weights: Floats, count: int, rng: np.random.Generator) -> Floats:
+    """(count, d) equally likely points, each as often as its weight has it to one less or more, in
+    random order."""
     places = (np.arange(count) + rng.random()) / count
     numbers = np.searchsorted(weights.cumsum(), places).clip(max=len(weights) - 1)
-    return np.asarray(rng.permutation(numbers))
-
-
-def _paired(points: Floats, offsets: Offsets, size: float | None) -> Floats:
-    """(n, 5) sets of each point (n, 5) of the prior with the session of the same number (n, 4)."""
-    return np.concatenate(
-        [session_points(points[[i]], offsets[[i]], size)[0] for i in range(len(points))]
-    )
+    return points[rng.permutation(numbers)]
 
 
 def _die_fit(
@@ -426,20 +408,20 @@ def _die_fit(
 ) -> DieFit:
     """The predictions of a die; number: its place in the likelihoods, None if it has none."""
     die, surrogate = session.die, session.surrogate
-    points = found.points[_resampled(found.weights(), DRAWS, rng)]
-    fresh = _paired(points, session_offsets(DRAWS, rng), die.size)
-    odds = surrogate.drawn(fresh, rng)
+    points = _resampled(found.points, found.weights(), DRAWS, rng)
+    fresh = session_points(points, session_offsets(DRAWS, rng), die.size)
+    odds = surrogate.odds(fresh, rng)
     whole, left_out = None, predicted(die.counts, odds, rng) if die.counts.any() else None
     if number is not None:
         hands = session_offsets(FINAL[1], rng)
         by_session = session.by_session(points, hands, True)
         chances = np.exp(by_session - logsumexp(by_session, axis=1, keepdims=True))
         chosen = (chances.cumsum(axis=1) < rng.random((DRAWS, 1))).sum(axis=1)
-        same = _paired(points, hands[chosen.clip(max=len(hands) - 1)], die.size)
-        whole = predicted(die.counts, surrogate.drawn(same, rng), rng)
-        others = found.points[_resampled(found.weights(number), DRAWS, rng)]
-        without = _paired(others, session_offsets(DRAWS, rng), die.size)
-        left_out = predicted(die.counts, surrogate.drawn(without, rng), rng)
+        same = session_points(points, hands[chosen.clip(max=len(hands) - 1)], die.size)
+        whole = predicted(die.counts, surrogate.odds(same, rng), rng)
+        others = _resampled(found.points, found.weights(number), DRAWS, rng)
+        without = session_points(others, session_offsets(DRAWS, rng), die.size)
+        left_out = predicted(die.counts, surrogate.odds(without, rng), rng)
     return DieFit(
         die=die,
         odds=odds.mean(axis=0),
@@ -462,13 +444,6 @@ def _best(sessions: Sequence[ThrownSession], found: WeightedPoints) -> tuple[Flo
     sharp = np.exp(logarithms - logsumexp(logarithms))
     best = sharp @ found.points
     return shared_values(best[None])[0], float(together(best[None])[0])
-
-
-def _tables(start: Table, found: WeightedPoints, rng: np.random.Generator) -> tuple[Table, ...]:
-    """Equally likely tables of the posterior."""
-    drawn = found.points[_resampled(found.weights(), TABLES, rng)]
-    values = drawn_values(drawn, session_offsets(TABLES, rng))
-    return tuple(table_of(start, row) for row in values)
 
 
 def _summary(found: WeightedPoints, best: Floats) -> tuple[dict[str, FittedParameter], Floats]:

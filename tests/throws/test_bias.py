@@ -75,7 +75,7 @@ def judged(change: float, known: float, drops: int, seed: int) -> tuple[np.ndarr
         for row, odds in zip(MEASURES, true, strict=True)
     ]
     meant = Series(TARGET, rng.multinomial(20 * drops, TARGET))
-    found = variations_on_tables(TARGET, MEASURES, others, meant)
+    found = variations_on_tables(TARGET, MEASURES, others, meant, 32 * drops)
     return np.array([0.5 * np.abs(odds - TARGET).sum() for odds in true]), found
 
 
