@@ -1,5 +1,4 @@
-"""The exception tree, checks of numbers that people give, and the message where an optional
-dependency is missing.
+"""The exception tree, checks of numbers that people give, and texts of messages.
 
 Every error a user can cause names the thing, what was expected, what came, and the remedy. The
 command line prints the message on one line and exits with 2. Besides it, the design takes an error
@@ -30,6 +29,7 @@ __all__ = [
     "is_finite_number",
     "missing_extra",
     "named",
+    "printable",
 ]
 
 
@@ -118,3 +118,9 @@ def check_whole(name: str, value: int, least: int = 1, most: int = MOST_COUNT) -
 def is_finite_number(value: object) -> TypeGuard[float]:
     """Whether something is a finite real number, and not True or False."""
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def printable(text: object) -> str:
+    """A text, or the text of a path, in one line of UTF-8: whatever cannot be printed, such as a
+    line feed or a byte of a file's name that is not UTF-8, as an escape of Python's."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in str(text))

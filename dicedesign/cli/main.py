@@ -10,36 +10,21 @@ import argparse
 import contextlib
 import errno
 import gc
+import inspect
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
+from dataclasses import MISSING, fields
 from importlib import import_module
-from typing import Any, Final
+from types import UnionType
+from typing import Any, Final, get_args, get_origin, get_type_hints
 
-from dicedesign.errors import DiceError
-from dicedesign.runtime.text import printable
+from dicedesign.cli.commands import COMMANDS, Command
+from dicedesign.errors import DiceError, InputError, printable
 
 __all__ = ["main"]
-
-COMMANDS: Final = {
-    "run": "dice:add_run_parser",
-    "design": "dice:add_design_parser",
-    "search": "dice:add_search_parser",
-    "rest": "rest:add_rest_parser",
-    "drop": "rest:add_drop_parser",
-    "pose": "meshes:add_pose_parser",
-    "scatter": "meshes:add_scatter_parser",
-    "figure": "meshes:add_figure_parser",
-    "repair": "meshes:add_repair_parser",
-    "balance": "balance:add_parser",
-    "throw": "throw:add_parser",
-    "rolls": "rolls:add_parser",
-    "table": "table_fit:add_parser",
-    "view": "dice:add_view_parser",
-    "bench": "bench:add_parser",
-}
-"""Module in this folder and function that adds the parser of each subcommand."""
 
 DEBUG: Final = "--debug"
 
@@ -50,46 +35,75 @@ _NOT_WRITTEN: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno
 """What the system says where a stream is full or gone; files of this package have errors of their
 own."""
 
+OPTION: Final = r"^(\w+)(?: \((.*?)\))?: (.*(?:\n .*)*)"
+"""Name, placeholder and help of an option in the docstring of a command."""
+
 ALLOCATIONS_PER_COLLECTION: Final = 50_000
 """Of containers, between collections of garbage in cycles: with Python's 700 a run with figures
 spends a seventh of its time on them, as the libraries that it imports are millions of objects."""
-
-LIST_OPTIONS: Final = (
-    "--com",
-    "--down",
-    "--inertia",
-    "--labels",
-    "--region",
-    "--stand-down",
-    "--target",
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand and return its exit code."""
     gc.set_threshold(ALLOCATIONS_PER_COLLECTION, 50)
-    _mend_streams()
+    # Streams that are closed lead nowhere, instead of into the next file that is opened, and what
+    # the encoding of others has no letter for is written as an escape.
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+        elif mode == "w" and isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != DEBUG]
     try:
-        options = _parser(words[0] if words else None).parse_args(_joined(words))
-        code: int = options.command(options)
+        code = _run(words)
         sys.stdout.flush()
         return code
     except (KeyboardInterrupt, Exception) as error:
-        code, said = _ending(error)
+        code, message = _ending(error)
         if code == UNFORESEEN and len(words) < len(given):
             raise
-        _say(said)
+        if message:
+            with contextlib.suppress(OSError):
+                print(f"dicedesign: {printable(message)}", file=sys.stderr, flush=True)
         return code
 
 
+def _run(words: list[str]) -> int:
+    if words[:1] == ["bench"]:
+        raise InputError(
+            "bench: expected a command of the installed package, got one that is now a script of "
+            "its source; run `python -m benchmarks NAME` in a checkout"
+        )
+    joined: list[str] = []
+    for word in words:
+        # `--com -1,0,0` as `--com=-1,0,0`, which argparse would take for another option.
+        if joined and joined[-1].startswith("--") and re.match(r"-[^-].*,", word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    given = vars(make_parser(words[0] if words else "").parse_args(joined))
+    options = {name: value for name, value in given.items() if value is not None}
+    kind, address = COMMANDS[options.pop("command")]
+    module, _, function = address.partition(":")
+    code: int = getattr(import_module(f"dicedesign.cli.{module}"), function)(kind(**options))
+    return code
+
+
 def _ending(error: BaseException) -> tuple[int, str]:
-    """The exit code after an error, and what is said of it, if anything."""
-    _drop_unwritten()
-    interrupt = _interrupt_behind(error)
-    if interrupt is not None:
-        return 130, f"interrupted; {str(interrupt) or 'nothing half-written was left'}"
+    """The exit code after an error, and the message, if any."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        # Python itself would try again at its end to write what stdout holds.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    cause: BaseException | None = error
+    while cause is not None:
+        # A library may have wrapped an interrupt, as pydantic does where it calls this package.
+        if isinstance(cause, KeyboardInterrupt):
+            return 130, f"interrupted; {str(cause) or 'nothing half-written was left'}"
+        cause = cause.__cause__
     if isinstance(error, DiceError):
         return 2, str(error)
     if isinstance(error, BrokenPipeError):
@@ -108,80 +122,85 @@ def _ending(error: BaseException) -> tuple[int, str]:
     )
 
 
-def _say(text: str) -> None:
-    """One line on stderr, whatever names it quotes; nothing for no text."""
-    if text:
-        with contextlib.suppress(OSError):
-            print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)
-
-
-def _mend_streams() -> None:
-    """Let streams that are closed lead nowhere, instead of into the next file that is opened, and
-    write what the encoding of others has no letter for as an escape."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        stream = getattr(sys, name)
-        if stream is None:
-            nowhere = open(os.devnull, mode, encoding="utf-8")  # noqa: SIM115
-            setattr(sys, name, nowhere)
-        elif mode == "w" and isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
-
-
-def _drop_unwritten() -> None:
-    """Drop what stdout holds if it takes nothing more: Python itself would try again at its end."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _interrupt_behind(error: BaseException | None) -> KeyboardInterrupt | None:
-    """The interrupt that a library has wrapped, as pydantic does where it calls this package."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__
-    return error
-
-
-def _parser(command: str | None) -> argparse.ArgumentParser:
-    """The parser of a command, or of all where none is known: each loads only what it needs."""
+def make_parser(word: str) -> argparse.ArgumentParser:
+    """The parser of the command line that begins with a word: all commands are in its list, and
+    only the one of that name has its options."""
     parser = argparse.ArgumentParser(
         prog="dicedesign",
         description="Design solid objects by the odds with which they come to rest.",
     )
-    parser.add_argument(
-        "--version",
-        action=_Version,
-        nargs=0,
-        help="print the version, and whether there are compiled kernels, and exit",
-    )
-    parser.add_argument(DEBUG, action="store_true", help="show where an unforeseen error came from")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name in (command,) if command in COMMANDS else COMMANDS:
-        # Imported here, so that an interrupt during the import ends as plainly as any other.
-        module, _, add_parser = COMMANDS[name].partition(":")
-        getattr(import_module(f"dicedesign.cli.{module}"), add_parser)(commands)
-    return parser
-
-
-class _Version(argparse.Action):
-    """Finds the version out only where it is asked for."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from importlib.metadata import version
+    version = ""
+    if word == "--version":
+        from importlib.metadata import version as installed
 
         from dicedesign.kernels import ops as kernels
 
         how = "with compiled kernels" if kernels.available() else "without compiled kernels, slower"
-        print(f"dicedesign {version('dicedesign')}, {how}")
-        parser.exit()
+        version = f"dicedesign {installed('dicedesign')}, {how}"
+    parser.add_argument(
+        "--version",
+        action="version",
+        version=version,
+        help="print the version, and whether there are compiled kernels, and exit",
+    )
+    parser.add_argument(
+        DEBUG,
+        action="store_true",
+        default=argparse.SUPPRESS,
+        help="show where an unforeseen error came from",
+    )
+    commands = parser.add_subparsers(
+        title="commands", required=True, metavar="COMMAND", dest="command"
+    )
+    for name, (kind, _) in COMMANDS.items():
+        description = inspect.cleandoc(kind.__doc__ or "").partition("Options:\n")[0]
+        summary = description.partition("\n")[0].rstrip(".")
+        if kind.extensions and name == word:
+            module, _, registry = kind.extensions.partition(":")
+            described = getattr(import_module(module), registry)
+            listed = "; ".join(f"{each.name}: {each.line}" for each in described)
+            description += f"\n{described.kind.capitalize()}: {listed}."
+        help_line = summary[:1].lower() + summary[1:]
+        command = commands.add_parser(name, help=help_line, description=description)
+        if name == word:
+            _add_options(command, kind)
+    return parser
 
 
-def _joined(arguments: list[str]) -> list[str]:
-    """`--com -1,0,0` as `--com=-1,0,0`, which argparse would take for another option."""
-    joined: list[str] = []
-    for argument in arguments:
-        if joined and joined[-1] in LIST_OPTIONS and argument[:1] == "-" and "," in argument:
-            joined[-1] += f"={argument}"
+def _add_options(parser: argparse.ArgumentParser, kind: type[Command]) -> None:
+    """Add an argument or an option for each field; what is not given is left out."""
+    texts: dict[str, tuple[str | None, str]] = {}
+    for base in reversed(kind.__mro__):
+        _, _, options = inspect.cleandoc(base.__doc__ or "").partition("Options:\n")
+        for name, metavar, text in re.findall(OPTION, options, re.MULTILINE):
+            texts[name] = metavar or None, " ".join(text.split()).replace("%", "%%")
+    hints, known = get_type_hints(kind), {field.name: field for field in fields(kind)}
+    group: argparse._ActionsContainer = parser
+    if kind.one_of:
+        is_required = not any(known[name].default for name in kind.one_of)
+        group = parser.add_mutually_exclusive_group(required=is_required)
+    for name, field in known.items():
+        value = hints[name]
+        if isinstance(value, UnionType):
+            value, _ = get_args(value)
+        metavar, text = texts.get(name, (None, ""))
+        settings: dict[str, Any] = {"help": text, "default": argparse.SUPPRESS}
+        if value is bool:
+            settings["action"] = "store_true"
+        elif get_origin(value) is tuple:
+            value = get_args(value)[0]
+            settings |= {"action": "append"} if field.kw_only else {"nargs": "+"}
+            if parts := get_args(value):
+                value, settings["nargs"] = parts[0], len(parts)
+                settings["metavar"] = tuple((metavar or "").split())
+            settings = {"type": value, "metavar": metavar} | settings
+        elif get_args(value):
+            settings["choices"] = get_args(value)
         else:
-            joined.append(argument)
-    return joined
+            settings |= {"type": value, "metavar": metavar}
+            if not field.kw_only and field.default is not MISSING:
+                settings |= {"nargs": "?", "default": None}
+        if field.kw_only:
+            settings["required"] = field.default is MISSING
+            name = "--" + name.replace("_", "-")
+        (group if field.name in kind.one_of else parser).add_argument(name, **settings)

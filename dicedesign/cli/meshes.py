@@ -1,100 +1,42 @@
-"""`dicedesign pose`, `scatter`, `repair`, `figure`: meshes posed, repaired and drawn."""
+"""`dicedesign pose`, `scatter`, `repair`, `balance`, `figure`: meshes posed, changed and drawn."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
+from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from dicedesign.cli.commands import Balance, Figure, Pose, Repair, Scatter
 from dicedesign.cli.options import (
-    add_rest_options,
-    add_worker_options,
     center_of_mass,
     check_worker_options,
+    direction,
     numbers,
+    percents,
     print_json,
+    print_note,
+    text_table,
     vector,
     workers_of,
 )
-from dicedesign.errors import MOST_SEED, InputError, check_whole
-from dicedesign.runtime.files import atomic_write, make_writable_folder
-from dicedesign.runtime.text import printable, text_table
-from dicedesign.runtime.workers import progress_bar
+from dicedesign.errors import MOST_SEED, InputError, check_whole, printable
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
 from dicedesign.tolerances import SMALLEST_EXTENT
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from dicedesign.geometry.surfaces.repair import RepairedMesh
-    from dicedesign.geometry.triangles import Surface
-    from dicedesign.scenes.posing import Job, Stood
-    from dicedesign.scenes.room import Room
+    from dicedesign.balance.balanced import Balanced
+    from dicedesign.balance.goals import Goal
+    from dicedesign.scenes.posing import Job
 
 
-def add_pose_parser(commands: Any) -> None:
-    """Add `dicedesign pose` to argparse's `commands`."""
-    parser = commands.add_parser(
-        "pose",
-        help="stand meshes on a plane in the poses in which they come to rest",
-        description="Write meshes in the pose in which they most probably come to rest, or in "
-        "another, on the plane z = 0 with the center of mass on the z axis, in their own unit of "
-        "length. GLB files keep their materials, PLY files their colours; other formats hold the "
-        "shape alone.",
-    )
-    parser.add_argument(
-        "meshes",
-        type=Path,
-        nargs="+",
-        metavar="MESH",
-        help="STL, OBJ, PLY, OFF, GLB, XYZ, ..., or a folder for all meshes in it",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="PATH",
-        help="of one mesh: the file to write, in the format of its ending (default: MESH_posed, "
-        "here); of several or a folder: the folder for their files, which keep their names "
-        "(default: posed)",
-    )
-    chosen = parser.add_mutually_exclusive_group()
-    chosen.add_argument(
-        "--pose", type=int, default=1, metavar="N", help="the N-th most probable (default: 1)"
-    )
-    chosen.add_argument(
-        "--random",
-        action="store_true",
-        help="one drawn by the odds, turned about the vertical by any angle",
-    )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="S", help="of what --random draws (default: 0)"
-    )
-    parser.add_argument(
-        "--format",
-        metavar="NAME",
-        help="of a folder's files: stl, obj, ply, off, glb, 3mf, xyz, ... (default: each mesh's)",
-    )
-    parser.add_argument(
-        "--up",
-        choices=("z", "y"),
-        default="z",
-        help="stand on z = 0, or on y = 0 as programs that show GLB files want (default: z)",
-    )
-    add_rest_options(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON with the transforms")
-    add_worker_options(
-        parser,
-        "processes side by side (default: one for each core, or each thread of the cluster)",
-        "of several meshes: ",
-    )
-    parser.set_defaults(command=_run_pose)
-
-
-def _run_pose(options: argparse.Namespace) -> int:
-    # Imported here, as other commands do without.
+def pose(options: Pose) -> int:
+    """Write meshes in poses."""
     from dicedesign.scenes.posing import PoseChoice, stand, stand_many
 
     check_whole("--pose", options.pose)
@@ -107,21 +49,22 @@ def _run_pose(options: argparse.Namespace) -> int:
         coplanar_tolerance=options.coplanar_tolerance,
         y_up=options.up == "y",
     )
-    into_folder = len(options.meshes) > 1 or os.path.isdir(options.meshes[0])
-    if options.out is None:
-        mesh = options.meshes[0]
-        options.out = Path("posed" if into_folder else f"{mesh.stem}_posed{mesh.suffix}")
-    elif os.path.isdir(options.out):
-        into_folder = True
-    jobs = list(_list_jobs(options, into_folder))
-    _check_jobs(jobs)
-    if len(jobs) == 1:
-        if into_folder:
-            make_writable_folder(jobs[0].target.parent)
-        stood = [stand(jobs[0], choice)]
-    else:
+    jobs = list(_list_jobs(options))
+    sources: dict[Path, Path] = {}
+    for job in jobs:
+        other = sources.setdefault(job.target, job.source)
+        if other != job.source:
+            raise InputError(
+                f"--out: expected meshes with different names, got {other} and {job.source}, which "
+                f"would both be {job.target}; pose them one after the other"
+            )
+        _refuse_overwriting(job.source, job.target, "another path than the mesh's own")
+    if len(jobs) > 1 or jobs[0].target != options.out:
         for folder in sorted({job.target.parent for job in jobs}):
             make_writable_folder(folder)
+    if len(jobs) == 1:
+        stood = [stand(jobs[0], choice)]
+    else:
         with workers_of(options, "files", len(jobs)) as workers:
             stood = stand_many(
                 jobs,
@@ -131,148 +74,102 @@ def _run_pose(options: argparse.Namespace) -> int:
                 on_done=workers.advance,
                 on_quiet=workers.on_quiet,
             )
-    return _print_stood(stood, options)
+    written = [one for one in stood if not one.error]
+    for one in stood:
+        for note in (one.error,) if one.error else one.notes if len(stood) == 1 else ():
+            print_note(printable(note))
+    if options.json:
+        plain: list[dict[str, Any]] = []
+        for one in stood:
+            plain.append({"file": str(one.job.source)})
+            plain[-1] |= (
+                {"error": one.error}
+                if one.error
+                else {
+                    "out": str(one.job.target),
+                    "pose": one.rest + 1,
+                    "poses": one.rests,
+                    "probability": one.probability,
+                    "transform": one.transform,
+                }
+            )
+        print_json({"files": plain})
+    else:
+        table = text_table(
+            ("file", "", [printable(one.job.name) for one in written]),
+            ("pose", ">", [f"{one.rest + 1} of {one.rests}" for one in written]),
+            ("probability", ">", percents([one.probability for one in written], ".5f")),
+            ("written to", "", [printable(one.job.target) for one in written]),
+        )
+        print(table)
+    if len(written) < len(stood):
+        print_note(f"{len(stood) - len(written)} files could not be posed")
+    return 0 if written else 1
 
 
-def _list_jobs(options: argparse.Namespace, into_folder: bool) -> Iterator[Job]:
+def _list_jobs(options: Pose) -> Iterator[Job]:
     """What is to be done, file by file."""
     from dicedesign.batch.folder import list_folder
     from dicedesign.scenes.posing import Job, check_ending
 
+    first, out = options.meshes[0], options.out
+    into_folder = len(options.meshes) > 1 or os.path.isdir(first)
+    if out is None:
+        out = Path("posed" if into_folder else f"{first.stem}_posed{first.suffix}")
+    into_folder = into_folder or os.path.isdir(out)
     if options.format is not None:
         if not into_folder:
             raise InputError(
-                f"--format: expected a folder for --out, got the file {options.out}, whose ending "
+                f"--format: expected a folder for --out, got the file {out}, whose ending "
                 "says its format; leave --format out"
             )
         check_ending(f".{options.format}", "--format")
     if not into_folder:
-        (mesh,) = options.meshes
-        check_ending(options.out.suffix, f"--out {options.out}")
-        yield Job(mesh, mesh.name, options.out)
+        check_ending(out.suffix, f"--out {out}")
+        yield Job(first, first.name, out)
         return
     for mesh in options.meshes:
-        names = list(list_folder(mesh).meshes) if os.path.isdir(mesh) else [mesh.name]
-        for name in names:
-            source = mesh / name if os.path.isdir(mesh) else mesh
-            target = options.out / name
+        is_folder = os.path.isdir(mesh)
+        for name in list(list_folder(mesh).meshes) if is_folder else [mesh.name]:
+            target = out / name
             if options.format is not None:
                 target = target.with_suffix(f".{options.format}")
-            yield Job(source, name, target)
+            yield Job(mesh / name if is_folder else mesh, name, target)
 
 
-def _check_jobs(jobs: list[Job]) -> None:
-    """Raise InputError where two files would become one, or one would be written over itself."""
-    sources: dict[Path, Path] = {}
-    for job in jobs:
-        other = sources.setdefault(job.target, job.source)
-        if other != job.source:
-            raise InputError(
-                f"--out: expected meshes with different names, got {other} and {job.source}, which "
-                f"would both be {job.target}; pose them one after the other"
-            )
-        both = os.path.exists(job.target) and os.path.exists(job.source)
-        if both and os.path.samefile(job.target, job.source):
-            raise InputError(
-                f"--out: expected another path than the mesh's own, got {job.target}; take another"
-            )
-
-
-def _print_stood(stood: list[Stood], options: argparse.Namespace) -> int:
-    """Print what was done; returns the exit code."""
-    written = [one for one in stood if not one.error]
-    for one in stood:
-        for note in (one.error,) if one.error else one.notes if len(stood) == 1 else ():
-            print(f"note: {printable(note)}", file=sys.stderr)
-    if options.json:
-        print_json({"files": [_plain_stood(one) for one in stood]})
-    else:
-        columns = [("file", ""), ("pose", ">"), ("probability", ">"), ("written to", "")]
-        rows = [
-            [
-                printable(one.job.name),
-                f"{one.rest + 1} of {one.rests}",
-                f"{100.0 * one.probability:.5f} %",
-                printable(one.job.target),
-            ]
-            for one in written
-        ]
-        print("\n".join(text_table(columns, rows)))
-    if len(written) < len(stood):
-        print(f"note: {len(stood) - len(written)} files could not be posed", file=sys.stderr)
-    return 0 if written else 1
-
-
-def _plain_stood(one: Stood) -> dict[str, Any]:
-    if one.error:
-        return {"file": str(one.job.source), "error": one.error}
-    return {
-        "file": str(one.job.source),
-        "out": str(one.job.target),
-        "pose": one.rest + 1,
-        "poses": one.rests,
-        "probability": one.probability,
-        "transform": one.transform,
-    }
+def _refuse_overwriting(source: Path, target: Path, expected: str) -> None:
+    """Raise InputError where a file would be written over itself."""
+    if os.path.exists(target) and os.path.exists(source) and os.path.samefile(target, source):
+        raise InputError(f"--out: expected {expected}, got {target}; take another")
 
 
 MOST_BODIES: Final = 20_000
 
 
-def add_scatter_parser(commands: Any) -> None:
-    """Add `dicedesign scatter` to argparse's `commands`."""
-    parser = commands.add_parser(
-        "scatter",
-        help="fill a floor with meshes of a folder in poses drawn by their odds",
-        description="Fill a floor with meshes of a folder, each in a pose drawn by its odds and "
-        "turned by any angle, such that what they cover on the floor, their convex hulls seen from "
-        "above, does not overlap. The meshes take turns.",
-    )
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the meshes")
-    parser.add_argument(
-        "--count", type=int, default=30, metavar="N", help="bodies on the floor (default: 30)"
-    )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="S", help="of all chance (default: 0)"
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="the scene: .glb, with the meshes' materials and y upward as the format wants",
-    )
-    parser.add_argument(
-        "--floor",
-        metavar="W,D",
-        help="sides of the floor in the meshes' unit of length (default: as large as they need)",
-    )
-    parser.add_argument(
-        "--size",
-        type=float,
-        metavar="L",
-        help="scale each mesh until the longest side of the box around it is L (default: as they "
-        "are)",
-    )
-    parser.add_argument("--figure", type=Path, metavar="FILE.png", help="draw a picture of it")
-    parser.add_argument(
-        "--json", action="store_true", help="print every body's file, pose and transform as JSON"
-    )
-    parser.set_defaults(command=_run_scatter)
-
-
-def _run_scatter(options: argparse.Namespace) -> int:
-    # Imported here, as other commands do without.
+def scatter(options: Scatter) -> int:
+    """Write a floor with meshes of a folder."""
     from dicedesign.batch.folder import list_folder
     from dicedesign.geometry.meshes.reading import without_solids
+    from dicedesign.runtime.workers import progress_bar
     from dicedesign.scenes.room import room_glb, scattered
 
-    floor = _checked_floor(options)
+    check_whole("--count", options.count, most=MOST_BODIES)
+    check_whole("--seed", options.seed, least=0, most=MOST_SEED)
+    if options.out.suffix.lower() != ".glb":
+        raise InputError(f"--out: expected a path that ends in .glb, got {options.out}; rename it")
+    sides = None if options.floor is None else numbers("--floor", options.floor, "w,d")
+    lengths = [("--floor", side) for side in sides or ()]
+    if options.size is not None:
+        lengths.append(("--size", options.size))
+    for name, length in lengths:
+        # Its square, and the inverse of that, are numbers.
+        if not SMALLEST_EXTENT <= length <= 1.0 / SMALLEST_EXTENT:
+            raise InputError(
+                f"{name}: expected a length from {SMALLEST_EXTENT:g} to {1.0 / SMALLEST_EXTENT:g}, "
+                f"got {length:g}; change it, or the unit"
+            )
     files = list_folder(options.folder)
-    with (
-        without_solids(),
-        progress_bar("meshes", min(options.count, len(files.meshes))) as bar,
-    ):
+    with without_solids(), progress_bar("meshes", min(options.count, len(files.meshes))) as bar:
 
         def on_mesh(error: str) -> None:
             if error:
@@ -285,7 +182,7 @@ def _run_scatter(options: argparse.Namespace) -> int:
             list(files.meshes),
             options.count,
             options.seed,
-            floor=floor,
+            floor=None if sides is None else (sides[0], sides[1]),
             size=options.size,
             on_mesh=on_mesh,
         )
@@ -297,76 +194,32 @@ def _run_scatter(options: argparse.Namespace) -> int:
     atomic_write(options.out, data)
     if options.json:
         print_json(room.plain())
-    else:
-        print("\n".join(_room_table(options, room)))
+        return 0
+    rests = [
+        [body.rest for body in room.bodies if body.model == number]
+        for number in range(len(room.models))
+    ]
+    seen = [
+        f"{len(set(own))} of {len(model.poses.probabilities)}"
+        for own, model in zip(rests, room.models, strict=True)
+    ]
+    table = text_table(
+        ("file", "", [printable(model.name) for model in room.models]),
+        ("bodies", "d", map(len, rests)),
+        ("poses seen", ">", seen),
+        ("scale", ".4g", [model.scale for model in room.models]),
+    )
+    width, depth = room.floor
+    print(
+        f"{printable(options.out)}: {len(room.bodies)} bodies of {len(room.models)} meshes on a "
+        f"floor of {width:g} by {depth:g}\n\n{table}"
+    )
     return 0
 
 
-def _checked_floor(options: argparse.Namespace) -> tuple[float, float] | None:
-    """The floor that is asked for. Raises InputError for options that cannot be meant."""
-    check_whole("--count", options.count, most=MOST_BODIES)
-    check_whole("--seed", options.seed, least=0, most=MOST_SEED)
-    if options.out.suffix.lower() != ".glb":
-        raise InputError(f"--out: expected a path that ends in .glb, got {options.out}; rename it")
-    if options.size is not None:
-        _check_length("--size", options.size)
-    if options.floor is None:
-        return None
-    width, depth = numbers("--floor", options.floor, "w,d")
-    for side in (width, depth):
-        _check_length("--floor", side)
-    return width, depth
-
-
-def _check_length(name: str, length: float) -> None:
-    """Raise InputError for a length whose square, or its inverse, would not be a number."""
-    if not SMALLEST_EXTENT <= length <= 1.0 / SMALLEST_EXTENT:
-        raise InputError(
-            f"{name}: expected a length from {SMALLEST_EXTENT:g} to {1.0 / SMALLEST_EXTENT:g}, "
-            f"got {length:g}; change it, or the unit"
-        )
-
-
-def _room_table(options: argparse.Namespace, room: Room) -> list[str]:
-    rows = []
-    for number, model in enumerate(room.models):
-        rests = [body.rest for body in room.bodies if body.model == number]
-        poses = f"{len(set(rests))} of {len(model.poses.probabilities)}"
-        rows.append([printable(model.name), len(rests), poses, model.scale])
-    columns = [("file", ""), ("bodies", "d"), ("poses seen", ">"), ("scale", ".4g")]
-    width, depth = room.floor
-    return [
-        f"{printable(options.out)}: {len(room.bodies)} bodies of {len(room.models)} meshes on a "
-        f"floor of {width:g} by {depth:g}",
-        "",
-        *text_table(columns, rows),
-    ]
-
-
-def add_repair_parser(commands: Any) -> None:
-    """Add `dicedesign repair` to argparse's `commands`."""
-    parser = commands.add_parser(
-        "repair",
-        help="make a mesh the closed surface of one solid",
-        description="Make a mesh that is open, no manifold, of several bodies or meets itself the "
-        "closed surface of the largest solid that it encloses, for a concave die. One that is "
-        "such a surface already is written as it is. Needs the extra 'repair'.",
-    )
-    parser.add_argument("mesh", type=Path, metavar="IN", help="STL, OBJ, PLY, OFF, GLB, ...")
-    parser.add_argument(
-        "out",
-        type=Path,
-        metavar="OUT",
-        help="the file to write, in the unit of IN, in the format of its ending; a picture of "
-        "before and after is written beside it, ending in _repair.png",
-    )
-    parser.set_defaults(command=_run_repair)
-
-
-def _run_repair(options: argparse.Namespace) -> int:
-    # Imported here, as other commands do without.
+def repair(options: Repair) -> int:
+    """Write a mesh as the surface of one solid."""
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
-    from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.geometry.surfaces.repair import FINEST, input_surface
     from dicedesign.report.render.raster import upward_of
     from dicedesign.report.surface_figures import repair_figure
@@ -381,73 +234,140 @@ def _run_repair(options: argparse.Namespace) -> int:
         files.append(options.out.with_name(f"{options.out.stem}_repair.png"))
         atomic_write(files[1], repair_figure(made, upward_of(options.mesh)).png())
     for note in notes:
-        print(f"note: {printable(note)}", file=sys.stderr)
+        print_note(printable(note))
     if made is not None:
-        print("\n".join(_repair_table(made, surface)))
-    print(f"files: {', '.join(printable(str(path)) for path in files)}")
+        found = made.numbers
+        handles = "not closed" if found.handles_before is None else found.handles_before
+        rows: list[tuple[Any, ...]] = [
+            ("points", len(made.points), len(surface.points)),
+            ("triangles", len(made.triangles), len(surface.triangles)),
+            ("pieces", found.pieces, 1),
+            ("cavities", found.cavities, 0),
+            ("handles", handles, found.handles),
+        ]
+        for name, *parts in (
+            ("mean distance to the other", found.missed_mean, found.off_mean),
+            ("largest distance", found.missed_largest, found.off_largest),
+        ):
+            rows.append((name, *(f"{100.0 * part:.2g} % of the diagonal" for part in parts)))
+        names, *columns = zip(*rows, strict=True)
+        before, after = ([str(value) for value in column] for column in columns)
+        print(text_table(("", "", names), ("before", ">", before), ("after", ">", after)))
+    print(f"files: {', '.join(map(printable, files))}")
     return 0
 
 
-def _repair_table(made: RepairedMesh, surface: Surface) -> list[str]:
-    numbers = made.numbers
-    missed, off = (
-        [f"{100.0 * part:.2g} % of the diagonal" for part in parts]
-        for parts in (
-            (numbers.missed_mean, numbers.missed_largest),
-            (numbers.off_mean, numbers.off_largest),
-        )
-    )
-    closed = numbers.handles_before is not None
-    rows = [
-        ("points", len(made.points), len(surface.points)),
-        ("triangles", len(made.triangles), len(surface.triangles)),
-        ("pieces", numbers.pieces, 1),
-        ("cavities", numbers.cavities, 0),
-        ("handles", numbers.handles_before if closed else "not closed", numbers.handles),
-        ("mean distance to the other", missed[0], off[0]),
-        ("largest distance", missed[1], off[1]),
-    ]
-    texts = [(name, str(before), str(after)) for name, before, after in rows]
-    return text_table([("", ""), ("before", ">"), ("after", ">")], texts)
+def balance(options: Balance) -> int:
+    """Write a mesh with its center of mass where it serves a goal best."""
+    from dicedesign.balance.balanced import balanced
+    from dicedesign.balance.options import BalanceOptions
+    from dicedesign.report.balance_figure import balance_figure
+
+    goal = _goal(options)
+    region, infill = options.region, options.infill
+    given: dict[str, Any] = {
+        "region": _numbers("--region", region) if region and "," in region else region,
+        "by": options.by,
+        "size_mm": options.size_mm,
+        "wall_mm": options.wall_mm,
+        "drain_mm": options.drain_mm,
+        "infill": None if infill is None else _numbers("--infill", infill),
+        "tolerance": options.tolerance,
+    }
+    wanted = BalanceOptions(**{name: value for name, value in given.items() if value is not None})
+    file = options.out
+    if file.suffix.lower() != ".stl":
+        if file.suffix and not file.is_dir():
+            raise InputError(
+                f"--out: expected a folder or a file that ends in .stl, got {file}; rename it"
+            )
+        make_writable_folder(file)
+        file /= "balanced.stl"
+    _refuse_overwriting(options.mesh, file, "another file than the mesh")
+    body = read_body(options.mesh)
+    found = balanced(body, goal, wanted, on_way=lambda way: print_note(f"by {way} ..."))
+    contents = {
+        file.with_name(file.stem + end) if end else file: data
+        for end, data in found.made.files.items()
+    }
+    contents[file.with_name(f"{file.stem}_balance.png")] = balance_figure(found).png()
+    contents[file.with_name(f"{file.stem}_balance.json")] = json_text(found.data()).encode()
+    for path, data in contents.items():
+        atomic_write(path, data)
+    for note in found.notes:
+        print_note(printable(note))
+    if options.json:
+        print_json({**found.data(), "files": [str(path) for path in contents]})
+    else:
+        _print_balanced(options.mesh, found)
+        print(f"files: {', '.join(map(printable, contents))}")
+    return 0 if found.reached else 1
 
 
-def add_figure_parser(commands: Any) -> None:
-    """Add `dicedesign figure` to argparse's `commands`."""
-    # Only where the help is made: a command that is run does not need it.
-    from dicedesign.report.body_figures import BODY_FIGURES
+def _goal(options: Balance) -> Goal:
+    from dicedesign.balance.goals import EqualOdds, FewestRests, GivenOdds, Standing
 
-    kinds = "; ".join(f"{figure.name}: {figure.line}" for figure in BODY_FIGURES)
-    parser = commands.add_parser(
-        "figure",
-        help="draw one of the paper's kinds of figures of a mesh, a finished die or a recipe",
-        description="Draw one of the paper's kinds of figures of any body. Kinds: " + kinds + ".",
-    )
-    parser.add_argument("kind", metavar="KIND", help="one of these")
-    parser.add_argument(
-        "subject",
-        type=Path,
-        metavar="INPUT",
-        help="a mesh file, a folder that `dicedesign run` left, or a recipe, whose die is designed",
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE.png", help="the picture (default: INPUT_KIND.png, here)"
-    )
-    parser.add_argument(
-        "--down",
-        metavar="x,y,z",
-        help="of paths and drop: direction in the body's frame that points down at first",
-    )
-    parser.add_argument(
-        "--before", type=Path, metavar="MESH", help="of before_after: what the body was made from"
-    )
-    parser.add_argument("--steps", type=int, metavar="N", help="of ablation: most of each descent")
-    add_rest_options(parser)
-    parser.set_defaults(command=_run_figure)
+    if options.poses is not None and options.target is None:
+        raise InputError("--poses: expected --target p,q,... with it, got none; add it")
+    if options.equal is not None:
+        return EqualOdds(options.equal)
+    if options.stand is not None:
+        return Standing(pose=options.stand)
+    if options.stand_down is not None:
+        return Standing(down=vector("--stand-down", options.stand_down))
+    if options.target is None:
+        return FewestRests()
+    poses = None
+    if options.poses is not None:
+        try:
+            poses = tuple(int(part) for part in options.poses.split(","))
+        except ValueError as error:
+            raise InputError(
+                f"--poses: expected numbers of poses such as 1,2, got {options.poses!r}; "
+                "dicedesign rest lists them"
+            ) from error
+    return GivenOdds(_numbers("--target", options.target), poses)
 
 
-def _run_figure(options: argparse.Namespace) -> int:
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    """The numbers of a text, fractions or decimals."""
+    try:
+        return tuple(float(Fraction(part.strip())) for part in text.split(","))
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise InputError(
+            f"{option}: expected numbers such as 0.5,1/4, got {text!r}; separate them by commas"
+        ) from error
+
+
+def _print_balanced(mesh: Path, found: Balanced) -> None:
+    """Print what was wanted, and what the files do."""
+    print(
+        f"{printable(mesh)}: {'reached' if found.reached else 'not reached'}, by {found.by}; "
+        f"{found.rests_before} resting poses before, {found.rests} now"
+    )
+    for name, place in (
+        ("before", found.center_before),
+        ("wanted", found.center_wanted),
+        ("now", found.center),
+    ):
+        print(f"center of mass {name:6}  {'  '.join(f'{x + 0.0:10.5f}' for x in place)} mm")
+    if found.made.wall_mm is not None:
+        print(f"walls of at least {found.made.wall_mm:.4g} mm")
+    table = text_table(
+        ("pose", ">", ["new" if number is None else str(number) for number in found.numbers]),
+        ("facet normal (down)", "", map(direction, found.directions)),
+        ("before", ">", percents(found.before, ".4f")),
+        ("goal", ">", percents(found.wanted, ".4f")),
+        ("now", ">", percents(found.odds, ".4f")),
+    )
+    print(f"\n{table}")
+
+
+def draw_figure(options: Figure) -> int:
+    """Draw a kind of figure."""
     from dicedesign.recipe.subjects import subject_of
     from dicedesign.report.body_figures import BODY_FIGURES
+    from dicedesign.runtime.workers import progress_bar
 
     figure = BODY_FIGURES[options.kind]
     for name, kinds in (
@@ -461,9 +381,7 @@ def _run_figure(options: argparse.Namespace) -> int:
             )
     if options.steps is not None:
         check_whole("--steps", options.steps)
-    out = options.out
-    if out is None:
-        out = Path(f"{options.subject.resolve().stem}_{options.kind}.png")
+    out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
     if out.suffix.lower() != ".png":
         raise InputError(f"--out: expected a path that ends in .png, got {out}; rename it")
     down = None if options.down is None else vector("--down", options.down)

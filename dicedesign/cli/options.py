@@ -1,29 +1,27 @@
-"""Options that several commands have, and what they print alike."""
+"""What several commands read, and how they print."""
 
 from __future__ import annotations
 
-import argparse
 import math
-import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from dicedesign.cli.commands import WithWorkers
 from dicedesign.errors import InputError, check_whole
-from dicedesign.runtime.files import atomic_write, json_text
-from dicedesign.runtime.text import printable
+from dicedesign.kernels import ops as kernels
+from dicedesign.runtime.files import json_text
 
 if TYPE_CHECKING:
     from dicedesign.batch.batch import Center
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
-    from dicedesign.runtime.checkpoint import Checkpoint
     from dicedesign.runtime.workers import Workers
-
 
 MISSING_KERNELS: Final = (
     "note: without the compiled kernels this takes many times as long; install the package where "
@@ -34,48 +32,7 @@ MOST_JOBS: Final = 4096
 """More processes than any machine bears."""
 
 
-def add_value(
-    parser: argparse._ActionsContainer,
-    name: str,
-    metavar: str,
-    help: str,
-    type: Callable[[str], Any] = str,
-    default: Any = None,
-) -> None:
-    """Add an option, or a positional argument, that takes one value."""
-    parser.add_argument(name, metavar=metavar, help=help, type=type, default=default)
-
-
-def add_json_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--json`."""
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
-
-
-def add_worker_options(parser: argparse.ArgumentParser, jobs_help: str, where: str = "") -> None:
-    """Add `--jobs` and `--scheduler`; where: what their help begins with."""
-    parser.add_argument("--jobs", type=int, metavar="J", help=where + jobs_help)
-    parser.add_argument(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help=f"{where}run on the Dask cluster of this address, tls://HOST:PORT if encrypted; needs "
-        "the extra 'cluster' (default: on this machine)",
-    )
-
-
-def add_engine_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--engine`, the simulator of throws."""
-    from dicedesign.throws.engines import ENGINES
-
-    *lines, last = (f"{engine.name}: {engine.line}" for engine in ENGINES)
-    parser.add_argument(
-        "--engine",
-        default="native",
-        metavar="NAME",
-        help=f"{'; '.join(lines)}; or {last} (default: native)",
-    )
-
-
-def check_worker_options(options: argparse.Namespace) -> None:
+def check_worker_options(options: WithWorkers) -> None:
     """Raise InputError for a number of jobs or an address that cannot be meant."""
     if options.jobs is not None:
         check_whole("--jobs", options.jobs, most=MOST_JOBS)
@@ -87,7 +44,7 @@ def check_worker_options(options: argparse.Namespace) -> None:
 
 
 def workers_of(
-    options: argparse.Namespace, unit: str, total: int, done: int = 0
+    options: WithWorkers, unit: str, total: int, done: int = 0
 ) -> AbstractContextManager[Workers]:
     """The workers that the options ask for; unit, total, done: as of `open_workers`. Says whether
     those of this machine are slow."""
@@ -100,42 +57,14 @@ def workers_of(
 
 def note_missing_kernels() -> None:
     """Say on stderr that a command takes long as there are no kernels, if so."""
-    from dicedesign.kernels import ops as kernels
-
     if not kernels.available():
         with suppress(OSError):
-            print(MISSING_KERNELS, file=sys.stderr)
+            print_note(MISSING_KERNELS.removeprefix("note: "))
 
 
-def json_path(path: Path) -> Path:
-    """The path that `--out` gives for a table of throw parameters. Raises InputError: it does not
-    end in .json."""
-    if path.suffix != ".json":
-        raise InputError(f"--out: expected a path that ends in .json, got {path}; rename it")
-    return path
-
-
-def checkpoint_beside(out: Path | None, work: Mapping[str, str]) -> Checkpoint:
-    """The checkpoint of work whose result will be written, with a note if there is one already;
-    without a result to be written, one that keeps no file.
-
-    work: as of `Checkpoint`. Raises InputError: the one there is of other work.
-    """
-    from dicedesign.runtime.checkpoint import Checkpoint
-
-    if out is None:
-        return Checkpoint()
-    path = out.with_suffix(".checkpoint.npz")
-    checkpoint = Checkpoint(path, {**work, "version of dicedesign": version("dicedesign")})
-    if os.path.exists(path):
-        print(f"note: goes on from {printable(path)}", file=sys.stderr)
-    return checkpoint
-
-
-def write_table(path: Path, entries: dict[str, Any]) -> None:
-    """Write the file of a table of throw parameters, and say so."""
-    atomic_write(path, json_text(entries).encode())
-    print(f"note: wrote {printable(path)}", file=sys.stderr)
+def print_note(text: str) -> None:
+    """Say something on stderr."""
+    print(f"note: {text}", file=sys.stderr)
 
 
 def direction(vector: Iterable[float]) -> str:
@@ -144,17 +73,47 @@ def direction(vector: Iterable[float]) -> str:
     return "  ".join(f"{x + 0.0:8.5f}" for x in vector)
 
 
-def percent_interval(interval: Iterable[float]) -> str:
-    """Limits of a probability, in percent."""
-    return "  ".join(f"{100 * limit:7.3f}" for limit in interval)
+def percents(parts: Iterable[float] | None, form: str) -> list[str] | None:
+    """Parts of 1 in percent, each in a format; None for none."""
+    return None if parts is None else [f"{100.0 * part:{form}} %" for part in parts]
+
+
+def percent_intervals(intervals: Floats) -> list[str]:
+    """Limits (k, 2) of probabilities, in percent."""
+    return [f"{low:7.3f}  {high:7.3f}" for low, high in 100 * intervals]
+
+
+def text_table(*columns: tuple[str, str, Iterable[object] | None]) -> str:
+    """A table, beginning with the names of its columns.
+
+    columns: name, format, as of `format`, and values of each; None leaves it out. One whose format
+        is empty is of texts and begins at the left; the others, numbers or texts of the format ">",
+        end at the right.
+    """
+    texts = []
+    for name, form, values in columns:
+        if values is not None:
+            cells = [name, *(format(value, form) for value in values)]
+            width = max(map(len, cells))
+            texts.append([cell.rjust(width) if form else cell.ljust(width) for cell in cells])
+    return "\n".join("  ".join(row).rstrip() for row in zip(*texts, strict=True))
+
+
+def plain_rows(columns: Mapping[str, Iterable[object] | None]) -> list[dict[str, Any]]:
+    """A mapping of plain data for each row of a table; a column that is None is left out."""
+    values = {
+        name: [
+            each.tolist() if isinstance(each, np.ndarray | np.generic) else each for each in column
+        ]
+        for name, column in columns.items()
+        if column is not None
+    }
+    return [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
 
 
 def print_json(plain: object) -> None:
     """Print plain data, which have finite numbers only."""
     print(json_text(plain), end="")
-
-
-WORDS = {2: "two", 3: "three", 6: "six"}
 
 
 def numbers(option: str, text: str, form: str) -> list[float]:
@@ -166,7 +125,8 @@ def numbers(option: str, text: str, form: str) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(map(math.isfinite, values)):
-        raise InputError(f"{option}: expected {WORDS[count]} numbers {form}, got {text!r}")
+        word = {2: "two", 3: "three", 6: "six"}[count]
+        raise InputError(f"{option}: expected {word} numbers {form}, got {text!r}")
     return values
 
 
@@ -176,48 +136,11 @@ def vector(option: str, text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def add_body_options(parser: argparse.ArgumentParser) -> None:
-    """Add MESH, `--part` and `add_rest_options`."""
-    parser.add_argument(
-        "mesh",
-        type=Path,
-        metavar="MESH",
-        help="STL, OBJ, PLY, OFF, GLB, XYZ, ..., or densities of cells, NPY or NPZ",
-    )
-    parser.add_argument(
-        "--part",
-        action="append",
-        default=[],
-        metavar="FILE:DENSITY",
-        help="a closed mesh in the same frame, of another density in units of MESH's own; it takes "
-        "the place of what it overlaps, and 0 is a cavity; more than one may be given, the last "
-        "one counts where they overlap",
-    )
-    add_rest_options(parser)
-
-
-def add_rest_options(parser: argparse.ArgumentParser) -> None:
-    """Add `--com` and `--coplanar-tolerance`."""
-    parser.add_argument(
-        "--com",
-        metavar="x,y,z|hull",
-        help="center of mass in the mesh's unit, or that of the uniform solid hull (default: of "
-        "the uniform solid; of its hull for point clouds and open meshes)",
-    )
-    parser.add_argument(
-        "--coplanar-tolerance",
-        type=float,
-        metavar="T",
-        help="merge hull triangles within this distance of one plane, relative to the body's half "
-        "extent (default: 1e-11, for rounded coordinates such as STL 2e-6)",
-    )
-
-
 def center_of_mass(text: str | None) -> Center:
     """The center of mass that `--com` asks for."""
-    if text is None:
-        return None
-    return "hull" if text == "hull" else vector("--com", text)
+    if text is None or text == "hull":
+        return text  # type: ignore[return-value]
+    return vector("--com", text)
 
 
 def read_poses(
@@ -230,27 +153,25 @@ def read_poses(
 
     center, coplanar_tolerance: as in `rest_poses`; parts: what `--part` gives.
     """
-    # Imported here, as other commands do without.
+    # Imported here, as commands of designed dice do without.
     from dicedesign.geometry.meshes.reading import read_body, without_solids
     from dicedesign.rest.poses import rest_poses
 
     with without_solids():
         body = read_body(path)
-        others = [_part(text) for text in parts]
+        others = [(read_body(file), density) for file, density in map(_part, parts)]
     if others:
         from dicedesign.geometry.meshes.manifold import weighted_body
 
         body = weighted_body([(body, 1.0), *others])
     poses = rest_poses(body, center, coplanar_tolerance=coplanar_tolerance)
-    for note in poses.notes:
-        print(f"note: {note}", file=sys.stderr)
+    for each in poses.notes:
+        print_note(each)
     return body, poses
 
 
-def _part(text: str) -> tuple[Body, float]:
-    """The body and the density that a `--part` gives."""
-    from dicedesign.geometry.meshes.reading import read_body
-
+def _part(text: str) -> tuple[Path, float]:
+    """The file and the density that a `--part` gives."""
     path, _, density = text.rpartition(":")
     try:
         number = float(density)
@@ -261,4 +182,4 @@ def _part(text: str) -> tuple[Body, float]:
             f"--part: expected FILE:DENSITY with a density from 0 on, got {text!r}; write it such "
             "as ball.stl:7.8"
         )
-    return read_body(Path(path)), number
+    return Path(path), number

@@ -2,136 +2,120 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from itertools import repeat
+from typing import Any, Final
 
+import numpy as np
+
+from dicedesign.cli.commands import Table as TableCommand
 from dicedesign.cli.options import (
-    add_json_option,
-    add_value,
-    add_worker_options,
     check_worker_options,
-    checkpoint_beside,
-    json_path,
     print_json,
+    print_note,
+    text_table,
     workers_of,
-    write_table,
 )
-from dicedesign.errors import InputError
-from dicedesign.runtime.text import printable
-
-if TYPE_CHECKING:
-    from dicedesign.throws.throw_counts import CountedDie
+from dicedesign.errors import InputError, printable
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checkpoint import Checkpoint
+from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
+from dicedesign.throws.distances import MeasuredDistance, jeffreys_means, measure_variation
+from dicedesign.throws.engines import require_engine
+from dicedesign.throws.simulation import simulate
+from dicedesign.throws.table_fit import (
+    BELIEF,
+    MORE,
+    DieCheck,
+    DieFit,
+    Prediction,
+    TableFit,
+    check_effort,
+    check_table,
+    fit_table,
+)
+from dicedesign.throws.tables import Table, posterior_entries
+from dicedesign.throws.throw_counts import (
+    CountedDie,
+    read_throw_counts,
+    rolled_die,
+    throws_digest,
+    uncounted_die,
+)
 
 CHECKED: Final = 1 / 12
 """Fresh drops of each die at the fitted table, as a part of those of all evaluations."""
 
+UNITS: Final = {"height": "m", "speed": "m/s", "spin": "rad/s"}
+"""Of the parameters that have one."""
 
-def add_parser(commands: Any) -> None:
-    """Add `dicedesign table` and its actions to argparse's `commands`."""
-    parser = commands.add_parser(
-        "table",
-        help="fit a table's throw parameters",
-        description="Tables of throw parameters.",
-    )
-    actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
-    fit = actions.add_parser(
-        "fit",
-        help="fit throw parameters to counts of real dice",
-        description="Fit restitution, friction and the center of all hands (drop height, speed and "
-        "spin) to what came up with several real dice, each thrown in a session with a hand of its "
-        "own about that center. Each die is then predicted from the others, and tested against the "
-        "fitted table with fresh drops. The table's file has 32 equally likely tables beside the "
-        "fitted one. With --out, what was simulated is kept beside the table until that is there: "
-        "the same command goes on where an earlier one was interrupted or killed. The exit code is "
-        "1 where no table explains the counts of a die.",
-    )
-    add_value(
-        fit,
-        "--throws",
-        "CSV",
-        "a line for each outcome: columns die, mesh (a file, or a folder that `dicedesign "
-        "run` left, as seen from the CSV), outcome and throws; for mesh files also geometric, the "
-        "outcome's odds without momentum; perhaps com (x y z) and size_mm (else 15 to 35)",
-        Path,
-    )
-    fit.add_argument(
-        "--rolls",
-        type=Path,
-        nargs=2,
-        action="append",
-        default=[],
-        metavar=("FOLDER", "ROLLS.csv"),
-        help="a die of a folder that `dicedesign run` left, and its throws, a file as of "
-        "`dicedesign rolls`; with or without --throws, and for several dice",
-    )
-    add_value(fit, "--dice", "NAME,...", "fit to these dice of the file (default: to all)")
-    add_value(fit, "--check", "NAME,...", "predict these dice of the file, without fitting to them")
-    add_value(
-        fit,
-        "--die",
-        "FOLDER",
-        "say what the fitted table does to this die, of a folder that `dicedesign run` left, "
-        "and what more throws of it would tell",
-        Path,
-    )
-    add_value(
-        fit, "--evaluations", "N", "sets of parameters that are simulated (default: 256)", int, 256
-    )
-    add_value(
-        fit,
-        "--drops",
-        "N",
-        "of each die for each set; a twelfth of all as many again test the fit (default: 2000)",
-        int,
-        2000,
-    )
-    add_value(fit, "--seed", "S", "default: 0", int, 0)
-    add_worker_options(
-        fit,
-        "how many simulations at a time (default: one for each core, or each thread of the "
-        "cluster); the result does not depend on it",
-    )
-    add_value(fit, "--out", "TABLE.json", "write the table, for --table elsewhere", Path)
-    add_json_option(fit)
-    fit.set_defaults(command=_fit)
+LEVEL: Final = 0.05
+"""p-value up to which a die rejects a table."""
+
+IMPOSSIBLE: Final = 0.001
+"""p-value by the posterior of all counts, its own among them, up to which no table explains a
+die's."""
+
+VAGUE: Final = 0.75
+"""Part of the search's range from which on an interval says that the counts do not tell."""
+
+SHARED: Final = ("restitution", "friction")
+"""Parameters that more throws are to tell."""
+
+CONFIDENCE: Final = 0.95
+"""Of intervals of total variation."""
 
 
-def _fit(options: argparse.Namespace) -> int:
-    # Imported here, as other commands do without.
-    from dicedesign.cli.fit_report import DieAtHand, fit_lines, plain_fit, unexplained
-    from dicedesign.runtime.files import make_writable_folder
-    from dicedesign.throws.engines import require_engine
-    from dicedesign.throws.simulation import simulate
-    from dicedesign.throws.table_fit import check_effort, check_table, fit_table
-    from dicedesign.throws.tables import Table, posterior_entries
-    from dicedesign.throws.throw_counts import rolled_die, throws_digest, uncounted_die
+@dataclass(frozen=True)
+class DieAtHand:
+    """A die that was not thrown yet.
 
+    Attributes
+    ----------
+    fit: what the posterior says of it.
+    simulated: (g,) what came up in fresh drops on the fitted table.
+    target: (g,) odds that it was designed for.
+    """
+
+    fit: DieFit
+    simulated: Integers
+    target: Floats
+
+    @property
+    def on_fitted(self) -> MeasuredDistance:
+        """Total variation from the target on the fitted table."""
+        return measure_variation(self.simulated, self.target, CONFIDENCE)
+
+    @property
+    def by_posterior(self) -> tuple[float, float]:
+        """Total variations below which it is on half of all tables, and on `BELIEF` of them."""
+        each = np.abs(self.fit.drawn - self.target).sum(axis=1) / 2.0
+        half, most = np.quantile(each, [0.5, BELIEF]).tolist()
+        return half, most
+
+
+def fit(options: TableCommand) -> int:
+    """Print the fitted table, and write it."""
     check_worker_options(options)
     require_engine("native")
     check_effort(options.evaluations, options.drops, options.seed)
-    out = None if options.out is None else json_path(options.out)
-    checked = _names(options.check) or []
-    wanted = _names(options.dice)
-    if options.throws is None and not options.rolls:
-        raise InputError("table fit: expected --throws or --rolls, got neither; add one of them")
-    dice, others = _dice(options.throws, wanted, checked)
-    dice = (*dice, *(rolled_die(folder, rolls) for folder, rolls in options.rolls))
-    twice = {die.name for die in dice} & set(checked)
-    if twice or not dice:
-        raise InputError(
-            "--check: expected dice that are not fitted to, and some that are, got "
-            f"{', '.join(checked)}; name other dice"
-        )
+    out = options.out
+    if out is not None and out.suffix != ".json":
+        raise InputError(f"--out: expected a path that ends in .json, got {out}; rename it")
+    dice, others = _read_dice(options)
     designed = None if options.die is None else uncounted_die(options.die)
     counted = (*dice, *others)
     if designed is not None:
         others = (*others, designed[0])
+    checkpoint_file, name = None, "fitted"
     if out is not None:
         # Better known before the simulations than after.
         make_writable_folder(out.parent)
+        checkpoint_file, name = out.with_suffix(".checkpoint.npz"), printable(out.stem)
     source = "fitted to " + ", ".join(f"{die.counts.sum()} throws of {die.name}" for die in dice)
-    name = "fitted" if out is None else printable(out.stem)
     start = Table(name, 0.0, 0.0, 0.0, 0.0, 0.0, source=source)
     fresh = max(1, round(CHECKED * options.evaluations * options.drops))
     total = (options.evaluations * options.drops + fresh) * (len(dice) + len(others))
@@ -141,11 +125,15 @@ def _fit(options: argparse.Namespace) -> int:
         "number of evaluations": str(options.evaluations),
         "number of drops": str(options.drops),
         "seed": str(options.seed),
+        "version of dicedesign": version("dicedesign"),
     }
     with (
-        checkpoint_beside(out, work) as checkpoint,
+        Checkpoint(checkpoint_file, work) as checkpoint,
         workers_of(options, "drops", total) as workers,
     ):
+        if checkpoint_file is not None and os.path.exists(checkpoint_file):
+            print_note(f"goes on from {printable(checkpoint_file)}")
+        share: dict[str, Any] = {"workers": workers.executor, "progress": workers.advance}
         fit = fit_table(
             dice,
             start,
@@ -153,58 +141,253 @@ def _fit(options: argparse.Namespace) -> int:
             options.drops,
             options.seed,
             others=others,
-            workers=workers.executor,
             checkpoint=checkpoint,
-            progress=workers.advance,
+            **share,
         )
         # A seed that no evaluation had.
-        checks = check_table(
-            counted,
-            fit.table,
-            fresh,
-            options.seed,
-            workers=workers.executor,
-            progress=workers.advance,
-        )
+        checks = check_table(counted, fit.table, fresh, options.seed, **share)
         at_hand = None
         if designed is not None:
             die, target = designed
-            throws = simulate(
-                die.body,
-                fit.table.lifted(die.size),
-                fresh,
-                options.seed,
-                workers=workers.executor,
-                progress=workers.advance,
-            )
+            throws = simulate(die.body, fit.table.lifted(die.size), fresh, options.seed, **share)
             at_hand = DieAtHand(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
-            posterior = posterior_entries(fit.posterior)
-            write_table(out, {**fit.table.as_dict(), "posterior": posterior})
+            entries = fit.table.as_dict() | {"posterior": posterior_entries(fit.posterior)}
+            atomic_write(out, json_text(entries).encode())
+            print_note(f"wrote {printable(out)}")
     if options.json:
-        print_json(plain_fit(fit, checks, at_hand))
+        print_json(_plain(fit, checks, at_hand))
     else:
-        print("\n".join(fit_lines(fit, checks, at_hand)))
-    return 1 if unexplained(fit) else 0
+        print(_describe(fit, checks, at_hand))
+    return 1 if _unexplained(fit) else 0
 
 
-def _dice(
-    throws: Path | None, wanted: list[str] | None, checked: list[str]
+def _read_dice(
+    options: TableCommand,
 ) -> tuple[tuple[CountedDie, ...], tuple[CountedDie, ...]]:
-    """The dice of a file that are fitted to, and those that are predicted."""
-    from dicedesign.throws.throw_counts import read_throw_counts
+    """The dice that are fitted to, and those that are predicted."""
+    wanted, checked = (
+        None if text is None else [name.strip() for name in text.split(",")]
+        for text in (options.dice, options.check)
+    )
+    dice: tuple[CountedDie, ...] = ()
+    others: tuple[CountedDie, ...] = ()
+    if options.throws is not None:
+        dice = tuple(read_throw_counts(options.throws, wanted))
+        if checked:
+            others = tuple(read_throw_counts(options.throws, checked))
+            if wanted is None:
+                dice = tuple(die for die in dice if die.name not in checked)
+    elif not options.rolls:
+        raise InputError("table fit: expected --throws or --rolls, got neither; add one of them")
+    elif wanted is not None or checked:
+        raise InputError(
+            "--dice, --check: expected a file that has these dice, got none; add --throws"
+        )
+    dice = (*dice, *(rolled_die(folder, rolls) for folder, rolls in options.rolls))
+    if not dice or {die.name for die in dice} & set(checked or ()):
+        raise InputError(
+            "--check: expected dice that are not fitted to, and some that are, got "
+            f"{', '.join(checked or ())}; name other dice"
+        )
+    return dice, others
 
-    if throws is None:
-        if wanted is not None or checked:
-            raise InputError(
-                "--dice, --check: expected a file that has these dice, got none; add --throws"
-            )
-        return (), ()
-    dice = read_throw_counts(throws, wanted)
-    if wanted is None:
-        dice = tuple(die for die in dice if die.name not in checked)
-    return dice, read_throw_counts(throws, checked) if checked else ()
+
+def _unexplained(fit: TableFit) -> list[DieFit]:
+    """The dice whose counts no table explains."""
+    return [die for die in fit.dice if die.whole and die.whole.p_value <= IMPOSSIBLE]
 
 
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",")]
+def _describe(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None) -> str:
+    """The answer for people; checks: of the dice with counts, in the order of the fit."""
+    entries, dice = fit.parameters.values(), fit.dice[: len(checks)]
+    ranges = [
+        [f"{low:.3g} to {high:.3g}" for low, high in limits]
+        for limits in ([e.interval for e in entries], [e.searched for e in entries])
+    ]
+    parts = [
+        text_table(
+            ("parameter", "", fit.parameters),
+            ("fitted", ".3g", [entry.fitted for entry in entries]),
+            ("", "", [UNITS.get(name, "") for name in fit.parameters]),
+            ("mean", ".3g", [entry.mean for entry in entries]),
+            ("+-", ".2g", [entry.standard_deviation for entry in entries]),
+            (f"{100 * BELIEF:g} % within", ">", ranges[0]),
+            ("searched", ">", ranges[1]),
+        ),
+        text_table(
+            ("correlations", "", fit.parameters),
+            *zip(fit.parameters, repeat(".2f"), fit.correlations.T + 0.0),
+        ),
+        text_table(
+            ("die", "", [die.die.name for die in dice]),
+            ("throws", "d", [die.die.counts.sum() for die in dice]),
+            ("degrees", "d", [check.chi_square.degrees for check in checks]),
+            ("chi2 fitted", ".2f", [check.chi_square.statistic for check in checks]),
+            ("p", ".2g", [check.chi_square.p_value for check in checks]),
+            ("exact p", ".2g", [check.exact.p_value for check in checks]),
+            ("all dice", ">", [_p_value(die.whole) for die in dice]),
+            ("other dice", ">", [_p_value(die.left_out) for die in dice]),
+            ("chi2 geometric", ".2f", [check.geometric.statistic for check in checks]),
+            ("p", ".2g", [check.geometric.p_value for check in checks]),
+        ),
+    ]
+    for die, check in zip(dice, checks, strict=True):
+        counted, others = die.die, die.left_out
+        throws = counted.counts.sum()
+        assert others is not None
+        expected = zip(throws * others.odds, throws * others.deviation, strict=True)
+        table = text_table(
+            ("outcome", "", counted.labels),
+            ("throws", "d", counted.counts),
+            ("fitted", ".1f", throws * check.odds),
+            ("other dice", ">", [f"{mean:.1f} +- {off:.1f}" for mean, off in expected]),
+            ("geometric", ".1f", throws * counted.geometric),
+        )
+        parts.append(f"{counted.name}\n{table}")
+    if at_hand is not None:
+        parts += _describe_at_hand(at_hand)
+    return "\n\n".join([*parts, "\n".join(_sentences(fit, checks))])
+
+
+def _p_value(prediction: Prediction | None) -> str:
+    if prediction is None:
+        return "not fitted"
+    return f"{prediction.p_value:.2g} +- {prediction.standard_error:.1g}"
+
+
+def _describe_at_hand(die: DieAtHand) -> list[str]:
+    fit, odds = die.fit, jeffreys_means(die.simulated)
+    found, (half, most) = die.on_fitted, die.by_posterior
+    low, high = found.interval
+    table = text_table(
+        ("outcome", "", fit.die.labels),
+        ("target", ".4f", die.target),
+        ("fitted", ".4f", odds),
+        ("+-", ".4f", np.sqrt(odds * (1.0 - odds) / die.simulated.sum())),
+        ("posterior", ".4f", fit.odds),
+        ("+-", ".4f", fit.deviation),
+    )
+    more = text_table(
+        ("throws", "d", MORE),
+        *((f"+- {name}", ".3f", left) for name, left in zip(SHARED, fit.after.T, strict=True)),
+    )
+    return [
+        f"{fit.die.name}\n{table}\n"
+        f"total variation from the target {found.value:.4f} on the fitted table (95 % within "
+        f"{low:.4f} to {high:.4f}; chance alone {found.noise_floor:.4f}), below {half:.4f} on half "
+        f"of the posterior's and below {most:.4f} on {100 * BELIEF:g} %",
+        f"what more throws of it, in one session, would leave open\n{more}",
+    ]
+
+
+def _sentences(fit: TableFit, checks: Sequence[DieCheck]) -> list[str]:
+    drops = int(checks[0].simulated.sum()) + checks[0].unresolved
+    fitted = [check for die, check in zip(fit.dice, checks, strict=False) if die.whole]
+    rejecting = [c.die.name for c in fitted if c.chi_square.p_value <= LEVEL]
+    verdict = "no die rejects" if not rejecting else ", ".join(rejecting) + " rejects"
+    lines = [
+        f"{fit.evaluations} sets of parameters, {fit.drops} drops of each die for each; "
+        f"log likelihood {fit.log_likelihood:.2f}, of odds equal to all frequencies 0",
+        f"the surrogate's predictions were {fit.surprise:.2f} of its standard deviations off",
+        f"with {drops} fresh drops {verdict} the fitted set at the level {LEVEL:g}",
+    ]
+    for die in fit.dice:
+        if (
+            die.left_out is not None
+            and die.left_out.p_value <= LEVEL
+            and die not in _unexplained(fit)
+        ):
+            lines.append(f"the other dice's counts hardly go with {_worst(die, die.left_out)}")
+    vague = [
+        name
+        for name, entry in fit.parameters.items()
+        if entry.interval[1] - entry.interval[0] >= VAGUE * (entry.searched[1] - entry.searched[0])
+    ]
+    if vague:
+        lines.append(f"these throws hardly tell: {', '.join(vague)}")
+    unresolved = {c.die.name: c.unresolved for c in checks if c.unresolved}
+    lines += [f"{name}: {count} fresh drops came to no rest" for name, count in unresolved.items()]
+    for die in _unexplained(fit):
+        assert die.whole is not None
+        lines.append(
+            f"no table within the limits explains {_worst(die, die.whole)}; see whether that is "
+            "written down right, and whether the die is the one of the mesh"
+        )
+    return lines
+
+
+def _worst(die: DieFit, prediction: Prediction) -> str:
+    """What is least like a prediction, in words."""
+    counts, worst, (low, high) = die.die.counts, prediction.worst, prediction.interval
+    return (
+        f"{die.die.name} (p = {prediction.p_value:.2g}), above all {die.die.labels[worst]}: "
+        f"{counts[worst]} of {counts.sum()} throws, where 95 % of predictions are {low} to {high}"
+    )
+
+
+def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None) -> dict[str, Any]:
+    """The answer as plain data; checks: of the dice with counts, in the order of the fit."""
+    answer: dict[str, Any] = {
+        "table": fit.table.as_dict(),
+        "posterior": [table.as_dict() for table in fit.posterior],
+        "parameters": {name: asdict(entry) for name, entry in fit.parameters.items()},
+        "correlations": fit.correlations.tolist(),
+        "evaluations": fit.evaluations,
+        "drops": fit.drops,
+        "log_likelihood": fit.log_likelihood,
+        "surprise": fit.surprise,
+        "effective_points": fit.effective_points,
+        "unexplained": [die.die.name for die in _unexplained(fit)],
+        "dice": [
+            {
+                "die": die.die.name,
+                "outcomes": die.die.labels,
+                "throws": die.die.counts.tolist(),
+                "geometric_odds": die.die.geometric.tolist(),
+                "simulated": check.simulated.tolist(),
+                "unresolved": check.unresolved,
+                "degrees": check.chi_square.degrees,
+                "chi_square": check.chi_square.statistic,
+                "p_value": check.chi_square.p_value,
+                "exact_p_value": check.exact.p_value,
+                "by_all_dice": _plain_prediction(die, die.whole),
+                "by_other_dice": _plain_prediction(die, die.left_out),
+                "geometric_chi_square": check.geometric.statistic,
+                "geometric_p_value": check.geometric.p_value,
+            }
+            for die, check in zip(fit.dice, checks, strict=False)
+        ],
+    }
+    if at_hand is not None:
+        die, variation, (half, most) = at_hand.fit, at_hand.on_fitted, at_hand.by_posterior
+        answer["die_at_hand"] = {
+            "die": die.die.name,
+            "outcomes": die.die.labels,
+            "target": at_hand.target.tolist(),
+            "simulated": at_hand.simulated.tolist(),
+            "total_variation": variation.value,
+            "interval": variation.interval,
+            "noise_floor": variation.noise_floor,
+            "posterior_odds": die.odds.tolist(),
+            "posterior_standard_deviations": die.deviation.tolist(),
+            "posterior_total_variation": {"median": half, f"quantile_{BELIEF:g}": most},
+            "after_more_throws": {
+                str(count): dict(zip(SHARED, row, strict=True))
+                for count, row in zip(MORE, die.after.tolist(), strict=True)
+            },
+        }
+    return answer
+
+
+def _plain_prediction(die: DieFit, prediction: Prediction | None) -> dict[str, Any] | None:
+    if prediction is None:
+        return None
+    return {
+        "odds": prediction.odds.tolist(),
+        "standard_deviations": prediction.deviation.tolist(),
+        "p_value": prediction.p_value,
+        "standard_error": prediction.standard_error,
+        "worst_outcome": die.die.labels[prediction.worst],
+        "interval": prediction.interval,
+    }

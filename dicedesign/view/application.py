@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from dicedesign.errors import printable
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.runtime.text import printable
 from dicedesign.view.body_panel import BodyPanel
 from dicedesign.view.exhibit import Exhibit
 from dicedesign.view.new_die_panel import NewDiePanel

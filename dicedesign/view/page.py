@@ -10,8 +10,7 @@ from collections.abc import Callable, Hashable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from dicedesign.errors import DiceError
-from dicedesign.runtime.text import printable
+from dicedesign.errors import DiceError, printable
 from dicedesign.view.html_parts import html_part
 from dicedesign.view.serving import Gate, start_server, stop_server
 

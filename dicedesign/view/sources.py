@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dicedesign.batch.folder import list_folder
-from dicedesign.errors import MeshFileError
+from dicedesign.errors import MeshFileError, printable
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.meshes.orientation import resolve_center_of_mass
@@ -18,7 +18,6 @@ from dicedesign.geometry.meshes.reading import read_body, without_solids
 from dicedesign.rest.poses import analyse
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT
-from dicedesign.runtime.text import printable
 from dicedesign.view.viewed_body import MOST_POINTS, Outcomes, ViewedBody, farthest_points
 
 if TYPE_CHECKING:

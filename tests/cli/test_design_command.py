@@ -111,7 +111,7 @@ def design_with(monkeypatch: pytest.MonkeyPatch, method: dict[str, Any]) -> None
     def changed(entries: dict[str, Any]) -> Recipe:
         return checked_recipe({**entries, "method": method})
 
-    monkeypatch.setattr("dicedesign.recipe.reading.checked_recipe", changed)
+    monkeypatch.setattr("dicedesign.cli.dice.checked_recipe", changed)
 
 
 def test_a_target_out_of_reach_is_told(

@@ -11,11 +11,10 @@ import pytest
 from common.parsed_html import parsed
 
 from dicedesign.cli.main import main
-from dicedesign.errors import RecipeError
+from dicedesign.errors import RecipeError, printable
 from dicedesign.fabricate.file_formats import save_mesh
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.reading import checked_recipe, read_recipe
-from dicedesign.runtime.text import printable
 
 RECIPE = "name: a\ntarget: {fair: 4}\nsize_mm: 30\nfigures: false\nstart: {mesh: {path: %s}}\n"
 

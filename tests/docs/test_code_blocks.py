@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import shlex
 import shutil
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from common.doc_pages import PAGES, blocks, commands, run_parts
 from common.paths import ROOT
 
 from benchmarks.frame import parser_of
-from dicedesign.cli.main import COMMANDS
+from dicedesign.cli.main import make_parser
 from dicedesign.recipe.reading import read_recipe
 
 LONG = (
@@ -95,8 +94,7 @@ def test_a_command_is_understood(line: str) -> None:
         _, _, *given = given
         parser = parser_of(given[0])
     else:
-        module, _, add_parser = COMMANDS[command].partition(":")
-        getattr(import_module(f"dicedesign.cli.{module}"), add_parser)(parser.add_subparsers())
+        parser = make_parser(command)
         given = [command, *given]
     parser.parse_args(given)
     for word in shlex.split(line):
