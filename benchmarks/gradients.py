@@ -44,8 +44,6 @@ from dicedesign.starts import hendecahedron, prism, repulsion
 from tests.reference import solids
 from tests.reference.extremes import large
 from tests.reference.oracle_derivatives import (
-    as_floats,
-    broken_derivative,
     corner_motion,
     derivative,
     derivative_condition,
@@ -144,7 +142,7 @@ def compare(
         along = float(norms(along).max()) * rng.normal(size=along.shape)
     center_along = float(with_center) * rng.normal(size=3)
     motion = corner_motion(hull, problem.center, along, center_along)
-    exact = as_floats(derivative(motion))
+    exact = derivative(motion).astype(np.float64)
     variables = [rests.vertices] if center is None else [rests.vertices, center]
     found, by_center, size = [], [], 0.0
     for one in rests.probabilities:
@@ -160,7 +158,7 @@ def compare(
     if sides > 3 and not is_file:
         errors["half-spaces"] = half_space_error(hull, problem.center, stretch, rng)
         if center is not None:
-            broken = as_floats(broken_derivative(motion))
+            broken = derivative(motion, broken=True).astype(np.float64)
             errors["broken"] = relative_error(rests, jacobian, broken)
     limit = ERROR_FLOOR
     if max(errors.values()) > limit:
@@ -187,7 +185,7 @@ def half_space_error(
     rests = evaluate_rests(torch.tensor(shape.points, requires_grad=True), given)
     jacobian = shape.in_parameters(rests.jacobian, rests.hull.source)
     motion = half_space_motion(rests.hull, center, coordinates.origin, parameters, along)
-    return relative_error(rests, jacobian @ along, as_floats(derivative(motion)))
+    return relative_error(rests, jacobian @ along, derivative(motion).astype(np.float64))
 
 
 def relative_error(rests: RestEvaluation, found: Floats, exact: Floats) -> float:

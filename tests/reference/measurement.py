@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+import mpmath
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -18,13 +19,7 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
-from tests.reference.oracle import (
-    DIGITS,
-    hull_probabilities,
-    multiprecision,
-    solid_centroid,
-    vector,
-)
+from tests.reference.oracle import DIGITS, exact, hull_probabilities, solid_centroid
 from tests.reference.oracle_derivatives import probability_condition
 from tests.reference.problem import Problem
 
@@ -192,10 +187,9 @@ def share_error(expected: Floats, found: Floats) -> float:
 
 def _oracle_error(hull: ConvexHull, side: Basins, center: Floats) -> float:
     """Largest error of a probability on one side, whose center of mass should be (3,)."""
-    exact = hull_probabilities(hull, [center])
-    found = np.zeros(len(exact))
-    found[side.paths.rests] = side.areas / (4.0 * np.pi)
-    return max(abs(float(p - q)) for p, q in zip(exact, found.tolist(), strict=True))
+    misses = np.array(hull_probabilities(hull, [center]))
+    misses[side.paths.rests] -= side.areas / (4.0 * np.pi)
+    return float(abs(misses).max())
 
 
 def _difference_from_mean(poses: RestPoses, sides: tuple[Basins, ...]) -> float:
@@ -222,12 +216,11 @@ def _uniform_center(problem: Problem, body: Body, poses: RestPoses) -> Floats:
         oriented = consistent_winding(body.triangles)
         assert oriented is not None
         points, triangles = body.points, oriented
-    with multiprecision().workdps(DIGITS):
-        center = solid_centroid([vector(x) for x in points.tolist()], triangles.tolist())
-        exact = np.array([float(x) for x in center])
+    with mpmath.workdps(DIGITS):
+        center = solid_centroid(exact(points), triangles).astype(np.float64)
     rounding = ULPS * float(np.finfo(np.float64).eps) * _reach(hull.vertices)
     told = poses.center_of_mass
-    return told if np.abs(told - exact).max() <= rounding else exact
+    return told if np.abs(told - center).max() <= rounding else center
 
 
 def _reach(points: Floats) -> float:

@@ -1,7 +1,7 @@
 """Derivatives of probabilities as differences of the 60-digit oracle.
 
 Where corners move, a facet of more than three sides may not stay flat. Its derivative is that of
-the sum over the triangles into which it breaks (`broken_derivative`): no border of a basin depends
+the sum over the triangles into which it breaks (`broken`): no border of a basin depends
 on how. So it is also that of the polygon whose sides stay (`derivative`). Only the center of mass
 of a uniform solid depends on how, as the volume under the facet does; there the derivatives are
 those for motions that keep facets flat, as linear maps and moving half-spaces do.
@@ -12,32 +12,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Final
 
+import mpmath
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from tests.reference.oracle import (
     DIGITS,
     Number,
+    Numbers,
     OracleError,
-    Vector,
     cross,
-    dot,
+    exact,
     facet_polygons,
-    minus,
-    multiprecision,
     oracle_probabilities,
-    plus,
     solid_centroid,
-    times,
     unit,
-    vector,
 )
 
-STEP: Final = "1e-20"
+STEP = "1e-20"
 """Part of the displacement that is taken to both sides: the difference quotient is off by about its
 square, and by the oracle's 1e-60 over it."""
 
@@ -51,11 +46,15 @@ class Motion:
     Attributes
     ----------
     polygons: corners of each facet, counter-clockwise seen from outside.
-    at: the corners and the center of mass at a time, all in 60 digits.
+    triangles: (t, 3) into which facets are broken, for the center of mass of a uniform solid.
+    corners: (n, 3) at a time, in 60 digits.
+    center: the same of a given center of mass (3,), or None for a uniform solid.
     """
 
     polygons: Polygons
-    at: Callable[[Number], tuple[list[Vector], Vector]]
+    triangles: Integers
+    corners: Callable[[Number], Numbers]
+    center: Callable[[Number], Numbers] | None
 
 
 def oracle_derivative(
@@ -73,28 +72,31 @@ def oracle_derivative(
 
     Raises OracleError where the body balances exactly.
     """
-    return as_floats(derivative(corner_motion(hull, center, along, center_along)))
+    return derivative(corner_motion(hull, center, along, center_along)).astype(np.float64)
 
 
-def as_floats(numbers: Sequence[Number]) -> Floats:
-    """Numbers (m,) in float64."""
-    return np.array([float(number) for number in numbers])
+def derivative(motion: Motion, broken: bool = False) -> Numbers:
+    """Derivative (m,) of the probability of each facet at time 0, in 60 digits.
 
-
-def derivative(motion: Motion) -> list[Number]:
-    """Derivative of the probability of each facet at time 0; m numbers."""
-    return _derivative(motion, lambda corners: (motion.polygons, range(len(motion.polygons))))
-
-
-def broken_derivative(motion: Motion) -> list[Number]:
-    """The same with every facet broken into the triangles of the convex hull of its corners."""
-
-    def broken(corners: list[Vector]) -> tuple[Polygons, Sequence[int]]:
-        parts = [_triangles(corners, polygon) for polygon in motion.polygons]
-        owner = [facet for facet, triangles in enumerate(parts) for _ in triangles]
-        return [triangle for triangles in parts for triangle in triangles], owner
-
-    return _derivative(motion, broken)
+    broken: with every facet broken into the triangles of the convex hull of its corners.
+    """
+    with mpmath.workdps(DIGITS):
+        step, total = mpmath.mpf(STEP), exact(np.zeros(len(motion.polygons)))
+        for time in (step, -step):
+            corners, owner, polygons = motion.corners(time), [], []
+            for facet, polygon in enumerate(motion.polygons):
+                parts = _triangles(corners, polygon) if broken else [polygon]
+                owner += [facet] * len(parts)
+                polygons += parts
+            center = (
+                solid_centroid(corners, motion.triangles)
+                if motion.center is None
+                else motion.center(time)
+            )
+            found = oracle_probabilities(corners, polygons, [center])
+            for facet, probability in zip(owner, found, strict=True):
+                total[facet] += probability / (2 * time)
+        return total
 
 
 def corner_motion(
@@ -102,25 +104,20 @@ def corner_motion(
     center: Floats | None,
     along: Floats,
     center_along: Floats,
-    moved: Sequence[Vector] | None = None,
+    start: Numbers | None = None,
 ) -> Motion:
     """A body whose corners and center of mass move evenly; see `oracle_derivative`.
 
-    moved: corners in 60 digits to begin with, if not those of the hull.
+    start: corners in 60 digits to begin with, if not those of the hull.
     """
-    polygons, triangles = facet_polygons(hull), hull.triangles.tolist()
-    with multiprecision().workdps(DIGITS):
-        start = [vector(x) for x in hull.vertices.tolist()] if moved is None else moved
-        velocities = [vector(v) for v in along.tolist()]
-
-    def at(time: Number) -> tuple[list[Vector], Vector]:
-        corners = [plus(x, times(time, v)) for x, v in zip(start, velocities, strict=True)]
-        if center is None:
-            return corners, solid_centroid(corners, triangles)
-        middle = plus(vector(center.tolist()), times(time, vector(center_along.tolist())))
-        return corners, middle
-
-    return Motion(polygons, at)
+    if start is None:
+        start = exact(hull.vertices)
+    return Motion(
+        facet_polygons(hull),
+        hull.triangles,
+        lambda time: start + time * exact(along),
+        None if center is None else lambda time: exact(center) + time * exact(center_along),
+    )
 
 
 def half_space_motion(
@@ -134,89 +131,54 @@ def half_space_motion(
     """
     count = len(parameters) // 4
     units = parameters[: 3 * count].reshape(count, 3)
-    units = units / np.sqrt((units**2).sum(axis=1))[:, None]
-    polygons, triangles = facet_polygons(hull), hull.triangles.tolist()
+    units = units / norms(units)[:, None]
+    polygons = facet_polygons(hull)
     planes = np.argmax(hull.normals @ units.T, axis=1)
+    # Of the planes that meet in a corner the three that are least in line.
     meeting = [
-        _three(units, [int(planes[f]) for f, one in enumerate(polygons) if corner in one])
+        max(
+            combinations([planes[f] for f, one in enumerate(polygons) if corner in one], 3),
+            key=lambda three: abs(np.linalg.det(units[list(three)])),
+        )
         for corner in range(len(hull.vertices))
     ]
 
-    def at(time: Number) -> tuple[list[Vector], Vector]:
-        number, exp = multiprecision().mpf, multiprecision().exp
-        moved = [
-            number(p) + time * number(v)
-            for p, v in zip(parameters.tolist(), along.tolist(), strict=True)
-        ]
-        normals = [unit((moved[3 * i], moved[3 * i + 1], moved[3 * i + 2])) for i in range(count)]
-        heights = [exp(logarithm) for logarithm in moved[3 * count :]]
-        middle = vector(origin.tolist())
-        corners = [
-            plus(middle, _meeting_point([normals[i] for i in three], [heights[i] for i in three]))
-            for three in meeting
-        ]
-        if center is None:
-            return corners, solid_centroid(corners, triangles)
-        return corners, vector(center.tolist())
+    def corners(time: Number) -> Numbers:
+        moved = exact(parameters) + time * exact(along)
+        normals = [unit(normal) for normal in moved[: 3 * count].reshape(count, 3)]
+        heights = [mpmath.exp(logarithm) for logarithm in moved[3 * count :]]
+        found = []
+        for i, j, k in meeting:
+            # By Cramer's rule.
+            a, b, c = normals[i], normals[j], normals[k]
+            bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
+            found.append((heights[i] * bc + heights[j] * ca + heights[k] * ab) / (a @ bc))
+        return exact(origin) + np.array(found)
 
-    return Motion(polygons, at)
+    still = None if center is None else lambda time: exact(center)
+    return Motion(polygons, hull.triangles, corners, still)
 
 
-def _derivative(
-    motion: Motion, facets: Callable[[list[Vector]], tuple[Polygons, Sequence[int]]]
-) -> list[Number]:
-    """Derivative of the probability of each facet.
-
-    facets: from corners to polygons, and the facet that each of these is a part of.
-    """
-    with multiprecision().workdps(DIGITS):
-        step = multiprecision().mpf(STEP)
-        total = [0 * step for _ in motion.polygons]
-        for time in (step, -step):
-            corners, center = motion.at(time)
-            polygons, owner = facets(corners)
-            for facet, p in zip(
-                owner, oracle_probabilities(corners, polygons, [center]), strict=True
-            ):
-                total[facet] += p / (2 * time)
-        return total
-
-
-def _triangles(corners: Sequence[Vector], polygon: Sequence[int]) -> list[Sequence[int]]:
+def _triangles(corners: Numbers, polygon: Sequence[int]) -> list[Sequence[int]]:
     """The upper side of the convex hull of a nearly flat polygon's corners."""
-    if len(polygon) == 3:
-        return [polygon]
-    first, last = polygon[0], polygon[-1]
-    to_last = minus(corners[last], corners[first])
-    best = 1
+    if len(polygon) < 4:
+        return [polygon] if len(polygon) == 3 else []
+    first, last, best = polygon[0], polygon[-1], 1
     for place in range(2, len(polygon) - 1):
-        normal = cross(minus(corners[polygon[best]], corners[first]), to_last)
-        if dot(normal, minus(corners[polygon[place]], corners[first])) > 0:
+        normal = cross(corners[polygon[best]] - corners[first], corners[last] - corners[first])
+        if normal @ (corners[polygon[place]] - corners[first]) > 0:
             best = place
-    parts: list[Sequence[int]] = [(first, polygon[best], last)]
-    for side in (polygon[: best + 1], polygon[best:]):
-        parts += _triangles(corners, side) if len(side) > 2 else []
-    return parts
+    return [
+        (first, polygon[best], last),
+        *_triangles(corners, polygon[: best + 1]),
+        *_triangles(corners, polygon[best:]),
+    ]
 
 
-def _three(units: Floats, planes: Sequence[int]) -> tuple[int, ...]:
-    """Of planes with normals (m, 3) that meet in a corner the three that are least in line."""
-    return max(combinations(planes, 3), key=lambda three: abs(np.linalg.det(units[list(three)])))
-
-
-def _meeting_point(normals: Sequence[Vector], heights: Sequence[Number]) -> Vector:
-    """Where three planes meet, by Cramer's rule."""
-    a, b, c = normals
-    total = vector((0, 0, 0))
-    for height, plane in zip(heights, (cross(b, c), cross(c, a), cross(a, b)), strict=True):
-        total = plus(total, times(height, plane))
-    return times(1 / dot(a, cross(b, c)), total)
-
-
-MOVE: Final = "1e-25"
+MOVE = "1e-25"
 """Relative size of the changes: no decision lies that near, and enough digits are left."""
 
-TRIALS: Final = 3
+TRIALS = 3
 
 
 def probability_condition(hull: ConvexHull, center: Floats) -> float:
@@ -226,16 +188,15 @@ def probability_condition(hull: ConvexHull, center: Floats) -> float:
     directions along the axes: an estimate from below. 0 where the oracle has no answer.
     """
     polygons = facet_polygons(hull)
-    with multiprecision().workdps(DIGITS):
-        step = multiprecision().mpf(MOVE)
+    with mpmath.workdps(DIGITS):
         try:
             before, *others = (
-                oracle_probabilities(corners, polygons, [center.tolist()])
-                for corners in _moved(hull, center, (0, *[step] * TRIALS))
+                np.array(oracle_probabilities(corners, polygons, [center]))
+                for corners in _moved(hull, center)
             )
         except OracleError:
             return 0.0
-        return float(max(_largest_change(before, after) for after in others) / step)
+        return float(abs(np.array(others) - before).max() / mpmath.mpf(MOVE))
 
 
 def derivative_condition(
@@ -247,28 +208,20 @@ def derivative_condition(
     The arguments are those of `oracle_derivative`; raises the same.
     """
     middle = hull.centroid if center is None else center
-    with multiprecision().workdps(DIGITS):
-        step = multiprecision().mpf(MOVE)
+    with mpmath.workdps(DIGITS):
         before, *others = (
             derivative(corner_motion(hull, center, along, center_along, corners))
-            for corners in _moved(hull, middle, (0, *[step] * TRIALS))
+            for corners in _moved(hull, middle)
         )
-        change = max(_largest_change(before, after) for after in others)
-        return float(change / step / max(map(abs, before)))
+        change = abs(np.array(others) - before).max()
+        return float(change / mpmath.mpf(MOVE) / abs(before).max())
 
 
-def _largest_change(before: Sequence[Number], after: Sequence[Number]) -> Number:
-    return max(abs(p - q) for p, q in zip(before, after, strict=True))
-
-
-def _moved(hull: ConvexHull, center: Floats, steps: Sequence[Any]) -> Iterator[list[Vector]]:
-    """Corners of a hull, each moved by a part of its distance from a center (3,), in random
-    directions along the axes."""
+def _moved(hull: ConvexHull, center: Floats) -> Iterator[Numbers]:
+    """Corners of a hull as they are, and each moved by a part of its distance from a center (3,),
+    in random directions along the axes."""
     rng = np.random.default_rng(0)
     reaches = norms(hull.vertices - center)[:, None]
-    for step in steps:
-        moves = (reaches * rng.choice([-1.0, 1.0], size=hull.vertices.shape)).tolist()
-        yield [
-            plus(vector(x), times(step, vector(move)))
-            for x, move in zip(hull.vertices.tolist(), moves, strict=True)
-        ]
+    for step in (0, *[mpmath.mpf(MOVE)] * TRIALS):
+        moves = reaches * rng.choice([-1.0, 1.0], size=hull.vertices.shape)
+        yield exact(hull.vertices) + step * exact(moves)
