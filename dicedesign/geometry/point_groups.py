@@ -10,6 +10,7 @@ these, and the icosahedral ones a five-fold axis along (0, 1, (1 + sqrt(5)) / 2)
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -30,26 +31,24 @@ KNOWN_GROUPS: Final = (
 )
 """The names that `point_group` knows, in words."""
 
-INVERSION: Final = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+INVERSION: Final = np.diag([-1.0, -1.0, -1.0])
 
-MIRROR_Y: Final = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+MIRROR_Y: Final = np.diag([1.0, -1.0, 1.0])
 
-MIRROR_Z: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
+MIRROR_Z: Final = np.diag([1.0, 1.0, -1.0])
 
-MIRROR_DIAGONAL: Final = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+HALF_TURN_X: Final = np.diag([1.0, -1.0, -1.0])
 
-HALF_TURN_X: Final = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+HALF_TURN_Z: Final = np.diag([-1.0, -1.0, 1.0])
 
-HALF_TURN_Z: Final = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+MIRROR_DIAGONAL: Final = np.eye(3)[[1, 0, 2]]
 
-QUARTER_TURN_Z: Final = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+QUARTER_TURN_Z: Final = MIRROR_Y[[1, 0, 2]]
 
-CYCLIC_XYZ: Final = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+CYCLIC_XYZ: Final = np.eye(3)[[2, 0, 1]]
 """The third of a turn about (1, 1, 1), which takes x to y, y to z and z to x."""
 
-Matrix = tuple[tuple[float, ...], ...]
-
-CUBIC: Final[dict[str, tuple[Matrix, ...]]] = {
+CUBIC: Final = {
     "T": (HALF_TURN_Z, CYCLIC_XYZ),
     "Td": (HALF_TURN_Z, CYCLIC_XYZ, MIRROR_DIAGONAL),
     "Th": (HALF_TURN_Z, CYCLIC_XYZ, INVERSION),
@@ -74,14 +73,21 @@ def point_group(name: str) -> Floats:
     if name == "C1":
         return np.eye(3)[None]
     if name == "Cs":
-        return _closure([np.array(MIRROR_Z)], 1)
+        return _closure([MIRROR_Z], 1)
     if name == "Ci":
-        return _closure([np.array(INVERSION)], 1)
+        return _closure([INVERSION], 1)
     if name in CUBIC:
-        return _closure([np.array(generator) for generator in CUBIC[name]], 1)
+        return _closure(CUBIC[name], 1)
     if name in ("I", "Ih"):
-        further = [np.array(INVERSION)] if name == "Ih" else []
-        return _closure([np.array(HALF_TURN_Z), np.array(CYCLIC_XYZ), _fifth_turn(), *further], 15)
+        # A fifth of a turn about (0, 1, (1 + sqrt(5)) / 2).
+        axis = np.array([0.0, 1.0, (1.0 + np.sqrt(5.0)) / 2.0])
+        axis /= np.linalg.norm(axis)
+        angle = 2.0 * np.pi / 5.0
+        across = np.linalg.cross(axis, np.eye(3)).T
+        along = np.outer(axis, axis)
+        fifth_turn = along + np.cos(angle) * (np.eye(3) - along) + np.sin(angle) * across
+        further = [INVERSION] if name == "Ih" else []
+        return _closure([HALF_TURN_Z, CYCLIC_XYZ, fifth_turn, *further], 15)
     parts = re.fullmatch(r"([CDS])([1-9][0-9]*)([vhd]?)", name)
     generators = None if parts is None else _axial(parts[1], int(parts[2]), parts[3])
     if generators is None:
@@ -130,18 +136,16 @@ def _axial(family: str, number: int, suffix: str) -> tuple[list[Floats], int] | 
     order = number // 2 if family == "S" else number
     if not 2 <= order <= HIGHEST_ORDER:
         return None
-    turn, mirror = _turn_z(2.0 * np.pi / order), np.array(MIRROR_Z)
-    half_turn = np.array(HALF_TURN_X)
-    improper = mirror @ _turn_z(np.pi / order)
+    turn, improper = _turn_z(2.0 * np.pi / order), MIRROR_Z @ _turn_z(np.pi / order)
     if family == "S":
         return ([improper], order) if number % 2 == 0 and not suffix else None
     generators = {
         "C": [turn],
-        "Cv": [turn, np.array(MIRROR_Y)],
-        "Ch": [turn, mirror],
-        "D": [turn, half_turn],
-        "Dh": [turn, half_turn, mirror],
-        "Dd": [improper, half_turn],
+        "Cv": [turn, MIRROR_Y],
+        "Ch": [turn, MIRROR_Z],
+        "D": [turn, HALF_TURN_X],
+        "Dh": [turn, HALF_TURN_X, MIRROR_Z],
+        "Dd": [improper, HALF_TURN_X],
     }.get(family + suffix)
     return None if generators is None else (generators, order)
 
@@ -152,20 +156,14 @@ def _turn_z(angle: float) -> Floats:
     return np.array([(cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)])
 
 
-def _fifth_turn() -> Floats:
-    """(3, 3) a rotation by a fifth of a turn about (0, 1, (1 + sqrt(5)) / 2)."""
-    axis = np.array([0.0, 1.0, (1.0 + np.sqrt(5.0)) / 2.0])
-    axis /= np.linalg.norm(axis)
-    angle = 2.0 * np.pi / 5.0
-    across = np.linalg.cross(axis, np.eye(3)).T
-    along = np.outer(axis, axis)
-    return along + np.cos(angle) * (np.eye(3) - along) + np.sin(angle) * across
-
-
-def _closure(generators: list[Floats], order: int) -> Floats:
+def _closure(generators: Sequence[Floats], order: int) -> Floats:
     """(g, 3, 3) all products of some generators, of which every entry is the cosine of a multiple
-    of a quarter of a turn over `order`."""
-    cosines = _cosines(order)
+    of a quarter of a turn over `order`; 0, 1/2 and 1 are exact."""
+    step = np.arange(1, order + 1)
+    positive = np.sin(np.pi * step / (2 * order))
+    positive[3 * step == order] = 0.5
+    positive[-1] = 1.0
+    cosines = np.concatenate([[0.0], positive, -positive])
     elements = [np.eye(3)]
     for element in elements:
         for generator in generators:
@@ -175,13 +173,3 @@ def _closure(generators: list[Floats], order: int) -> Floats:
             if not any(np.array_equal(exact, other) for other in elements):
                 elements.append(exact)
     return np.stack(elements)
-
-
-def _cosines(order: int) -> Floats:
-    """(2 order + 1,) cosines of multiples of a quarter of a turn over `order`, in equal and
-    opposite pairs; 0, 1/2 and 1 are exact."""
-    step = np.arange(1, order + 1)
-    positive = np.sin(np.pi * step / (2 * order))
-    positive[3 * step == order] = 0.5
-    positive[-1] = 1.0
-    return np.concatenate([[0.0], positive, -positive])

@@ -142,18 +142,15 @@ class Orientation:
         # Products that underflow are wrong by less than any normal number.
         doubtful = np.flatnonzero(np.abs(value) <= ROUNDING * size + np.finfo(np.float64).tiny)
         if len(doubtful) > 0:
-            at = [self._exact(index[doubtful])[list(kept)] for index in corners]
+            # Coordinates (2 or 3, m) as integers of any size.
+            at = []
+            for index in corners:
+                used, place = np.unique(index[doubtful], return_inverse=True)
+                exact = np.array([self.integers[i] for i in used.tolist()], dtype=object)
+                at.append(exact.T[list(kept)][:, place])
             exact, _ = _determinant([corner - at[0] for corner in at[1:]])
             signs[doubtful] = (exact > 0).astype(np.int64) - (exact < 0).astype(np.int64)
         return signs
-
-    def _exact(self, index: Integers) -> NDArray[Any]:
-        """(3, m) coordinates of points as integers of any size."""
-        used, place = np.unique(index, return_inverse=True)
-        exact = np.empty((3, len(used)), dtype=object)
-        for column, point in enumerate(used.tolist()):
-            exact[:, column] = self.integers[point]
-        return exact[:, place]
 
 
 def _determinant(rows: list[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -75,7 +75,16 @@ class VonMisesFisher(DensityPrior):
         length = float(np.linalg.norm(mean))
         if length == 0.0:
             return cls((0.0, 0.0, 1.0), 0.0)
-        return cls(mean.tolist(), _concentration(length))
+
+        def excess(k: float) -> float:
+            """Of the mean direction's length at a concentration, over the length wanted."""
+            return (k / 3.0 if k < 1e-3 else 1.0 / math.tanh(k) - 1.0 / k) - length
+
+        # Imported where it is needed: few fit a distribution.
+        from scipy.optimize import brentq
+
+        most = LARGEST if excess(LARGEST) <= 0.0 else brentq(excess, 0.0, LARGEST, xtol=1e-300)
+        return cls(mean.tolist(), float(most))
 
     @cached_property
     def _axis(self) -> Floats:
@@ -152,33 +161,17 @@ class VonMisesFisher(DensityPrior):
         return integrals(along, self._edges(arcs), TOLERANCE * max(self.concentration, 1.0))[0]
 
 
-def _concentration(length: float) -> float:
-    """The concentration at which a mean direction has a length in (0, 1]."""
-
-    def mean(k: float) -> float:
-        if k < 1e-3:
-            return k / 3.0
-        return 1.0 / math.tanh(k) - 1.0 / k
-
-    if mean(LARGEST) <= length:
-        return LARGEST
-    low, high = 0.0, LARGEST
-    while high - low > 1e-12 * high:
-        middle = (low + high) / 2.0 if high < 2.0 else math.sqrt(max(low, 1e-3) * high)
-        low, high = (middle, high) if mean(middle) < length else (low, middle)
-    return (low + high) / 2.0
-
-
-def _read_vmf(text: str) -> VonMisesFisher:
-    axis, concentration = text.split(":")
-    return VonMisesFisher([float(x) for x in axis.split(",")], float(concentration))
+def _axis_and_number(text: str) -> tuple[list[float], float]:
+    """What "x,y,z:NUMBER" says."""
+    axis, number = text.split(":")
+    return [float(x) for x in axis.split(",")], float(number)
 
 
 VON_MISES_FISHER = PriorKind(
     name="vmf",
     line="scattered about the axis as by the distribution of von Mises and Fisher",
     form="vmf:x,y,z:CONCENTRATION",
-    read=_read_vmf,
+    read=lambda text: VonMisesFisher(*_axis_and_number(text)),
 )
 
 
@@ -275,26 +268,17 @@ class SphericalCap(DensityPrior):
         return self._inside * np.column_stack(moments) / np.sin(length)
 
 
-def _read_half(text: str) -> SphericalCap:
-    return SphericalCap([float(x) for x in text.split(",")])
-
-
-def _read_cap(text: str) -> SphericalCap:
-    axis, angle = text.split(":")
-    return SphericalCap([float(x) for x in axis.split(",")], float(angle))
-
-
 HALF = PriorKind(
     name="half",
     line="all directions within 90 degrees of the axis alike, and no others",
     form="half:x,y,z",
-    read=_read_half,
+    read=lambda text: SphericalCap([float(x) for x in text.split(",")]),
 )
 CAP = PriorKind(
     name="cap",
     line="the same within another angle, in degrees",
     form="cap:x,y,z:ANGLE",
-    read=_read_cap,
+    read=lambda text: SphericalCap(*_axis_and_number(text)),
 )
 
 

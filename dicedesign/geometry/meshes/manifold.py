@@ -112,7 +112,11 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
     corners = np.concatenate([body.points for body in bodies])
     origin, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max())
     solids = [_solid(body, origin, size) for body in bodies]
-    notes = list(_beside(bodies, solids))
+    notes, before = [], solids[0]
+    for body, part in zip(bodies[1:], solids[1:], strict=True):
+        if (before ^ part).volume() <= SHARED * part.volume():
+            notes.append(f"{body.name} is not inside the other parts; it counts as fixed to them")
+        before += part
     pieces = []
     for number, (rest, density) in enumerate(zip(solids, densities, strict=True)):
         for later in solids[number + 1 :]:
@@ -166,12 +170,3 @@ def _solid(body: Body, origin: Floats, size: float) -> Manifold:
         return solid(points, triangles)
     except InputError as error:
         raise InputError(f"{body.name}: {error}") from error
-
-
-def _beside(bodies: list[Body], solids: list[Manifold]) -> Iterable[str]:
-    """Notes on parts after the first that share nothing with those before them."""
-    before = solids[0]
-    for body, part in zip(bodies[1:], solids[1:], strict=True):
-        if (before ^ part).volume() <= SHARED * part.volume():
-            yield f"{body.name} is not inside the other parts; it counts as fixed to them"
-        before += part

@@ -154,7 +154,16 @@ def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]
     extent = float(np.ptp(points, axis=0).max())
     opposite = np.flatnonzero(outward * volumes < -VOLUME_TOLERANCE * extent**3)
     bodies = offsets[triangles[(outward * volumes > 0.0)[shell]]]
-    beside = [k for k in opposite if not _is_inside(offsets[triangles[shell == k]], bodies)]
+    beside = []
+    for k in opposite:
+        # The winding number at the first point of it that does not lie on the bodies' surface,
+        # where it is no integer.
+        for point in offsets[triangles[shell == k]].mean(axis=1):
+            winding = abs(winding_number(point, bodies))
+            if abs(winding - round(winding)) < _CLEAR:
+                break
+        if round(winding) == 0:
+            beside.append(k)
     turned = np.isin(shell, beside)
     return np.where(turned[:, None], triangles[:, ::-1], triangles), len(beside)
 
@@ -168,17 +177,6 @@ def shells_of(triangles: Integers) -> Integers:
     order = np.argsort(keys, kind="stable")
     same = keys[order[1:]] == keys[order[:-1]]
     return connected_parts(order[:-1][same] // 3, order[1:][same] // 3, len(triangles))
-
-
-def _is_inside(shell: Floats, bodies: Floats) -> bool:
-    """True if a shell (s, 3, 3) lies inside bodies (t, 3, 3), by the winding number of a point of
-    it: the first that does not lie on their surface, where that number is no integer."""
-    winding = 0.0
-    for point in shell.mean(axis=1):
-        winding = abs(winding_number(point, bodies))
-        if abs(winding - round(winding)) < _CLEAR:
-            break
-    return round(winding) != 0
 
 
 def resolve_center_of_mass(
@@ -207,12 +205,19 @@ def resolve_center_of_mass(
     InputError: the request is neither "hull" nor three finite numbers.
     DegenerateBodyError: the mesh is closed and encloses no volume.
     """
-    if isinstance(request, str):
-        if request != "hull":
-            raise _bad_request(request)
+    if isinstance(request, str) and request == "hull":
         return hull_centroid, "uniform solid hull", ()
     if request is not None:
-        return _given(request), "given", ()
+        try:
+            center = np.asarray(request, dtype=np.float64)
+        except (ValueError, TypeError):
+            center = np.zeros(0)
+        if center.shape != (3,) or not np.isfinite(center).all():
+            raise InputError(
+                f'center of mass: expected "hull" or three finite numbers x,y,z, got {request!r}; '
+                "give one of them or leave it out"
+            )
+        return center, "given", ()
     if body.mass_properties is not None:
         return body.mass_properties.center_of_mass, body.mass_properties.source, ()
     if body.triangles is None:
@@ -246,20 +251,3 @@ def solid_triangles(body: Body) -> tuple[Integers, tuple[str, ...]] | None:
     if turned > 0:
         notes += (f"turned {turned} shells that lie beside others and were oriented against them",)
     return triangles, notes
-
-
-def _given(request: ArrayLike) -> Floats:
-    try:
-        center = np.asarray(request, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise _bad_request(request) from error
-    if center.shape != (3,) or not np.isfinite(center).all():
-        raise _bad_request(request)
-    return center
-
-
-def _bad_request(request: object) -> InputError:
-    return InputError(
-        f'center of mass: expected "hull" or three finite numbers x,y,z, got {request!r}; '
-        "give one of them or leave it out"
-    )

@@ -128,14 +128,6 @@ def parsed_xyz(data: bytes, path: Path) -> Geometry:
     return _arrays(points, [])
 
 
-TEXT_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
-    ".obj": parsed_obj,
-    ".off": parsed_off,
-    ".xyz": parsed_xyz,
-}
-"""The reader of each file ending, in lower case."""
-
-
 def _lines(data: bytes) -> Iterator[Line]:
     """Number and fields of every line that holds any, comments and continuations resolved."""
     text = data.decode("utf-8-sig", errors="replace")
@@ -227,7 +219,19 @@ def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
         records = np.frombuffer(data, dtype=STL_TRIANGLE, offset=STL_HEADER)
         points = records["corners"].reshape(-1, 3).astype(np.float64)
     elif data.lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid" and b"\0" not in data:
-        points = _ascii_corners(path, data.decode("utf-8", errors="replace"))
+        corners: list[float] = []
+        for number, (keyword, *fields) in _lines(data):
+            if keyword.lower() == "vertex":
+                corners += _position(path, number, fields)
+            elif keyword.lower() == "facet" and len(corners) % 9 != 0:
+                expected = "three corners before the next facet"
+                raise bad_line(path, number, expected, " ".join([keyword, *fields]))
+        if len(corners) % 9 != 0:
+            raise MeshFileError(
+                f"{path}: expected three corners in every facet, got a file that ends within one; "
+                f"{EXPORT_AGAIN}"
+            )
+        points = np.array(corners, dtype=np.float64).reshape(-1, 3)
     else:
         raise MeshFileError(
             f"{path}: expected a .stl file, text that begins with solid or binary of {STL_HEADER} "
@@ -236,26 +240,6 @@ def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
     # The format has no shared corners, so joining them repairs nothing worth a note.
     first, place = repeated_positions(points)
     return points[first], place.reshape(-1, 3)
-
-
-def _ascii_corners(path: Path, text: str) -> Floats:
-    corners: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        keyword, *fields = line.split() or [""]
-        if keyword.lower() == "vertex":
-            try:
-                x, y, z = (float(field) for field in fields)
-            except ValueError as error:
-                raise bad_line(path, number, "three coordinates", line) from error
-            corners.append([x, y, z])
-        elif keyword.lower() == "facet" and len(corners) % 3 != 0:
-            raise bad_line(path, number, "three corners before the next facet", line)
-    if len(corners) % 3 != 0:
-        raise MeshFileError(
-            f"{path}: expected three corners in every facet, got a file that ends within one; "
-            f"{EXPORT_AGAIN}"
-        )
-    return np.array(corners, dtype=np.float64).reshape(-1, 3)
 
 
 def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
@@ -298,8 +282,15 @@ def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
     return STL_TITLE + np.array(len(records), dtype="<u4").tobytes() + records.tobytes()
 
 
-OWN_ENDINGS: Final = frozenset({".stl", *TEXT_READERS})
-"""Endings, in lower case, of files that are read without trimesh."""
+OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
+    ".stl": parsed_stl,
+    ".obj": parsed_obj,
+    ".off": parsed_off,
+    ".xyz": parsed_xyz,
+}
+"""The reader of each file ending, in lower case, that does without trimesh."""
+
+OWN_ENDINGS: Final = frozenset(OWN_READERS)
 
 
 @cache
@@ -325,12 +316,6 @@ def without_solids() -> Iterator[None]:
         if hidden and sys.modules.get("manifold3d", hidden) is None:
             sys.modules.pop("manifold3d", None)
 
-
-OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
-    **TEXT_READERS,
-    ".stl": parsed_stl,
-}
-"""The reader of each file ending, in lower case, that needs no other package."""
 
 MOST_INFLATED: Final = 1 << 31
 """Bytes of all that an archive holds: 2 GiB."""
@@ -426,17 +411,14 @@ def _read_scene(
     for geometry, matrix in meshes or clouds:
         own = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
         rounded = rounded or is_rounded(own)
-        points.append(own if np.array_equal(matrix, np.eye(4)) else _transformed(own, matrix))
+        moved = own @ matrix[:3, :3].T + matrix[:3, 3]
+        points.append(own if np.array_equal(matrix, np.eye(4)) else moved)
         if meshes:
             faces = np.asarray(geometry.faces, dtype=np.int64) + count
             mirrored = np.linalg.det(matrix[:3, :3]) < 0  # a mirror turns a surface inside out
             triangles.append(faces[:, ::-1] if mirrored else faces)
         count += len(own)
     return np.concatenate(points), np.concatenate(triangles), rounded, len(meshes or clouds)
-
-
-def _transformed(points: Floats, matrix: Floats) -> Floats:
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 @contextlib.contextmanager

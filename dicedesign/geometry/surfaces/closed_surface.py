@@ -50,7 +50,14 @@ def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
     DegenerateBodyError: the body is flat, or the surface encloses no volume.
     """
     surface, notes = one_shell(body)
-    _check_intersections(surface.points, surface.triangles, body.name)
+    pairs = intersecting_triangles(surface.points, surface.triangles)
+    if len(pairs) > 0:
+        first = surface.points[surface.triangles[pairs[0]]].mean(axis=(0, 1))
+        raise InputError(
+            f"{body.name}: expected a surface that does not meet itself, got {len(pairs)} pairs of "
+            f"triangles that do, the first near {_place(first)} (triangles {pairs[0, 0]} and "
+            f"{pairs[0, 1]}); {REPAIR}"
+        )
     return surface, notes
 
 
@@ -62,9 +69,27 @@ def one_shell(body: Body) -> tuple[Surface, tuple[str, ...]]:
             f"{name}: expected a closed triangle mesh, got a point cloud; export the surface as a "
             "mesh"
         )
-    _check_thickness(body.points, name)
+    offsets = body.points - body.points.mean(axis=0)
+    extent = float(np.ptp(offsets, axis=0).max())
+    across = np.linalg.eigh(offsets.T @ (offsets / extent**2))[1][:, 0]
+    if np.ptp(offsets @ across) <= VOLUME_TOLERANCE * extent:
+        raise DegenerateBodyError(
+            f"{name}: expected a surface that encloses a volume, got a flat sheet; use a mesh with "
+            "thickness"
+        )
     distinct = distinct_triangles(body.triangles)
-    _check_edges(distinct, name)
+    _, uses = np.unique(edge_keys(distinct), return_counts=True)
+    crowded, opened = np.count_nonzero(uses > 2), np.count_nonzero(uses == 1)
+    if crowded or opened:
+        got = (
+            f"{crowded} edges with more than two triangles (not a manifold)"
+            if crowded
+            else f"{opened} edges with one triangle (the mesh is open)"
+        )
+        raise InputError(
+            f"{name}: expected a closed surface in which each edge joins two triangles, got {got}; "
+            f"{REPAIR}"
+        )
     closed = closed_triangles(distinct)
     if closed is None:
         raise InputError(
@@ -93,42 +118,6 @@ def one_shell(body: Body) -> tuple[Surface, tuple[str, ...]]:
     return surface, body.notes + notes
 
 
-def _pinched_points(triangles: Integers) -> Integers:
-    """The rising indices of points where several sheets meet: the triangles around them make more
-    than one ring. triangles: (t, 3) of a closed oriented surface, each edge in two of them."""
-    across = np.roll(edge_neighbors(triangles), -1, axis=1)  # the next triangle around a corner
-    corner = (triangles[across] == triangles[:, :, None]).argmax(axis=2)
-    following = (3 * across + corner).ravel()
-    ring = connected_parts(np.arange(triangles.size), following, triangles.size)
-    rings = np.unique(triangles.ravel() * np.int64(triangles.size) + ring) // triangles.size
-    return np.flatnonzero(np.bincount(rings) > 1)
-
-
-def _check_thickness(points: Floats, name: str) -> None:
-    offsets = points - points.mean(axis=0)
-    extent = float(np.ptp(offsets, axis=0).max())
-    across = np.linalg.eigh(offsets.T @ (offsets / extent**2))[1][:, 0]
-    if np.ptp(offsets @ across) <= VOLUME_TOLERANCE * extent:
-        raise DegenerateBodyError(
-            f"{name}: expected a surface that encloses a volume, got a flat sheet; use a mesh with "
-            "thickness"
-        )
-
-
-def _check_edges(triangles: Integers, name: str) -> None:
-    _, uses = np.unique(edge_keys(triangles), return_counts=True)
-    open_edges, crowded = np.count_nonzero(uses == 1), np.count_nonzero(uses > 2)
-    expected = f"{name}: expected a closed surface in which each edge joins two triangles, got"
-    if crowded:
-        raise InputError(
-            f"{expected} {crowded} edges with more than two triangles (not a manifold); {REPAIR}"
-        )
-    if open_edges:
-        raise InputError(
-            f"{expected} {open_edges} edges with one triangle (the mesh is open); {REPAIR}"
-        )
-
-
 def _check_shells(points: Floats, triangles: Integers, name: str) -> None:
     shell = shells_of(triangles)
     sizes = np.bincount(shell)
@@ -142,23 +131,18 @@ def _check_shells(points: Floats, triangles: Integers, name: str) -> None:
             f"{sizes.max()} triangles, {inside} inside it (cavities or parts) and "
             f"{len(sizes) - 1 - inside} outside; keep one shell, or {REPAIR}"
         )
-    pinched = _pinched_points(triangles)
+    # The triangles around a point where several sheets meet make more than one ring.
+    across = np.roll(edge_neighbors(triangles), -1, axis=1)  # the next triangle around a corner
+    corner = (triangles[across] == triangles[:, :, None]).argmax(axis=2)
+    following = (3 * across + corner).ravel()
+    ring = connected_parts(np.arange(triangles.size), following, triangles.size)
+    rings = np.unique(triangles.ravel() * np.int64(triangles.size) + ring) // triangles.size
+    pinched = np.flatnonzero(np.bincount(rings) > 1)
     if len(pinched) > 0:
         raise InputError(
             f"{name}: expected one sheet of the surface at each point, got several at "
             f"{len(pinched)} points (not a manifold), the first at "
             f"{_place(points[pinched[0]])}; {REPAIR}"
-        )
-
-
-def _check_intersections(points: Floats, triangles: Integers, name: str) -> None:
-    pairs = intersecting_triangles(points, triangles)
-    if len(pairs) > 0:
-        first = points[triangles[pairs[0]]].mean(axis=(0, 1))
-        raise InputError(
-            f"{name}: expected a surface that does not meet itself, got {len(pairs)} pairs of "
-            f"triangles that do, the first near {_place(first)} (triangles {pairs[0, 0]} and "
-            f"{pairs[0, 1]}); {REPAIR}"
         )
 
 
@@ -238,9 +222,12 @@ def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
             count = 2 * (wanted - 2) + handles
             coarser = Surface(*thinned(surface.points, surface.triangles, count, aggressiveness))
             if _is_good(coarser, handles):
+                change = coarser.volume / surface.volume - 1.0
+                shift = float(norms(coarser.centroid - surface.centroid)) / surface.diagonal
                 return coarser, (
                     f"decimated the surface from {before} to {len(coarser.points)} points "
-                    f"(fast-simplification), {_change(surface, coarser)}"
+                    f"(fast-simplification), which changes the volume by {100.0 * change:+.2g} % "
+                    f"and moves the center of mass by {100.0 * shift:.2g} % of the diagonal"
                 )
         wanted = int(np.ceil(WEAKER * wanted))
     raise InputError(
@@ -315,12 +302,3 @@ def _is_good(surface: Surface, handles: int) -> bool:
         return not make_surface(Body(points, triangles, "surface", False, ()))[1]
     except InputError:
         return False
-
-
-def _change(before: Surface, after: Surface) -> str:
-    change = after.volume / before.volume - 1.0
-    shift = float(np.linalg.norm(after.centroid - before.centroid)) / before.diagonal
-    return (
-        f"which changes the volume by {100.0 * change:+.2g} % and moves the center of mass by "
-        f"{100.0 * shift:.2g} % of the diagonal"
-    )

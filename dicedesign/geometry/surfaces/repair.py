@@ -159,10 +159,6 @@ class WoundSolid:
 
         return surface_nets(inside, crossing)
 
-    def evened(self, points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
-        """A surface from `surfaces` with even triangles, its points on that of the solid."""
-        return evened(points, triangles, self._onto, ROUNDS)
-
     def _depths(self, places: Floats) -> Floats:
         """(k,) values above 0 inside, and larger the nearer to it outside, of places (k, 3)."""
         depths = self.soup.turns(places) - HALF
@@ -184,7 +180,7 @@ class WoundSolid:
         thin = thin[~self.holds(middles[thin] - THIN * self.cell * normals[thin])]
         return Soup(flat[0], flat[1][thin]) if len(thin) else None
 
-    def _onto(self, points: Floats, triangles: Integers) -> Floats:
+    def onto(self, points: Floats, triangles: Integers) -> Floats:
         """Points moved to the closest of a triangle that parts inside from outside; where there is
         none near, to the surface along the normal, if it is within `REACH`."""
         vectors = doubled_area_vectors(points, triangles).repeat(3, axis=0)
@@ -289,11 +285,24 @@ def repaired(body: Body) -> RepairedMesh:
         found, joined = solid.surfaces(shift)
         if len(joined) == 0:
             raise _nothing_inside(body)
-        piece, pieces, dropped, cavities = _largest(found, joined)
-        even = untangled(Surface(*solid.evened(piece.points, piece.triangles)))
+        shell = shells_of(joined)
+        a, b, c = (found[joined] - found.mean(axis=0)).transpose(1, 0, 2)
+        volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
+        solids = volumes[volumes > 0.0]
+        # The surface of the largest solid without its cavities.
+        largest = surface_of(found, joined[shell == volumes.argmax()])
+        even = untangled(Surface(*evened(largest.points, largest.triangles, solid.onto, ROUNDS)))
         if even is None:
             continue
-        numbers = _compared(solid, even, body.triangles, cells, pieces, dropped, cavities)
+        numbers = _compared(
+            solid,
+            even,
+            body.triangles,
+            cells=cells,
+            pieces=len(solids),
+            dropped=1.0 - float(solids.max() / solids.sum()),
+            cavities=len(volumes) - len(solids),
+        )
         if numbers.sheets > SHEETS:
             raise _nothing_inside(body)
         surface = even.moved(low + extent * even.points)
@@ -314,18 +323,6 @@ def _nothing_inside(body: Body) -> DegenerateBodyError:
     )
 
 
-def _largest(points: Floats, triangles: Integers) -> tuple[Surface, int, float, int]:
-    """The surface of the largest solid without its cavities, the number of solids, the volume of
-    the others over that of all, and the number of all cavities."""
-    shell = shells_of(triangles)
-    a, b, c = (points[triangles] - points.mean(axis=0)).transpose(1, 0, 2)
-    volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
-    solids = volumes[volumes > 0.0]
-    surface = surface_of(points, triangles[shell == volumes.argmax()])
-    dropped = 1.0 - float(solids.max() / solids.sum())
-    return surface, len(solids), dropped, len(volumes) - len(solids)
-
-
 def _drawn(points: Floats, triangles: Integers) -> tuple[Floats, Floats]:
     """Points drawn evenly on triangles, and their normals, (k, 3) each."""
     rng = np.random.default_rng(SEED)
@@ -337,17 +334,9 @@ def _drawn(points: Floats, triangles: Integers) -> tuple[Floats, Floats]:
     return places, vectors[chosen] / areas[chosen][:, None]
 
 
-def _compared(
-    solid: WoundSolid,
-    surface: Surface,
-    triangles: Integers,
-    cells: int,
-    pieces: int,
-    dropped: float,
-    cavities: int,
-) -> Repair:
+def _compared(solid: WoundSolid, surface: Surface, triangles: Integers, **counted: Any) -> Repair:
     """The numbers of a repair, from its surface in the coordinates of the solid, the triangles as
-    they came, and what `_largest` counted."""
+    they came, and what was counted."""
     diagonal = float(norms(np.ptp(solid.soup.points, axis=0)))
     ours, _ = _drawn(surface.points, surface.triangles)
     off = norms(solid.soup.closest(ours) - ours) / diagonal
@@ -356,12 +345,12 @@ def _compared(
     above, below = (solid.soup.turns(theirs + way * beside) > HALF for way in (1.0, -1.0))
     outer = theirs[~(above & below)]
     missed = norms(Soup(surface.points, surface.triangles).closest(outer) - outer) / diagonal
+    closed = (np.unique(edge_keys(triangles), return_counts=True)[1] == 2).all()
+    euler = len(np.unique(triangles)) - len(triangles) // 2
     return Repair(
-        cells=cells,
-        pieces=pieces,
-        dropped=dropped,
-        cavities=cavities,
-        handles_before=_handles(triangles),
+        **counted,
+        # Of shells in which each edge is of two triangles.
+        handles_before=int(shells_of(triangles).max()) + 1 - euler // 2 if closed else None,
         handles=1 - (len(surface.points) - len(surface.triangles) // 2) // 2,
         off_mean=float(off.mean()),
         off_largest=float(off.max()),
@@ -370,15 +359,6 @@ def _compared(
         thin=solid.thin_area / solid.soup.area,
         sheets=float((~above & ~below).mean()),
     )
-
-
-def _handles(triangles: Integers) -> int | None:
-    """Of a surface of shells in which each edge is of two triangles; None of another."""
-    uses = np.unique(edge_keys(triangles), return_counts=True)[1]
-    if (uses != 2).any():
-        return None
-    shells = int(shells_of(triangles).max()) + 1
-    return shells - (len(np.unique(triangles)) - len(triangles) // 2) // 2
 
 
 def _sentences(numbers: Repair, surface: Surface) -> tuple[str, ...]:
