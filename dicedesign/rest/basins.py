@@ -148,10 +148,8 @@ def basin_areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
     DegenerateBodyError: the basins do not cover the sphere once.
     """
     areas = kernels.basin_areas(equilibria.hull, paths, equilibria.center_of_mass)
-    return _areas(equilibria, paths) if areas is kernels.UNDECIDED else areas
-
-
-def _areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
+    if areas is not kernels.UNDECIDED:
+        return areas
     if len(paths.rests) == 1:
         return np.array([4.0 * np.pi])
     hull = equilibria.hull

@@ -260,28 +260,23 @@ def _products(
     worse = np.empty(len(corners), dtype=np.int64)
     for first in range(0, len(corners), CHUNK):
         part = slice(first, first + CHUNK)
-        found = _scaled_values(density, corners[part], low[part], width[part])
+        own, size = corners[part], width[part]
+        along = (low[part, :1] + size[:, :1] * NODES)[:, :, None, None]
+        toward = (low[part, 1:] + size[:, 1:] * NODES)[:, None, :, None]
+        tip, a, b = (own[:, None, None, number] for number in range(3))
+        points = (1.0 - toward) * tip + toward * ((1.0 - along) * a + along * b)
+        length = norms(points)
+        values = density((points / length[..., None]).reshape(-1, 3)).reshape(length.shape)
+        # Times the area that a part of the square has on the sphere, seen through the flat
+        # triangle.
+        scale = np.linalg.det(own) * size.prod(axis=1)
+        found = values * scale[:, None, None] * toward[..., 0] / length**3
         exact = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, found)
-        along = np.einsum("i,j,rij->r", COARSE, WEIGHTS, found)
-        toward = np.einsum("i,j,rij->r", WEIGHTS, COARSE, found)
-        size = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, np.abs(found))
-        misses = np.abs(np.stack([exact - along, exact - toward], axis=1))
+        less = [
+            np.einsum("i,j,rij->r", *by, found) for by in ((COARSE, WEIGHTS), (WEIGHTS, COARSE))
+        ]
+        whole = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, np.abs(found))
+        misses = np.abs(np.stack([exact - one for one in less], axis=1))
         fine[part], worse[part] = exact, misses.argmax(axis=1)
-        error[part, 0], error[part, 1] = misses.sum(axis=1), ROUNDED * size
+        error[part, 0], error[part, 1] = misses.sum(axis=1), ROUNDED * whole
     return fine, error, worse
-
-
-def _scaled_values(
-    density: Callable[[Floats], Floats], corners: Floats, low: Floats, width: Floats
-) -> Floats:
-    """(r, 15, 15) integrand on the square: density times the area that a part of the square has on
-    the sphere, seen through the flat triangle."""
-    along = low[:, :1] + width[:, :1] * NODES
-    toward = low[:, 1:] + width[:, 1:] * NODES
-    tip, a, b = (corners[:, None, None, number] for number in range(3))
-    x, y = along[:, :, None, None], toward[:, None, :, None]
-    points = (1.0 - y) * tip + y * ((1.0 - x) * a + x * b)
-    length = norms(points)
-    values = density((points / length[..., None]).reshape(-1, 3)).reshape(length.shape)
-    scale = np.linalg.det(corners) * width.prod(axis=1)
-    return np.asarray(values * scale[:, None, None] * toward[:, None, :] / length**3)

@@ -90,17 +90,13 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     answer = kernels.separatrices(*body)
-    if answer is kernels.UNDECIDED:
-        return _numpy_separatrices(equilibria)
-    *arrays, handle, growth_sign, side_sign = answer
-    equilibria.remember(growth_sign, side_sign)
-    paths = Separatrices(*arrays)
-    paths.__dict__["handle"] = handle
-    return paths
-
-
-def _numpy_separatrices(equilibria: Equilibria) -> Separatrices:
-    """As `separatrices`, with exact arithmetic where rounding leaves a decision open."""
+    if answer is not kernels.UNDECIDED:
+        *arrays, handle, growth_sign, side_sign = answer
+        equilibria.remember(growth_sign, side_sign)
+        paths = Separatrices(*arrays)
+        paths.__dict__["handle"] = handle
+        return paths
+    # As kernels do it, with exact arithmetic where rounding leaves a decision open.
     hull = equilibria.hull
     rests = np.flatnonzero(equilibria.stable)
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
@@ -113,15 +109,15 @@ def _numpy_separatrices(equilibria: Equilibria) -> Separatrices:
     saddles = saddles[dividing]
     basins = np.searchsorted(rests, destined[dividing])
     starts = np.stack([hull.head[saddles], hull.tail[saddles]], axis=1).ravel()
-    branches = ascend(equilibria, np.repeat(saddles, 2), starts)
+    crossed, start, maxima = ascend(equilibria, np.repeat(saddles, 2), starts)
     return Separatrices(
         rests,
         saddles,
         basins,
         np.stack([hull.tail[saddles], hull.head[saddles]], axis=1),
-        np.stack([hull.tail[branches.crossed], hull.head[branches.crossed]], axis=1),
-        branches.start,
-        branches.maxima,
+        np.stack([hull.tail[crossed], hull.head[crossed]], axis=1),
+        start,
+        maxima,
     )
 
 

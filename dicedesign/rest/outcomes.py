@@ -81,14 +81,10 @@ def gathered(normals: Floats, probabilities: Floats, directions: Floats) -> Outc
     of_rest = np.where(nearest >= 0, shown[nearest], -1)
     odds = sums_by_outcome(probabilities, of_rest, len(directions))
     elsewhere = float(probabilities[of_rest < 0].sum())
-    return OutcomeOdds(odds, main, of_rest, elsewhere, _least_angle(normals[main[shown]]))
-
-
-def _least_angle(normals: Floats) -> float:
-    if len(normals) < 2:
-        return float(np.pi)
-    angles = angle_between(normals[:, None], normals[None])
-    return float(angles[np.triu_indices(len(normals), 1)].min())
+    own_normals = normals[main[shown]]
+    between = angle_between(own_normals[:, None], own_normals[None])
+    least = float(between[np.triu_indices(len(shown), 1)].min(initial=np.pi))
+    return OutcomeOdds(odds, main, of_rest, elsewhere, least)
 
 
 def outcome_margins(poses: RestPoses, outcomes: OutcomeOdds) -> Floats:
@@ -220,7 +216,13 @@ def match_by_odds(name: str, normals: Floats, odds: Floats, wanted: ArrayLike) -
             f"{name}: expected at least as many rests as outcomes, got {len(odds)} rests for "
             f"{len(given)} outcomes; correct the mesh or join outcomes"
         )
-    part = _joined(normals, len(given))
+    part = np.arange(len(normals))
+    angles = angle_between(normals[:, None], normals[None])
+    for _ in range(len(normals) - len(given)):
+        between = np.where(part[:, None] != part[None], angles, np.inf)
+        i, j = np.unravel_index(int(between.argmin()), between.shape)
+        part[part == part[j]] = part[i]
+    part = np.unique(part, return_inverse=True)[1]
     found = np.bincount(part, weights=odds)
     parts, places = np.argsort(-found, kind="stable"), np.argsort(-given, kind="stable")
     off = float(np.abs(found[parts] - given[places]).max())
@@ -234,9 +236,10 @@ def match_by_odds(name: str, normals: Floats, odds: Floats, wanted: ArrayLike) -
     apart = -np.diff(given[places]) > max(off, EQUAL_ODDS)
     group_of_place = np.concatenate([[0], np.cumsum(apart)])
     if len(given) > 1 and not apart.any():
+        listed = ", ".join(f"{value:.4f}" for value in given)
         raise InputError(
             f"{name}: expected outcomes that differ in their geometric odds by more than the "
-            f"{off:.2g} by which the mesh misses them, got {_listed(given)}; name the folder of "
+            f"{off:.2g} by which the mesh misses them, got {listed}; name the folder of "
             "the die's run, which says which facet is which, or leave the die out"
         )
     members = tuple(
@@ -246,18 +249,3 @@ def match_by_odds(name: str, normals: Floats, odds: Floats, wanted: ArrayLike) -
     group_of_part = np.empty(len(parts), dtype=np.int64)
     group_of_part[parts] = group_of_place
     return OutcomeGroups(members, group_of_part[part])
-
-
-def _joined(normals: Floats, wanted: int) -> Integers:
-    """(k,) the part of each rest when the closest are joined until there are so many parts."""
-    part = np.arange(len(normals))
-    angles = angle_between(normals[:, None], normals[None])
-    for _ in range(len(normals) - wanted):
-        between = np.where(part[:, None] != part[None], angles, np.inf)
-        i, j = np.unravel_index(int(between.argmin()), between.shape)
-        part[part == part[j]] = part[i]
-    return np.unique(part, return_inverse=True)[1]
-
-
-def _listed(values: Floats) -> str:
-    return ", ".join(f"{value:.4f}" for value in values)

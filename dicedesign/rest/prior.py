@@ -19,7 +19,7 @@ from dicedesign.errors import InputError
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.border_arcs import Arcs
 from dicedesign.rest.tracing import destined_facets, slide
-from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
+from dicedesign.runtime.arrays import Floats, exact_intervals
 from dicedesign.runtime.files import read_text
 from dicedesign.runtime.registry import Extension, Registry
 from dicedesign.tolerances import ROUNDING
@@ -194,8 +194,17 @@ class SampledDirections(Prior):
     def odds(self, basins: Basins) -> PriorOdds:
         """Parts of the directions that end on each rest, every one rolled there."""
         directions = np.asarray(self.directions)
-        reached = _destinations(basins, directions)
-        places = np.searchsorted(basins.paths.rests, reached)
+        # A balance that no basin depends on is none to give up for.
+        equilibria = replace(basins.equilibria, tie_distance=0.0)
+        count = max(1, AT_ONCE // len(equilibria.radii))
+        lowest = [
+            (directions[first : first + count] @ equilibria.radii.T).argmax(axis=1)
+            for first in range(0, len(directions), count)
+        ]
+        errors = np.full(len(directions), ROUNDING)
+        facets, _ = slide(equilibria, np.concatenate(lowest), directions, errors)
+        touched, place = np.unique(facets, return_inverse=True)
+        places = np.searchsorted(basins.paths.rests, destined_facets(equilibria, touched)[place])
         odds = np.bincount(places, minlength=len(basins.paths.rests)) / len(directions)
         intervals = exact_intervals(odds * len(directions), len(directions), CONFIDENCE)
         return PriorOdds(odds, np.abs(intervals - odds[:, None]).max(axis=1))
@@ -236,22 +245,6 @@ def _read(text: str) -> SampledDirections:
     if not text:
         raise ValueError
     return SampledDirections.read(Path(text))
-
-
-def _destinations(basins: Basins, directions: Floats) -> Integers:
-    """(n,) the stable facet on which a body comes to rest that is let go with each direction
-    down."""
-    # A balance that no basin depends on is none to give up for.
-    equilibria = replace(basins.equilibria, tie_distance=0.0)
-    count = max(1, AT_ONCE // len(equilibria.radii))
-    lowest = [
-        (directions[first : first + count] @ equilibria.radii.T).argmax(axis=1)
-        for first in range(0, len(directions), count)
-    ]
-    errors = np.full(len(directions), ROUNDING)
-    facets, _ = slide(equilibria, np.concatenate(lowest), directions, errors)
-    touched, place = np.unique(facets, return_inverse=True)
-    return destined_facets(equilibria, touched)[place]
 
 
 SAMPLES = PriorKind(

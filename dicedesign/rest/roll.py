@@ -109,7 +109,13 @@ def roll_steps(
             "larger one"
         )
     start = start / np.abs(start).max()
-    moments = _changes(_moments(equilibria, start / np.linalg.norm(start)))
+    # Between moments the body turns: of several at one orientation the last counts, at which
+    # everything that touches the table has touched down.
+    moments: list[_Moment] = []
+    for moment in _moments(equilibria, start / np.linalg.norm(start)):
+        if moments and angle_between(moments[-1].down, moment.down) <= ROUNDING:
+            moments.pop()
+        moments.append(moment)
     first = moments[0]
     height = float(equilibria.radii[first.touching[0]] @ first.down)
     transform = standing_transform(first.down, height, equilibria.center_of_mass)
@@ -122,9 +128,10 @@ def roll_steps(
         origin = transform[:3, :3]
         for piece in range(1, pieces + 1):
             arrived = piece == pieces
-            direction = (
-                after.down if arrived else _between(before.down, after.down, angle, piece / pieces)
-            )
+            direction = after.down
+            if not arrived:
+                left, gone = np.sin((1.0 - piece / pieces) * angle), np.sin(piece / pieces * angle)
+                direction = (left * before.down + gone * after.down) / np.sin(angle)
             transform = np.eye(4)
             turn = rotation_between(origin @ direction, np.array([0.0, 0.0, -1.0]))
             transform[:3, :3] = turn @ origin
@@ -132,17 +139,6 @@ def roll_steps(
             touching = after.touching if arrived else before.turning
             steps.append(_step(equilibria, direction, touching, transform))
     return tuple(steps)
-
-
-def _changes(moments: Iterator[_Moment]) -> list[_Moment]:
-    """The moments between which the body turns: of several at one orientation, the last, at which
-    everything that touches the table has touched down."""
-    changes: list[_Moment] = []
-    for moment in moments:
-        if changes and angle_between(changes[-1].down, moment.down) <= ROUNDING:
-            changes.pop()
-        changes.append(moment)
-    return changes
 
 
 def _moments(equilibria: Equilibria, down: Floats) -> Iterator[_Moment]:
@@ -185,7 +181,3 @@ def _step(
     contact: Contact = {1: "vertex", 2: "edge"}.get(len(touching), "facet")  # type: ignore[assignment]
     height = float(equilibria.radii[touching[0]] @ down)
     return RollStep(down, contact, touching, height, transform)
-
-
-def _between(a: Floats, b: Floats, angle: float, fraction: float) -> Floats:
-    return (np.sin((1.0 - fraction) * angle) * a + np.sin(fraction * angle) * b) / np.sin(angle)

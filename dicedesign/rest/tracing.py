@@ -8,8 +8,6 @@ cell per step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError
@@ -18,22 +16,6 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 from dicedesign.tolerances import ROUNDING
-
-
-@dataclass(frozen=True)
-class Branches:
-    """Flow lines uphill, as integers.
-
-    Attributes
-    ----------
-    crossed: (c,) half-edges whose arcs the lines cross, in order, line after line.
-    start: (k + 1,) line i has `crossed[start[i] : start[i + 1]]`.
-    maxima: (k,) vertex at which a line ends.
-    """
-
-    crossed: Integers
-    start: Integers
-    maxima: Integers
 
 
 def exit_half_edges(
@@ -116,16 +98,26 @@ def crossing(
     return unit, np.where(directed, errors, 1.0)
 
 
-def ascend(equilibria: Equilibria, saddles: Integers, vertices: Integers) -> Branches:
+def ascend(
+    equilibria: Equilibria, saddles: Integers, vertices: Integers
+) -> tuple[Integers, Integers, Integers]:
     """Follow flow lines uphill from saddles to their maxima.
 
     saddles: (k,) half-edges; vertices: (k,) the end of each into whose cell the line runs. A line
     visits vertices of growing distance from c and so ends by itself. Lines on which rounding could
     change a crossing are followed in exact arithmetic.
+
+    Returns half-edges (c,) whose arcs the lines cross, in order, line after line; (k + 1,) the
+    first of each line; and the vertex (k,) at which each ends.
     """
     hull = equilibria.hull
     vertices, ends = vertices.copy(), vertices.copy()
-    directions, errors = saddle_points(equilibria, saddles)
+    directions, edge = equilibria.saddle_directions[saddles], equilibria.edge_lengths[saddles]
+    length, radii = norms(directions), norms(equilibria.radii)
+    nearest = np.minimum(radii[hull.tail[saddles]], radii[hull.head[saddles]])
+    errors = ROUNDING * (1.0 + nearest * edge * edge / length)
+    errors += equilibria.tie_distance * edge * edge / length
+    directions = directions / length[:, None]
     lines: list[list[int]] = [[] for _ in saddles]
     active = np.flatnonzero(~equilibria.maximum[vertices])
     while len(active):
@@ -146,19 +138,7 @@ def ascend(equilibria: Equilibria, saddles: Integers, vertices: Integers) -> Bra
             lines[line].append(int(edge))
         active = active[~equilibria.maximum[vertices[active]]]
     start = np.cumsum([0, *(len(line) for line in lines)])
-    return Branches(np.array([e for line in lines for e in line], dtype=np.int64), start, vertices)
-
-
-def saddle_points(equilibria: Equilibria, half_edges: Integers) -> tuple[Floats, Floats]:
-    """Unit saddle directions (k, 3) of half-edges (k,), and bounds (k,) on their errors."""
-    directions = equilibria.saddle_directions[half_edges]
-    length = norms(directions)
-    edge = equilibria.edge_lengths[half_edges]
-    hull, radii = equilibria.hull, norms(equilibria.radii)
-    nearest = np.minimum(radii[hull.tail[half_edges]], radii[hull.head[half_edges]])
-    size = nearest * edge * edge
-    errors = ROUNDING * (1.0 + size / length) + equilibria.tie_distance * edge * edge / length
-    return directions / length[:, None], errors
+    return np.array([e for line in lines for e in line], dtype=np.int64), start, vertices
 
 
 def hinge_facets(
@@ -189,7 +169,8 @@ def hinge_facets(
 def slide(
     equilibria: Equilibria, vertices: Integers, directions: Floats, errors: Floats
 ) -> tuple[Integers, Booleans]:
-    """Follow flow lines downhill until they reach the arc of a hinge edge.
+    """Follow flow lines downhill until they reach the arc of a hinge edge, all together, one cell
+    per step.
 
     vertices: (k,) cells to start in; directions: (k, 3) unit, with errors up to (k,).
     Returns the facets (k,) that the body then tips onto, and (k,) whether rounding cannot change
@@ -197,17 +178,8 @@ def slide(
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     found = kernels.slides(*body, vertices, directions, errors)
-    return (
-        _step_by_step(equilibria, vertices, directions, errors)
-        if found is kernels.UNDECIDED
-        else found
-    )
-
-
-def _step_by_step(
-    equilibria: Equilibria, vertices: Integers, directions: Floats, errors: Floats
-) -> tuple[Integers, Booleans]:
-    """As `slide`, all lines together, one cell per step."""
+    if found is not kernels.UNDECIDED:
+        return found
     vertices, directions, errors = vertices.copy(), directions.copy(), errors.copy()
     facets = np.full(len(vertices), -1, dtype=np.int64)
     certain = np.ones(len(vertices), dtype=bool)
@@ -245,14 +217,14 @@ def descend(equilibria: Equilibria, facets: Integers) -> Integers:
 
 
 def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
-    """Stable facet (k,) on which a body comes to rest that is let go on facets (k,)."""
+    """Stable facet (k,) on which a body comes to rest that is let go on facets (k,).
+
+    Where rounding leaves a decision open it is found in exact arithmetic.
+    """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     found = kernels.destinations(*body, facets)
-    return _numpy_destinations(equilibria, facets) if found is kernels.UNDECIDED else found
-
-
-def _numpy_destinations(equilibria: Equilibria, facets: Integers) -> Integers:
-    """As `destined_facets`, with exact arithmetic where rounding leaves a decision open."""
+    if found is not kernels.UNDECIDED:
+        return found
     hull = equilibria.hull
     known = np.where(equilibria.stable, np.arange(len(equilibria.stable)), -1)
     rolls = equilibria.roll_edge >= 0

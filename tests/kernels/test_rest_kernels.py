@@ -12,11 +12,11 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.kernels import ops as kernels
 from dicedesign.kernels.ops import Tie
-from dicedesign.rest import morse, tracing
 from dicedesign.rest.basins import basin_areas, find_basins, tie_distance
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.tracing import destined_facets
 from dicedesign.runtime.arrays import Floats
 
 pytestmark = compiled_only
@@ -64,7 +64,8 @@ def by_kernels(equilibria: Equilibria) -> Separatrices | None:
 
 
 def by_numpy(equilibria: Equilibria) -> Separatrices:
-    return morse._numpy_separatrices(equilibria)
+    with without_kernels():
+        return separatrices(equilibria)
 
 
 def answer(equilibria: Equilibria, kernel: bool) -> Separatrices | str | None:
@@ -134,6 +135,7 @@ def test_destinations_are_those_of_numpy() -> None:
         found = kernels.destinations(hull, center, 0.0, facets)
         answers.append(found is not None)
         if found is not None:
-            expected = tracing._numpy_destinations(classify(hull, center), facets)
+            with without_kernels():
+                expected = destined_facets(classify(hull, center), facets)
             np.testing.assert_array_equal(found, expected)
     assert np.mean(answers) > 0.98
