@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -57,13 +56,27 @@ class BodyFunction:
     @property
     def pulled_back(self) -> BodyFunction:
         """From the inputs and gradients of the outputs to gradients of the inputs."""
-        formula = partial(_pulled_back, self.formula, self.inputs)
+
+        def formula(body: int, *given: Tensor) -> tuple[Tensor, ...]:
+            with torch.enable_grad():
+                leaves = [_leaf(tensor) for tensor in given[: self.inputs]]
+                return _slopes(self.formula(body, *leaves), leaves, given[self.inputs :])
+
         return BodyFunction(self.inputs + self.outputs, self.inputs, formula, self.adjoint)
 
     @property
     def pushed_forward(self) -> BodyFunction:
-        """From the inputs and their tangents to the tangents of the outputs."""
-        formula = partial(_pushed_forward, self.formula, self.inputs)
+        """From the inputs and their tangents to the tangents of the outputs: gradients of inputs
+        are linear in those of outputs, and this is the transpose of that."""
+
+        def formula(body: int, *given: Tensor) -> tuple[Tensor, ...]:
+            with torch.enable_grad():
+                leaves = [_leaf(tensor) for tensor in given[: self.inputs]]
+                outputs = self.formula(body, *leaves)
+                weights = [torch.zeros_like(output).requires_grad_() for output in outputs]
+                slopes = _slopes(outputs, leaves, weights)
+                return _slopes(slopes, weights, given[self.inputs :])
+
         return BodyFunction(2 * self.inputs, self.outputs, formula)
 
     def evaluated(self, which: Integers, *inputs: Floats) -> tuple[Floats, ...]:
@@ -223,21 +236,6 @@ def _leading(
     ]
 
 
-def _pulled_back(formula: Formula, inputs: int, body: int, *given: Tensor) -> tuple[Tensor, ...]:
-    with torch.enable_grad():
-        leaves = [_leaf(tensor) for tensor in given[:inputs]]
-        return _slopes(formula(body, *leaves), leaves, given[inputs:])
-
-
-def _pushed_forward(formula: Formula, inputs: int, body: int, *given: Tensor) -> tuple[Tensor, ...]:
-    """Gradients of inputs are linear in those of outputs; this is the transpose of that."""
-    with torch.enable_grad():
-        leaves = [_leaf(tensor) for tensor in given[:inputs]]
-        outputs = formula(body, *leaves)
-        weights = [torch.zeros_like(output).requires_grad_() for output in outputs]
-        return _slopes(_slopes(outputs, leaves, weights), weights, given[inputs:])
-
-
 def _leaf(tensor: Tensor) -> Tensor:
     return tensor if tensor.requires_grad else tensor.detach().requires_grad_()
 
@@ -275,29 +273,20 @@ def double_tensor(given: object, name: str, *shape: int | str) -> Tensor:
     ------
     InputError: it is no tensor of float32 or float64 numbers, has another shape, or no values.
     """
-    fault = _fault(given, shape)
-    if fault is not None:
-        wanted = f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
-        raise InputError(
-            f"{name}: expected a float32 or float64 tensor of shape {wanted}, got {fault}"
-        )
-    assert isinstance(given, Tensor)
-    return given.to("cpu", torch.float64)
-
-
-def _fault(given: object, shape: tuple[int | str, ...]) -> str | None:
-    """What is wrong with a tensor and what to do about it, None if nothing is."""
     if not isinstance(given, Tensor):
-        return f"{type(given).__name__}; make a tensor with torch.tensor"
-    if given.dtype not in (torch.float64, torch.float32):
-        return f"{given.dtype}; convert it with .double()"
-    if given.ndim != len(shape) or any(
+        fault = f"{type(given).__name__}; make a tensor with torch.tensor"
+    elif given.dtype not in (torch.float64, torch.float32):
+        fault = f"{given.dtype}; convert it with .double()"
+    elif given.ndim != len(shape) or any(
         isinstance(asked, int) and asked != size
         for asked, size in zip(shape, given.shape, strict=True)
     ):
-        return f"shape {tuple(given.shape)}; reshape it"
-    if given.is_meta:
-        return "a meta tensor; pass one with values"
-    if given.layout != torch.strided:
-        return f"one of layout {given.layout}; pass a dense one"
-    return None
+        fault = f"shape {tuple(given.shape)}; reshape it"
+    elif given.is_meta:
+        fault = "a meta tensor; pass one with values"
+    elif given.layout != torch.strided:
+        fault = f"one of layout {given.layout}; pass a dense one"
+    else:
+        return given.to("cpu", torch.float64)
+    wanted = f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+    raise InputError(f"{name}: expected a float32 or float64 tensor of shape {wanted}, got {fault}")

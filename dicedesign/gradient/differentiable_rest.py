@@ -96,7 +96,13 @@ class _RestedBodies:
     @property
     def function(self) -> BodyFunction:
         """From points, and centers if they are given, to normals and odds."""
-        return BodyFunction(1 + self._has_centers, 2, self._formula, self._value, self._adjoint)
+        return BodyFunction(
+            1 + self._has_centers,
+            2,
+            self._formula,
+            lambda which, *_: (self._normals[which], self._odds[which]),
+            self._adjoint,
+        )
 
     def find(self, points: Floats, *others: Floats) -> Integers:
         """Find the rests of bodies (*l), and number them; others: centers and counts, see
@@ -128,24 +134,19 @@ class _RestedBodies:
             found, self._facets, self._normals, self._odds = self._handle.rests()
         for body in np.flatnonzero(found == 0).tolist():
             try:
-                self._find_one(body)
+                _, facets, normals, odds = self._recorded(body)
             except InputError as error:
                 if not lead:
                     raise
                 raise type(error)(f"body {body}: {error}") from error
-        return np.arange(bodies).reshape(lead)
-
-    def _find_one(self, body: int) -> None:
-        """Find the rests of a body that kernels left open."""
-        _, facets, normals, odds = self._recorded(body)
-        room = len(odds) - self._odds.shape[1]
-        if room > 0:
+            room = max(len(odds) - self._odds.shape[1], 0)
             self._facets = np.pad(self._facets, ((0, 0), (0, room)))
             self._odds = np.pad(self._odds, ((0, 0), (0, room)))
             self._normals = np.pad(self._normals, ((0, 0), (0, room), (0, 0)))
-        self._facets[body, : len(odds)] = facets
-        self._normals[body, : len(odds)] = normals.detach().numpy()
-        self._odds[body, : len(odds)] = odds.detach().numpy()
+            self._facets[body, : len(odds)] = facets
+            self._normals[body, : len(odds)] = normals.detach().numpy()
+            self._odds[body, : len(odds)] = odds.detach().numpy()
+        return np.arange(bodies).reshape(lead)
 
     def _recorded(self, body: int) -> _Record:
         """The rests of a body, as functions of inputs that autograd knows."""
@@ -206,9 +207,6 @@ class _RestedBodies:
             torch.nn.functional.pad(normals, (0, 0, 0, left)),
             torch.nn.functional.pad(odds, (0, left)),
         )
-
-    def _value(self, which: Integers, *inputs: Floats) -> tuple[Floats, Floats]:
-        return self._normals[which], self._odds[which]
 
     def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...]:
         *inputs, by_normals, by_odds = given

@@ -226,7 +226,20 @@ def _largest_circles(
     """Centers (k, 3) and multipliers (e,)."""
     counts = np.bincount(edges.owner)
     if counts.max() > MOST_TRIPLED:
-        return _by_linear_programs(edges, middle, frame, lines, distances)
+        # Imported where it is needed: it takes longer than most dice.
+        from scipy.optimize import linprog
+
+        moved, multipliers = np.zeros((len(middle), 2)), np.zeros(len(edges.owner))
+        for facet in range(len(middle)):
+            own = edges.owner == facet
+            widest = linprog(
+                (0, 0, -1),
+                A_ub=np.column_stack([-lines[own], np.ones(own.sum())]),
+                b_ub=distances[own],
+                bounds=[(None, None), (None, None), (0, None)],
+            )
+            moved[facet], multipliers[own] = widest.x[:2], -widest.ineqlin.marginals
+        return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
     # Facets of fewer edges repeat their last one, which changes no circle.
     numbers = edges.first[:, None] + np.minimum(np.arange(counts.max()), counts[:, None] - 1)
     triples = numbers[:, np.array(list(combinations(range(counts.max()), 3)))]
@@ -246,26 +259,6 @@ def _largest_circles(
     offsets = (radii[best][:, None] - distances[touched]) * counted
     inverse = np.linalg.pinv(lines[touched] * counted[..., None], rcond=SLIDING)
     moved = np.einsum("kae,ke->ka", inverse, offsets)
-    return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
-
-
-def _by_linear_programs(
-    edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
-) -> tuple[Floats, Floats]:
-    """The same where facets have too many edges to try all triples."""
-    # Imported where it is needed: it takes longer than most dice.
-    from scipy.optimize import linprog
-
-    moved, multipliers = np.zeros((len(middle), 2)), np.zeros(len(edges.owner))
-    for facet in range(len(middle)):
-        own = edges.owner == facet
-        widest = linprog(
-            (0, 0, -1),
-            A_ub=np.column_stack([-lines[own], np.ones(own.sum())]),
-            b_ub=distances[own],
-            bounds=[(None, None), (None, None), (0, None)],
-        )
-        moved[facet], multipliers[own] = widest.x[:2], -widest.ineqlin.marginals
     return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
 
 

@@ -99,8 +99,7 @@ class ThrownOdds:
             return resting
         gradients = self._gradients(rests, np.eye(len(resting)))
         if gradients is kernels.UNDECIDED:
-            rows, by_odds = self._formula_rows(rests)
-            return rows + by_odds @ resting
+            return rests.jacobian_of(self.tensor)
         rows, by_center, by_odds = gradients
         return rests.rows_with_center(rows, by_center) + by_odds @ resting
 
@@ -112,22 +111,6 @@ class ThrownOdds:
         assert self.model is not None
         body = rests.hull, rests.paths, self.model[0], rests.equilibria.center_of_mass
         return kernels.thrown_gradients(*body, rests.odds, weights)
-
-    def _formula_rows(self, rests: RestEvaluation) -> tuple[Floats, Floats]:
-        """Derivatives (k, 3 n) in the vertices and (k, k) in the odds without momentum."""
-        vertices = torch.from_numpy(rests.hull.vertices).requires_grad_()
-        resting = torch.from_numpy(rests.odds).requires_grad_()
-        given = rests.given_center
-        thrown = self._formula(rests, vertices, resting, None if given is None else given.detach())
-        rows, by_odds = torch.autograd.grad(
-            thrown,
-            (vertices, resting),
-            torch.eye(len(thrown), dtype=torch.float64),
-            is_grads_batched=True,
-            allow_unused=True,
-            materialize_grads=True,
-        )
-        return rows.reshape(len(thrown), -1).numpy(), by_odds.numpy()
 
     def _formula(
         self, rests: RestEvaluation, vertices: Tensor, resting: Tensor, given: Tensor | None
@@ -238,7 +221,8 @@ class OddsUnderPrior:
 
     def odds(self, rests: RestEvaluation) -> Floats:
         """See `OddsModel`."""
-        return self.prior.odds(_basins(rests)).odds
+        areas = 4.0 * np.pi * rests.odds
+        return self.prior.odds(rests.basins or Basins(rests.equilibria, rests.paths, areas)).odds
 
     def tensor(self, rests: RestEvaluation) -> Tensor:
         """See `OddsModel`; only first derivatives are known, second ones are NaN."""
@@ -295,13 +279,6 @@ class OddsUnderPrior:
         basins = torch.from_numpy(paths.basins)
         gained = torch.zeros_like(odds).index_add(0, basins[:, 0], across)
         return odds + gained.index_add(0, basins[:, 1], -across)
-
-
-def _basins(rests: RestEvaluation) -> Basins:
-    """The basins of a body."""
-    if rests.basins is not None:
-        return rests.basins
-    return Basins(rests.equilibria, rests.paths, 4.0 * np.pi * rests.odds)
 
 
 class _Flow(torch.autograd.Function):

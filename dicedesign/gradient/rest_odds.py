@@ -192,18 +192,17 @@ class RestEvaluation:
         uniform solid moves."""
         rows = kernels.area_jacobian(self.hull, self.paths, self.equilibria.center_of_mass)
         if rows is kernels.UNDECIDED:
-            return self._formula_jacobian()
+            return self.jacobian_of(lambda rests: rests.probabilities)
         return self.rows_with_center(*rows) / (4.0 * np.pi)
 
-    def _formula_jacobian(self) -> Floats:
-        """The same by operations of torch, row by row."""
-        vertices = torch.from_numpy(self.hull.vertices).requires_grad_()
-        center = self.center_of(vertices) if self.given_center is None else self.center.detach()
-        rows = [
-            torch.autograd.grad(value, vertices, retain_graph=True)[0].numpy().ravel()
-            for value in rest_probabilities(self.hull, self.paths, vertices, center)
-        ]
-        return np.stack(rows)
+    def jacobian_of(self, function: Callable[[RestEvaluation], Tensor]) -> Floats:
+        """(k, 3 n) derivatives in the vertices of a tensor (k,) that is a function of a body, by
+        operations of torch, row by row."""
+        vertices = self.vertices.detach().requires_grad_()
+        with torch.enable_grad():
+            values = function(replace(self, vertices=vertices))
+        rows = [torch.autograd.grad(value, vertices, retain_graph=True)[0] for value in values]
+        return torch.stack(rows).flatten(1).numpy()
 
     def facet_normals(self, facets: Integers) -> Tensor:
         """(len(facets), 3) unit normals of facets."""
