@@ -349,7 +349,7 @@ class _Surface:
             values = self._scaled[block] @ planes.T
             near = (values >= -bounds).any(axis=1)
             block, values = block[near], values[near]
-            out = (values > bounds).any(axis=1)
+            out = np.asarray((values > bounds).any(axis=1))
             row, facet = np.nonzero((values >= -bounds) & ~out[:, None])
             signs = self._sides.signs(self.triangles[facet], block[row])
             out[row[signs > 0]] = True

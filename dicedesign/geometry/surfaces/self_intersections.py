@@ -46,8 +46,8 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     other = _turned(second[edge], in_second[edge].argmin(axis=1))
     start = points[one[:, 1]]
     along = points[one[:, 2]] - start
-    ups = [np.cross(along, points[corner[:, 0]] - start) for corner in (one, other)]
-    cosine, sine = (ups[0] * ups[1]).sum(axis=1), np.linalg.norm(np.cross(*ups), axis=1)
+    up, over = (np.cross(along, points[corner[:, 0]] - start) for corner in (one, other))
+    cosine, sine = (up * over).sum(axis=1), np.linalg.norm(np.cross(up, over), axis=1)
     meet[edge] = (cosine > 0.0) & (sine <= FLAT_FOLD * cosine)
 
     corner = np.flatnonzero(common == 1)
@@ -103,7 +103,7 @@ def _meet(
     """
     meet = np.zeros(len(first), dtype=bool)
     near = close_pairs(points[first], points[second], common)
-    sides = []
+    sides: list[Integers] = []
     for planes, others in ((first, second), (second, first)):
         # Of the corners that are not common: on which side of the other's plane they are.
         corners = others[near].T[common:]
