@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.throws.rigid_body import RigidBody, rigid_body
+from dicedesign.throws.rigid_body import RigidBody, released, rigid_body
 from dicedesign.throws.tables import Table
 
 BOARD = Table("board", restitution=0.65, friction=0.2, height=0.1, speed=0.3, spin=15.0)
@@ -47,10 +47,20 @@ def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
     return thrown(points, 0.6 * hull.centroid + 0.4 * somewhere)
 
 
+def let_go(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
+    """States (n, 13) of bodies as they are let go."""
+    return released(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
+
+
+def turns_of(states: np.ndarray) -> np.ndarray:
+    """Matrices (n, 3, 3) from principal axes to the world."""
+    return Rotation.from_quat(states[:, 3:7], scalar_first=True).as_matrix()
+
+
 def turn_down(direction: ArrayLike) -> np.ndarray:
     """A quaternion w, x, y, z that turns a direction (3,) of the body down."""
     turn, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [direction])
-    return np.roll(turn.as_quat(), 1)
+    return turn.as_quat(scalar_first=True)
 
 
 def fits(counts: ArrayLike, odds: ArrayLike) -> float:

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from common.kernels import compiled_only, without_kernels
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from benchmarks.random_dice import RandomDie, random_die
 from benchmarks.train import GENERAL, drawn_table, plain_model
@@ -60,7 +58,6 @@ def changed(path: str, value: object) -> dict[str, Any]:
     ("path", "value", "named"),
     [
         ("numbers.0.0", 1e308, "numbers: .* got 1e.308"),
-        ("numbers.0.0", float("nan"), "numbers: .* got nan"),
         ("numbers", [1.0], rf"numbers: .* \({TABLE_TERMS}, 3\), got \(1,\)"),
         ("range.spin", None, "range: .*restitution.*, got restitution, friction, height, speed;"),
         ("range.spin", [2.0, 1.0], "range.spin: expected the lower limit first, got 2, 1"),
@@ -68,7 +65,6 @@ def changed(path: str, value: object) -> dict[str, Any]:
         ("transitions", None, "transitions: .* got NoneType"),
         ("transitions.bias", None, "transitions: .*bias.*, got mean, deviation"),
         ("transitions.deviation.3", 1e-300, "transitions.deviation: .* got 1e-300"),
-        ("transitions.linear.2.1", float("-inf"), "transitions.linear: .* got -inf"),
         ("carries.linear.0", None, r"carries.linear: .* \(14, 3\), got \(13, 3\)"),
         ("carries.outward.0", None, rf"carries.inward: .* \(14, {UNITS - 1}\), got"),
     ],
@@ -137,34 +133,21 @@ def _hull_and_rests(seed: int, count: int, flatness: float) -> tuple[Any, ...]:
 BODIES = [_hull_and_rests(1, 8, 1.0), _hull_and_rests(2, 30, 1.0), _hull_and_rests(3, 12, 0.05)]
 
 
-def _numbers(name: str) -> st.SearchStrategy[float]:
-    least, most = RANGES.get(name, WEIGHTS)
-    if name == "deviation":
-        return st.floats(np.log10(least), np.log10(most)).map(
-            lambda power: min(max(10.0**power, least), most)
-        )
-    return st.one_of(st.sampled_from([least, most]), st.floats(least, most))
-
-
-@st.composite
-def models(draw: st.DrawFn) -> dict[str, Any]:
-    """Any model within its ranges: each array has some few numbers, at random places."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+@pytest.mark.parametrize("seed", range(15))
+def test_every_model_within_its_ranges_gives_odds(seed: int) -> None:
+    """Each array has some few numbers, at random places, the ends of its range among them."""
+    rng = np.random.default_rng(seed)
 
     def drawn(name: str, part: Any) -> Any:
         if isinstance(part, dict):
             return {key: drawn(key, value) for key, value in part.items()}
-        some = draw(st.lists(_numbers(name), min_size=1, max_size=4))
+        least, most = RANGES.get(name, WEIGHTS)
+        between = np.geomspace if name == "deviation" else np.linspace
+        some = rng.choice([*between(least, most, 7), 0.5], size=rng.integers(1, 5))
         return rng.choice(some, size=np.shape(part)).tolist()
 
-    return {key: PLAIN[key] if key == "range" else drawn(key, PLAIN[key]) for key in PLAIN}
-
-
-# A model holds a thousand numbers.
-@settings(suppress_health_check=[HealthCheck.too_slow], max_examples=15)
-@given(models(), st.integers(0, 2**32))
-def test_every_model_within_its_ranges_gives_odds(plain: dict[str, Any], seed: int) -> None:
-    table = drawn_table(GENERAL, TABLE, np.random.default_rng(seed))
+    plain = {key: PLAIN[key] if key == "range" else drawn(key, PLAIN[key]) for key in PLAIN}
+    table = drawn_table(GENERAL, TABLE, rng)
     model = MomentumModel.of(general_model_of(plain), table)
     for way in (nullcontext, without_kernels):
         for body in BODIES:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from common.kernels import compiled_only
-from common.thrown import BOARD, OCTAHEDRON, alike, random_body, random_points, thrown
+from common.thrown import BOARD, OCTAHEDRON, alike, let_go, random_body, random_points, thrown
 
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.kernels import ops as kernels
 from dicedesign.throws.engines import advance, contact_of
 from dicedesign.throws.mujoco_engine import _scene, final_rest, rest_below
-from dicedesign.throws.rigid_body import RigidBody, released
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
@@ -45,10 +44,6 @@ def test_a_body_can_leave_a_basin_over_its_lowest_saddle_only(seed: int) -> None
 
 
 CARPET, PAPER = table_named("carpet"), table_named("paper")
-
-
-def let_go(body: RigidBody, table: Table, drops: int) -> np.ndarray:
-    return released(body, table, np.arange(drops), "uniform", np.random.default_rng(0))
 
 
 def balanced(points: np.ndarray) -> np.ndarray:

@@ -1,16 +1,37 @@
-"""Bodies to throw: inertia by closed forms and another library, axes, rests and barriers."""
+"""Bodies to throw: inertia by closed forms and another library, axes, rests and barriers; the
+paper's directions, and how bodies are let go."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
-from common.thrown import OCTAHEDRON, box, random_points, thrown
+from common.thrown import (
+    BOARD,
+    OCTAHEDRON,
+    box,
+    let_go,
+    random_body,
+    random_points,
+    thrown,
+    turns_of,
+)
+from scipy.stats import kstest
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.rigid_body import (
+    PAPER_DIRECTIONS,
+    Orientations,
+    released,
+    released_on,
+    rigid_body,
+    up_directions,
+)
+from dicedesign.throws.tables import Table, table_named
 
 
 def test_a_box() -> None:
@@ -80,3 +101,61 @@ def test_tensors_of_no_body(tensor: object, message: str) -> None:
     body = make_body(OCTAHEDRON)
     with pytest.raises(InputError, match=message):
         rigid_body(body, rest_poses(body), tensor)
+
+
+def test_the_paper_has_1212_directions() -> None:
+    directions, areas = up_directions()
+    assert directions.shape == (PAPER_DIRECTIONS, 3) == (1212, 3)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=1e-14)
+    assert areas.sum() == pytest.approx(1.0)
+    # Those of the icosahedron's corners have five neighbours and are the smallest.
+    assert np.count_nonzero(areas < 1.01 * areas.min()) == 12
+    assert areas.max() < 2.0 * areas.min()
+    # Neighbours are nearly as far apart as on a regular grid of as many points.
+    cosines = directions @ directions.T - 2.0 * np.eye(PAPER_DIRECTIONS)
+    nearest = np.arccos(cosines.max(axis=1))
+    assert 0.75 < nearest.min() / np.sqrt(8 * np.pi / np.sqrt(3) / PAPER_DIRECTIONS) <= 1.0
+
+
+@pytest.mark.parametrize("orientations", ["uniform", "icosahedron"])
+@pytest.mark.parametrize("how", [BOARD, table_named("carpet")])
+def test_bodies_are_let_go_above_the_table(orientations: Orientations, how: Table) -> None:
+    body = random_body(2)[0]
+    states = released(body, how, np.arange(400), orientations, np.random.default_rng(0))
+    np.testing.assert_allclose(np.linalg.norm(states[:, 3:7], axis=1), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(states[:, 7:10], axis=1), how.speed)
+    np.testing.assert_array_equal(states[:, 9], 0.0)
+    np.testing.assert_allclose(np.linalg.norm(states[:, 10:], axis=1), how.spin)
+    heights = turns_of(states)[:, 2] @ body.vertices.T * how.size / 2.0 + states[:, 2:3]
+    np.testing.assert_allclose(heights.min(axis=1), how.height, atol=1e-15)
+
+
+SPREAD = replace(BOARD, height=(0.05, 0.2), speed=(0.0, 0.6), spin=(5.0, 25.0))
+
+
+@pytest.mark.parametrize("aimed", [False, True])
+def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
+    body, count = random_body(2)[0], 4000
+    rng = np.random.default_rng(5)
+    if aimed:
+        states = released_on(body, SPREAD, count, np.array([0.0, 0.0, 1.0]), rng)
+    else:
+        states = released(body, SPREAD, np.arange(count), "uniform", rng)
+    # Heights of the lowest points, speeds and spins.
+    lowest = (turns_of(states)[:, 2] @ body.vertices.T).min(axis=1) * SPREAD.size / 2.0
+    motions = (np.linalg.norm(states[:, i : i + 3], axis=1) for i in (7, 10))
+    found = np.stack([states[:, 2] + lowest, *motions])
+    for values, (low, high) in zip(found, (SPREAD.height, SPREAD.speed, SPREAD.spin), strict=True):
+        assert kstest(values, "uniform", (low, high - low)).pvalue > 1e-3
+    # Nor do they tell how it is turned.
+    known = np.concatenate([found, states[:, 3:7].T])
+    correlations = np.corrcoef(known) - np.eye(len(known))
+    assert np.abs(correlations[:3]).max() < 4.0 / np.sqrt(count)
+
+
+def test_orientations_are_uniform() -> None:
+    """Rotation matrices have mean 0, and each entry the variance 1/3."""
+    body = random_body(2)[0]
+    found = turns_of(let_go(body, BOARD, 20_000))
+    assert np.abs(found.mean(axis=0)).max() < 4.0 * np.sqrt(1.0 / 3.0 / 20_000)
+    np.testing.assert_allclose((found**2).mean(axis=0), 1.0 / 3.0, atol=0.01)

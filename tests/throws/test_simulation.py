@@ -1,4 +1,4 @@
-"""Many throws of one body, by whatever number of workers."""
+"""Many throws of one body, by whatever number of workers, and films of throws."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from common.inline_executor import Lossy
 from common.kernels import compiled_only
-from common.thrown import random_body
+from common.thrown import box, random_body, random_points, thrown
+from scipy.spatial.transform import Rotation
 
 from dicedesign.runtime.workers import local_workers
+from dicedesign.throws.engines import DEEPEST, GRAVITY, contact_of
 from dicedesign.throws.rigid_body import PAPER_DIRECTIONS
-from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.simulation import FRAMES_PER_SECOND, SETTLED, simulate, throw_film
+from dicedesign.throws.tables import Table, table_named
 
 BOARD, CARPET = table_named("board-game"), table_named("carpet")
 
@@ -49,3 +51,54 @@ def test_the_papers_orientations() -> None:
     errors = throws.frequencies - poses.probabilities
     chance = np.sqrt(poses.probabilities * (1.0 - poses.probabilities) / PAPER_DIRECTIONS)
     assert np.sqrt((errors**2).mean()) < 0.7 * np.sqrt((chance**2).mean())
+
+
+TABLE = Table("test", restitution=0.5, friction=0.3, height=0.1, speed=0.2, spin=10.0)
+
+
+@compiled_only
+def test_a_cube_flies_as_it_should() -> None:
+    body, _ = thrown(box(1, 1, 1))
+    film = throw_film(body, TABLE)
+    # Until its lowest corner, wherever that is, may touch the table.
+    flight = int(np.sqrt(2 * (TABLE.height - TABLE.size) / GRAVITY) * FRAMES_PER_SECOND)
+    times = film.seconds[: flight + 1]
+    np.testing.assert_allclose(times, np.arange(flight + 1) / FRAMES_PER_SECOND)
+    way = film.positions[: flight + 1] - film.positions[0]
+    np.testing.assert_allclose(way[:, 0], TABLE.speed * times, atol=1e-12)
+    np.testing.assert_allclose(way[:, 1], 0.0, atol=1e-12)
+    step = contact_of(TABLE).step
+    np.testing.assert_allclose(way[:, 2], -GRAVITY / 2 * times * (times + step), atol=1e-5)
+    # All axes through a cube's center have the same moment, so it keeps its axis.
+    turns = Rotation.from_matrix(film.rotations[: flight + 1])
+    turned = (turns[0].inv() * turns).as_rotvec()
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), TABLE.spin * times, atol=1e-9)
+    assert np.linalg.matrix_rank(turned, tol=1e-9) == 1
+
+
+@compiled_only
+@pytest.mark.parametrize("seed", range(2))
+def test_the_body_falls_on_the_table_and_lies_on_a_rest(seed: int) -> None:
+    body, poses = random_body(seed)
+    film = throw_film(body, TABLE, seed)
+    points, radius = random_points(seed), TABLE.size / 2
+    first, last = (film.placed(points, poses.center_of_mass, frame) for frame in (0, -1))
+    assert first[:, 2].min() == pytest.approx(TABLE.height)
+    for frame in range(len(film.seconds)):
+        placed = film.placed(points, poses.center_of_mass, frame)
+        assert placed[:, 2].min() > -1.5 * DEEPEST * radius
+    assert film.rest >= 0
+    assert abs(last[:, 2].min()) < 0.01 * radius
+    down = -poses.normals[film.rest] @ body.axes @ film.rotations[-1].T
+    assert down[2] == pytest.approx(1.0, abs=2e-4)
+    speed = np.linalg.norm(film.positions[-1] - film.positions[-2]) * FRAMES_PER_SECOND
+    assert speed < 3.0 * SETTLED * np.sqrt(GRAVITY * radius)
+    # It is only moved, turned and scaled.
+    scale = TABLE.size / (2 * body.radius)
+    for placed in (first, last):
+        gram = (placed - placed[0]) @ (placed - placed[0]).T
+        np.testing.assert_allclose(
+            gram, scale**2 * (points - points[0]) @ (points - points[0]).T, atol=1e-12
+        )
+        volumes = [np.linalg.det(np.diff(p[:4], axis=0)) for p in (placed, points)]
+        assert volumes[0] == pytest.approx(scale**3 * volumes[1])

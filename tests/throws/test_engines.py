@@ -1,4 +1,5 @@
-"""The package's own engine, against closed forms, conservation laws and symmetry."""
+"""What engines are told about contacts, and the package's own engine, against closed forms,
+conservation laws and symmetry."""
 
 from __future__ import annotations
 
@@ -12,84 +13,58 @@ from common.thrown import (
     OCTAHEDRON,
     box,
     fits,
+    let_go,
     random_body,
     random_points,
     thrown,
     turn_down,
+    turns_of,
 )
-from scipy.spatial.transform import Rotation
+from scipy.integrate import solve_ivp
 
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
-from dicedesign.throws.engines import GRAVITY, advance, contact_of, throw_states
-from dicedesign.throws.rigid_body import RigidBody, released
+from dicedesign.throws.engines import (
+    DEEPEST,
+    GRAVITY,
+    advance,
+    contact_of,
+    damping_ratio,
+    longest_throw,
+    restitution_of,
+    throw_states,
+)
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, table_named
 
 WOOD, CARPET, PAPER = (table_named(name) for name in ("hard-wood", "carpet", "paper"))
 
 
-def turn_of(states: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) from principal axes to the world."""
-    return Rotation.from_quat(np.roll(states[:, 3:7], -1, axis=1)).as_matrix()
-
-
-def let_go(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
-    return released(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
-
-
-def flown(body: RigidBody, table: Table, seconds: float) -> tuple:
-    """States before and after a flight high above the table."""
-    before = let_go(body, table, 20)
-    before[:, 2] = 1000.0
-    after = before.copy()
-    step = contact_of(table).step
-    steps = round(seconds / step)
-    rests, taken = advance(body, table, after, steps)
-    assert (rests == -1).all()
-    assert (taken == steps).all()
-    return before, after, steps * step
-
-
-@compiled_only
-def test_a_symmetric_top_in_flight() -> None:
-    """Without torque the spin turns about the axis of symmetry, in the body's frame."""
-    body, _ = thrown(box(1.0, 1.0, 2.0))
-    along, across = body.moments[0], body.moments[1]
-    assert body.moments[2] == pytest.approx(across)
-    before, after, seconds = flown(body, WOOD, 0.3)
-    angle = (across - along) / across * before[:, 10] * seconds
-    cosine, sine = np.cos(angle), np.sin(angle)
-    w = before[:, 10:]
-    expected = np.stack(
-        [w[:, 0], cosine * w[:, 1] + sine * w[:, 2], cosine * w[:, 2] - sine * w[:, 1]], axis=1
-    )
-    np.testing.assert_allclose(after[:, 10:], expected, atol=1e-9 * WOOD.spin)
-
-
 @compiled_only
 def test_energy_and_angular_momentum_in_flight() -> None:
     body, _ = thrown(random_points(2))
-    before, after, seconds = flown(body, WOOD, 0.3)
+    before = let_go(body, WOOD, 20)
+    before[:, 2] = 1000.0
+    after, step = before.copy(), contact_of(WOOD).step
+    steps = round(0.3 / step)
+    seconds = steps * step
+    rests, taken = advance(body, WOOD, after, steps)
+    assert (rests == -1).all()
+    assert (taken == steps).all()
     fallen = before[:, 9] * seconds - 0.5 * GRAVITY * seconds**2
     np.testing.assert_allclose(after[:, 2] - before[:, 2], fallen, rtol=1e-3)
     np.testing.assert_allclose(after[:, 7:9], before[:, 7:9])
     first, last = (
-        np.einsum("nij,nj->ni", turn_of(state), state[:, 10:] * body.moments)
+        np.einsum("nij,nj->ni", turns_of(state), state[:, 10:] * body.moments)
         for state in (before, after)
     )
     np.testing.assert_allclose(last, first, atol=1e-9 * WOOD.spin)
-    np.testing.assert_allclose(spin_energies(body, after), spin_energies(body, before), rtol=1e-9)
-
-
-def spin_energies(body: RigidBody, states: np.ndarray) -> np.ndarray:
-    """Twice those of a body of unit radius and mass, (n,)."""
-    return states[:, 10:] ** 2 @ body.moments
+    first, last = (state[:, 10:] ** 2 @ body.moments for state in (before, after))
+    np.testing.assert_allclose(last, first, rtol=1e-9)
 
 
 @compiled_only
-@pytest.mark.parametrize("entry", [2, 3, 9, 12])
-@pytest.mark.parametrize("number", [np.nan, np.inf])
+@pytest.mark.parametrize(("entry", "number"), [(2, np.inf), (3, np.nan), (9, np.nan), (12, np.inf)])
 def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
     body, _ = random_body(1)
     states = let_go(body, BOARD, 3)
@@ -156,3 +131,55 @@ def test_without_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     body, _ = random_body(1)
     with pytest.raises(InputError, match=r"engine native: expected the compiled kernels, .*mujoco"):
         throw_states(body, BOARD, let_go(body, BOARD, 1))
+
+
+def bounce(ratio: float) -> tuple[float, float]:
+    """Speed after a bounce off a spring and damper with unit frequency at unit speed, and the
+    largest depth."""
+
+    def force(_time: float, state: np.ndarray) -> float:
+        return -state[0] - 2.0 * ratio * state[1]
+
+    def leaves(time: float, state: np.ndarray) -> float:
+        return force(time, state) if time > 0.0 and state[1] > 0.0 else 1.0
+
+    leaves.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(
+        lambda t, y: (y[1], force(t, y)),
+        (0.0, 100.0),
+        (0.0, -1.0),
+        events=leaves,
+        rtol=1e-11,
+        atol=1e-13,
+        max_step=0.05,
+    )
+    return float(found.y_events[0][0][1]), float(-found.y[0].min())
+
+
+@pytest.mark.parametrize("restitution", [0.05, 0.1, np.exp(-2.0), 0.3, 0.5, 0.7, 0.9])
+def test_the_damping_ratio_of_a_restitution(restitution: float) -> None:
+    ratio = damping_ratio(restitution)
+    assert restitution_of(ratio) == pytest.approx(restitution, abs=1e-12)
+    assert bounce(ratio)[0] == pytest.approx(restitution, abs=1e-7)
+
+
+@pytest.mark.parametrize("table", [BOARD, table_named("hard-wood"), table_named("paper")])
+def test_the_fastest_impact_goes_no_deeper_than_it_may(table: Table) -> None:
+    """That of the whole body at once; depths scale with speed over frequency."""
+    contact = contact_of(table)
+    radius = table.size / 2.0
+    frequency = np.sqrt(contact.stiffness)
+    speed = np.sqrt(2.0 * GRAVITY * (table.height + radius)) + table.spin * radius
+    ratio = contact.damping / 2.0 / frequency
+    assert bounce(ratio)[1] * speed / frequency < 1.1 * DEEPEST * radius
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])
+def test_a_throw_is_followed_while_a_ball_bounces(restitution: float) -> None:
+    table = replace(BOARD, height=30.0, restitution=restitution)
+    speed = np.sqrt(2.0 * GRAVITY * 30.0)
+    bounces = 2.0 * speed * restitution ** np.arange(1, 1000) / GRAVITY
+    ball = speed / GRAVITY + bounces.sum()
+    set_down = longest_throw(replace(table, height=0.0))
+    assert longest_throw(table) == pytest.approx(ball + set_down, rel=1e-12)
+    assert 14.0 < set_down < 15.0
