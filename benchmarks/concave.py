@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.frame import Report, begin, continue_to, processes
 from benchmarks.models import is_model, model_names, random_model
 from dicedesign import InputError, Result, checked_recipe
-from dicedesign.concave.shapes import SHAPES
+from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import decimated
 
@@ -158,7 +158,7 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
             path = Path(case.model)
             if not path.is_file():
                 name = case.model
-                surface = SHAPES[name]() if name in SHAPES else random_model(name)
+                surface = shape(name) if name in SHAPES else random_model(name)
                 path = Path(folder) / "model.stl"
                 path.write_bytes(stl_bytes(surface.points, surface.triangles))
             work = begin(checked_recipe(entries_of(case, path)))

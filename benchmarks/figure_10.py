@@ -38,7 +38,7 @@ from dicedesign import (
     simulate,
     table_named,
 )
-from dicedesign.concave.shapes import SHAPES
+from dicedesign.concave.shapes import shape
 from dicedesign.extensions import ENGINES
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.sphere import unit_vectors
@@ -106,7 +106,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     """Throughput, then all shapes, then the summary."""
     engines = installed(report)
     given = {path.name: make_surface(read_body(path))[0] for path in options.meshes}
-    own = {} if options.quick else {name: SHAPES[name]() for name in ("duck", "kitten", "knot")}
+    own = {} if options.quick else {name: shape(name) for name in ("duck", "kitten", "knot")}
     shapes = cut_shapes(given or (own and {**own, "gear": gear()}))[:: 13 if options.quick else 1]
     drops = options.drops or (40 if options.quick else 202)
     time_engines(shapes, engines, 0.2 if options.quick else 3.0, report)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -171,7 +172,7 @@ class Attempts:
             filled = self.finished(number, self.problem, nearer, best)
             if filled is None:
                 break
-            if self._is_better(filled, made):
+            if self.is_better(filled, made):
                 made = filled
             if filled.self_intersections == 0:
                 break
@@ -190,27 +191,26 @@ class Attempts:
         # Imported late, with manifold3d: solid dice do without.
         from dicedesign.balance.cavity import balancing_cavity, reach
 
+        def thickness(surface: Surface) -> float:
+            return wall * convex_hull(surface.points).diameter
+
         def with_room(surface: Surface, part: float) -> HullProblem:
             """The problem with part of the reach of cavities in a surface, in its unit."""
-            thickness = wall * convex_hull(surface.points).diameter
-            return self.problem.with_room(reach(surface, thickness, part))
+            return self.problem.with_room(reach(surface, thickness(surface), part))
 
         def has_room(filled: FilledHull) -> bool:
             """Whether a cavity brings the center of mass to where it is wanted."""
-            surface = self.surface.moved(filled.points)
-            if not is_shifted(surface, filled.center_of_mass):
+            surface, center = self.surface.moved(filled.points), filled.center_of_mass
+            with suppress(InputError):
+                if is_shifted(surface, center):
+                    balancing_cavity(surface, thickness(surface), center)
                 return True
-            thickness = wall * convex_hull(surface.points).diameter
-            try:
-                balancing_cavity(surface, thickness, filled.center_of_mass)
-            except InputError:
-                return False
-            return True
+            return False
 
         problem = with_room(self.problem.surface, SAFE)
         nearer = nearer_draft(problem, draft, slopes)
         filled = self.finished(number, problem, nearer, best)
-        if filled is None or not self._is_better(filled, best):
+        if filled is None or not self.is_better(filled, best):
             return None
         if not has_room(filled):
             # A solid one to begin with, which has more room when it is bent less.
@@ -227,7 +227,7 @@ class Attempts:
                 break
             further = nearer_draft(problem, nearer, slopes)
             following = self.finished(number, problem, further, filled)
-            if following is None or not self._is_better(following, filled):
+            if following is None or not self.is_better(following, filled):
                 break
             if has_room(following):
                 nearer, filled = further, following
@@ -235,7 +235,8 @@ class Attempts:
                 part *= LESS
         return filled
 
-    def _is_better(self, filled: FilledHull, best: FilledHull | None) -> bool:
+    def is_better(self, filled: FilledHull, best: FilledHull | None) -> bool:
+        """Whether a filled hull is better than the best, or the first."""
         return best is None or rank(filled, self.options) < rank(best, self.options)
 
     def finished(
@@ -288,35 +289,33 @@ class Attempts:
         return self._measured(number, design, filled)
 
     def _eased(self, number: int, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
-        """A designed hull filled by correspondence, and eased as long as that helps."""
+        """A designed hull filled by correspondence, and eased as long as that helps; None where it
+        cannot be filled."""
         points, triangles = problem.surface.points, self.surface.triangles
-        best = self._filled_by_correspondence(number, design)
-        for easing in range(EASINGS):
-            if best is None or not 0 < best.self_intersections <= MOST_EASED:
+        best: FilledHull | None = None
+        for easing in range(EASINGS + 1):
+            filled = fill_by_correspondence(
+                self.problem.elasticity,
+                design.hull,
+                design.corners,
+                design.center_of_mass,
+                partial(self.on_step, number, "fill"),
+            )
+            if filled.status is not FillStatus.FITTED:
+                break
+            eased = self._measured(number, design, filled)
+            if best and eased.self_intersections > HELPED * best.self_intersections:
+                break
+            best = eased
+            if easing == EASINGS or not 0 < best.self_intersections <= MOST_EASED:
                 break
             crossing = np.unique(intersecting_triangles(best.points, triangles))
             places = points[np.unique(triangles[crossing])]
             following = eased_hull(problem, design, places, WIDTH * WIDENING**easing)
             if following is None:
                 break
-            eased = self._filled_by_correspondence(number, following)
-            if eased is None or eased.self_intersections > HELPED * best.self_intersections:
-                break
-            best, design = eased, following
+            design = following
         return best
-
-    def _filled_by_correspondence(self, number: int, design: DesignedHull) -> FilledHull | None:
-        """A designed hull filled by correspondence, if it can be."""
-        filled = fill_by_correspondence(
-            self.problem.elasticity,
-            design.hull,
-            design.corners,
-            design.center_of_mass,
-            partial(self.on_step, number, "fill"),
-        )
-        if filled.status is not FillStatus.FITTED:
-            return None
-        return self._measured(number, design, filled)
 
     def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
         """A designed hull after it was filled."""

@@ -214,7 +214,7 @@ def _start_shape(name: str, _: int) -> StartSurface:
 SHAPE: Final = StartKind(
     name="shape",
     line="a surface built in, `dragon`, `duck`, `kitten` or `knot`, for method concave",
-    # The keys of `SHAPES`, whose builders take long to import.
+    # `SHAPES`, whose builders take long to import.
     options=Literal["dragon", "duck", "kitten", "knot"],
     surface=_start_shape,
 )

@@ -21,7 +21,6 @@ from dicedesign.concave.result import (
     FilledHull,
     Hollow,
     missing,
-    rank,
 )
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -41,18 +40,9 @@ def checkpoint_bytes(progress: ConcaveProgress, search: Mapping[str, str]) -> by
 
     search: what the progress belongs to, by kind, as in `read_checkpoint`.
     """
-    state: dict[str, Any] = {
-        "attempts": progress.attempts,
-        "seconds": progress.seconds,
-        "best": None,
-        "tried": [asdict(attempt) for attempt in progress.tried],
-        "history": [asdict(step) for step in progress.history],
-    }
-    arrays = {}
+    state, arrays = asdict(progress), {}
     if progress.best is not None:
-        best = dict(vars(progress.best))
-        arrays = {name: best.pop(name) for name in _ARRAYS}
-        state["best"] = best
+        arrays = {name: state["best"].pop(name) for name in _ARRAYS}
     return checkpoint.checkpoint_bytes(search, state, arrays)
 
 
@@ -71,25 +61,21 @@ def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
             f"{path}: expected the checkpoint of a run that was interrupted, got none; run without "
             "--resume to begin"
         )
+
+    def progress(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
+        best = state["best"]
+        if best is not None:
+            best = FilledHull(**best | {name: arrays[name] for name in _ARRAYS})
+        tried = tuple(Draft(**attempt) for attempt in state["tried"])
+        history = tuple(ConcaveStep(**step) for step in state["history"])
+        return ConcaveProgress(state["attempts"], state["seconds"], best, tried, history)
+
     return checkpoint.read_checkpoint(
         path,
         search,
-        _progress,
+        progress,
         anew="run without --resume to begin anew",
         elsewhere="choose another folder with --out",
-    )
-
-
-def _progress(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
-    best = state["best"]
-    if best is not None:
-        best = FilledHull(**{**best, **{name: arrays[name] for name in _ARRAYS}})
-    return ConcaveProgress(
-        attempts=state["attempts"],
-        seconds=state["seconds"],
-        best=best,
-        tried=tuple(Draft(**attempt) for attempt in state["tried"]),
-        history=tuple(ConcaveStep(**step) for step in state["history"]),
     )
 
 
@@ -142,19 +128,31 @@ def make_concave_die(
         if on_step is not None:
             on_step(steps[-1])
 
+    def has_ended() -> bool:
+        """True if no more may be tried, or the best is as wanted and near the original, or all that
+        were enough are tried."""
+        best, done = progress.best, progress.attempts
+        if done >= options.attempts:
+            return True
+        if options.seconds is not None and done > 0 and seconds() >= options.seconds:
+            return True
+        if best is None or missing(best, options) > 0.0:
+            return False
+        return best.displacement <= options.displacement or done >= options.enough
+
     attempts = Attempts(surface, target, options, seed, record, wall)
     with one_thread():
-        while not _has_ended(options, progress, seconds()):
+        while not has_ended():
             number, begun = progress.attempts + 1, seconds()
             steps.clear()
             best, history, tried = progress.best, progress.history, progress.tried
             filled = attempts.attempt(number, best)
-            if best is None:
-                history = tuple(steps)
             if filled is not None:
                 tried += (filled.draft(seconds() - begun),)
-                if best is None or rank(filled, options) < rank(best, options):
-                    best, history = filled, tuple(steps)
+            if filled is not None and attempts.is_better(filled, best):
+                best, history = filled, tuple(steps)
+            elif best is None:
+                history = tuple(steps)
             progress = ConcaveProgress(number, seconds(), best, tried, history)
             if on_attempt is not None:
                 on_attempt(progress)
@@ -177,19 +175,3 @@ def make_concave_die(
         progress,
         hollow,
     )
-
-
-def _has_ended(options: ConcaveOptions, progress: ConcaveProgress, seconds: float) -> bool:
-    """True if no more may be tried, or the best is as wanted and near the original, or all that
-    were enough are tried.
-
-    seconds: wall-clock time, over all sessions.
-    """
-    best, done = progress.best, progress.attempts
-    if done >= options.attempts:
-        return True
-    if options.seconds is not None and done > 0 and seconds >= options.seconds:
-        return True
-    if best is None or missing(best, options) > 0.0:
-        return False
-    return best.displacement <= options.displacement or done >= options.enough

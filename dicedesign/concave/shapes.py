@@ -6,8 +6,11 @@ the distance from it outside, in the unit of the points."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from importlib import resources
+from typing import Any, Final
 
 import numpy as np
+import yaml
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.grid_surface import evened, surface_nets
@@ -130,109 +133,52 @@ def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> 
         part = here / (here - there)
         return np.asarray(low + spacing * (nodes + part[:, None] * (ahead - nodes)))
 
-    points, triangles = surface_nets(values < 0.0, crossing)
-    return Surface(
-        *evened(points, triangles, lambda moved, _: _onto(distance, moved, spacing), ROUNDS)
-    )
+    def onto(points: Floats, _: Integers) -> Floats:
+        """Points after a Newton step toward the level set, no longer than half a cell."""
+        step, values = DIFFERENCE * spacing, distance(points)
+        slopes = (distance(points[:, None] + step * np.eye(3)) - values[:, None]) / step
+        squares = (slopes * slopes).sum(axis=-1).clip(0.25)
+        steps = (values / squares).clip(-0.5 * spacing, 0.5 * spacing)
+        return points - steps[:, None] * slopes
+
+    return Surface(*evened(*surface_nets(values < 0.0, crossing), onto, ROUNDS))
 
 
-def _onto(distance: Distance, points: Floats, spacing: float) -> Floats:
-    """Points after a Newton step toward the level set, no longer than half a cell."""
-    step = DIFFERENCE * spacing
-    values = distance(points)
-    slopes = (distance(points[:, None] + step * np.eye(3)) - values[:, None]) / step
-    squares = (slopes * slopes).sum(axis=-1).clip(0.25)
-    steps = (values / squares).clip(-0.5 * spacing, 0.5 * spacing)
-    return points - steps[:, None] * slopes
+PARTS: Final = {"ellipsoid": ellipsoid, "round_cone": round_cone, "tube": tube}
+"""Kinds of parts in shapes.yaml, which has the arguments of each."""
+
+SHAPES: Final = ("dragon", "duck", "kitten", "knot")
+"""Names of the surfaces that the package builds; all but the knot are in shapes.yaml."""
 
 
-LENGTHENING = np.array([1.25, 1.0, 1.0])
-"""Of the duck, from bill to tail: rounder, it rests on everything a little."""
+def shape(name: str) -> Surface:
+    """The surface of a name in `SHAPES`, built anew, the same each time.
+
+    Raises InputError for another name.
+    """
+    if name not in SHAPES:
+        raise InputError(f"shape: expected one of {', '.join(SHAPES)}, got {name!r}; use one")
+    if name == "knot":
+        return _knot()
+    text = resources.files("dicedesign.concave").joinpath("shapes.yaml").read_text()
+    described: dict[str, Any] = yaml.safe_load(text)[name]
+    body: Distance | None = None
+    for entry in described["parts"]:
+        kind = next(kind for kind in PARTS if kind in entry)
+        make: Any = PARTS[kind]
+        part: Distance = make(*entry[kind])
+        if "stretched" in entry:
+            part = stretched(part, entry["stretched"])
+        if entry.get("mirrored"):
+            part = mirrored(part)
+        body = part if body is None else blend(body, part, entry["width"])
+    assert body is not None
+    low, high = np.array(described["low"]), np.array(described["high"])
+    surface = level_set(body, low, high, described["spacing"])
+    return surface.moved(surface.points * described["lengthened"])
 
 
-def duck() -> Surface:
-    """A bath duck; genus 0."""
-    body = _blended(
-        ellipsoid((0.0, 0.0, 0.0), (0.96, 0.76, 0.60)),
-        # Tail, wings, head, bill and eyes.
-        (round_cone((-0.60, 0.0, 0.20), (-1.02, 0.0, 0.52), 0.36, 0.16), 0.35),
-        (mirrored(ellipsoid((-0.18, 0.62, 0.16), (0.56, 0.24, 0.32), -16.0, 10.0)), 0.12),
-        (ellipsoid((0.46, 0.0, 1.02), (0.60, 0.60, 0.58)), 0.30),
-        (ellipsoid((1.02, 0.0, 0.92), (0.44, 0.37, 0.21), 10.0), 0.12),
-        (mirrored(ellipsoid((0.78, 0.35, 1.27), (0.15, 0.15, 0.17))), 0.06),
-    )
-    surface = level_set(body, np.array([-1.4, -1.1, -0.8]), np.array([1.6, 1.1, 1.8]), 0.105)
-    return surface.moved(surface.points * LENGTHENING)
-
-
-def kitten() -> Surface:
-    """A sitting kitten with its tail around it; genus 0."""
-    ear = round_cone((0.26, 0.34, 1.30), (0.26, 0.52, 1.86), 0.36, 0.13)
-    angle = np.radians(np.linspace(190.0, 80.0, 8))
-    tail = np.stack([0.80 * np.cos(angle) - 0.10, 0.74 * np.sin(angle), 0.0 * angle - 0.37], axis=1)
-    body = _blended(
-        ellipsoid((-0.18, 0.0, 0.02), (0.68, 0.64, 0.60)),
-        (ellipsoid((0.18, 0.0, -0.20), (0.50, 0.46, 0.38)), 0.10),
-        (round_cone((-0.05, 0.0, 0.10), (0.14, 0.0, 0.60), 0.54, 0.38), 0.25),
-        # Haunches, hind paws, front legs, what is between the paws, and front paws.
-        (mirrored(ellipsoid((0.00, 0.46, -0.14), (0.48, 0.28, 0.42), 10.0)), 0.14),
-        (mirrored(ellipsoid((0.26, 0.56, -0.41), (0.34, 0.20, 0.17))), 0.16),
-        (mirrored(round_cone((0.30, 0.20, 0.50), (0.50, 0.17, -0.36), 0.20, 0.19)), 0.14),
-        (round_cone((0.28, 0.0, 0.30), (0.48, 0.0, -0.38), 0.20, 0.17), 0.08),
-        (mirrored(ellipsoid((0.40, 0.38, -0.40), (0.24, 0.20, 0.16))), 0.12),
-        (mirrored(ellipsoid((0.66, 0.17, -0.40), (0.24, 0.20, 0.18))), 0.08),
-        # Head, ears, cheeks, nose and eyes.
-        (ellipsoid((0.26, 0.0, 1.08), (0.58, 0.72, 0.56)), 0.24),
-        (mirrored(stretched(ear, (0.7, 1.0, 1.0))), 0.10),
-        (mirrored(ellipsoid((0.74, 0.13, 0.87), (0.21, 0.21, 0.16))), 0.08),
-        (ellipsoid((0.83, 0.0, 1.02), (0.15, 0.16, 0.12)), 0.06),
-        (mirrored(ellipsoid((0.70, 0.31, 1.20), (0.16, 0.15, 0.18))), 0.04),
-        (tube(tail, 0.20, 0.17), 0.18),
-    )
-    return level_set(body, np.array([-1.3, -1.1, -0.8]), np.array([1.2, 1.1, 2.2]), 0.077)
-
-
-def dragon() -> Surface:
-    """A sitting dragon, its wings raised and its tail around it; genus 0."""
-    neck = np.array([(0.22, 0.0, 0.46), (0.42, 0.0, 0.86), (0.38, 0.0, 1.22), (0.48, 0.0, 1.44)])
-    angle = np.radians(np.linspace(200.0, 60.0, 10))
-    tail = np.stack([0.92 * np.cos(angle), 0.80 * np.sin(angle), 0.02 * angle - 0.40], axis=1)
-    wing = stretched(
-        round_cone((-0.62, 0.58, 0.50), (-1.00, 1.06, 1.16), 0.36, 0.20), (1.0, 0.7, 1.0)
-    )
-    back = [(-0.10, 0.62, 0.18), (0.12, 0.86, 0.15), (0.16, 1.26, 0.14)]
-    body = _blended(
-        ellipsoid((-0.20, 0.0, 0.04), (0.66, 0.50, 0.54), 25.0),
-        (tube(neck, 0.36, 0.22), 0.25),
-        # Head, snout, brows and horns.
-        (ellipsoid((0.58, 0.0, 1.50), (0.36, 0.28, 0.25), -8.0), 0.12),
-        (ellipsoid((0.94, 0.0, 1.42), (0.30, 0.20, 0.15), -8.0), 0.12),
-        (mirrored(ellipsoid((0.66, 0.19, 1.64), (0.18, 0.13, 0.14))), 0.06),
-        (mirrored(round_cone((0.44, 0.14, 1.66), (0.12, 0.30, 2.00), 0.14, 0.11)), 0.08),
-        # Haunches, hind paws, front legs and paws, and what is between them; shoulders and wings.
-        (mirrored(ellipsoid((-0.12, 0.42, -0.14), (0.46, 0.26, 0.38), 10.0)), 0.12),
-        (mirrored(ellipsoid((0.14, 0.54, -0.40), (0.30, 0.18, 0.16))), 0.14),
-        (mirrored(round_cone((0.26, 0.24, 0.34), (0.50, 0.24, -0.36), 0.18, 0.14)), 0.10),
-        (mirrored(ellipsoid((0.60, 0.22, -0.42), (0.22, 0.16, 0.14))), 0.10),
-        (mirrored(ellipsoid((0.38, 0.36, -0.38), (0.20, 0.20, 0.17))), 0.10),
-        (ellipsoid((-0.42, 0.0, 0.46), (0.30, 0.50, 0.24), 25.0), 0.12),
-        (mirrored(wing), 0.20),
-        (tube(tail, 0.24, 0.15), 0.16),
-        (ellipsoid((0.50, 0.76, -0.36), (0.24, 0.18, 0.20), 0.0, -20.0), 0.10),
-        # Spikes along the back.
-        *((ellipsoid((x, 0.0, z), (r, 0.15, r)), 0.08) for x, z, r in back),
-    )
-    return level_set(body, np.array([-1.5, -1.2, -0.9]), np.array([1.5, 1.2, 2.4]), 0.082)
-
-
-def _blended(first: Distance, *others: tuple[Distance, float]) -> Distance:
-    """A part joined with others in turn, each with the width of its blend."""
-    for part, width in others:
-        first = blend(first, part, width)
-    return first
-
-
-def knot() -> Surface:
+def _knot() -> Surface:
     """A tube along a trefoil knot; genus 1."""
     around, rings, radius = 16, 156, 0.24
     # Rings at even steps of the line's length, each turned by half a step against the one before.
@@ -268,22 +214,3 @@ def _trefoil(t: Floats) -> tuple[Floats, Floats]:
     u, v = np.cos(t) + 4.0 * np.cos(2.0 * t), 4.0 * np.sin(2.0 * t) - np.sin(t)
     z, w = -1.5 * np.sin(3.0 * t), -4.5 * np.cos(3.0 * t)
     return 0.4 * np.stack([x, y, z], axis=-1), 0.4 * np.stack([u, v, w], axis=-1)
-
-
-SHAPES: dict[str, Callable[[], Surface]] = {
-    "dragon": dragon,
-    "duck": duck,
-    "kitten": kitten,
-    "knot": knot,
-}
-"""Builders by name."""
-
-
-def shape(name: str) -> Surface:
-    """The surface of a name in `SHAPES`, built anew, the same each time.
-
-    Raises InputError for another name.
-    """
-    if name not in SHAPES:
-        raise InputError(f"shape: expected one of {', '.join(SHAPES)}, got {name!r}; use one")
-    return SHAPES[name]()
