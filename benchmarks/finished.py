@@ -24,10 +24,7 @@ from benchmarks.frame import Report, Work, add_recipes, continue_to, make_die, r
 from dicedesign import EngravingError, Recipe, checked_recipe
 from dicedesign.fabricate.print_tolerances import (
     ROLLS,
-    OddsSlopes,
     OddsSpread,
-    OffPrints,
-    allowed_offset,
     print_tolerances,
 )
 from dicedesign.fabricate.printers import PrintErrors
@@ -174,7 +171,7 @@ def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report)
             work = make_print(entries, weights)
             spread, target = spread_of(work, errors), work.target.probabilities
             printed = deviations(spread.covariance, print_one_by_one(work, errors, prints))
-            allowed = allowed_offset(spread, target, np.zeros(len(target)))
+            allowed = spread.allowed_offset(target, np.zeros(len(target)))
             circle = min(facet.inradius_mm for facet in work.result().facets)
             row(name, prefer, *printed[:2], allowed, circle)
     return is_good
@@ -188,8 +185,7 @@ def make_print(entries: dict[str, Any], prefer: dict[str, float]) -> Work:
 
 def spread_of(work: Work, errors: PrintErrors) -> OddsSpread:
     """Prediction of what errors do to the odds."""
-    plain = work.plain
-    return OddsSpread(OddsSlopes.of(plain.body, plain.poses, plain.outcomes), errors)
+    return OddsSpread.of(work.plain.body, work.plain.poses, work.die.directions, errors)
 
 
 def print_one_by_one(work: Work, errors: PrintErrors, prints: int) -> Floats:
@@ -209,8 +205,7 @@ def roll_allowed(work: Work, prints: int) -> tuple[float, float, float]:
     in 1,000 rolls: as predicted, and when they are rolled."""
     target, spread = work.target.probabilities, spread_of(work, PrintErrors())
     still = np.zeros(len(target))
-    made = OffPrints(work.plain.poses, work.die.directions)
-    allowed = print_tolerances(spread, target, still, made).allowed_mm or 0.0
+    allowed = print_tolerances(spread, target, still).allowed_mm or 0.0
     predicted = chance_noticed(target, ROLLS, allowed**2 * spread.by_unit_offset, still)
     random = np.random.default_rng(0)
     noticed = []

@@ -176,6 +176,7 @@ MOST_PIPS: Final = max(ROWS)
 def pip_places(number: int) -> tuple[Floats, float]:
     """Middles (n, 2) of the pips of a number from 1 to `MOST_PIPS`, in the unit square, and the
     diameter of each."""
+    rows: list[list[float]]
     if number in PATTERNS:
         rows = [
             [x for x, sign in enumerate(signs, -1) if sign == "x"] for signs in PATTERNS[number]

@@ -22,7 +22,7 @@ from dicedesign.fabricate.label_layout import Placement, require_room
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
 from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 STEEPEST: Final = 1.0
@@ -68,7 +68,8 @@ class Relief:
 
     def nodes(self) -> Floats:
         """(a, b, 3) the points of the surface."""
-        places = self.corner + self.spacing * np.stack(np.indices(self.height.shape), axis=-1)
+        indices = np.moveaxis(np.indices(self.height.shape), 0, -1)
+        places = self.corner + self.spacing * indices
         return np.concatenate([places, self.height[..., None]], axis=-1)
 
     def unevenness(self, depth: float, size: Floats) -> Floats:
@@ -89,43 +90,22 @@ class Relief:
         return np.subtract(high, low, out=np.full(z.shape, np.inf), where=np.isfinite(high))
 
 
-def relief(points: Floats, triangles: Integers) -> Relief:
-    """The heights of a body of points (n, 3) and triangles (t, 3), at `SAMPLES` nodes along the
-    larger of its extents along x and y."""
-    low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
+def relief(body: Manifold) -> Relief:
+    """The heights of a body, at `SAMPLES` nodes along the larger of its extents along x and y."""
+    box = np.reshape(body.bounding_box(), (2, 3))
+    extent = np.ptp(box[:, :2], axis=0)
     spacing = float(extent.max()) / SAMPLES
-    shape = tuple((np.ceil(extent / spacing).astype(np.int64) + 2).tolist())
     # Off the points' own coordinates, so that nodes seldom lie on edges.
-    corner = low - (np.sqrt(0.5), np.sqrt(0.3)) * np.array([spacing, spacing])
-    grid = np.column_stack([(points[:, :2] - corner) / spacing, points[:, 2]])[triangles]
-    # Upright triangles hide nothing.
-    grid = grid[_areas(*grid.transpose(1, 0, 2)) != 0.0]
-    first = np.ceil(grid[..., :2].min(axis=1)).astype(np.int64)
-    count = np.floor(grid[..., :2].max(axis=1)).astype(np.int64) - first + 1
-    owner, place = ragged_ranges(np.zeros(len(grid), dtype=np.int64), count.clip(0).prod(axis=1))
-    node = first[owner] + np.column_stack(np.divmod(place, count[owner, 1]))
-    a, b, c = grid[owner].transpose(1, 0, 2)
-    one, other = np.stack([_areas(node, b, c), _areas(a, node, c)]) / _areas(a, b, c)
-    hit = (one >= 0.0) & (other >= 0.0) & (one + other <= 1.0)
-    z = (one * a[:, 2] + other * b[:, 2] + (1.0 - one - other) * c[:, 2])[hit]
-    key = np.ravel_multi_index(tuple(node[hit].T), shape)
-
-    # The highest two surfaces above each node: the body lies between them.
-    order = np.lexsort((-z, key))
-    key, z = key[order], z[order]
-    fresh = np.diff(key, prepend=-1) != 0
-    second = np.flatnonzero(fresh[:-1] & ~fresh[1:])
+    corner = box[0, :2] - (np.sqrt(0.5), np.sqrt(0.3)) * np.array([spacing, spacing])
+    shape = tuple((np.ceil(extent / spacing).astype(np.int64) + 2).tolist())
     height, thickness = np.full(shape, -np.inf), np.zeros(shape)
-    height.ravel()[key[fresh]] = z[fresh]
-    thickness.ravel()[key[second]] = z[second] - z[second + 1]
+    for node in np.ndindex(shape):
+        x, y = corner + spacing * np.array(node)
+        hits = body.ray_cast((x, y, box[1, 2] + spacing), (x, y, box[0, 2] - spacing))
+        if len(hits) > 1:
+            height[node] = hits[0].position[2]
+            thickness[node] = height[node] - hits[1].position[2]
     return Relief(corner, spacing, height, thickness)
-
-
-def _areas(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Twice the signed areas (...) of triangles as seen from above, z being ignored."""
-    u, v = b[..., :2] - a[..., :2], c[..., :2] - a[..., :2]
-    doubled: Floats = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
-    return doubled
 
 
 def engrave_marks(
@@ -170,15 +150,14 @@ def engrave_marks(
             f"got {downs.tolist()}; pass one (3,) for each"
         )
     plain = solid(vertices, triangles)
-    points, corners = np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
+    points = np.asarray(vertices, dtype=np.float64)
     marks: list[Placement] = []
     cuts: list[Cut] = []
     for text, down in zip(texts, downs, strict=True):
         turn = _upright(points, -down / np.linalg.norm(down))
-        seen = relief(points @ turn.T, corners)
-        z = (points @ turn.T)[:, 2]
-        rise = (seen.height - z.min()) / np.ptp(z)
         turned = plain.transform(np.column_stack([turn, np.zeros(3)]))
+        seen, z = relief(turned), points @ turn[2]
+        rise = (seen.height - z.min()) / np.ptp(z)
         # Of several lines, the shape that is nearest to a square.
         art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
         for middle, height in _places(seen, turn, rise, art, marks, options):

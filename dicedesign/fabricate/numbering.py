@@ -2,18 +2,20 @@
 
 Outcomes whose labels are numbers change places with those of the same odds, so that numbers on
 opposite facets have the same sum, or so that sums over opposite facets and around corners are as
-even as possible.
+even as possible: by a search, and an integer program that proves its answer or betters it.
 """
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from dicedesign.fabricate.even_sums import EvenSums
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats, Integers
@@ -22,14 +24,37 @@ from dicedesign.tolerances import EQUAL_ODDS, LEVEL_ANGLE
 NUMBER: Final = re.compile(r"[+-]?\d+([.]\d*)?")
 """Labels that count as numbers."""
 
+TRIES: Final = 300
+"""Random arrangements that a search begins with."""
+
+MOST_SUMS: Final = 100_000_000
+"""Sums that a search computes, about, before it takes no further beginning."""
+
+MOST_SWAPS: Final = 2000
+"""Swaps that are looked at in one step."""
+
+MOST_CHOICES: Final = 600
+"""Numbers times places among which they choose up to which an integer program is solved."""
+
+NODES: Final = 200
+"""Of the tree of an integer program that are looked at."""
+
+FINEST: Final = 1e-3
+"""Deviations that differ by no more than this, over the least gap between numbers, are equal; those
+of whole numbers on k places differ by 1 / k or more."""
+
+WEIGHT: Final = 1e8
+"""Of the largest deviation beside the total: more than any total over the least difference."""
+
+CERTAIN: Final = (0, 2)
+"""Statuses of `scipy.optimize.milp` that are certain: solved, and infeasible."""
+
 
 def opposite_facets(hull: ConvexHull, facets: Integers) -> Integers:
     """(k,) facets of a hull that are level on top while it rests on facets (k,), or -1 where the
     nearest to that leans by more than `LEVEL_ANGLE`."""
     angles = angle_between(-hull.normals[facets][:, None], hull.normals[None])
-    nearest = angles.argmin(axis=1)
-    level = angles[np.arange(len(facets)), nearest] <= LEVEL_ANGLE
-    return np.where(level, nearest, -1)
+    return np.where(angles.min(axis=1) <= LEVEL_ANGLE, angles.argmin(axis=1), -1)
 
 
 def numbered(
@@ -50,29 +75,39 @@ def numbered(
     """
     order = np.arange(len(labels))
     members = np.flatnonzero([NUMBER.fullmatch(label) is not None for label in labels])
-    kinds = _equal(odds[members])
+    odds, facets = odds[members], facets[members]
+    by_odds = np.argsort(odds, kind="stable")
+    apart = np.diff(odds[by_odds], prepend=-1.0) > EQUAL_ODDS * odds[by_odds]
+    kinds = np.empty(len(members), dtype=np.int64)
+    kinds[by_odds] = np.cumsum(apart) - 1
     if not len(members) or np.bincount(kinds).max() < 2:
         return order, "numbering: no two numbers are equally probable, so that they stay"
-    pairs = _opposite_places(hull, facets[members])
-    if style == "standard" and not pairs:
+    is_across = opposite_facets(hull, facets)[:, None] == facets
+    pairs = np.argwhere(np.triu(is_across & is_across.T, 1))
+    groups = list(pairs)
+    if style == "standard" and not groups:
         note = "numbering: no two facets with numbers are opposite to each other, so that they stay"
         return order, note
-    groups = pairs if style == "standard" else [*pairs, *_places_around(hull, facets[members])]
-    member = np.zeros((len(groups), len(members)))
-    for row, group in zip(member, groups, strict=True):
+    if style != "standard":
+        place = np.full(len(hull.normals), -1)
+        place[facets] = np.arange(len(facets))
+        start, half_edges = hull.outgoing
+        around = [np.sort(place[each]) for each in np.split(hull.facet[half_edges], start[1:-1])]
+        groups += [each[each >= 0] for each in around if (each >= 0).sum() >= 2]
+    is_member = np.zeros((len(groups), len(members)))
+    for row, group in zip(is_member, groups, strict=True):
         row[group] = 1.0
     numbers = np.array([float(labels[outcome]) for outcome in members.tolist()])
-    found = EvenSums(numbers, kinds, member).best(
-        [np.arange(len(members)), _paired(numbers, kinds, pairs)]
-    )
+    task = EvenSums.of(numbers, kinds, is_member)
+    found = task.best([np.arange(len(members)), _paired(numbers, kinds, pairs)])
     order[members] = members[found.order]
-    sums = member @ numbers[found.order]
-    off = np.abs(sums - member.sum(axis=1) * numbers.mean()).max(initial=0.0)
+    sums = is_member @ numbers[found.order]
     if style == "standard":
         low, high = sums.min(), sums.max()
         told = f"{low:g}" if high - low < 1e-9 * (1.0 + abs(low)) else f"{low:g} to {high:g}"
         note = f"numbering: numbers on opposite facets sum to {told}"
     else:
+        off = np.abs(sums - is_member.sum(axis=1) * numbers.mean()).max(initial=0.0)
         note = (
             "numbering: sums of opposite facets and around corners are even to within "
             f"{round(float(off), 6):g}"
@@ -82,53 +117,195 @@ def numbered(
     return order, note
 
 
-def _equal(odds: Floats) -> Integers:
-    """(m,) number of the set of equal odds that each of some odds (m,) belongs to."""
-    by_odds = np.argsort(odds, kind="stable")
-    apart = np.diff(odds[by_odds]) > EQUAL_ODDS * odds[by_odds][1:]
-    kinds = np.zeros(len(odds), dtype=np.int64)
-    kinds[by_odds] = np.concatenate([[0], np.cumsum(apart)])[: len(odds)]
-    return kinds
-
-
-def _opposite_places(hull: ConvexHull, facets: Integers) -> list[Integers]:
-    """Pairs (2,) of places, whose facets (m,) are opposite to each other."""
-    across = opposite_facets(hull, facets)
-    return [
-        np.array([place, other])
-        for place, other in zip(*np.nonzero(across[:, None] == facets[None]), strict=True)
-        if place < other and across[other] == facets[place]
-    ]
-
-
-def _places_around(hull: ConvexHull, facets: Integers) -> Iterator[Integers]:
-    """Places (n,), n at least 2, whose facets (m,) meet at a corner, for each corner."""
-    place = np.full(len(hull.normals), -1)
-    place[facets] = np.arange(len(facets))
-    start, half_edges = hull.outgoing
-    for first, last in zip(start[:-1].tolist(), start[1:].tolist(), strict=True):
-        around = place[hull.facet[half_edges[first:last]]]
-        around = np.sort(around[around >= 0])
-        if len(around) >= 2:
-            yield around
-
-
-def _paired(numbers: Floats, kinds: Integers, pairs: Sequence[Integers]) -> Integers:
+def _paired(numbers: Floats, kinds: Integers, pairs: Integers) -> Integers:
     """(m,) an order in which, from place to place, the smallest number that is left comes onto a
     place and the largest one that is left onto the opposite place, where that is of its kind."""
-    left = {
-        int(kind): sorted(np.flatnonzero(kinds == kind).tolist(), key=lambda i: (numbers[i], i))
-        for kind in np.unique(kinds)
-    }
+    left: dict[int, list[int]] = {kind: [] for kind in kinds.tolist()}
+    for number in np.argsort(numbers, kind="stable").tolist():
+        left[int(kinds[number])].append(number)
     order = np.full(len(numbers), -1)
-    opposite = {a: b for pair in pairs for a, b in (pair.tolist(), pair[::-1].tolist())}
-    alone = []
-    for place, kind in enumerate(kinds.tolist()):
-        other = opposite.get(place)
-        if other is None or kinds[other] != kind:
-            alone.append(place)
-        elif order[place] < 0:
-            order[place], order[other] = left[kind].pop(0), left[kind].pop()
-    for place in alone:
+    for place, other in pairs.tolist():
+        if kinds[place] == kinds[other]:
+            mine = left[int(kinds[place])]
+            order[place], order[other] = mine.pop(0), mine.pop()
+    for place in np.flatnonzero(order < 0).tolist():
         order[place] = left[int(kinds[place])].pop(0)
     return order
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangement:
+    """Which number is where.
+
+    Attributes
+    ----------
+    order: (k,) index of the number on each place.
+    largest, total: absolute deviations of its sums, in units of the least gap between numbers. An
+        even sum is the mean of all numbers times the members of the group.
+    is_best: whether there is none better.
+    """
+
+    order: Integers
+    largest: float
+    total: float
+    is_best: bool
+
+    def beats(self, other: Arrangement) -> bool:
+        """Whether its largest deviation is less, or at equal ones the total."""
+        if abs(self.largest - other.largest) > FINEST:
+            return self.largest < other.largest
+        return self.total < other.total - FINEST
+
+
+@dataclass(frozen=True, eq=False)
+class EvenSums:
+    """Numbers to be put onto places so that their sums over groups of places are even.
+
+    Attributes
+    ----------
+    values: (k,) numbers less their mean in units of the least gap: an even sum is 0.
+    kinds: (k,) a number may go to the places whose own numbers are of its kind.
+    groups: (g, k) 1.0 where a place belongs to a group, else 0.0.
+    least: (g,) deviations that no arrangement is below.
+    """
+
+    values: Floats
+    kinds: Integers
+    groups: Floats
+    least: Floats
+
+    @classmethod
+    def of(cls, numbers: Floats, kinds: Integers, groups: Floats) -> EvenSums:
+        """The task for finite numbers (k,)."""
+        gaps = np.diff(np.unique(numbers))
+        values = (numbers - numbers.mean()) / (gaps.min() if len(gaps) else 1.0)
+        steps, least = values - values[0], np.zeros(len(groups))
+        if np.abs(steps - np.rint(steps)).max(initial=0.0) <= FINEST:
+            # All numbers are whole units apart.
+            offset = groups.sum(axis=1) * float(values[0])
+            least = np.abs(offset - np.rint(offset))
+        return cls(values, kinds, groups, least)
+
+    @cached_property
+    def _swaps(self) -> Integers:
+        """(2, s) the places of all swaps."""
+        pairs = np.stack(np.triu_indices(len(self.kinds), 1))
+        return pairs[:, self.kinds[pairs[0]] == self.kinds[pairs[1]]]
+
+    def arranged(self, order: Integers) -> Arrangement:
+        """An order (k,) with what it is worth."""
+        deviations = np.abs(self.groups @ self.values[order])
+        largest, total = float(deviations.max(initial=0.0)), float(deviations.sum())
+        most, sum_of_least = self.least.max(initial=0.0), float(self.least.sum())
+        is_best = largest <= most + FINEST and total <= sum_of_least + FINEST
+        return Arrangement(order, largest, total, bool(is_best))
+
+    def best(self, starts: Sequence[Integers]) -> Arrangement:
+        """The best arrangement, or where the limits do not allow to know it the best one found.
+
+        starts: orders (k,) of which the first as good as any is kept; at least one.
+        """
+        found = self.arranged(starts[0])
+        for start in starts[1:]:
+            other = self.arranged(start)
+            found = other if other.beats(found) else found
+        if not self._swaps.size:
+            return replace(found, is_best=True)
+        found = found if found.is_best else self._searched(found)
+        if found.is_best or np.square(np.bincount(self.kinds)).sum() > MOST_CHOICES:
+            return found
+        answers = []
+        for largest, total in ((-FINEST, math.inf), (FINEST, -FINEST)):
+            better, is_certain = self._solved(found.largest + largest, found.total + total)
+            answers.append(is_certain)
+            found = better if better is not None and better.beats(found) else found
+        return replace(found, is_best=all(answers))
+
+    def _searched(self, found: Arrangement) -> Arrangement:
+        """The best of those that swaps lead to from an arrangement and from random ones."""
+        generator, order = np.random.default_rng(0), found.order
+        swaps = min(self._swaps.shape[1], MOST_SWAPS)
+        for turn in range(min(TRIES, 1 + MOST_SUMS // (self.groups.size * swaps))):
+            # By turns: squares lead farther, and then the measure itself.
+            for squared in (False,) if turn % 2 else (True, False):
+                order = self._descended(order, squared, generator)
+            tried = self.arranged(order)
+            found = tried if tried.beats(found) else found
+            if found.is_best:
+                break
+            order = np.arange(len(self.values))
+            for kind in np.unique(self.kinds):
+                members = np.flatnonzero(self.kinds == kind)
+                order[members] = generator.permutation(members)
+        return found
+
+    def _descended(
+        self, order: Integers, squared: bool, generator: np.random.Generator
+    ) -> Integers:
+        """The order to which the best swaps lead until none helps."""
+        swaps = self._swaps
+        if swaps.shape[1] > MOST_SWAPS:
+            swaps = swaps[:, generator.permutation(swaps.shape[1])[:MOST_SWAPS]]
+        one, other = swaps
+        change = (self.groups[:, other] - self.groups[:, one]).T
+
+        def worth(deviations: Floats) -> Floats:
+            """(s,) what deviations (s, g) are worth, the less the better."""
+            if squared:
+                return np.square(deviations).sum(axis=1)
+            size = np.abs(deviations)
+            return np.asarray(WEIGHT * size.max(axis=1) + size.sum(axis=1))
+
+        values, order = self.values[order], order.copy()
+        while True:
+            deviations = self.groups @ values
+            after = worth(deviations + change * (values[one] - values[other])[:, None])
+            best = int(after.argmin())
+            if not after[best] < worth(deviations[None])[0] - FINEST:
+                return order
+            swap = swaps[:, best]
+            order[swap], values[swap] = order[swap[::-1]], values[swap[::-1]]
+
+    def _solved(self, largest: float, total: float) -> tuple[Arrangement | None, bool]:
+        """The arrangement of least total, or where that may be any of least largest deviation,
+        within these bounds, by an integer program; None where none was found. And whether that
+        answer is certain.
+
+        Its variables are a binary for each number and each place that it may go to, the deviation
+        of each group, and the largest of these.
+        """
+        from scipy.optimize import Bounds, LinearConstraint, milp
+
+        number, place = np.nonzero(self.kinds[:, None] == self.kinds[None])
+        count, groups, choices = len(self.values), len(self.groups), len(number)
+        once = np.zeros((2 * count, choices))
+        once[number, np.arange(choices)] = 1.0
+        once[count + place, np.arange(choices)] = 1.0
+        sums = self.groups[:, place] * self.values[number]
+        each, all_of_them = np.eye(groups), np.ones((groups, 1))
+        rows = np.block(
+            [
+                [once, np.zeros((2 * count, groups + 1))],
+                [sums, -each, 0.0 * all_of_them],
+                [-sums, -each, 0.0 * all_of_them],
+                [0.0 * sums, each, -all_of_them],
+                [np.zeros((1, choices)), all_of_them.T, np.zeros((1, 1))],
+            ]
+        )
+        parts = (choices, groups, 1)
+        upper = np.repeat([1.0, 0.0, total], (2 * count, 3 * groups, 1))
+        lower = np.repeat([1.0, -math.inf], (2 * count, 3 * groups + 1))
+        answer = milp(
+            np.repeat([0.0, 0.0, 1.0] if math.isinf(total) else [0.0, 1.0, 0.0], parts),
+            constraints=LinearConstraint(rows, lower, upper),
+            bounds=Bounds(0.0, np.repeat([1.0, math.inf, largest], parts)),
+            integrality=np.repeat([1, 0, 0], parts),
+            # Limited by nodes, not by a clock, so that the answer is the same each time.
+            options={"node_limit": NODES},
+        )
+        if answer.x is None:
+            return None, answer.status in CERTAIN
+        taken = answer.x[:choices] > 0.5
+        order = np.empty(count, dtype=np.int64)
+        order[place[taken]] = number[taken]
+        return self.arranged(order), answer.status in CERTAIN

@@ -1,4 +1,5 @@
-"""How far the odds of prints are from those that were designed, to first order.
+"""How far the odds of prints are from those that were designed, to first order; and the odds of a
+print with infill, and how much of it is enough.
 
 A print differs from its file in the place of each facet, in its length along each axis of the
 printer, in its density from bottom to top and by a bubble. With the derivatives of the odds these
@@ -7,182 +8,49 @@ give the covariance of the odds among prints; and Pearson's test says how large 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import torch
 from scipy.optimize import brentq
 
 from dicedesign.errors import DiceError
+from dicedesign.fabricate.die import Assessment
 from dicedesign.fabricate.printers import PrintErrors
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
+from dicedesign.geometry.hulls.hull import (
+    ConvexHull,
+    convex_hull,
+    deepest_point,
+    polyhedron_corners,
+)
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import doubled_area_vectors, is_closed, second_moments
+from dicedesign.geometry.triangles import (
+    doubled_area_vectors,
+    is_closed,
+    second_moments,
+    solid_properties,
+)
 from dicedesign.gradient.facet_measures import offset_derivatives
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.rest.outcomes import OutcomeOdds, gathered
-from dicedesign.rest.poses import RestPoses
-from dicedesign.results.result import PrintTolerances
+from dicedesign.rest.outcomes import OutcomeOdds, gathered, outcome_odds
+from dicedesign.rest.poses import RestPoses, analyse
+from dicedesign.results.result import InfillOdds, PrintTolerances
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chances_noticed
 
+if TYPE_CHECKING:
+    from manifold3d import CrossSection, Manifold
 
-@dataclass(frozen=True, eq=False)
-class OddsSlopes:
-    """Derivatives of the odds of k outcomes at a body with n corners and m facets.
-
-    Attributes
-    ----------
-    hull: of the body.
-    center: (3,) its center of mass.
-    volume: of the body, or where its surface is open of its hull; inside: (3, 3) mean of the
-        products of two coordinates over it, about the center of mass.
-    by_corners: (k, n, 3) in the corners, the center of mass staying where it is.
-    by_planes: (k, m) in the offsets of the facets, likewise.
-    is_uniform: whether the center of mass is that of the solid, and so moves with what is added.
-    """
-
-    hull: ConvexHull
-    center: Floats
-    volume: float
-    inside: Floats
-    by_corners: Floats
-    by_planes: Floats
-    is_uniform: bool
-
-    @classmethod
-    def of(
-        cls,
-        body: Body,
-        poses: RestPoses,
-        outcomes: OutcomeOdds,
-        model: OddsModel | None = None,
-    ) -> OddsSlopes:
-        """Those of a body and its rests; of a tied one the mean over the bodies beside it.
-
-        outcomes: what its rests count for; model: of the odds, where they are not those
-        without momentum and with any side down alike; is_uniform: False for a center of mass that
-        was given.
-        """
-        place = np.full(len(poses.hull.normals), -1)
-        place[poses.facets] = outcomes.outcome_of_rest
-        rows, planes = [], []
-        for side in poses.basins:
-            center = torch.from_numpy(side.equilibria.center_of_mass)
-            vertices = torch.from_numpy(side.equilibria.hull.vertices)
-            rests = RestEvaluation(side.equilibria, vertices, center, side)
-            jacobian = rests.jacobian if model is None else model.jacobian(rests)
-            of_outcomes = np.zeros((len(outcomes.odds), jacobian.shape[1]))
-            of_rests = place[side.paths.rests]
-            np.add.at(of_outcomes, of_rests[of_rests >= 0], jacobian[of_rests >= 0])
-            rows.append(of_outcomes)
-            planes.append(offset_derivatives(rests, of_outcomes))
-        points, triangles = body.points, body.triangles
-        if triangles is None or not is_closed(triangles):
-            points, triangles = poses.hull.vertices, poses.hull.triangles
-        moments, volume = second_moments(points - poses.center_of_mass, triangles, np)
-        return cls(
-            hull=poses.hull,
-            center=poses.center_of_mass,
-            volume=float(volume),
-            inside=np.asarray(moments / volume),
-            by_corners=np.mean(rows, axis=0).reshape(len(outcomes.odds), -1, 3),
-            by_planes=np.mean(planes, axis=0),
-            is_uniform=poses.center_of_mass_source != "given",
-        )
-
-    @cached_property
-    def by_center(self) -> Floats:
-        """(k, 3) in the center of mass: a body that moves as a whole keeps its odds."""
-        return -self.by_corners.sum(axis=1)
-
-    @cached_property
-    def by_offsets(self) -> Floats:
-        """(k, m) in the offsets of the facets, with which the center of mass moves by the material
-        that comes on."""
-        if not self.is_uniform:
-            return self.by_planes
-        corners = self.hull.vertices[self.hull.triangles]
-        areas = norms(doubled_area_vectors(self.hull.vertices, self.hull.triangles)) / 2.0
-        first = self.hull.facet_start[:-1] - 2 * np.arange(len(self.hull.normals))
-        added = areas[:, None] * (corners.mean(axis=1) - self.center) / self.volume
-        return self.by_planes + self.by_center @ np.add.reduceat(added, first, axis=0).T
-
-    def by_stretches(self, axes: Floats) -> Floats:
-        """(k, 3) in the relative lengths along orthonormal axes (3, 3), one a row."""
-        radii = (self.hull.vertices - self.center) @ axes.T
-        along = self.by_corners @ axes.T
-        return np.asarray((along * radii).sum(axis=1))
-
-    def by_gradient(self, axis: Floats) -> Floats:
-        """(k,) in the relative change of the density from one end of the body to the other along a
-        unit axis (3,)."""
-        heights = self.hull.vertices @ axis
-        return np.asarray(self.by_center @ (self.inside @ axis) / np.ptp(heights))
-
-    def of_bubble(self) -> Floats:
-        """(k, k) covariance of the odds for a bubble of volume 1 anywhere in the body: the center
-        of mass moves away from it by its part of the volume."""
-        return np.asarray(self.by_center @ self.inside @ self.by_center.T / self.volume**2)
-
+    from dicedesign.fabricate.label_layout import Placement
 
 PRINTS: Final = 32
 """So many tell the part that is noticed to within some hundredths."""
-
-
-@dataclass(frozen=True, eq=False)
-class OffPrints:
-    """Prints of a die.
-
-    Attributes
-    ----------
-    poses: the rests of the file.
-    directions: (k, 3) down in the outcomes.
-    has_planes: whether the places of whole facets differ, or those of corners, see `OddsSpread`.
-    model: of the odds under a prior, or None where any side is down alike at first.
-    """
-
-    poses: RestPoses
-    directions: Floats
-    has_planes: bool = True
-    model: OddsModel | None = None
-
-    def noticed(self, offset: float, target: Floats, bias: Floats, rolls: int) -> float:
-        """Part of the prints with facets off by a standard deviation in mm that a test of so many
-        rolls notices; target, bias: (k,) see `chance_noticed`. The same prints for all offsets;
-        those that are no body are noticed."""
-        random = np.random.default_rng(0)
-        right = self._odds(self.poses.hull.vertices)
-        biases = []
-        for _ in range(PRINTS):
-            with suppress(DiceError):
-                biases.append(bias + self._odds(self._printed(offset, random)) - right)
-        lost = PRINTS - len(biases)
-        chances = chances_noticed(target, rolls, np.reshape(biases, (-1, len(target))))
-        return float(chances.sum() + lost) / PRINTS
-
-    def _printed(self, offset: float, random: np.random.Generator) -> Floats:
-        hull, middle = self.poses.hull, self.poses.hull.centroid
-        if not self.has_planes:
-            return hull.vertices + offset * random.normal(size=hull.vertices.shape)
-        heights = hull.heights(middle) + offset * random.normal(size=len(hull.normals))
-        return middle + polyhedron_corners(hull.normals, heights)
-
-    def _odds(self, corners: Floats) -> Floats:
-        """(k,) of the outcomes of a body with these corners."""
-        center = self.poses.center_of_mass
-        if self.has_planes and self.poses.center_of_mass_source != "given":
-            # What labels take away stays as it is.
-            center = center + convex_hull(corners).centroid - self.poses.hull.centroid
-        rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
-        odds = rests.odds if self.model is None else self.model.odds(rests)
-        return gathered(rests.hull.normals[rests.facets], odds, self.directions).odds
-
 
 ROLLS: Final = 1000
 """Of the test that is not to notice."""
@@ -205,41 +73,129 @@ NEVER: Final = 1.0
 
 @dataclass(frozen=True, eq=False)
 class OddsSpread:
-    """Covariances of a die's odds among its prints.
+    """Derivatives of the odds of k outcomes at a body with n corners and m facets, and covariances
+    of the odds among its prints.
 
     Attributes
     ----------
-    slopes: the derivatives of the odds.
+    poses: the rests of the body; directions: (k, 3) down in the outcomes.
     errors: what differs from print to print.
+    model: of the odds, or None where these are without momentum and any side is down alike.
     has_planes: whether the places of whole facets differ; else, on a surface whose hull spans
         corners that have nothing to do with each other, those of the corners in all directions.
     axes: (3, 3) orthonormal axes of the printer in the die's coordinates, one a row, the last up.
+    volume: of the body, or where its surface is open of its hull; inside: (3, 3) mean of the
+        products of two coordinates over it, about the center of mass.
+    by_corners: (k, n, 3) in the corners, the center of mass staying where it is.
+    by_planes: (k, m) in the offsets of the facets, likewise.
     """
 
-    slopes: OddsSlopes
+    poses: RestPoses
+    directions: Floats
     errors: PrintErrors
-    has_planes: bool = True
-    axes: Floats | None = None
+    model: OddsModel | None
+    has_planes: bool
+    axes: Floats
+    volume: float
+    inside: Floats
+    by_corners: Floats
+    by_planes: Floats
+
+    @classmethod
+    def of(
+        cls,
+        body: Body,
+        poses: RestPoses,
+        directions: Floats,
+        errors: PrintErrors,
+        model: OddsModel | None = None,
+        *,
+        has_planes: bool = True,
+        axes: Floats | None = None,
+    ) -> OddsSpread:
+        """That of a body and its rests; of a tied one the mean over the bodies beside it."""
+        place = np.full(len(poses.hull.normals), -1)
+        place[poses.facets] = outcome_odds(poses, directions).outcome_of_rest
+        rows, planes = [], []
+        for side in poses.basins:
+            center = torch.from_numpy(side.equilibria.center_of_mass)
+            vertices = torch.from_numpy(side.equilibria.hull.vertices)
+            rests = RestEvaluation(side.equilibria, vertices, center, side)
+            jacobian = rests.jacobian if model is None else model.jacobian(rests)
+            of_outcomes = np.zeros((len(directions), jacobian.shape[1]))
+            of_rests = place[side.paths.rests]
+            np.add.at(of_outcomes, of_rests[of_rests >= 0], jacobian[of_rests >= 0])
+            rows.append(of_outcomes)
+            planes.append(offset_derivatives(rests, of_outcomes))
+        points, triangles = body.points, body.triangles
+        if triangles is None or not is_closed(triangles):
+            points, triangles = poses.hull.vertices, poses.hull.triangles
+        moments, volume = second_moments(points - poses.center_of_mass, triangles, np)
+        return cls(
+            poses=poses,
+            directions=directions,
+            errors=errors,
+            model=model,
+            has_planes=has_planes,
+            axes=np.eye(3) if axes is None else axes,
+            volume=float(volume),
+            inside=np.asarray(moments / volume),
+            by_corners=np.mean(rows, axis=0).reshape(len(directions), -1, 3),
+            by_planes=np.mean(planes, axis=0),
+        )
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether the center of mass is that of the solid, and so moves with what is added."""
+        return self.poses.center_of_mass_source != "given"
+
+    @cached_property
+    def by_center(self) -> Floats:
+        """(k, 3) in the center of mass: a body that moves as a whole keeps its odds."""
+        return -self.by_corners.sum(axis=1)
+
+    @cached_property
+    def by_offsets(self) -> Floats:
+        """(k, m) in the offsets of the facets, with which the center of mass moves by the material
+        that comes on."""
+        if not self.is_uniform:
+            return self.by_planes
+        hull = self.poses.hull
+        middles = hull.vertices[hull.triangles].mean(axis=1) - self.poses.center_of_mass
+        areas = norms(doubled_area_vectors(hull.vertices, hull.triangles)) / 2.0
+        first = hull.facet_start[:-1] - 2 * np.arange(len(hull.normals))
+        added = areas[:, None] * middles / self.volume
+        return self.by_planes + self.by_center @ np.add.reduceat(added, first, axis=0).T
+
+    @cached_property
+    def by_stretches(self) -> Floats:
+        """(k, 3) in the relative lengths along the axes."""
+        radii = (self.poses.hull.vertices - self.poses.center_of_mass) @ self.axes.T
+        return np.asarray((self.by_corners @ self.axes.T * radii).sum(axis=1))
+
+    @cached_property
+    def by_gradient(self) -> Floats:
+        """(k,) in the relative change of the density from the bottom of the body to its top."""
+        up = self.axes[2]
+        tall = np.ptp(self.poses.hull.vertices @ up)
+        return np.asarray(self.by_center @ (self.inside @ up) / tall)
 
     @cached_property
     def by_unit_offset(self) -> Floats:
         """(k, k) for a standard deviation of 1 of the places of facets, or of corners."""
-        slopes = self.slopes
-        parts = slopes.by_offsets if self.has_planes else slopes.by_corners
+        parts = self.by_offsets if self.has_planes else self.by_corners
         rows = parts.reshape(len(parts), -1)
         return rows @ rows.T
 
     @cached_property
     def by_error(self) -> dict[str, Floats]:
         """(k, k) from each error, by the names of its fields."""
-        axes = np.eye(3) if self.axes is None else self.axes
-        stretches = self.slopes.by_stretches(axes)
-        gradient = self.slopes.by_gradient(axes[2])
         unit = {
             "dimensional_mm": self.by_unit_offset,
-            "shrinkage": stretches @ stretches.T,
-            "density_gradient": np.outer(gradient, gradient),
-            "bubble_mm3": self.slopes.of_bubble(),
+            "shrinkage": self.by_stretches @ self.by_stretches.T,
+            "density_gradient": np.outer(self.by_gradient, self.by_gradient),
+            # The center of mass moves away from a bubble by its part of the volume.
+            "bubble_mm3": self.by_center @ self.inside @ self.by_center.T / self.volume**2,
         }
         return {name: deviation**2 * unit[name] for name, deviation in asdict(self.errors).items()}
 
@@ -248,86 +204,243 @@ class OddsSpread:
         """(k, k) from all errors together."""
         return np.asarray(sum(self.by_error.values()))
 
+    def allowed_offset(self, target: Floats, bias: Floats) -> float | None:
+        """Standard deviation in mm of the places of facets, or corners, with which a test of
+        `ROLLS` rolls at 5 % notices `NOTICED` of the prints, if there is no other error; 0 where it
+        notices as many or more of prints without an error, None where fewer at any size of error.
+
+        target, bias: (k,) as for `print_tolerances`.
+        """
+
+        def excess(offset: float) -> float:
+            return chance_noticed(target, ROLLS, offset**2 * self.by_unit_offset, bias) - NOTICED
+
+        size = float(np.ptp(self.poses.hull.vertices, axis=0).max())
+        if excess(0.0) >= 0.0:
+            return 0.0
+        if excess(NEVER * size) <= 0.0:
+            return None
+        return float(brentq(excess, 0.0, NEVER * size, xtol=FINENESS * size))
+
+    def noticed(self, offset: float, target: Floats, bias: Floats) -> float:
+        """Part of prints, made one by one with facets or corners off by a standard deviation in mm,
+        that a test of `ROLLS` rolls notices; target, bias: (k,) as for `print_tolerances`. The same
+        prints for all offsets; those that are no body are noticed."""
+        hull, random = self.poses.hull, np.random.default_rng(0)
+        middle, right = hull.centroid, self._odds(hull.vertices)
+        biases = []
+        for _ in range(PRINTS):
+            with suppress(DiceError):
+                if self.has_planes:
+                    off = offset * random.normal(size=len(hull.normals))
+                    depths = hull.heights(middle) + off
+                    corners = middle + polyhedron_corners(hull.normals, depths)
+                else:
+                    corners = hull.vertices + offset * random.normal(size=hull.vertices.shape)
+                biases.append(bias + self._odds(corners) - right)
+        lost = PRINTS - len(biases)
+        chances = chances_noticed(target, ROLLS, np.reshape(biases, (-1, len(target))))
+        return float(chances.sum() + lost) / PRINTS
+
+    def _odds(self, corners: Floats) -> Floats:
+        """(k,) of the outcomes of a body with these corners."""
+        center = self.poses.center_of_mass
+        if self.has_planes and self.is_uniform:
+            # What labels take away stays as it is.
+            center = center + convex_hull(corners).centroid - self.poses.hull.centroid
+        rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
+        odds = rests.odds if self.model is None else self.model.odds(rests)
+        return gathered(rests.hull.normals[rests.facets], odds, self.directions).odds
+
 
 def print_tolerances(
-    spread: OddsSpread, target: Floats, bias: Floats, prints: OffPrints | None = None
+    spread: OddsSpread, target: Floats, bias: Floats, *, is_checked: bool = True
 ) -> PrintTolerances:
     """What is known of a die's prints.
 
     target: (k,) wanted odds; bias: (k,) odds of the die that is printed without an error, less
-        those; prints: to hold the allowed offset against, or None to trust the derivatives.
+    those; is_checked: whether the allowed offset is held against prints that are made one by one,
+    else the derivatives are trusted.
     """
-    allowed = allowed_offset(spread, target, bias)
-    if allowed and prints is not None:
-        allowed = _let_through(prints, allowed, target, bias)
-    deviations = _deviations(spread.covariance)
+    allowed = spread.allowed_offset(target, bias)
+    if allowed and is_checked and spread.noticed(allowed, target, bias) > NOTICED + DOUBT:
+        # The largest with which they are not.
+        least, most = 0.0, allowed
+        for _ in range(HALVINGS):
+            middle = (least + most) / 2.0
+            is_hidden = spread.noticed(middle, target, bias) < NOTICED
+            least, most = (middle, most) if is_hidden else (least, middle)
+        # A die at the verge of tipping: the smallest that was tried.
+        allowed = least or most
+    by_error = {name: np.sqrt(np.diag(each)) for name, each in spread.by_error.items()}
+    deviations = np.sqrt(np.diag(spread.covariance))
+    what = "facet's place" if spread.has_planes else "corner's place, in every direction"
+    level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
+    if allowed is None:
+        answer = (
+            f"{ROLLS:,} rolls show nothing, however far each {what} is off: nearly all shapes of "
+            "this die have its odds."
+        )
+    elif allowed == 0.0:
+        answer = (
+            f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: a "
+            f"chi-square test at {level} finds more than {noticed} of perfect prints."
+        )
+    else:
+        answer = (
+            f"Printed to within ±{allowed:.2g} mm (standard deviation of each {what}), {ROLLS:,} "
+            f"rolls show nothing: a chi-square test at {level} finds {noticed} of such prints, and "
+            f"{level} of perfect ones."
+        )
     return PrintTolerances(
-        answer=_answer(spread, allowed),
+        answer=answer,
         rolls=ROLLS,
         allowed_mm=allowed,
         noticed=chance_noticed(target, ROLLS, spread.covariance, bias),
         assumed=asdict(spread.errors),
         deviations=tuple(deviations.tolist()),
-        by_error={name: tuple(_deviations(c).tolist()) for name, c in spread.by_error.items()},
+        by_error={name: tuple(each.tolist()) for name, each in by_error.items()},
         # Half the sum of the mean absolute values of normal numbers.
         total_variation=float(deviations.sum() / np.sqrt(2.0 * np.pi)),
     )
 
 
-def allowed_offset(spread: OddsSpread, target: Floats, bias: Floats) -> float | None:
-    """Standard deviation in mm of the places of facets, or corners, with which a test of `ROLLS`
-    rolls at 5 % notices `NOTICED` of the prints, if there is no other error; 0 where it notices as
-    many or more of prints without an error, None where fewer at any size of error.
+STEPS: Final = 20
+"""Infills that are tried, up to 100 %."""
 
-    target, bias: (k,) as for `print_tolerances`.
+LEAST_MASS: Final = 1e-3
+"""Part of the solid's mass below which none is tried: little is known of where the center of mass
+of next to nothing is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inside:
+    """The part of a print that is infill.
+
+    Attributes
+    ----------
+    volume: in mm3, 0 where the walls meet.
+    centroid: (3,), anything then.
     """
 
-    def excess(offset: float) -> float:
-        return chance_noticed(target, ROLLS, offset**2 * spread.by_unit_offset, bias) - NOTICED
-
-    size = float(np.ptp(spread.slopes.hull.vertices, axis=0).max())
-    if excess(0.0) >= 0.0:
-        return 0.0
-    if excess(NEVER * size) <= 0.0:
-        return None
-    return float(brentq(excess, 0.0, NEVER * size, xtol=FINENESS * size))
+    volume: float
+    centroid: Floats
 
 
-def _let_through(prints: OffPrints, offset: float, target: Floats, bias: Floats) -> float:
-    """The offset, or where more of such prints are noticed the largest with which they are not."""
+def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] = ()) -> Inside:
+    """What walls leave of a convex body: its half-spaces, moved inward.
 
-    def noticed(offset: float) -> float:
-        return prints.noticed(offset, target, bias, ROLLS)
+    walls_mm: above 0; pockets: solids that are not infill either, from `pocket_walls`.
+    """
+    middle = hull.centroid
+    depths = hull.heights(middle)
+    if depths.min() <= walls_mm:
+        move, _ = deepest_point(hull.normals, depths)
+        depths, middle = depths - hull.normals @ move, middle + move
+    if depths.min() <= walls_mm:
+        return Inside(0.0, middle)
+    inner = convex_hull(middle + polyhedron_corners(hull.normals, depths - walls_mm))
+    points, triangles = inner.vertices, inner.triangles
+    if pockets:
+        from manifold3d import Manifold, OpType
 
-    if noticed(offset) <= NOTICED + DOUBT:
-        return offset
-    least, most = 0.0, offset
-    for _ in range(HALVINGS):
-        middle = (least + most) / 2.0
-        least, most = (middle, most) if noticed(middle) < NOTICED else (least, middle)
-    # A die at the verge of tipping: the smallest that was tried.
-    return least or most
+        from dicedesign.geometry.meshes.manifold import mesh_of, solid
+
+        left = Manifold.batch_boolean([solid(points, triangles), *pockets], OpType.Subtract)
+        if not left.volume() > 0.0:
+            return Inside(0.0, middle)
+        points, triangles = mesh_of(left)
+    return Inside(*solid_properties(points, triangles))
 
 
-def _deviations(covariance: Floats) -> Floats:
-    return np.sqrt(np.diag(covariance))
+def pocket_walls(
+    sections: Sequence[tuple[Placement, CrossSection]], depth_mm: float, walls_mm: float
+) -> list[Manifold]:
+    """The walls around pockets, as solids that reach from outside of the facet to below the
+    pocket's floor. Their lower rims are square where those of slicers may be round.
+
+    sections: of the pockets, from `cut_sections`; depth_mm: of them.
+    """
+    from manifold3d import JoinType
+
+    deep = depth_mm + walls_mm
+    return [
+        section.offset(walls_mm, JoinType.Round)
+        .extrude(2.0 * deep)
+        .translate((0.0, 0.0, -deep))
+        .transform(placement.frame[:3])
+        for placement, section in sections
+    ]
 
 
-def _answer(spread: OddsSpread, allowed: float | None) -> str:
-    what = "facet's place" if spread.has_planes else "corner's place, in every direction"
-    level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
-    if allowed is None:
-        return (
-            f"{ROLLS:,} rolls show nothing, however far each {what} is off: nearly all shapes of "
-            "this die have its odds."
-        )
-    if allowed == 0.0:
-        return (
-            f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: a "
-            f"chi-square test at {level} finds more than {noticed} of perfect prints."
-        )
-    return (
-        f"Printed to within ±{allowed:.2g} mm (standard deviation of each {what}), {ROLLS:,} rolls "
-        f"show nothing: a chi-square test at {level} finds {noticed} of such prints, and {level} "
-        "of perfect ones."
+def weighed(volume: float, centroid: Floats, inside: Inside, infill: float) -> tuple[float, Floats]:
+    """Mass of a print over that of the solid one, and its center of mass (3,).
+
+    volume, centroid: of the outer body, labels cut in where it has them; infill: 0 to 1.
+    """
+    missing = (1.0 - infill) * inside.volume
+    mass = volume - missing
+    return mass / volume, (volume * centroid - missing * inside.centroid) / mass
+
+
+def infill_odds(
+    verdict: Assessment,
+    directions: Floats,
+    volume: float,
+    inside: Inside,
+    infill: float,
+    walls_mm: float,
+) -> InfillOdds:
+    """What a die does when it is printed with infill.
+
+    Parameters
+    ----------
+    verdict: on the file of the uniform solid.
+    directions: (k, 3) down in the outcomes.
+    volume: of that solid in mm3.
+    inside: what the walls leave of it.
+    infill: part of the inside that is material, 0 to 1; walls_mm: thickness of the walls.
+    """
+    poses, solid = verdict.poses, verdict.outcomes.odds
+    shown = solid > 0.0
+
+    def printed(part: float) -> tuple[float, Floats, OutcomeOdds, bool]:
+        """Mass, center of mass, odds, and whether the test notices them."""
+        mass, center = weighed(volume, poses.center_of_mass, inside, part)
+        outcomes = outcome_odds(analyse(poses.hull, center).under(poses.prior), directions)
+        change = outcomes.odds[shown] - solid[shown]
+        chances = chances_noticed(solid[shown] / solid[shown].sum(), ROLLS, change[None])
+        return mass, center, outcomes, bool(chances[0] > NOTICED)
+
+    least = STEPS
+    while least > 0:
+        part = (least - 1) / STEPS
+        if volume - (1.0 - part) * inside.volume < LEAST_MASS * volume or printed(part)[3]:
+            break
+        least -= 1
+    mass, center, outcomes, is_noticed = printed(infill)
+    shift = center - poses.center_of_mass
+    changes = np.abs(outcomes.odds - solid)
+    advice = (
+        f"At {100.0 * infill:.0f} % infill with walls of {walls_mm:g} mm the die has "
+        f"{100.0 * mass:.0f} % of its mass, its center of mass moves by "
+        f"{norms(shift):.2g} mm, and the odds of {verdict.target.labels[int(changes.argmax())]} "
+        f"change most, by {changes.max():.2g}: a chi-square test at {100.0 * LEVEL:.0f} % of "
+        f"{ROLLS:,} rolls "
+    )
+    if is_noticed:
+        enough = "" if least == STEPS else f", or with {100.0 * least / STEPS:.0f} % or more"
+        advice += f"notices. Print it solid, at 100 % infill{enough}."
+    else:
+        advice += "does not notice. Print it so, or solid."
+    return InfillOdds(
+        infill=infill,
+        walls_mm=walls_mm,
+        advice=advice,
+        probabilities=tuple(outcomes.odds.tolist()),
+        elsewhere=outcomes.elsewhere,
+        max_abs_error=outcomes.max_abs_error(verdict.target.probabilities),
+        mass=mass,
+        shift_mm=tuple(shift.tolist()),
+        least_infill=least / STEPS,
     )

@@ -210,7 +210,7 @@ def assess_surface(
     if stretched is not None:
         sentences.append(
             "95 % of the surface is distorted in shape by a factor of at most "
-            f"{stretched.shape_most:.3g}, and in size by {stretched.size_most:.3g}"
+            f"{stretched['shape_most']:.3g}, and in size by {stretched['size_most']:.3g}"
         )
     cavities = None
     if made.hollow is not None and solid.is_printable:

@@ -24,11 +24,11 @@ from dicedesign.fabricate.file_formats import (
     file_bytes,
     joined,
 )
-from dicedesign.fabricate.infill import infill_odds, inside_walls, pocket_walls
 from dicedesign.fabricate.print_tolerances import (
-    OddsSlopes,
     OddsSpread,
-    OffPrints,
+    infill_odds,
+    inside_walls,
+    pocket_walls,
     print_tolerances,
 )
 from dicedesign.fabricate.printability import PrintedDie, printability
@@ -103,7 +103,7 @@ def find_tolerances(work: Work) -> None:
     assert options is not None
     assert work.printability is not None
     model = odds_model(table, work.die.prior)
-    body, poses, outcomes = verdict.body, verdict.poses, verdict.outcomes
+    body, poses = verdict.body, verdict.poses
     core = None if work.engraved is None else work.engraved.core
     if work.recipe.edges is not None and core is not None:
         # What rounds an edge moves with the facets beside it, which the core has alone, and with
@@ -111,19 +111,14 @@ def find_tolerances(work: Work) -> None:
         body = make_body(core.vertices, core.triangles)
         poses = analyse(core, poses.center_of_mass, poses.center_of_mass_source)
         poses = poses.under(work.die.prior)
-        outcomes = outcome_odds(poses, work.die.directions)
-    slopes = OddsSlopes.of(body, poses, outcomes, model)
     # Of the printer where the die lies on its bed as is best.
     axes = np.array(work.printability.placement)[:3, :3]
-    spread = OddsSpread(slopes, options.expected_errors, has_planes, axes)
-    if table is None:
-        bias = verdict.outcomes.odds - target
-        prints = OffPrints(poses, work.die.directions, has_planes, model)
-    else:
-        # The odds of throws are known from counts alone: what they lack is in doubt. And the
-        # momentum model jumps where a corner of several facets falls apart, which dice do not.
-        bias, prints = np.zeros(len(target)), None
-    work.tolerances = print_tolerances(spread, target, bias, prints)
+    errors, directions = options.expected_errors, work.die.directions
+    spread = OddsSpread.of(body, poses, directions, errors, model, has_planes=has_planes, axes=axes)
+    # The odds of throws are known from counts alone: what they lack is in doubt. And the momentum
+    # model jumps where a corner of several facets falls apart, which dice do not.
+    bias = verdict.outcomes.odds - target if table is None else np.zeros(len(target))
+    work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
     if options.infill < 1.0:
         _find_infill(work, options, verdict)
 

@@ -9,8 +9,14 @@ from common.random_points import depths, drawn, in_pocket_walls
 
 from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.infill import Inside, infill_odds, inside_walls, pocket_walls, weighed
 from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
+from dicedesign.fabricate.print_tolerances import (
+    Inside,
+    infill_odds,
+    inside_walls,
+    pocket_walls,
+    weighed,
+)
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
 

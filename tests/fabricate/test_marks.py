@@ -60,8 +60,8 @@ def test_an_l_is_cut_straight_down_by_the_depth_upright_and_not_mirrored():
     points, triangles = ellipsoid(40.0, 25.0, 16.0)
     die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["L"], OPTIONS)
     to_mark = np.linalg.inv(mark.frame)
-    cut = relief(die.points @ to_mark[:3, :3].T + to_mark[:3, 3], die.triangles)
-    plain = relief(points @ to_mark[:3, :3].T + to_mark[:3, 3], triangles)
+    cut = relief(solid(die.points, die.triangles).transform(to_mark[:3]))
+    plain = relief(solid(points, triangles).transform(to_mark[:3]))
     inside = np.argwhere(np.isfinite(plain.height))
     fall = plain.height[tuple(inside.T)] - cut.height[tuple(inside.T)]
     is_cut = fall > 0.5 * OPTIONS.depth_mm
@@ -129,7 +129,7 @@ def test_a_sheet_too_thin_to_cut_is_refused():
 
 def test_heights_and_thickness_of_a_torus_are_those_of_its_equation():
     points, triangles = torus(45.0, 15.0)
-    seen = relief(points, triangles)
+    seen = relief(solid(points, triangles))
     nodes = np.stack(np.indices(seen.height.shape), axis=-1)
     radius = np.linalg.norm(seen.corner + seen.spacing * nodes, axis=-1)
     half = np.sqrt((7.5**2 - (radius - 15.0) ** 2).clip(0.0))

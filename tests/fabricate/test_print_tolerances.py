@@ -13,9 +13,7 @@ from scipy import stats
 from dicedesign.fabricate.print_tolerances import (
     NOTICED,
     ROLLS,
-    OddsSlopes,
     OddsSpread,
-    OffPrints,
     print_tolerances,
 )
 from dicedesign.fabricate.printers import PrintErrors
@@ -31,11 +29,10 @@ FACES = np.concatenate([np.eye(3), -np.eye(3)])
 HALF = np.array([9.0, 10.0, 12.0])
 
 
-def slopes(low: np.ndarray, high: np.ndarray, given: np.ndarray | None = None) -> OddsSlopes:
-    """Those of the box between two corners, with one outcome for each face."""
-    body = make_body(np.array(list(product(*np.stack([low, high], axis=1)))))
-    poses = rest_poses(body, given)
-    return OddsSlopes.of(body, poses, outcome_odds(poses, FACES))
+def spread(given: np.ndarray | None = None, axes: np.ndarray | None = None) -> OddsSpread:
+    """That of a box, with one outcome for each face."""
+    body = make_body(np.array(list(product(*np.stack([-HALF, HALF], axis=1)))))
+    return OddsSpread.of(body, rest_poses(body, given), FACES, PrintErrors(), axes=axes)
 
 
 def rectangle(depth: float, sides: tuple[float, float], others: tuple[float, float]) -> float:
@@ -65,8 +62,8 @@ def difference(odds_at: Callable[[float], np.ndarray], step: float = 1e-3) -> np
 
 @pytest.mark.parametrize("given", [None, np.array([0.5, 0.2, -0.3])], ids=["uniform", "given"])
 def test_faces_that_are_off(given: np.ndarray | None) -> None:
-    found = slopes(-HALF, HALF, given)
-    columns = np.argmax(found.hull.normals @ FACES.T, axis=1)
+    found = spread(given)
+    columns = np.argmax(found.poses.hull.normals @ FACES.T, axis=1)
     for facet, face in enumerate(columns):
         axis = FACES[face]
 
@@ -80,27 +77,26 @@ def test_faces_that_are_off(given: np.ndarray | None) -> None:
 
 
 def test_axes_that_shrink() -> None:
-    found = slopes(-HALF, HALF)
     expected = [
         difference(lambda t, e=e: box_odds(-HALF * (1 + t * e), HALF * (1 + t * e), np.zeros(3)))
         for e in np.eye(3)
     ]
-    stretches = found.by_stretches(np.eye(3))
+    stretches = spread().by_stretches
     np.testing.assert_allclose(stretches, np.stack(expected, axis=1), atol=1e-10)
     # A die that shrinks as a whole keeps its odds.
     np.testing.assert_allclose(stretches.sum(axis=1), 0.0, atol=1e-12)
     # Axes in another order, the printer's own.
-    np.testing.assert_allclose(found.by_stretches(np.eye(3)[[2, 0, 1]]), stretches[:, [2, 0, 1]])
+    other = spread(axes=np.eye(3)[[2, 0, 1]])
+    np.testing.assert_allclose(other.by_stretches, stretches[:, [2, 0, 1]])
 
 
 def test_a_density_that_grows_to_the_top() -> None:
     """From 1 - g/2 at the bottom of a box 2 c high to 1 + g/2 at its top the center of mass is at
     g c / 6."""
-    found = slopes(-HALF, HALF)
-    up = np.array([0.0, 0.0, 1.0])
+    found, up = spread().by_gradient, np.array([0.0, 0.0, 1.0])
     expected = difference(lambda g: box_odds(-HALF, HALF, g * HALF[2] / 6.0 * up))
-    np.testing.assert_allclose(found.by_gradient(up), expected, atol=1e-10)
-    assert found.by_gradient(up)[2] > 0.0 > found.by_gradient(up)[5]
+    np.testing.assert_allclose(found, expected, atol=1e-10)
+    assert found[2] > 0.0 > found[5]
 
 
 HOUSE = np.concatenate([box(20.0, 20.0, 20.0), [[0.0, 0.0, 21.0]]])
@@ -120,11 +116,10 @@ def chance(points: np.ndarray, directions: np.ndarray, offset: float, prints: in
 def test_a_die_on_the_verge_of_losing_a_rest_must_be_printed_better_than_slopes_say() -> None:
     poses = rest_poses(HOUSE)
     sides = poses.normals
-    outcomes = outcome_odds(poses, sides)
-    spread = OddsSpread(OddsSlopes.of(make_body(HOUSE), poses, outcomes), PrintErrors())
-    still = np.zeros(len(sides))
-    trusting = print_tolerances(spread, outcomes.odds, still)
-    careful = print_tolerances(spread, outcomes.odds, still, OffPrints(poses, sides))
+    odds, still = outcome_odds(poses, sides).odds, np.zeros(len(sides))
+    house = OddsSpread.of(make_body(HOUSE), poses, sides, PrintErrors())
+    trusting = print_tolerances(house, odds, still, is_checked=False)
+    careful = print_tolerances(house, odds, still)
     assert trusting.allowed_mm is not None
     assert careful.allowed_mm is not None
     assert chance(HOUSE, sides, trusting.allowed_mm, 200) > 0.2
@@ -151,10 +146,8 @@ def designed() -> tuple[OddsSpread, np.ndarray]:
     """The spread of its odds, and the odds."""
     hull, directions = die(0)
     poses = rest_poses(hull.vertices)
-    outcomes = outcome_odds(poses, directions)
-    return OddsSpread(
-        OddsSlopes.of(make_body(hull.vertices), poses, outcomes), ERRORS
-    ), outcomes.odds
+    found = OddsSpread.of(make_body(hull.vertices), poses, directions, ERRORS)
+    return found, outcome_odds(poses, directions).odds
 
 
 def test_prints_spread_as_predicted(designed: tuple[OddsSpread, np.ndarray]) -> None:
@@ -171,7 +164,7 @@ def test_what_is_allowed_is_what_the_test_just_lets_through(
 ) -> None:
     found, target = designed
     still = np.zeros(len(target))
-    told = print_tolerances(found, target, still)
+    told = print_tolerances(found, target, still, is_checked=False)
     assert told.allowed_mm is not None
     covariance = told.allowed_mm**2 * found.by_unit_offset
     assert chance_noticed(target, ROLLS, covariance, still) == pytest.approx(NOTICED, abs=1e-4)
@@ -189,6 +182,6 @@ def test_a_die_that_is_off_already_can_not_be_printed_well_enough(
     found, target = designed
     bias = np.zeros(len(target))
     bias[:2] = 0.05, -0.05
-    told = print_tolerances(found, target, bias)
+    told = print_tolerances(found, target, bias, is_checked=False)
     assert told.allowed_mm == 0.0
     assert "however well" in told.answer

@@ -273,7 +273,7 @@ def test_marks_that_do_not_fit(
     search.change = lambda points: points * [1.0, 1.1, 1.25]
     result = run(recipe_path, folder, "engrave=true", "size_mm=5")
     assert result.status == "off_target"
-    assert "; not engraved: mark '" in result.message
+    assert "; not engraved: label '" in result.message
     assert "die.stl" not in names(folder)
 
 

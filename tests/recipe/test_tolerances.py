@@ -10,7 +10,7 @@ from common.made_up_die import SIDES, box, designed
 from common.random_points import depths, drawn, in_pocket_walls
 from common.thrown import thrown
 
-from dicedesign.fabricate.infill import inside_walls, weighed
+from dicedesign.fabricate.print_tolerances import inside_walls, weighed
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work, run_stages
