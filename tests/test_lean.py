@@ -151,7 +151,7 @@ def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -
     trimesh.creation.box().export(tmp_path / "box.stl")
     loaded = modules_after(["rest", "box.stl", "--figure", "map.png"], tmp_path)
     assert {"matplotlib", "dicedesign.report.gauss_map"} <= loaded
-    others = {"bar_charts", "curve_charts", "solid_figures", "render.renderer", "pages"}
+    others = {"bar_charts", "curve_charts", "solid_figures", "renderer", "pages"}
     assert loaded & {f"dicedesign.report.{name}" for name in others} == set()
     assert loaded & {"torch", "manifold3d", "trimesh"} == set()
 

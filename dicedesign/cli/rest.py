@@ -233,8 +233,8 @@ def drop(options: Drop) -> int:
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
     if options.figure is not None:
-        from dicedesign.report.body_drawings import drop_figure
-        from dicedesign.report.body_figures import drawn_surface
+        from dicedesign.report.figures import drawn_surface
+        from dicedesign.report.motion_pictures import drop_figure
 
         surface = drawn_surface(body.points, body.triangles, poses.hull)
         atomic_write(options.figure, drop_figure(surface, poses, down).png())

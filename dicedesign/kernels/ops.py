@@ -186,7 +186,7 @@ def shells(triangles: Integers) -> Integers:
 
 @_kernel
 def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Integers, Floats]:
-    """See `dicedesign.report.render.raster`."""
+    """See `dicedesign.report.raster`."""
     return compiled.rasterize(positions, triangles, size)
 
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.palette import ACCENT, DARK, FAINT, PALE
 from dicedesign.report.sheet import SMALL, TINY, Sheet, styled, text_width
+from dicedesign.results.result import Result
+from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.distances import total_variation
 from dicedesign.throws.goodness_of_fit import RollVerdict
 
@@ -22,16 +25,10 @@ MODEL: Final = "#f0b88f"
 MOST_VALUES: Final = 16
 """Outcomes above whose bars values are written."""
 
-GROUP_WIDTH: Final = 0.8
-"""Of the bars of one outcome, over the distance of outcomes."""
-
-TARGET_WIDTH: Final = 0.92
-"""The same, of the wide bar behind them."""
-
-LEGEND_COLUMNS: Final = 5
-
 WITHIN: Final = 1.96
 """Standard deviations about the mean that hold 95 % of what is normal."""
+
+LIMITS: Final[dict[str, Any]] = {"ecolor": DARK, "elinewidth": 2.0, "capsize": 6, "capthick": 2.0}
 
 
 @dataclass(frozen=True)
@@ -45,31 +42,22 @@ class Bars:
     probabilities: (k,) in [0, 1].
     intervals: (k, 2) limits drawn around them, or None.
     interval_name: in the legend.
-    values: written above the bars, k texts, or empty for none.
+    values: written above the bars, k texts, or none; by default the probabilities in percent.
     """
 
     name: str
     color: str
     probabilities: ArrayLike
     intervals: ArrayLike | None = None
-    interval_name: str = ""
-    values: Sequence[str] = ()
+    interval_name: str = "95 % of prints"
+    values: Sequence[str] | None = None
 
-    @classmethod
-    def written(cls, name: str, color: str, probabilities: ArrayLike) -> Bars:
-        """With percentages above them."""
-        values = [f"{100.0 * value:.2f}" for value in np.asarray(probabilities).tolist()]
-        return cls(name, color, probabilities, values=values)
 
-    def of_prints(self, deviations: ArrayLike | None) -> Bars:
-        """With intervals that hold the probabilities of 95 % of the prints of a die; deviations:
-        (k,) standard deviations among them, or None where they are not known."""
-        if deviations is None:
-            return self
-        middles = np.asarray(self.probabilities, dtype=np.float64)[:, None]
-        reach = WITHIN * np.asarray(deviations, dtype=np.float64)[:, None] * [-1.0, 1.0]
-        limits = np.clip(middles + reach, 0.0, 1.0)
-        return replace(self, intervals=limits, interval_name="95 % of prints")
+def intervals_of_prints(probabilities: ArrayLike, deviations: ArrayLike) -> Floats:
+    """(k, 2) limits that hold the probabilities (k,) of 95 % of the prints of a die, from the
+    standard deviations (k,) among them."""
+    reach = WITHIN * np.asarray(deviations, dtype=np.float64)[:, None] * [-1.0, 1.0]
+    return np.clip(np.asarray(probabilities)[:, None] + reach, 0.0, 1.0)
 
 
 @styled
@@ -96,90 +84,84 @@ def outcome_chart(
             "bars: expected at least one outcome, with one probability of each kind each, got "
             f"{len(labels)} labels and {', '.join(map(str, counts))} probabilities"
         )
-    count, width = len(labels), GROUP_WIDTH / len(kinds)
+    count, width = len(labels), 0.8 / len(kinds)
     places = np.arange(float(count))
     right = min(max(1200.0, 112.0 * count + 180.0), 1800.0) - 25.0
-    top, bottom = 105.0, 535.0
     spacing = (right - 125.0) / (count + 0.2)
-    sheet = Sheet(right + 25.0, bottom + 90.0, grows=True) if sheet is None else sheet
-    axes = sheet.axes(125.0, top, right, bottom)
-    highest, room = 1e-7, 0.0
+    sheet = Sheet(right + 25.0, 625.0, grows=True) if sheet is None else sheet
+    axes = sheet.axes(125.0, 105.0, right, 535.0)
+    room = 0.0
     if target is not None:
         wanted = 100.0 * np.asarray(target, dtype=np.float64)
-        highest = max(highest, float(wanted.max()))
-        axes.bar(places, wanted, TARGET_WIDTH, color=PALE, alpha=0.55, label="target")
+        axes.bar(places, wanted, 0.92, color=PALE, alpha=0.55, label="target")
+        axes.hlines(wanted, places - 0.46, places + 0.46, color=DARK, linewidth=3.0, zorder=3.0)
     for number, kind in enumerate(kinds):
+        percent = 100.0 * np.asarray(kind.probabilities, dtype=np.float64)
         middles = places + (number - (len(kinds) - 1) / 2.0) * width
-        ends = percent = 100.0 * np.asarray(kind.probabilities, dtype=np.float64)
-        axes.bar(middles, percent, width, color=kind.color, label=kind.name)
+        bars = axes.bar(middles, percent, width, color=kind.color, label=kind.name)
         if kind.intervals is not None:
-            low, ends = 100.0 * np.asarray(kind.intervals, dtype=np.float64).T
-            line: dict[str, Any] = {"fmt": "none", "ecolor": DARK, "elinewidth": 2.0, "capsize": 6}
-            half = (ends - low) / 2.0
-            axes.errorbar(middles, low + half, half, label=kind.interval_name, capthick=2.0, **line)
-        highest = max(highest, float(percent.max()), float(ends.max()))
-        if kind.values and count <= MOST_VALUES:
-            widest = max(text_width(text, TINY) for text in kind.values)
+            ends = np.abs(100.0 * np.asarray(kind.intervals, dtype=np.float64).T - percent)
+            name = kind.interval_name
+            bars.errorbar = axes.errorbar(middles, percent, ends, fmt="none", label=name, **LIMITS)
+        values = [f"{p:.2f}" for p in percent] if kind.values is None else kind.values
+        if values and count <= MOST_VALUES:
+            widest = max(text_width(text, TINY) for text in values)
             is_turned = widest + 10.0 > width * spacing
             room = max(room, widest + 16.0 if is_turned else 30.0)
-            for text, x, y in zip(kind.values, middles, ends, strict=True):
-                axes.annotate(
-                    text,
-                    (x, y),
-                    (0.0, 7.0),
-                    textcoords="offset points",
-                    size=TINY,
-                    ha="center",
-                    va="bottom",
-                    rotation=90.0 if is_turned else 0.0,
-                )
-    if target is not None:
-        half_width = TARGET_WIDTH / 2.0
-        axes.hlines(wanted, places - half_width, places + half_width, color=DARK, linewidth=3.0)
-    tall = bottom - top
-    axes.set(xlim=(-0.6, count - 0.4), ylim=(0.0, highest * tall / (0.97 * tall - room)))
+            axes.bar_label(bars, values, padding=7.0, size=TINY, rotation=90.0 * is_turned)
+    # Above the highest bar there is room for its value.
+    highest = max(axes.dataLim.y1, 1e-7)
+    axes.set(xlim=(-0.6, count - 0.4), ylim=(0.0, highest * 430.0 / (0.97 * 430.0 - room)))
     axes.set(xlabel=x_label, ylabel="probability (%)")
-    widest = max(text_width(text, SMALL) for text in labels)
-    size = SMALL if widest < spacing - 6.0 else TINY
-    axes.set_xticks(places, labels, size=size)
-    if size / SMALL * widest > spacing - 6.0:
-        axes.tick_params("x", rotation=90.0)
-    entries = len(axes.get_legend_handles_labels()[0])
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=LEGEND_COLUMNS)
-    axes.set_title(title, pad=26.0 + 30.0 * -(-entries // LEGEND_COLUMNS))
+    # Long labels are turned.
+    is_wide = max(text_width(text, SMALL) for text in labels) + 6.0 > spacing
+    axes.set_xticks(places, labels, size=SMALL, rotation=90.0 * is_wide)
+    put_legend_above(axes, title, 5)
     return sheet
+
+
+def put_legend_above(axes: Axes, title: str, columns: int) -> None:
+    """Write the legend above axes, and a title above that."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=columns)
+    rows = -(-len(axes.get_legend_handles_labels()[0]) // columns)
+    axes.set_title(title, pad=26.0 + 30.0 * rows)
 
 
 def bars_chart(die: FinishedDie) -> Sheet:
     """A pair of bars for each outcome: its target, and what was achieved."""
     result = die.result
-    deviations = None if result.tolerances is None else result.tolerances.deviations
-    worst = float(np.abs(np.subtract(result.target, result.probabilities)).max(initial=0.0))
-    achieved = Bars.written("achieved", ACCENT, result.probabilities).of_prints(deviations)
+    odds = result.probabilities
+    worst = float(np.abs(np.subtract(result.target, odds)).max(initial=0.0))
     return outcome_chart(
         result.labels,
-        [Bars.written("target", PALE, result.target), achieved],
+        [
+            Bars("target", PALE, result.target),
+            Bars("achieved", ACCENT, odds, _prints_of(result, odds)),
+        ],
         title=f"target and achieved odds, max |p − q| = {worst:.2g}",
         x_label="outcome (label on the facet that the body rests on)",
     )
 
 
+def _prints_of(result: Result, odds: ArrayLike) -> Floats | None:
+    """Limits (k, 2) of 95 % of the prints of a die about odds (k,), where they are known."""
+    tolerances = result.tolerances
+    return None if tolerances is None else intervals_of_prints(odds, tolerances.deviations)
+
+
 def before_after_chart(die: FinishedDie) -> Sheet:
     """A pair of bars in front of its target for each outcome, before and after a surface was made
     into a die, and one for all rests that belong to no outcome."""
-    result = die.result
-    assert result.concave is not None
-    concave = result.concave
-    kinds, errors = [], []
-    for name, color, probabilities, elsewhere in (
-        ("before", FAINT, concave.probabilities_before, concave.elsewhere_before),
-        ("after", ACCENT, result.probabilities, result.elsewhere),
-    ):
-        errors.append(np.abs(np.subtract(probabilities, result.target)).max(initial=0.0))
-        kinds.append(Bars.written(name, color, [*probabilities, elsewhere]))
+    result, concave = die.result, die.result.concave
+    assert concave is not None
+    before, after = np.array(concave.probabilities_before), np.array(result.probabilities)
+    errors = [np.abs(odds - result.target).max(initial=0.0) for odds in (before, after)]
     return outcome_chart(
         [*result.labels, "elsewhere"],
-        kinds,
+        [
+            Bars("before", FAINT, [*before, concave.elsewhere_before]),
+            Bars("after", ACCENT, [*after, result.elsewhere]),
+        ],
         title=f"max |p − q| = {errors[0]:.2g} before, {errors[1]:.2g} after",
         x_label="outcome that the body comes to rest on",
         target=[*result.target, 0.0],
@@ -191,17 +173,15 @@ def table_chart(die: FinishedDie) -> Sheet:
     by the momentum model and, where there were throws, simulated, with exact intervals."""
     result, thrown = die.result, die.result.thrown
     assert thrown is not None
-    deviations = None if result.tolerances is None else result.tolerances.deviations
-    kinds = [
-        Bars("without momentum", FAINT, result.probabilities),
-        Bars("momentum model", MODEL, thrown.momentum).of_prints(deviations),
-    ]
+    kinds = {
+        "without momentum": (FAINT, result.probabilities, None),
+        "momentum model": (MODEL, thrown.momentum, _prints_of(result, thrown.momentum)),
+    }
+    bars = [Bars(name, *kind, values=()) for name, kind in kinds.items()]
     simulated = thrown.simulated
     if simulated is None:
-        each = [
-            f"{kind.name} {total_variation(kind.probabilities, result.target):.4f}"
-            for kind in kinds
-        ]
+        far = {name: total_variation(odds, result.target) for name, (_, odds, _) in kinds.items()}
+        each = [f"{name} {variation:.4f}" for name, variation in far.items()]
         title = f"total variation to the target: {', '.join(each)}"
     else:
         low, high = simulated.interval
@@ -209,12 +189,12 @@ def table_chart(die: FinishedDie) -> Sheet:
             f"{simulated.drops:,} throws: total variation {simulated.total_variation:.4f} "
             f"(95 %: {low:.4f} to {high:.4f}), a perfect die: {simulated.noise_floor:.4f}"
         )
-        frequencies, intervals = simulated.frequencies, simulated.intervals
-        limits = "exact 95 % interval"
-        kinds.append(Bars("simulated throws", ACCENT, frequencies, intervals, limits))
+        frequencies, limits = simulated.frequencies, simulated.intervals
+        told = "exact 95 % interval"
+        bars.append(Bars("simulated throws", ACCENT, frequencies, limits, told, ()))
     return outcome_chart(
         result.labels,
-        kinds,
+        bars,
         title=title,
         x_label="outcome (label on the facet that the die rests on)",
         target=result.target,
@@ -244,10 +224,10 @@ def rolls_chart(labels: Sequence[str], verdict: RollVerdict) -> Sheet:
     )
     return outcome_chart(
         labels,
-        [Bars("odds tested", PALE, verdict.odds), thrown],
+        [Bars("odds tested", PALE, verdict.odds, values=()), thrown],
         title=(
             f"{verdict.throws} throws: p = {verdict.p_value:.2g}, total variation "
             f"{variation.value:.3f} (a perfect die: {variation.noise_floor:.3f})"
         ),
-        x_label="outcome",
+        x_label="outcome, with its count above",
     )

@@ -11,167 +11,134 @@ from matplotlib.axes import Axes
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE, repeated
-from dicedesign.report.sheet import BODY, NOTE, Sheet, set_log_heights, styled
-from dicedesign.results.parts import Draft, Status, ThrownOdds, TradeOff
+from dicedesign.report.bar_charts import LIMITS, put_legend_above
+from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
+from dicedesign.report.sheet import NOTE, Sheet, styled
+from dicedesign.results.parts import Status, ThrownOdds, TradeOff
 from dicedesign.results.result import Step
+from dicedesign.runtime.arrays import Floats
 
 MOST_MARKERS: Final = 60
 
-MOST_DECADES: Final = 18
-"""Values this many powers of ten below the largest count as zero."""
+MOST_DECADES: Final = 9
+"""Ticks of a logarithmic axis."""
+
+ZERO_BELOW: Final = 1e-18
+"""Values below, over the largest, count as zero in the course of a design."""
 
 WIDE_RATIO: Final = 50.0
 """Of values to be drawn on a logarithmic axis, the largest to the smallest."""
 
-PREFERENCES: Final = "preferences"
-"""Term of the steps that are taken by preference."""
+LEAST_ERROR: Final = 1e-9
+"""Errors of attempts below are drawn as zero."""
 
-LEVEL: Final[dict[str, Any]] = {"color": FAINT, "linestyle": "--", "linewidth": 2.0}
+RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def convergence_chart(die: FinishedDie) -> Sheet:
-    """Error and energy of a design, see `convergence_of`."""
-    return convergence_of(die.result.history, die.tolerance)
+def course_chart(die: FinishedDie) -> Sheet:
+    """Error and energy of a design, see `course_of`."""
+    return course_of(die.result.history, die.tolerance)
 
 
 @styled
-def convergence_of(history: Sequence[Step], tolerance: float) -> Sheet:
+def course_of(history: Sequence[Step], tolerance: float) -> Sheet:
     """Error and energy of a design against its run time, or its steps without a clock.
 
-    Of a design that went on by preference once its target was met, the energy is drawn from there
-    on: before, it is the error once more.
+    Each stage of a design of several has an energy of its own, so that the curve is broken between
+    coloured stretches. Of a design that went on by preference once its target was met, the energy
+    is drawn from there on: before, it is the error once more. Values of zero are drawn at the lower
+    end of a logarithmic axis, which is then marked 0.
 
     Parameters
     ----------
-    history: accepted steps, at least one; those that do not know their error have no point.
+    history: accepted steps in the order of time, at least one; those that do not know their error
+        have no point; a stage may come again.
     tolerance: error at which the design is done, above 0.
 
     Raises
     ------
     InputError: the history is empty.
     """
-    preferred = [step for step in history if PREFERENCES in step.terms]
-    name = "energy of preferences" if preferred else "energy"
-    sheet, (left, right) = _course_sheet(history)
-    _draw_course(left, history, [_errors(history)], "error", log=True, level=[tolerance])
-    left.axhline(tolerance, **LEVEL)
-    left.annotate(
+    if not history:
+        raise InputError("history: expected at least one step, got none")
+    clock = "accepted steps" if history[0].seconds is None else "run time"
+
+    def time(step: Step) -> float:
+        return float(step.step) if step.seconds is None else step.seconds
+
+    preferred = [step for step in history if "preferences" in step.terms]
+    runs = [(name, list(run)) for name, run in groupby(preferred or history, lambda s: s.stage)]
+    stages = dict.fromkeys(name for name, _ in runs if name is not None)
+    energy = "energy of each stage" if stages else "energy"
+    errors = [(time(s), s.max_abs_error) for s in history if s.max_abs_error is not None]
+    energies = [[(time(s), s.energy) for s in run] for _, run in runs]
+    sheet = Sheet(1415.0, 600.0 if stages else 560.0)
+    for place, name, curves, level in (
+        (115.0, "error", [errors], [tolerance]),
+        (830.0, "energy of preferences" if preferred else energy, energies, []),
+    ):
+        axes = sheet.axes(place, 65.0, place + 555.0, 485.0)
+        axes.set(
+            title=f"{name} against {clock}", xlabel=clock if clock[0] == "a" else "run time (s)"
+        )
+        axes.set_ylabel("error, max |p − q|" if level else name)
+        axes.set_xlim(0.0, 1.03 * max(1e-3, *map(time, history)))
+        axes.grid()
+        values = np.array([y for curve in curves for _, y in curve] + level)
+        least, low = values.max() * ZERO_BELOW, 0.0
+        if level or values.max() > WIDE_RATIO * max(values.min(), least):
+            low = _set_log_heights(axes, values, least)
+        for curve in curves:
+            x, y = np.reshape(curve, (-1, 2)).T
+            marker = "o" if len(values) <= MOST_MARKERS or len(curve) == 1 else ""
+            y = np.where(y > least, y, low)
+            axes.plot(x, y, color=ACCENT, marker=marker, clip_on=False)
+        if level:
+            _draw_tolerance(axes, tolerance)
+        if not any(curves):
+            axes.text(0.5, 0.5, "not known", transform=axes.transAxes, ha="center", color=FAINT)
+        begin, colors = 0.0, dict(zip(stages, BASINS, strict=False))
+        for stage, run in runs if stages else ():
+            look: dict[str, Any] = {"color": colors[stage], "linewidth": 0.0, "label": stage}
+            axes.axvspan(begin, time(run[-1]), alpha=0.35, zorder=0.4, **look)
+            begin = time(run[-1])
+    spans = {span.get_label(): span for span in axes.patches}
+    sheet.figure.legend(handles=list(spans.values()), loc="lower center", ncols=8, borderpad=0.8)
+    return sheet
+
+
+def _set_log_heights(axes: Axes, values: Floats, least: float) -> float:
+    """Make the vertical axis logarithmic about values (n,), at least one of them above 0, with
+    ticks at powers of ten.
+
+    Returns its lower end, where values up to `least` are drawn; it is marked 0 if there are any.
+    """
+    positive = values[values > least]
+    low, high = float(positive.min(initial=values.max())) / 5.0, 3.0 * float(values.max())
+    powers = np.arange(np.ceil(np.log10(low)), np.log10(high)).astype(int)
+    powers = powers[:: -(-len(powers) // MOST_DECADES)]
+    ticks = {10.0**k: f"10{str(k).translate(RAISED)}" for k in powers.tolist()}
+    if len(positive) < len(values):
+        ticks = {low: "0", **ticks}
+    axes.set_yscale("log")
+    axes.set_ylim(low, high)
+    axes.set_yticks(list(ticks), list(ticks.values()))
+    axes.set_yticks([], minor=True)
+    return low
+
+
+def _draw_tolerance(axes: Axes, tolerance: float) -> None:
+    axes.axhline(tolerance, color=FAINT, linestyle="--", linewidth=2.0)
+    axes.annotate(
         f"tolerance {tolerance:.2g}",
-        (0.0, tolerance),
-        (8.0, -4.0),
+        (0.99, tolerance),
+        (0.0, 6.0),
         xycoords=("axes fraction", "data"),
         textcoords="offset points",
         size=NOTE,
         color=FAINT,
-        va="top",
+        ha="right",
     )
-    energies = [(_time(step), step.energy) for step in preferred or history]
-    _draw_course(right, history, [energies], name, log=False)
-    left.set_ylabel("error, max |p − q|")
-    return sheet
-
-
-def energy_chart(die: FinishedDie) -> Sheet:
-    """Error and energy of a design of several stages, see `energy_of`."""
-    return energy_of(die.result.history)
-
-
-@styled
-def energy_of(history: Sequence[Step]) -> Sheet:
-    """Error and energy against run time, or steps without a clock, both logarithmic, with a
-    coloured stretch per stage.
-
-    Each stage has an energy of its own, so the curve is broken between stages.
-
-    history: steps in the order of time, at least one, each of a stage; a stage may come again.
-
-    Raises InputError: the history is empty.
-    """
-    sheet, (left, right) = _course_sheet(history)
-    runs = [(name or "", list(steps)) for name, steps in groupby(history, lambda s: s.stage)]
-    names = list(dict.fromkeys(name for name, _ in runs))
-    colors = dict(zip(names, repeated(BASINS, len(names)), strict=True))
-    energies = [[(_time(step), step.energy) for step in steps] for _, steps in runs]
-    _draw_course(left, history, [_errors(history)], "error", log=True)
-    _draw_course(right, history, energies, "energy of each stage", log=True)
-    left.set_ylabel("error, max |p − q|")
-    ends = [_time(steps[-1]) for _, steps in runs]
-    for begin, end, (name, _) in zip([0.0, *ends], ends, runs, strict=False):
-        for axes in (left, right):
-            axes.axvspan(
-                begin, end, color=colors[name], alpha=0.35, linewidth=0.0, zorder=0.4, label=name
-            )
-    handles = {span.get_label(): span for span in left.patches}
-    place = (0.5, 0.0)
-    sheet.figure.legend(
-        handles=list(handles.values()), loc="upper center", bbox_to_anchor=place, ncols=8
-    )
-    return sheet
-
-
-def _course_sheet(history: Sequence[Step]) -> tuple[Sheet, tuple[Axes, Axes]]:
-    """Two charts beside each other, from the start to a little beyond the last step."""
-    if not history:
-        raise InputError("history: expected at least one step, got none")
-    sheet = Sheet(1450.0, 580.0, grows=True)
-    both = sheet.axes(130.0, 65.0, 685.0, 485.0), sheet.axes(850.0, 65.0, 1410.0, 485.0)
-    end = max(_time(step) for step in history)
-    for axes in both:
-        axes.set_xlim(0.0, 1.03 * max(end, 1e-3))
-        axes.set_xlabel("accepted steps" if history[0].seconds is None else "run time (s)")
-        axes.grid()
-    return sheet, both
-
-
-def _time(step: Step) -> float:
-    """Place of a step along the axis."""
-    return float(step.step) if step.seconds is None else step.seconds
-
-
-def _errors(history: Sequence[Step]) -> list[tuple[float, float]]:
-    return [(_time(s), s.max_abs_error) for s in history if s.max_abs_error is not None]
-
-
-def _draw_course(
-    axes: Axes,
-    history: Sequence[Step],
-    parts: Sequence[Sequence[tuple[float, float]]],
-    name: str,
-    *,
-    log: bool,
-    level: Sequence[float] = (),
-) -> None:
-    """Values along the course of one design.
-
-    Values of zero are drawn at the lower end of a logarithmic axis, which is then marked 0.
-
-    parts: curves, each of n places on the course and values, at least 0; those without points are
-    left out; name: of the values; log: whether the axis is logarithmic in any case; otherwise where
-    values differ widely; level: a value above 0 that the axis reaches too.
-    """
-    curves = [(np.array(part)[:, 0], np.array(part)[:, 1]) for part in parts if part]
-    values = np.concatenate([level, *(y for _, y in curves)])
-    largest = float(values.max(initial=0.0)) or 1.0
-    positive = values[values > largest * 10.0**-MOST_DECADES]
-    lowest = float(positive.min(initial=largest))
-    log = log or bool(len(positive) == len(values) and largest > WIDE_RATIO * lowest)
-    low = lowest / 5.0
-    if log:
-        set_log_heights(axes, low, 3.0 * largest, zero=len(positive) < len(values))
-        curves = [(x, np.where(y >= lowest, y, low)) for x, y in curves]
-    else:
-        room = 0.05 * (largest - float(values.min())) or 0.05 * largest
-        axes.set_ylim(float(values.min()) - room, largest + room)
-    few = sum(len(x) for x, _ in curves) <= MOST_MARKERS
-    for x, y in curves:
-        axes.plot(x, y, color=ACCENT, marker="o" if few or len(x) == 1 else "", clip_on=False)
-    if not curves:
-        axes.text(
-            0.5, 0.5, "not known", transform=axes.transAxes, size=BODY, color=FAINT, ha="center"
-        )
-    against = "accepted steps" if history[0].seconds is None else "run time"
-    axes.set(title=f"{name} against {against}", ylabel=name)
 
 
 def rounds_chart(die: FinishedDie) -> Sheet:
@@ -193,22 +160,18 @@ def rounds_of(thrown: ThrownOdds) -> Sheet:
     rounds, simulated = thrown.rounds, thrown.simulated
     if not rounds:
         raise InputError("rounds: expected at least one, got none")
-    each = [entry.drops + entry.elsewhere_drops for entry in rounds]
-    drops = np.cumsum(each, dtype=np.float64)
+    at = np.cumsum([entry.drops + entry.elsewhere_drops for entry in rounds], dtype=np.float64)
     expected = np.array([entry.expected for entry in rounds])
-    floors = [entry.noise_floor for entry in rounds]
+    drops, floors = at, [entry.noise_floor for entry in rounds]
     sheet = Sheet(1275.0, 605.0, grows=True)
     axes = sheet.axes(145.0, 100.0, 1235.0, 510.0)
     if simulated is not None:
         floors.append(simulated.noise_floor)
         drops = np.append(drops, drops[-1] + simulated.drops)
         low, high = simulated.interval
-        middle, half = (low + high) / 2.0, (high - low) / 2.0
-        line: dict[str, Any] = {"fmt": "none", "ecolor": DARK, "elinewidth": 2.0, "capsize": 6}
-        axes.errorbar(drops[-1:], [middle], [half], capthick=2.0, **line)
+        axes.errorbar(drops[-1], (low + high) / 2.0, (high - low) / 2.0, fmt="none", **LIMITS)
         name = "finished die, with its 95 % interval"
         axes.plot(drops[-1:], [simulated.total_variation], "D", color=DARK, label=name, ms=13.0)
-    at = drops[: len(rounds)]
     axes.plot(drops, floors, "o--", color=FAINT, lw=2.5, ms=8.0, label="a perfect die")
     axes.plot(at, [entry.deviation for entry in rounds], "o", color=FAINT, label="its throws")
     elsewhere = [entry.elsewhere for entry in rounds if entry.elsewhere is not None]
@@ -218,29 +181,46 @@ def rounds_of(thrown: ThrownOdds) -> Sheet:
     axes.plot(at, expected, "o-", color=ACCENT, ms=14.0, label="expected")
     kept = [entry.is_kept for entry in rounds]
     axes.plot(at[kept], expected[kept], "o", color=DARK, ms=6.0, label="kept")
-    axes.set_xlim(0.0, 1.05 * float(drops[-1]))
-    axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])
+    axes.set(xlim=(0.0, 1.05 * float(drops[-1])), ylim=(0.0, 1.05 * axes.get_ylim()[1]))
     axes.set(xlabel="simulated throws so far", ylabel="total variation to the target")
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.grid()
-    columns, entries = 4, len(axes.get_legend_handles_labels()[0])
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=columns)
-    title = "deviation from the target, round by round"
-    axes.set_title(title, pad=26.0 + 30.0 * -(-entries // columns))
+    put_legend_above(axes, "deviation from the target, round by round", 4)
     return sheet
 
 
-STYLES: Final[dict[Status | None, dict[str, Any]]] = {
-    None: {"color": ACCENT, "marker": "o", "ms": 13.0},
-    Status.OFF_TARGET: {"color": FAINT, "marker": "x", "ms": 11.0, "mew": 3.0},
-    Status.SELF_INTERSECTING: {"color": DISTINCT[4], "marker": "^", "ms": 14.0},
-    Status.TOO_NEAR: {"color": DISTINCT[1], "marker": "s", "ms": 11.0},
-    Status.TIPPY: {"color": DISTINCT[2], "marker": "D", "ms": 11.0},
-}
-"""By what is worst of a draft."""
+Points = Sequence[tuple[float, float]]
+"""Places (x, y) on axes."""
 
-LEAST_ERROR: Final = 1e-9
-"""Errors below are drawn as zero."""
+
+def _scatter_sheet(x_label: str, y_label: str, title: str) -> tuple[Sheet, Axes]:
+    sheet = Sheet(1215.0, 740.0, grows=True)
+    axes = sheet.axes(130.0, 60.0, 1175.0, 645.0)
+    axes.set(xlabel=x_label, ylabel=y_label, title=title)
+    axes.grid()
+    return sheet, axes
+
+
+def _draw_groups(
+    axes: Axes,
+    groups: Iterable[tuple[str, Points, dict[str, Any]]],
+    numbered: Mapping[int, tuple[float, float]],
+) -> None:
+    """Draw points of several kinds, with a legend below, and write numbers beside some.
+
+    groups: name, points and style of each kind; numbered: places of points by their number, the
+    first first; one that would cover an earlier one is left out.
+    """
+    for label, points, style in groups:
+        x, y = np.reshape(points, (-1, 2)).T
+        axes.plot(x, y, linestyle="", clip_on=False, label=label, **style)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
+    room, written = np.array([37.0, 21.0]), np.zeros((0, 2))
+    for number, point in numbered.items():
+        place = axes.transData.transform(point)
+        if not (np.abs(place - written) < room).all(axis=1).any():
+            written = np.vstack([written, place])
+            axes.annotate(str(number), point, (9, 6), textcoords="offset points", size=NOTE)
 
 
 def trade_off_chart(die: FinishedDie) -> Sheet:
@@ -259,54 +239,40 @@ def trade_off_of(trade_off: TradeOff, chosen: int | None, before: float) -> Shee
     as it came.
     """
     drafts, level = trade_off.drafts, trade_off.tolerance
-    errors = [level, before, *(draft.error for draft in drafts)]
-    positive = [error for error in errors if error > LEAST_ERROR]
-    low = min(positive) / 4.0
-    sheet, axes = _scatter_sheet("mean displacement (% of the diagonal)")
-    set_log_heights(axes, low, 3.0 * max(positive), zero=len(positive) < len(errors))
-    right = 1.08 * max((100.0 * draft.displacement for draft in drafts), default=0.0) or 1.0
-    axes.set(xlim=(-0.03 * right, right), title="smaller is better in both")
-    axes.set_ylabel("error, max |p − q| or elsewhere")
-    axes.axhline(level, **LEVEL)
-    axes.annotate(
-        f"tolerance {level:.2g}",
-        (0.99, level),
-        (0.0, 6.0),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        size=NOTE,
-        color=FAINT,
-        ha="right",
+    sheet, axes = _scatter_sheet(
+        "mean displacement (% of the diagonal)",
+        "error, max |p − q| or elsewhere",
+        "smaller is better in both",
     )
-
-    def points(group: Sequence[Draft]) -> tuple[list[float], list[float]]:
-        """Displacements in percent, and errors, at least `low`."""
-        return [100.0 * d.displacement for d in group], [
-            d.error if d.error > LEAST_ERROR else low for d in group
-        ]
-
-    kept = [draft for draft in drafts if draft.attempt == chosen]
-    hollow: dict[str, Any] = {"color": DARK, "linestyle": "", "mfc": "white", "clip_on": False}
-    if kept:
-        axes.plot(*points(kept), marker="o", ms=28.0, mew=2.0, label="this die", **hollow)
-    came = "the surface as it came"
-    axes.plot([0.0], [max(before, low)], marker="*", ms=20.0, mew=2.0, label=came, **hollow)
-    names = {
-        None: "as wanted",
-        Status.OFF_TARGET: "odds off",
-        Status.SELF_INTERSECTING: "meets itself",
-        Status.TOO_NEAR: f"outcomes nearer than {trade_off.apart_deg:g}°",
-        Status.TIPPY: f"left at less than {trade_off.margin_deg:g}°",
+    errors = np.array([level, before, *(draft.error for draft in drafts)])
+    low = _set_log_heights(axes, errors, LEAST_ERROR)
+    heights = np.where(errors > LEAST_ERROR, errors, low).tolist()
+    places = {
+        d.attempt: (100.0 * d.displacement, y) for d, y in zip(drafts, heights[2:], strict=True)
     }
+    right = 1.08 * max((x for x, _ in places.values()), default=0.0) or 1.0
+    axes.set_xlim(-0.03 * right, right)
+    _draw_tolerance(axes, level)
+    hollow: dict[str, Any] = {"color": DARK, "mfc": "white", "mew": 2.0}
+    groups: list[tuple[str, Points, dict[str, Any]]] = [
+        ("the surface as it came", [(0.0, heights[1])], {"marker": "*", "ms": 20.0, **hollow})
+    ]
+    this = [places[attempt] for attempt in places if attempt == chosen]
+    groups.insert(0, ("this die", this, {"marker": "o", "ms": 28.0, **hollow}))
     worst = {draft.attempt: next(trade_off.flaws(draft), None) for draft in drafts}
-    for status, name in names.items():
-        group = [draft for draft in drafts if worst[draft.attempt] is status]
-        if group:
-            label, style = f"{name} ({len(group)})", STYLES[status]
-            axes.plot(*points(group), linestyle="", clip_on=False, label=label, **style)
-    first = [*kept, *(draft for draft in drafts if draft.attempt != chosen)]
-    _number_points(axes, zip([d.attempt for d in first], *points(first), strict=True))
-    _put_legend_below(axes)
+    for status, name, color, marker, size in (
+        (None, "as wanted", ACCENT, "o", 13.0),
+        (Status.OFF_TARGET, "odds off", FAINT, "x", 11.0),
+        (Status.SELF_INTERSECTING, "meets itself", DISTINCT[4], "^", 14.0),
+        (Status.TOO_NEAR, f"outcomes nearer than {trade_off.apart_deg:g}°", DISTINCT[1], "s", 11.0),
+        (Status.TIPPY, f"left at less than {trade_off.margin_deg:g}°", DISTINCT[2], "D", 11.0),
+    ):
+        group = [places[attempt] for attempt in worst if worst[attempt] is status]
+        style = {"color": color, "marker": marker, "ms": size, "mew": 3.0 if marker == "x" else 1.0}
+        groups.append((f"{name} ({len(group)})", group, style))
+    # The die itself is numbered first.
+    numbered = dict(sorted(places.items(), key=lambda item: item[0] != chosen))
+    _draw_groups(axes, [group for group in groups if group[1]], numbered)
     return sheet
 
 
@@ -332,60 +298,33 @@ def pareto_chart(
     if not trials:
         raise InputError("trials: expected at least one, got none; run a trial")
     measured = [trial for trial in trials if trial["inradius_mm"] is not None]
-    solved = [trial for trial in measured if trial["status"] == "converged"]
-    missed = [trial for trial in measured if trial["status"] != "converged"]
-    best = [trial for trial in solved if trial["number"] in front]
-    beaten = [trial for trial in solved if trial["number"] not in front]
-
-    def points(group: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
-        return [t["inradius_mm"] for t in group], [t["margin_deg"] for t in group]
-
-    sheet, axes = _scatter_sheet("radius of the smallest inscribed circle (mm)")
-    axes.set(ylabel="momentum margin (°)", title="larger is better in both")
-    limits = []
-    for values in points(measured):
-        low, high = min(values, default=0.0), max(values, default=1.0)
-        room = 0.08 * (high - low) if high > low else 0.1 * max(high, 1.0)
-        limits.append((max(low - room, 0.0), high + room))
-    axes.set(xlim=limits[0], ylim=limits[1])
+    places = {t["number"]: (t["inradius_mm"], t["margin_deg"]) for t in measured}
+    missed = [t["number"] for t in measured if t["status"] != "converged"]
+    best = [number for number in places if number in front]
+    beaten = [number for number in places if number not in {*missed, *best}]
+    sheet, axes = _scatter_sheet(
+        "radius of the smallest inscribed circle (mm)",
+        "momentum margin (°)",
+        "larger is better in both",
+    )
+    axes.margins(0.08)
+    axes.update_datalim(np.reshape(list(places.values()), (-1, 2)))
+    axes.autoscale_view()
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    axes.set(xlim=(max(left, 0.0), right), ylim=(max(bottom, 0.0), top))
     if best:
-        radii, margins = points(sorted(best, key=lambda trial: -trial["margin_deg"]))
+        radii, margins = np.array(sorted((places[k] for k in best), key=lambda place: -place[1])).T
         x, y = [axes.get_xlim()[0], *np.repeat(radii, 2)], [*np.repeat(margins, 2), 0.0]
         axes.plot(x, y, color=ACCENT, linewidth=2.5)
-    for group, label, style in (
-        (missed, "not converged", {"color": FAINT, "marker": "x", "mew": 3.0}),
-        (beaten, "converged", {"color": PALE, "marker": "o", "ms": 13.0}),
-        (best, "Pareto front: no die beats it in both", {"color": ACCENT, "marker": "o"}),
-    ):
-        label = f"{label} ({len(group)})"
-        axes.plot(*points(group), linestyle="", clip_on=False, label=label, **style)
+    groups: list[tuple[str, Points, dict[str, Any]]] = [
+        (f"{name} ({len(numbers)})", [places[k] for k in numbers], style)
+        for numbers, name, style in (
+            (missed, "not converged", {"color": FAINT, "marker": "x", "mew": 3.0}),
+            (beaten, "converged", {"color": PALE, "marker": "o", "ms": 13.0}),
+            (best, "Pareto front: no die beats it in both", {"color": ACCENT, "marker": "o"}),
+        )
+    ]
     if len(trials) > len(measured):
-        label = f"nothing to measure ({len(trials) - len(measured)})"
-        axes.plot([], [], linestyle="", label=label)
-    by_number = {trial["number"]: trial for trial in solved}
-    _number_points(axes, zip(named, *points([by_number[k] for k in named]), strict=True))
-    _put_legend_below(axes)
+        groups.append((f"nothing to measure ({len(trials) - len(measured)})", [], {}))
+    _draw_groups(axes, groups, {number: places[number] for number in named})
     return sheet
-
-
-def _scatter_sheet(x_label: str) -> tuple[Sheet, Axes]:
-    sheet = Sheet(1215.0, 740.0, grows=True)
-    axes = sheet.axes(130.0, 60.0, 1175.0, 645.0)
-    axes.set_xlabel(x_label)
-    axes.grid()
-    return sheet, axes
-
-
-def _put_legend_below(axes: Axes) -> None:
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
-
-
-def _number_points(axes: Axes, points: Iterable[tuple[int, float, float]]) -> None:
-    """Write numbers beside points, each a number, x and y, the first first; one that would cover an
-    earlier one is left out."""
-    room, written = np.array([37.0, 21.0]), np.zeros((0, 2))
-    for number, x, y in points:
-        place = axes.transData.transform((x, y))
-        if not (np.abs(place - written) < room).all(axis=1).any():
-            written = np.vstack([written, place])
-            axes.annotate(str(number), (x, y), (9, 6), textcoords="offset points", size=NOTE)

@@ -1,19 +1,42 @@
-"""Figures of the report of a finished die, in the order of the page.
+"""Figures: those of the report of a finished die, in the order of the page, and those of any body
+that `dicedesign figure` draws.
 
 What draws them is imported when they are drawn: it takes matplotlib.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
+    from dicedesign.geometry.hulls.hull import ConvexHull
+    from dicedesign.geometry.meshes.body import Body
+    from dicedesign.report.renderer import Surface
+    from dicedesign.report.sheet import Sheet
+    from dicedesign.report.solid_figures import Ablation
+    from dicedesign.rest.poses import RestPoses
+
+MOST_TRIANGLES: Final = 1_000_000
+"""A mesh of more is drawn as its hull."""
+
+MOST_FLAT: Final = 400
+"""Triangles up to which a mesh is drawn with flat faces and edges."""
+
+
+def _drawn(address: str, *arguments: Any) -> Any:
+    """What a function of this room draws, "module:name"."""
+    module, _, name = address.partition(":")
+    return getattr(import_module(f"dicedesign.report.{module}"), name)(*arguments)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,15 +60,25 @@ class Figure(Extension):
     instead_of: str = ""
 
 
-def _sheet(address: str) -> Callable[[FinishedDie], bytes]:
-    """The PNG of the sheet that a function of this room draws, "module:name"."""
-    module, _, name = address.partition(":")
+def _figure(
+    name: str,
+    address: str,
+    wanted: Callable[[FinishedDie], bool],
+    line: str,
+    title: str,
+    caption: str,
+    **more: str,
+) -> Figure:
+    """A figure that a function of this room draws, "module:name", as a sheet or as its file."""
 
     def draw(die: FinishedDie) -> bytes:
-        drawn: bytes = getattr(import_module(f"dicedesign.report.{module}"), name)(die).png()
-        return drawn
+        drawn = _drawn(address, die)
+        png: bytes = drawn if isinstance(drawn, bytes) else drawn.png()
+        return png
 
-    return draw
+    return Figure(
+        name=name, line=line, title=title, caption=caption, wanted=wanted, draw=draw, **more
+    )
 
 
 def _is_reshaped(die: FinishedDie) -> bool:
@@ -54,11 +87,6 @@ def _is_reshaped(die: FinishedDie) -> bool:
 
 def _is_convex(die: FinishedDie) -> bool:
     return die.reshaped is None
-
-
-def _has_drafts(die: FinishedDie) -> bool:
-    search = die.result.search
-    return search is not None and len(search.trade_off.drafts) > 0
 
 
 def _can_be_filmed(die: FinishedDie) -> bool:
@@ -70,253 +98,199 @@ def _can_be_filmed(die: FinishedDie) -> bool:
     return has_mesh and kernels.available()
 
 
-def _draw_throw(die: FinishedDie) -> bytes:
-    from dicedesign.report.throw_pictures import throw
-
-    return throw(die)
-
-
-RESTS = Figure(
-    name="rests",
-    line="the die as it lies after each outcome",
-    title="How the die lies after each outcome",
-    caption=(
-        "Above, the die on a table, with the outcome and its probability; below, its underside, as "
-        "seen when the die is tipped backward. Coloured are the facets of its convex hull that it "
-        "rests on, in the colour of their outcome."
-    ),
-    wanted=_is_reshaped,
-    draw=_sheet("surface_figures:rests"),
-)
-
-TABLE = Figure(
-    name="table",
-    line="odds on the table by each model beside the target",
-    title="Odds on the table",
-    caption=(
-        "The wide bar behind each outcome is its target. In front of it is how often the die would "
-        "show it if it rolled without momentum, how often the momentum model expects it of it and "
-        "of its prints, and, where throws were simulated, how often it came up, with the interval "
-        "that chance allows."
-    ),
-    wanted=lambda die: die.result.thrown is not None,
-    draw=_sheet("bar_charts:table_chart"),
-    instead_of="bars",
-)
-
-REPAIR = Figure(
-    name="repair",
-    line="a mesh before and after it was repaired",
-    title="Repair",
-    caption=(
-        "The mesh as it came, above, red at edges that are not of two triangles, and the surface "
-        "that was made of it, below; all views have the same scale."
-    ),
-    wanted=lambda die: die.repaired is not None,
-    draw=_sheet("surface_figures:repair"),
-)
-
-ROUNDS = Figure(
-    name="rounds",
-    line="deviation from the target after each round of simulated throws",
-    title="Round by round",
-    caption=(
-        "After each round of simulated throws the die was designed anew, to make up for what was "
-        "seen. A round's own throws show its die with as much of chance in it as a perfect die "
-        "would show, the dashed line. What is expected of each die rests on the throws of all "
-        "rounds; that with the least is kept. Triangles, if any, are what is expected on nine of "
-        "ten tables that the table may be instead."
-    ),
-    wanted=lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
-    draw=_sheet("curve_charts:rounds_chart"),
-)
-
-THROW = Figure(
-    name="throw",
-    line="a throw as a moving picture",
-    title="A throw",
-    caption="A simulated throw of typical length, in slow motion.",
-    wanted=_can_be_filmed,
-    draw=_draw_throw,
-    suffix=".gif",
-)
-
-BEFORE_AFTER = Figure(
-    name="before_after",
-    line="the surface before and after it was made into a die",
-    title="Before and after",
-    caption=(
-        "The surface as it came, above, and as it was made into a die, below; all views have the "
-        "same scale."
-    ),
-    wanted=_is_reshaped,
-    draw=_sheet("surface_figures:before_after"),
-)
-
-FILM = Figure(
-    name="film",
-    line="a throw at several moments",
-    title="The same throw in pictures",
-    caption=(
-        "With the time since the die was let go. The camera goes along with the die; the farther "
-        "the shadow is below it, the higher it is in the air."
-    ),
-    wanted=_can_be_filmed,
-    draw=_sheet("throw_pictures:film"),
-)
-
-BARS = Figure(
-    name="bars",
-    line="target odds beside the achieved ones",
-    title="Target and achieved odds",
-    caption=(
-        "Probability that the die comes to rest on the facet with each label; the lines hold that "
-        "of 95 % of its prints."
-    ),
-    wanted=_is_convex,
-    draw=_sheet("bar_charts:bars_chart"),
-)
-
-ODDS = Figure(
-    name="odds",
-    line="odds before and after the surface was made into a die",
-    title="Odds before and after",
-    caption=(
-        "Probability that the body comes to rest on each outcome, and on any other side "
-        "(elsewhere), before and after it was made into a die. The wide bar behind each outcome is "
-        "its target."
-    ),
-    wanted=lambda die: die.result.concave is not None,
-    draw=_sheet("bar_charts:before_after_chart"),
-)
-
-HULL = Figure(
-    name="hull",
-    line="the die within its convex hull",
-    title="The die within its convex hull",
-    caption=(
-        "A body rolls like its convex hull, which touches the table. Coloured are the facets that "
-        "the die rests on, by outcome; those on the far side are paler."
-    ),
-    wanted=_is_reshaped,
-    draw=_sheet("surface_figures:hull"),
-)
-
-TRADE_OFF = Figure(
-    name="trade_off",
-    line="displacement against odds of each attempt at a concave die",
-    title="What the attempts led to",
-    caption=(
-        "Best die of each attempt, by its number: how far the surface was moved, and how far its "
-        "odds are from the target, all other rests included. Marks say what is worst of it."
-    ),
-    wanted=_has_drafts,
-    draw=_sheet("curve_charts:trade_off_chart"),
-)
-
-CONVERGENCE = Figure(
-    name="convergence",
-    line="error and energy of the design against run time, or steps",
-    title="Course of the design",
-    caption="Largest difference of a probability from its target, and the energy, after each step.",
-    wanted=_is_convex,
-    draw=_sheet("curve_charts:convergence_chart"),
-)
-
-DISPLACEMENT = Figure(
-    name="displacement",
-    line="how far each part of the surface was moved",
-    title="How far the surface was moved",
-    caption=(
-        "Distance of each point of the surface from where it was before, relative to the diagonal "
-        "of the box that held the surface."
-    ),
-    wanted=_is_reshaped,
-    draw=_sheet("surface_figures:displacement"),
-)
-
-CROSSINGS = Figure(
-    name="crossings",
-    line="where the surface meets itself",
-    title="Where the surface meets itself",
-    caption="In red the triangles that meet and should not.",
-    wanted=lambda die: die.quality is not None and len(die.quality.intersections) > 0,
-    draw=_sheet("surface_figures:crossings"),
-)
-
-ENERGY = Figure(
-    name="energy",
-    line="energy and error of a design of several stages against run time, or steps",
-    title="Energy of each stage",
-    caption=(
-        "Each stage lowers an energy of its own. The error, the largest difference of a "
-        "probability from its target, is drawn where it was computed."
-    ),
-    wanted=lambda die: die.reshaped is not None and len(die.result.history) > 0,
-    draw=_sheet("curve_charts:energy_chart"),
-)
-
-GAUSS_MAP = Figure(
-    name="gauss_map",
-    line="directions of the die by the facet that it comes to rest on",
-    title="Where the die ends up",
-    caption=(
-        "Every point is a direction of the die that points down when it is let go; its colour "
-        "tells on which facet the die comes to rest if it rolls there without momentum."
-    ),
-    wanted=_is_convex,
-    draw=_sheet("gauss_map:gauss_map"),
-)
-
-VIEWS = Figure(
-    name="views",
-    line="the die from several sides",
-    title="The die from several sides",
-    caption="All views have the same scale.",
-    wanted=_is_convex,
-    draw=_sheet("solid_figures:views"),
-)
-
-READING = Figure(
-    name="reading",
-    line="the die at rest, and the label that is read then",
-    title="How to read the die",
-    caption="The die as it lies after one of its outcomes, and the label to read.",
-    wanted=lambda die: die.engraved is not None and die.reading is not None,
-    draw=_sheet("solid_figures:reading"),
-)
-
-FACES = Figure(
-    name="faces",
-    line="every face flat and true to scale, with its label as it is cut",
-    title="Every face",
-    caption=(
-        "Each face seen straight from outside, all on one scale, with its label as it is cut. "
-        "Above it is what it says, and how often that comes up; around a corner on top each face "
-        "says several things. Rounded edges are left out."
-    ),
-    wanted=lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
-    draw=_sheet("solid_figures:faces"),
-)
-
-PRINT_ORIENTATION = Figure(
-    name="print_orientation",
-    line="the die as it is best printed, and what needs supports",
-    title="How to lay it on the print bed",
-    caption="Blue lies on the bed, red needs supports.",
-    wanted=lambda die: die.result.printability is not None,
-    draw=_sheet("solid_figures:print_orientation"),
-)
-
-_NAMES: Final = (
-    "RESTS TABLE REPAIR ROUNDS THROW BEFORE_AFTER FILM BARS ODDS HULL TRADE_OFF CONVERGENCE "
-    "DISPLACEMENT CROSSINGS ENERGY GAUSS_MAP VIEWS READING FACES PRINT_ORIENTATION"
-)
-
 FIGURES: Final = Registry(
     "figure",
     Figure,
-    builtin=[f"dicedesign.report.figures:{name}" for name in _NAMES.split()],
+    builtin=[
+        _figure(
+            "rests",
+            "surface_figures:rests",
+            _is_reshaped,
+            "the die as it lies after each outcome",
+            "How the die lies after each outcome",
+            "Above, the die on a table, with the outcome and its probability; below, its "
+            "underside, as seen when the die is tipped backward. Coloured are the facets of its "
+            "convex hull that it rests on, in the colour of their outcome.",
+        ),
+        _figure(
+            "table",
+            "bar_charts:table_chart",
+            lambda die: die.result.thrown is not None,
+            "odds on the table by each model beside the target",
+            "Odds on the table",
+            "The wide bar behind each outcome is its target. In front of it is how often the die "
+            "would show it if it rolled without momentum, how often the momentum model expects "
+            "it of it and of its prints, and, where throws were simulated, how often it came up, "
+            "with the interval that chance allows.",
+            instead_of="bars",
+        ),
+        _figure(
+            "repair",
+            "surface_figures:repair",
+            lambda die: die.repaired is not None,
+            "a mesh before and after it was repaired",
+            "Repair",
+            "The mesh as it came, above, red at edges that are not of two triangles, and the "
+            "surface that was made of it, below; all views have the same scale.",
+        ),
+        _figure(
+            "rounds",
+            "curve_charts:rounds_chart",
+            lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
+            "deviation from the target after each round of simulated throws",
+            "Round by round",
+            "After each round of simulated throws the die was designed anew, to make up for what "
+            "was seen. A round's own throws show its die with as much of chance in it as a "
+            "perfect die would show, the dashed line. What is expected of each die rests on the "
+            "throws of all rounds; that with the least is kept. Triangles, if any, are what is "
+            "expected on nine of ten tables that the table may be instead.",
+        ),
+        _figure(
+            "throw",
+            "motion_pictures:throw",
+            _can_be_filmed,
+            "a throw as a moving picture",
+            "A throw",
+            "A simulated throw of typical length, in slow motion.",
+            suffix=".gif",
+        ),
+        _figure(
+            "before_after",
+            "surface_figures:before_after",
+            _is_reshaped,
+            "the surface before and after it was made into a die",
+            "Before and after",
+            "The surface as it came, above, and as it was made into a die, below; all views have "
+            "the same scale.",
+        ),
+        _figure(
+            "film",
+            "motion_pictures:film",
+            _can_be_filmed,
+            "a throw at several moments",
+            "The same throw in pictures",
+            "With the time since the die was let go. The camera goes along with the die; the "
+            "farther the shadow is below it, the higher it is in the air.",
+        ),
+        _figure(
+            "bars",
+            "bar_charts:bars_chart",
+            _is_convex,
+            "target odds beside the achieved ones",
+            "Target and achieved odds",
+            "Probability that the die comes to rest on the facet with each label; the lines hold "
+            "that of 95 % of its prints.",
+        ),
+        _figure(
+            "odds",
+            "bar_charts:before_after_chart",
+            lambda die: die.result.concave is not None,
+            "odds before and after the surface was made into a die",
+            "Odds before and after",
+            "Probability that the body comes to rest on each outcome, and on any other side "
+            "(elsewhere), before and after it was made into a die. The wide bar behind each "
+            "outcome is its target.",
+        ),
+        _figure(
+            "hull",
+            "surface_figures:hull",
+            _is_reshaped,
+            "the die within its convex hull",
+            "The die within its convex hull",
+            "A body rolls like its convex hull, which touches the table. Coloured are the facets "
+            "that the die rests on, by outcome; those on the far side are paler.",
+        ),
+        _figure(
+            "trade_off",
+            "curve_charts:trade_off_chart",
+            lambda die: (
+                die.result.search is not None and len(die.result.search.trade_off.drafts) > 0
+            ),
+            "displacement against odds of each attempt at a concave die",
+            "What the attempts led to",
+            "Best die of each attempt, by its number: how far the surface was moved, and how far "
+            "its odds are from the target, all other rests included. Marks say what is worst of "
+            "it.",
+        ),
+        _figure(
+            "convergence",
+            "curve_charts:course_chart",
+            _is_convex,
+            "error and energy of the design against run time, or steps",
+            "Course of the design",
+            "Largest difference of a probability from its target, and the energy, after each step.",
+        ),
+        _figure(
+            "displacement",
+            "surface_figures:displacement",
+            _is_reshaped,
+            "how far each part of the surface was moved",
+            "How far the surface was moved",
+            "Distance of each point of the surface from where it was before, relative to the "
+            "diagonal of the box that held the surface.",
+        ),
+        _figure(
+            "crossings",
+            "surface_figures:crossings",
+            lambda die: die.quality is not None and len(die.quality.intersections) > 0,
+            "where the surface meets itself",
+            "Where the surface meets itself",
+            "In red the triangles that meet and should not.",
+        ),
+        _figure(
+            "energy",
+            "curve_charts:course_chart",
+            lambda die: die.reshaped is not None and len(die.result.history) > 0,
+            "energy and error of a design of several stages against run time, or steps",
+            "Energy of each stage",
+            "Each stage lowers an energy of its own. The error, the largest difference of a "
+            "probability from its target, is drawn where it was computed.",
+        ),
+        _figure(
+            "gauss_map",
+            "gauss_map:gauss_map",
+            _is_convex,
+            "directions of the die by the facet that it comes to rest on",
+            "Where the die ends up",
+            "Every point is a direction of the die that points down when it is let go; its "
+            "colour tells on which facet the die comes to rest if it rolls there without "
+            "momentum.",
+        ),
+        _figure(
+            "views",
+            "solid_figures:views",
+            _is_convex,
+            "the die from several sides",
+            "The die from several sides",
+            "All views have the same scale.",
+        ),
+        _figure(
+            "reading",
+            "solid_figures:reading",
+            lambda die: die.engraved is not None and die.reading is not None,
+            "the die at rest, and the label that is read then",
+            "How to read the die",
+            "The die as it lies after one of its outcomes, and the label to read.",
+        ),
+        _figure(
+            "faces",
+            "solid_figures:faces",
+            lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
+            "every face flat and true to scale, with its label as it is cut",
+            "Every face",
+            "Each face seen straight from outside, all on one scale, with its label as it is "
+            "cut. Above it is what it says, and how often that comes up; around a corner on top "
+            "each face says several things. Rounded edges are left out.",
+        ),
+        _figure(
+            "print_orientation",
+            "solid_figures:print_orientation",
+            lambda die: die.result.printability is not None,
+            "the die as it is best printed, and what needs supports",
+            "How to lay it on the print bed",
+            "Blue lies on the bed, red needs supports.",
+        ),
+    ],
     group="dicedesign.figures",
 )
 """All figures of dice, in the order of the page."""
@@ -325,3 +299,131 @@ FIGURES: Final = Registry(
 def figure_files(die: FinishedDie) -> dict[str, bytes]:
     """The content of the file of each figure that a die has, by the figure's name."""
     return {figure.name: figure.draw(die) for figure in FIGURES if figure.wanted(die)}
+
+
+@dataclass(frozen=True, eq=False)
+class Lain:
+    """A body with its rests.
+
+    Attributes
+    ----------
+    body: the solid; poses: its rests.
+    labels: of these, empty texts for those without, or None.
+    """
+
+    body: Body
+    poses: RestPoses
+    labels: Sequence[str] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a figure is about. What it does not show is not made.
+
+    Attributes
+    ----------
+    upward: (3,) direction that is up in pictures.
+    make: reads or designs the body.
+    make_before: what the body was made from, in its place and scale.
+    make_ablations: of the recipe that it is made by, all terms first.
+    down: direction that points down when it is let go, or None for one of the figure's choice.
+
+    The makers raise InputError where there is no such thing.
+    """
+
+    upward: Floats
+    make: Callable[[], Lain]
+    make_before: Callable[[Lain], Surface]
+    make_ablations: Callable[[], Sequence[Ablation]]
+    down: tuple[float, float, float] | None = None
+
+    @cached_property
+    def lain(self) -> Lain:
+        """The body with its rests."""
+        return self.make()
+
+    @property
+    def poses(self) -> RestPoses:
+        """Of the body."""
+        return self.lain.poses
+
+    @property
+    def surface(self) -> Surface:
+        """The body, ready to be drawn."""
+        return drawn_surface(self.lain.body.points, self.lain.body.triangles, self.poses.hull)
+
+
+def drawn_surface(points: Floats, triangles: Integers | None, hull: ConvexHull) -> Surface:
+    """A mesh as it is drawn: smooth unless it has few triangles; its hull where it has none, or
+    too many."""
+    from dicedesign.report.renderer import Surface
+
+    if triangles is None or len(triangles) > MOST_TRIANGLES:
+        points, triangles = hull.vertices, hull.triangles
+    return Surface(points, np.asarray(triangles), smooth=len(triangles) > MOST_FLAT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyFigure(Extension):
+    """A kind of figure.
+
+    Attributes
+    ----------
+    draw: it; raises InputError where the subject has not what it shows.
+    """
+
+    draw: Callable[[Subject], Sheet]
+
+
+def _down(subject: Subject) -> Floats | None:
+    return None if subject.down is None else np.array([subject.down])
+
+
+BODY_FIGURES: Final = Registry(
+    "kind of figure",
+    BodyFigure,
+    builtin=[
+        BodyFigure(name=name, line=line, draw=draw)
+        for name, line, draw in (
+            (
+                "heights",
+                "height of the center of mass over the Gauss map, by colour",
+                lambda it: _drawn("gauss_map:heights_figure", it.poses),
+            ),
+            (
+                "paths",
+                "ways of rolling bodies over the Gauss map, from many orientations or one (--down)",
+                lambda it: _drawn("gauss_map:paths_figure", it.poses, _down(it)),
+            ),
+            (
+                "complex",
+                "Morse-Smale complex over the Gauss map: basins, separatrices, rests, saddles, "
+                "maxima",
+                lambda it: _drawn("gauss_map:gauss_map_figure", it.poses, it.lain.labels),
+            ),
+            (
+                "drop",
+                "a body that rolls to rest, moment by moment (from --down), and its path",
+                lambda it: _drawn("motion_pictures:drop_figure", it.surface, it.poses, it.down),
+            ),
+            (
+                "before_after",
+                "a die above the shape that its design began with, or a mesh above another "
+                "(--before)",
+                lambda it: _drawn(
+                    "surface_figures:before_after_figure",
+                    it.make_before(it.lain),
+                    it.surface,
+                    it.upward,
+                ),
+            ),
+            (
+                "ablation",
+                "a recipe's die by the paper's method, and without one regularizer after the other",
+                lambda it: _drawn("solid_figures:ablation_figure", it.make_ablations()),
+            ),
+        )
+    ],
+    group="dicedesign.body_figures",
+)
+"""All kinds of figures of bodies."""

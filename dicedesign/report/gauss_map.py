@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.sphere import even_directions
+from dicedesign.geometry.sphere import even_directions, norms
 from dicedesign.report.discs import (
     DISC_PIXELS,
     LEAST_WRITTEN,
     MAP_SIZE,
-    PlacedDisc,
+    RADIUS,
+    Disc,
     basin_of_directions,
     great_arcs,
     placed_discs,
 )
 from dicedesign.report.palette import BASINS, DARK, FAINT, LOW_TO_HIGH, rgb
-from dicedesign.report.render.pictures import Picture
 from dicedesign.report.sheet import NOTE, Sheet, styled
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.prior import DensityPrior
@@ -34,8 +34,8 @@ from dicedesign.runtime.arrays import Floats, Integers
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
 
-Painter = Callable[[Floats, Integers], Picture]
-"""From directions (p, p, 3) and the rests (p, p) they lead to, to a picture (p, p, 3) of them."""
+Painter = Callable[[Floats, Integers], Floats]
+"""From directions (p, p, 3) and the rests (p, p) they lead to, to colors (p, p, 3) from 0 to 1."""
 
 PIXELS: Final = 345
 """Of the pictures of discs."""
@@ -44,19 +44,18 @@ ARC_PIECES: Final = 24
 
 MOST_HULL_EDGES: Final = 3000
 
-RIM_TOLERANCE: Final = 1e-9
-
 PALEST: Final = 0.15
 """Strength of the color of directions that a prior leaves out."""
 
 PATH_STARTS: Final = 80
 """Orientations all over the sphere, where no other is asked for."""
 
-ARCS: Final[dict[str, Any]] = {"color": FAINT, "linewidth": 1.0}
-
-SEPARATRICES: Final[dict[str, Any]] = {"color": DARK, "linewidth": 3.3}
-
-PATHS: Final[dict[str, Any]] = {"color": "#d6006e", "linewidth": 2.2}
+LINES: Final[dict[str, dict[str, Any]]] = {
+    "hull arcs": {"color": FAINT, "linewidth": 1.0},
+    "separatrices": {"color": DARK, "linewidth": 3.3},
+    "paths": {"color": "#d6006e", "linewidth": 2.2},
+}
+"""Great arcs by their name in the legend."""
 
 POINTS: Final[dict[str, dict[str, Any]]] = {
     "maxima": {"marker": "^", "ms": 12.0, "mfc": "white"},
@@ -64,12 +63,6 @@ POINTS: Final[dict[str, dict[str, Any]]] = {
     "minima": {"marker": "o", "ms": 9.0, "mfc": DARK},
 }
 """By attributes of the complex."""
-
-AREAS_ARE_PROBABILITIES: Final = "Equal-area projection: areas on paper are probabilities."
-
-UNDER_A_PRIOR: Final = "Equal-area projection: the stronger a color, the likelier at first."
-
-SAMPLED: Final = "Equal-area projection; the odds are those of the samples."
 
 
 def gauss_map(die: FinishedDie) -> Sheet:
@@ -99,20 +92,20 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> S
             f"labels: expected one for each of the {len(poses.normals)} rests, got {len(labels)}; "
             "use an empty text for rests without one"
         )
-    colors, prior = rgb(BASINS), poses.prior
-    largest, note = 1.0, AREAS_ARE_PROBABILITIES
-    if prior is not None:
-        note = UNDER_A_PRIOR if isinstance(prior, DensityPrior) else SAMPLED
+    prior, note = poses.prior, "Equal-area projection: areas on paper are probabilities."
     if isinstance(prior, DensityPrior):
+        note = "Equal-area projection: the stronger a color, the likelier at first."
         largest = float(prior.density(even_directions(40_000)).max())
+    elif prior is not None:
+        note = "Equal-area projection; the odds are those of the samples."
 
-    def paint(directions: Floats, rests: Integers) -> Picture:
-        full = colors[rests % len(colors)]
-        if isinstance(prior, DensityPrior):
-            density = prior.density(directions.reshape(-1, 3)).reshape(rests.shape)
-            strength = PALEST + (1.0 - PALEST) * np.minimum(density / largest, 1.0)
-            full = 1.0 - strength[..., None] * (1.0 - full)
-        return np.rint(255.0 * full).astype(np.uint8)
+    def paint(directions: Floats, rests: Integers) -> Floats:
+        full = rgb(BASINS)[rests % len(BASINS)]
+        if not isinstance(prior, DensityPrior):
+            return full
+        density = prior.density(directions.reshape(-1, 3)).reshape(rests.shape)
+        strength = PALEST + (1.0 - PALEST) * np.minimum(density / largest, 1.0)
+        return np.asarray(1.0 - strength[..., None] * (1.0 - full))
 
     return complex_figure(poses, paint, note, labels)
 
@@ -124,9 +117,9 @@ def heights_figure(poses: RestPoses) -> Sheet:
     figure 4 of the paper."""
     hull, center = poses.hull, poses.center_of_mass
     lowest = float(hull.heights(center).min())
-    highest = float(np.sqrt(((hull.vertices - center) ** 2).sum(-1)).max())
+    highest = float(norms(hull.vertices - center).max())
 
-    def paint(directions: Floats, rests: Integers) -> Picture:
+    def paint(directions: Floats, rests: Integers) -> Floats:
         heights = np.stack([(row @ (hull.vertices - center).T).max(-1) for row in directions])
         return _height_colors((heights - lowest) / max(highest - lowest, np.finfo(float).tiny))
 
@@ -135,18 +128,15 @@ def heights_figure(poses: RestPoses) -> Sheet:
     scale = sheet.axes(middle - 130.0, middle_row - 8.0, middle + 130.0, middle_row + 8.0)
     scale.imshow(_height_colors(np.linspace(0.0, 1.0, 260))[None], aspect="auto")
     scale.axis("off")
-    for value, side, anchor in ((lowest, -1.0, "rm"), (highest, 1.0, "lm")):
-        place = (middle + side * 140.0, middle_row)
-        sheet.text(f"{value:.4g}", place, size=NOTE, anchor=anchor)
+    for value, side, end in ((lowest, -1.0, "right"), (highest, 1.0, "left")):
+        sheet.text(f"{value:.4g}", (middle + side * 140.0, middle_row), size=NOTE, ha=end)
     return sheet
 
 
-def _height_colors(parts: Floats) -> Picture:
+def _height_colors(parts: Floats) -> Floats:
     """(..., 3) colours of parts (...) from 0 to 1 of what is highest."""
-    anchors = rgb(LOW_TO_HIGH)
-    places = np.linspace(0.0, 1.0, len(anchors))
-    mixed = [np.interp(parts, places, channel) for channel in anchors.T]
-    return np.rint(255.0 * np.stack(mixed, axis=-1)).astype(np.uint8)
+    places = np.linspace(0.0, 1.0, len(LOW_TO_HIGH))
+    return np.stack([np.interp(parts, places, own) for own in rgb(LOW_TO_HIGH).T], axis=-1)
 
 
 def paths_figure(poses: RestPoses, downs: Floats | None = None) -> Sheet:
@@ -156,7 +146,7 @@ def paths_figure(poses: RestPoses, downs: Floats | None = None) -> Sheet:
     equilibria = poses.morse.equilibria
     downs = even_directions(PATH_STARTS) if downs is None else downs
     paths = [path_of(roll_steps(equilibria, down)) for down in downs]
-    colors = np.rint(255.0 * (0.55 + 0.45 * rgb(BASINS))).astype(np.uint8)
+    colors = 0.55 + 0.45 * rgb(BASINS)
     note = "A path leads from where a body is let go, the dot, to its rest."
     return complex_figure(
         poses, lambda directions, rests: colors[rests % len(colors)], note, paths=paths
@@ -185,20 +175,31 @@ def complex_figure(
         start.
     poses, labels: as of `gauss_map_figure`.
     """
-    sheet = Sheet(*MAP_SIZE)
-    for placed in placed_discs(poses):
-        _draw_disc(sheet, placed, poses, painter, labels, paths)
-        side = ", ".join(f"{n:d}" for n in placed.axis)
-        sheet.text(f"seen from ({side}) of the body", (placed.middle[0], 46.0), anchor="md")
-    shown = {} if len(poses.hull.tail) // 2 > MOST_HULL_EDGES else {"hull arcs": ARCS}
-    shown |= {"separatrices": SEPARATRICES} | ({"paths": PATHS} if paths else {})
+    sheet, hull = Sheet(*MAP_SIZE), poses.hull
+    normals = hull.normals[hull.facet]
+    edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
+    edges = edges[: len(edges) if len(edges) <= MOST_HULL_EDGES else 0]
+    arcs = {
+        "hull arcs": [great_arcs(normals[edges], normals[hull.twin[edges]], ARC_PIECES)],
+        "separatrices": [great_arcs(p[:-1], p[1:], ARC_PIECES) for p in poses.morse.polylines],
+        "paths": [great_arcs(path[:-1], path[1:], ARC_PIECES) for path in paths],
+    }
+    lines = {name: np.concatenate(own) for name, own in arcs.items() if sum(map(len, own))}
+    for disc in placed_discs(poses):
+        _draw_disc(sheet, disc, poses, painter, labels, lines)
+        starts = np.array([path[0] for path in paths]).reshape(-1, 3)
+        starts = disc.project(starts[disc.heights(starts) >= 0.0])
+        sheet.drawing.plot(*disc.to_paper(starts).T, "o", ms=9.0, color=LINES["paths"]["color"])
+        side = ", ".join(map(str, disc.short))
+        place = (disc.middle[0], 46.0)
+        sheet.text(f"seen from ({side}) of the body", place, va="bottom")
+    keys = [Line2D([], [], label=name, **LINES[name]) for name in lines]
     for kind, style in POINTS.items():
         name = "minima (rests)" if kind == "minima" else kind
-        shown[name] = {**style, "color": DARK, "linestyle": "", "mew": 2.0}
-    keys = [Line2D([], [], label=name, **style) for name, style in shown.items()]
+        keys.append(Line2D([], [], color=DARK, linestyle="", mew=2.0, label=name, **style))
     place = (0.5, 1.0 - (DISC_PIXELS + 86.0) / sheet.height)
     sheet.figure.legend(handles=keys, loc="upper center", bbox_to_anchor=place, ncols=len(keys))
-    upward = "+y" if placed.axis[:2] == (0, 0) else "+z"
+    upward = "+y" if disc.short[:2] == (0, 0) else "+z"
     sheet.text(
         f"Each point is a direction that points down in the body's frame. {note} "
         f"The body's {upward} is upward on both discs.",
@@ -210,68 +211,51 @@ def complex_figure(
 
 def _draw_disc(
     sheet: Sheet,
-    placed: PlacedDisc,
+    disc: Disc,
     poses: RestPoses,
     painter: Painter,
     labels: Sequence[str] | None,
-    paths: Sequence[Floats],
+    lines: dict[str, Floats],
 ) -> None:
-    """Draw one hemisphere."""
-    disc, (x, y), radius, axes = placed.disc, placed.middle, placed.radius, sheet.drawing
-    rim = Circle((x, y), radius, fill=False, edgecolor=DARK, linewidth=2.0)
+    """Draw one hemisphere; lines: great arcs (k, n, 3) by the name of their style."""
+    (x, y), axes, morse = disc.middle, sheet.drawing, poses.morse
+    rim = Circle((x, y), RADIUS, fill=False, edgecolor=DARK, linewidth=2.0)
     axes.add_patch(rim)
     pixels = disc.pixels(PIXELS)
     regions = basin_of_directions(poses, pixels.reshape(-1, 3)).reshape(PIXELS, PIXELS)
-    square = (x - radius, x + radius, y + radius, y - radius)
-    ground = painter(pixels, regions)[::-1]
+    square = (x - RADIUS, x + RADIUS, y + RADIUS, y - RADIUS)
+    ground = np.rint(255.0 * painter(pixels, regions)[::-1]).astype(np.uint8)
     axes.imshow(ground, extent=square, interpolation="nearest", aspect="auto", clip_path=rim)
-    hull = poses.hull
-    if len(hull.tail) // 2 <= MOST_HULL_EDGES:
-        edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
-        normals = hull.normals[hull.facet]
-        arcs = great_arcs(normals[edges], normals[hull.twin[edges]], ARC_PIECES)
-        _draw_lines(axes, placed, arcs, ARCS)
-    _draw_paths(axes, placed, poses.morse.polylines, SEPARATRICES)
-    _draw_paths(axes, placed, paths, PATHS)
-    starts = np.array([path[0] for path in paths if path[0] @ disc.axis >= 0.0]).reshape(-1, 3)
-    axes.plot(*placed.on_paper(disc.project(starts)).T, "o", ms=9.0, color=PATHS["color"])
+    for name, arcs in lines.items():
+        # What lies well beyond the rim is not drawn, what is a little beyond is cut off.
+        near = arcs[(disc.heights(arcs) > 0.0).any(axis=1)]
+        near = np.where(disc.heights(near)[..., None] > -0.5, near, np.nan)
+        drawn = LineCollection(
+            list(disc.to_paper(disc.project(near))), capstyle="round", **LINES[name]
+        )
+        axes.add_collection(drawn, autolim=False)
+        drawn.set_clip_path(rim)
+    stationary = []
     for name, style in POINTS.items():
-        points = getattr(poses.morse, name)
-        near = points[points @ disc.axis >= -RIM_TOLERANCE]
-        on_paper = placed.on_paper(disc.project(near)).T
+        points = getattr(morse, name)
+        stationary.append(disc.project(points[disc.heights(points) >= -1e-9]))
+        on_paper = disc.to_paper(stationary[-1]).T
         axes.plot(*on_paper, linestyle="", mec=DARK, mew=2.0, zorder=3.0, **style)
-    here = poses.morse.minima @ disc.axis >= 0.0
+    here = disc.heights(morse.minima) >= 0.0
     written = np.flatnonzero(here & (poses.probabilities > LEAST_WRITTEN)).tolist()
     texts = [f"{100.0 * poses.probabilities[rest]:.1f} %" for rest in written]
     if labels is not None:
-        texts = [
-            f"{labels[rest]}\n{text}" if labels[rest] else text
-            for rest, text in zip(written, texts, strict=True)
-        ]
-    stationary = np.concatenate([getattr(poses.morse, name) for name in POINTS])
+        texts = [f"{labels[k]}\n{text}".strip() for k, text in zip(written, texts, strict=True)]
     places = place_texts(
-        disc.project(poses.morse.minima[written]),
+        disc.project(morse.minima[written]),
         texts,
         [regions == rest for rest in written],
-        disc.project(stationary[stationary @ disc.axis >= 0.0]),
-        NOTE / radius,
+        np.concatenate(stationary),
+        NOTE / RADIUS,
     )
-    for text, place in zip(texts, placed.on_paper(places), strict=True):
-        sheet.text(text, place, size=NOTE, halo=True)
-
-
-def _draw_paths(
-    axes: Axes, placed: PlacedDisc, paths: Iterable[Floats], style: dict[str, Any]
-) -> None:
-    """Draw what lies on a disc of paths, each (n, 3) directions that great arcs join."""
-    arcs = [great_arcs(path[:-1], path[1:], ARC_PIECES) for path in paths]
-    _draw_lines(axes, placed, np.concatenate([np.zeros((0, ARC_PIECES + 1, 3)), *arcs]), style)
-
-
-def _draw_lines(axes: Axes, placed: PlacedDisc, arcs: Floats, style: dict[str, Any]) -> None:
-    """Draw what lies on a disc of arcs (k, n, 3)."""
-    lines = [placed.on_paper(line) for line in placed.disc.lines(arcs)]
-    axes.add_collection(LineCollection(lines, capstyle="round", **style), autolim=False)
+    halo = [withStroke(linewidth=4.0, foreground="white")]
+    for text, place in zip(texts, disc.to_paper(places), strict=True):
+        sheet.text(text, place, size=NOTE, path_effects=halo)
 
 
 def place_texts(

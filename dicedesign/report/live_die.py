@@ -13,7 +13,9 @@ from typing import Final
 import numpy as np
 
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part, glb
+from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part
+from dicedesign.fabricate.mesh_writers import glb
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.discs import basin_outlines
 from dicedesign.report.palette import BASINS
@@ -50,7 +52,8 @@ class LiveDie:
     center: (3,) center of mass, in mm.
     stands: whether a rest is shown by the die standing on it, as one is that keeps the shape of a
         surface; else its facet is turned to the viewer.
-    outlines: of the basins on the Gauss map, as paths of SVG; none for a die that has no such map.
+    outlines: of each disc of the Gauss map its middle in pixels, and the basin of each rest as a
+        path of SVG, to a tenth of a pixel, see `basin_outlines`; none for a die without a map.
     """
 
     solid: bytes | None
@@ -60,7 +63,7 @@ class LiveDie:
     upward: tuple[Floats | None, ...]
     center: Floats
     stands: bool
-    outlines: tuple[str, ...]
+    outlines: tuple[tuple[Floats, list[str]], ...]
 
 
 def live_die(die: FinishedDie, parts: Sequence[Part]) -> LiveDie:
@@ -78,32 +81,27 @@ def live_die(die: FinishedDie, parts: Sequence[Part]) -> LiveDie:
         solid = glb(Contents(die.result.name, facet_parts(parts, die)))
     poses = die.plain.poses
     heights = poses.hull.heights(poses.center_of_mass)[poses.facets]
+    upward: list[Floats | None] = [None for _ in heights]
+    for label in () if die.engraved is None else die.engraved.placements[::-1]:
+        for rest in np.flatnonzero(poses.normals @ label.frame[:3, 2] > ALONG):
+            upward[rest] = label.frame[:3, 1]
+    outlines = []
+    for disc, basins in () if die.reshaped is not None else basin_outlines(poses):
+        texts = [
+            [" ".join(f"{x:.1f},{y:.1f}" for x, y in ring.tolist()) for ring in own]
+            for own in basins
+        ]
+        outlines.append((disc.middle, ["".join(f"M{ring}Z" for ring in own) for own in texts]))
     return LiveDie(
         solid=solid,
         left_out=left_out,
         colors=tuple(rest_colors(die)),
         heights=tuple(heights.tolist()),
-        upward=tuple(_upward(die, normal) for normal in poses.normals),
+        upward=tuple(upward),
         center=poses.center_of_mass,
         stands=die.reshaped is not None,
-        outlines=() if die.reshaped is not None else tuple(_paths(die)),
+        outlines=tuple(outlines),
     )
-
-
-def _upward(die: FinishedDie, normal: Floats) -> Floats | None:
-    """What is upward on the first label of a facet with a normal (3,)."""
-    frames = [] if die.engraved is None else [label.frame for label in die.engraved.placements]
-    upward: list[Floats] = [frame[:3, 1] for frame in frames if frame[:3, 2] @ normal > ALONG]
-    return upward[0] if upward else None
-
-
-def _paths(die: FinishedDie) -> list[str]:
-    """The basins as paths in pixels of the Gauss map, to a tenth."""
-    paths = []
-    for outline in basin_outlines(die.plain.poses):
-        whole = [" ".join(f"{x:.1f},{y:.1f}" for x, y in np.asarray(ring)) for ring in outline]
-        paths.append("".join(f"M{ring}Z" for ring in whole))
-    return paths
 
 
 def rest_colors(die: FinishedDie) -> list[str]:
@@ -122,23 +120,23 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
 
     parts: of the printed die; the first is its body, others are inlays.
     """
-    colors = rest_colors(die)
-    made = []
-    for number, part in enumerate(parts):
+    colors, made = rest_colors(die), []
+    for part in parts:
+        is_body = part is parts[0]
         rests = rests_of_triangles(part.points, part.triangles, die)
         for rest in np.unique(rests).tolist():
             own = rests == rest
-            kind = "facet" if number == 0 else "labels"
-            name = ("body" if number == 0 else "labels") if rest < 0 else f"{kind}-{rest}"
-            color = part.color
-            if number == 0:
+            color, labels = part.color, None if part.labels is None else part.labels[own]
+            name = "body" if is_body else "labels"
+            if rest >= 0:
+                name = f"facet-{rest}" if is_body else f"labels-{rest}"
+            if is_body:
                 color = BODY_COLOR if rest < 0 else colors[rest]
-            labels = None if part.labels is None else part.labels[own]
             # The body of a facet that is all label would have no triangle.
             if labels is not None and labels.all():
                 name, color, labels = name.replace("facet", "labels"), part.color, None
-            made.append(replace(part, name=name, color=color, triangles=part.triangles[own]))
-            made[-1] = replace(made[-1], labels=labels)
+            triangles = part.triangles[own]
+            made.append(replace(part, name=name, color=color, triangles=triangles, labels=labels))
     return made
 
 
@@ -149,21 +147,19 @@ def rests_of_triangles(points: Floats, triangles: Integers, die: FinishedDie) ->
     keeps the shape of a surface has no facets; there it is what touches the table.
     """
     poses, middles = die.plain.poses, points[triangles].mean(axis=1)
-    of_facet = np.full(len(poses.hull.normals), -1, dtype=np.int64)
-    of_facet[poses.facets] = np.arange(len(poses.facets))
     whole = die.plain.body.points if die.engraved is None else die.engraved.points
     normals = poses.hull.normals if die.reshaped is None else poses.normals
     support = np.array([(whole @ normal).max() for normal in normals])
-    nearest = np.empty(len(middles), dtype=np.int64)
-    rows = max(1, PAIRS_AT_ONCE // len(normals))
-    for first in range(0, len(middles), rows):
-        some = slice(first, first + rows)
-        nearest[some] = np.argmin(support - middles[some] @ normals.T, axis=1)
+    count = 1 + len(middles) * len(normals) // PAIRS_AT_ONCE
+    parts = np.array_split(middles, count)
+    nearest = np.concatenate([np.argmin(support - some @ normals.T, axis=1) for some in parts])
     if die.reshaped is None:
+        of_facet = np.full(len(normals), -1, dtype=np.int64)
+        of_facet[poses.facets] = np.arange(len(poses.facets))
         return of_facet[nearest]
     down, areas = normals[nearest], doubled_area_vectors(points, triangles)
     heights = support[nearest] - (middles * down).sum(axis=1)
-    flat = (areas * down).sum(axis=1) >= FACES_DOWN * np.linalg.norm(areas, axis=1)
+    flat = (areas * down).sum(axis=1) >= FACES_DOWN * norms(areas)
     touches = flat & (heights <= TOUCHES * np.ptp(whole, axis=0).max())
     return np.where(touches, nearest, -1)
 
@@ -178,18 +174,14 @@ def three_script() -> str | None:
     found = find_spec("trimesh")
     if found is None or found.origin is None:
         return None
+    viewer = Path(found.origin).parent / "resources/templates/viewer.zip"
     try:
-        with zipfile.ZipFile(
-            Path(found.origin).parent / "resources/templates/viewer.zip"
-        ) as archive:
+        with zipfile.ZipFile(viewer) as archive:
             page = archive.read("viewer.html.template").decode("utf-8")
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
         return None
     # Where trimesh's own viewer follows.
-    ends_before = "var camera,controls,scene,renderer,tracklight;"
+    script, ends, _ = page.partition("var camera,controls,scene,renderer,tracklight;")
+    _, begins, script = script.partition("<script>")
     needed = ("THREE.GLTFLoader", "WebGLRenderer", "Raycaster")
-    _, begins, rest = page.partition("<script>")
-    script, ends, _ = rest.partition(ends_before)
-    if not begins or not ends or any(name not in script for name in needed):
-        return None
-    return script
+    return script if begins and ends and all(name in script for name in needed) else None

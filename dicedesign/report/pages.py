@@ -1,11 +1,13 @@
-"""Pages by jinja2, each one HTML file that needs nothing else: a die's report, a search's best."""
+"""Pages by jinja2, each one HTML file that needs nothing else: a die's report, a search's best; and
+what they say of throws in words."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
+import math
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import lru_cache, partial
 from importlib.resources import files
 from typing import Any, Final
@@ -15,16 +17,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.report.discs import MAP_SIZE
+from dicedesign.report.discs import MAP_SIZE, RADIUS
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.live_die import LiveDie, three_script
-from dicedesign.report.render.pictures import encoded
-from dicedesign.report.render.raster import Camera
-from dicedesign.report.render.renderer import Surface, render
-from dicedesign.report.throwing import throwing_advice, throws_told
-from dicedesign.results.parts import Draft, Search, Status
+from dicedesign.report.raster import Camera, encoded, lifted
+from dicedesign.report.renderer import Surface, render
+from dicedesign.results.parts import Draft, OtherTables, Search, SimulatedThrows, Status, ThrownOdds
 from dicedesign.results.result import Balance, Result
 from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.engines import ENGINES
+from dicedesign.throws.tables import Spread, Table, most_of, scaled
 
 MAP: Final = "gauss_map"
 """Name of the figure that is linked with the table of facets."""
@@ -46,19 +48,6 @@ FLAWS: Final = {
 }
 
 
-def _number(value: float | None, digits: int) -> str:
-    """A number with a count of significant digits, or "-" where there is none."""
-    return "-" if value is None else f"{value:.{digits}g}"
-
-
-def _percent(probability: float | None) -> str:
-    return "-" if probability is None else f"{100.0 * probability:.3f}"
-
-
-def _vector(values: Sequence[float]) -> str:
-    return " ".join(f"{value:.6g}" for value in values)
-
-
 def _is_moving(image: bytes) -> bool:
     return image.startswith(b"GIF8")
 
@@ -66,11 +55,6 @@ def _is_moving(image: bytes) -> bool:
 def _data_uri(image: bytes) -> str:
     kind = "gif" if _is_moving(image) else "png"
     return f"data:image/{kind};base64,{b64encode(image).decode('ascii')}"
-
-
-def _packed(content: bytes) -> str:
-    """In base64, by a level of gzip above which next to nothing is gained."""
-    return b64encode(gzip.compress(content, 6, mtime=0)).decode("ascii")
 
 
 @lru_cache(maxsize=1)
@@ -84,12 +68,14 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters |= {
-        "number": _number,
-        "percent": _percent,
-        "vector": _vector,
+        # With a count of significant digits; "-" where there is none.
+        "number": lambda value, digits: "-" if value is None else f"{value:.{digits}g}",
+        "percent": lambda value: "-" if value is None else f"{100.0 * value:.3f}",
+        "vector": lambda values: " ".join(f"{value:.6g}" for value in values),
         "is_moving": _is_moving,
         "data_uri": _data_uri,
-        "packed": _packed,
+        # By a level of gzip above which next to nothing is gained.
+        "packed": lambda data: b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii"),
         "recipe_lines": _recipe_lines,
     }
     return environment
@@ -141,6 +127,7 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
             map=FIGURES[MAP],
             map_image=images.get(MAP),
             map_size=MAP_SIZE,
+            map_radius=RADIUS,
             center=", ".join(f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass),
             throws=[] if result.thrown is None else throws_told(result.thrown),
             advice=throwing_advice(result.thrown, result.prior),
@@ -249,17 +236,135 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
 
     vertices: (n, 3) in any length unit; down: (3,) the direction of gravity.
     """
-
-    size, tilt, turn = 220, np.radians(30.0), np.radians(25.0)
     hull = convex_hull(vertices)
-    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
-    flat = vertices - center - np.outer((vertices - center) @ down, down)
+    flat = vertices - vertices.mean(axis=0)
+    flat = flat - np.outer(flat @ down, down)
     along, across = np.linalg.svd(flat)[2][:2]
-    side = np.cos(turn) * across + np.sin(turn) * along
-    direction = np.cos(tilt) * side - np.sin(tilt) * down
+    turn = np.radians(25.0)
+    direction = lifted(np.cos(turn) * across + np.sin(turn) * along, -down, 30.0)
     # In the middle of the picture, the die is nowhere wider than its frame.
-    frame = Camera(direction, -down, center, 1.0).frame()
+    frame = Camera(direction, -down).frame()
     seen = vertices @ frame.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 @ frame
     camera = Camera(direction, -down, middle, 0.53 * hull.diameter)
-    return encoded(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, size))
+    return encoded(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, 220))
+
+
+def throws_told(thrown: ThrownOdds) -> list[str]:
+    """Paragraphs: how the die is thrown, and what it does then, there and on other tables."""
+    verdict = (
+        "No throws of it were simulated: what it does on the table is what the momentum model "
+        "expects."
+    )
+    if thrown.simulated is not None:
+        verdict = " ".join(_verdict(thrown.simulated))
+    told = [_manner(Table(**thrown.table)), verdict]
+    if thrown.elsewhere is not None:
+        told.append(_elsewhere(thrown.elsewhere))
+    return told
+
+
+def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
+    """How to throw a die by hand, perhaps one that was designed for a table, or under a prior."""
+    if prior is not None:
+        return (
+            f"Let it go gently, turned as the prior {prior} says, whose directions point down in "
+            "the coordinates of die.stl: the odds are those under it, without momentum. With any "
+            "side down alike, or thrown, it has others."
+        )
+    if thrown is None:
+        return (
+            "Set it down gently, each time in another orientation: the odds are those of rolling "
+            "without momentum. Thrown it has others; the command dicedesign throw shows by how "
+            "much."
+        )
+    table = Table(**thrown.table)
+    if most_of(table.height) == 0.0:
+        return "Set it down on the table and let it tip over, from a random orientation."
+    moving = max(most_of(table.speed), most_of(table.spin)) > 0.0
+    push = " with a little push and spin," if moving else ""
+    way = "" if table.hand is None else f" {table.hand.phrase}"
+    about = "" if isinstance(table.height, tuple) else "about "
+    return (
+        f"Throw it{way}: let it fall from {about}{_lengths(table.height)} above the table,{push} "
+        "each time from another orientation. Set down gently it has other odds."
+    )
+
+
+def _lengths(metres: Spread) -> str:
+    in_cm = most_of(metres) < 1.0
+    return f"{_numbers(scaled(metres, 100.0 if in_cm else 1.0), 3)} {'cm' if in_cm else 'm'}"
+
+
+def _numbers(spread: Spread, digits: int) -> str:
+    ends = spread if isinstance(spread, tuple) else (spread,)
+    return " to ".join(f"{end:.{digits}g}" for end in ends)
+
+
+def _manner(table: Table) -> str:
+    """What throws the odds are for."""
+    fall = (
+        f"falls from {_lengths(table.height)} above the table, turned at random"
+        if most_of(table.height) > 0.0
+        else "is set down on the table, turned at random"
+    )
+    motion = []
+    if most_of(table.speed) > 0.0:
+        motion.append(f"moves sideways at {_lengths(table.speed)} a second")
+    if most_of(table.spin) > 0.0:
+        turns = scaled(table.spin, 0.5 / math.pi)
+        motion.append(f"spins {_numbers(turns, 2)} times a second")
+    when = f"; when it is let go it {' and '.join(motion)}" if motion else ""
+    way = "" if table.hand is None else f"{table.hand.phrase}, "
+    ranges = (table.height, table.speed, table.spin)
+    differ = any(isinstance(value, tuple) for value in ranges)
+    each = "; of a range, each throw has a value of its own" if differ else ""
+    bounce = (
+        f"A corner that hits the table bounces off with {100.0 * table.restitution:.3g} % of "
+        "its speed"
+        if table.restitution > 0.0
+        else "It does not bounce"
+    )
+    drag = ", and it turns as slowly as in honey" if table.drag > 0.0 else ""
+    return (
+        f"The odds of this die are for throws {way}in which it {fall}{when}{each}. {bounce}; the "
+        f"coefficient of friction is {table.friction:.3g}{drag}. The die is "
+        f'{1000.0 * table.size:.3g} mm across. This is the table "{table.name}": '
+        f"{table.source}."
+    )
+
+
+def _verdict(simulated: SimulatedThrows) -> Iterator[str]:
+    low, high = simulated.interval
+    engine = ENGINES[simulated.engine]
+    yield (
+        f"In {simulated.drops:,} throws that the design had not seen, simulated by "
+        f"{engine.phrase or engine.title}, the outcomes' frequencies differ from the target by a "
+        f"total variation of {simulated.total_variation:.4f}: no bet on these throws was won "
+        "more or less often than it should be by more than that. A perfect die would show "
+        f"{simulated.noise_floor:.4f} on the mean in as many throws, by chance alone."
+    )
+    if low > 0.0:
+        yield f"So its odds are off by {low:.4f} to {high:.4f}, with a confidence of 95 %."
+    else:
+        yield (
+            "So the throws do not tell it from a perfect one; with a confidence of 95 % its odds "
+            f"are off by at most {high:.4f}."
+        )
+    if simulated.unresolved:
+        yield f"{simulated.unresolved:,} throws did not come to rest on a facet in time."
+    elsewhere = simulated.drops - simulated.unresolved - sum(simulated.counts)
+    if elsewhere > 0:
+        yield f"{elsewhere:,} came to rest on a facet without a label."
+
+
+def _elsewhere(others: OtherTables) -> str:
+    """What the die does on what the table may be instead."""
+    return (
+        f"Tables are known from throws of real dice, so not for certain: {len(others.values)} "
+        "others explain them as well. On nine in ten of these the total variation is at most "
+        f"{others.often:.4f}, on the worst {others.worst:.4f}, by {others.drops:,} throws onto all "
+        "together, from which the odds on each are fitted. Of a perfect die, which has the same "
+        f"odds on all of them, so many throws would show {others.chance_often:.4f} and "
+        f"{others.chance_worst:.4f}."
+    )

@@ -17,13 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.textpath import text_to_path
 from numpy.typing import ArrayLike
 
 from dicedesign.report.palette import DARK, GRID
-from dicedesign.report.render.pictures import Picture, decoded
+from dicedesign.report.raster import Picture, decoded, trim
 
 TITLE: Final = 23
 BODY: Final = 21
@@ -34,6 +33,8 @@ TINY: Final = 15
 
 DPI: Final = 72
 """A pixel is a point, so that sizes of letters and widths of lines are in pixels too."""
+
+TICKS: Final = {"color": DARK, "labelsize": SMALL, "major.size": 7.0, "major.width": 2.0}
 
 STYLE: Final[dict[Any, Any]] = {
     "figure.facecolor": "white",
@@ -65,24 +66,8 @@ STYLE: Final[dict[Any, Any]] = {
     "lines.linewidth": 3.0,
     "lines.markersize": 10.0,
     "pdf.fonttype": 42,
-    "xtick.color": DARK,
-    "xtick.labelsize": SMALL,
-    "xtick.major.size": 7.0,
-    "xtick.major.width": 2.0,
-    "ytick.color": DARK,
-    "ytick.labelsize": SMALL,
-    "ytick.major.size": 7.0,
-    "ytick.major.width": 2.0,
+    **{f"{axis}tick.{key}": value for axis in "xy" for key, value in TICKS.items()},
 }
-
-_ALIGNMENTS: Final = {"l": "left", "m": "center", "r": "right"}
-
-_BASES: Final = {"a": "top", "m": "center", "s": "baseline", "d": "bottom"}
-
-_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-_MOST_DECADES: Final = 9
-"""Ticks of a logarithmic axis."""
 
 P = ParamSpec("P")
 
@@ -113,21 +98,15 @@ class Sheet:
 
     def __init__(self, width: float, height: float, *, grows: bool = False) -> None:
         self.width, self.height, self.grows = width, height, grows
-        self.figure = Figure(
-            (self.width / DPI, self.height / DPI), dpi=DPI, facecolor="white", edgecolor="white"
-        )
+        self.figure = Figure((width / DPI, height / DPI), dpi=DPI, facecolor="white")
         FigureCanvasAgg(self.figure)
         self.pictures: list[Picture] = []
 
     def axes(self, left: float, top: float, right: float, bottom: float) -> Axes:
         """Axes around an upright rectangle."""
+        size = np.array([self.width, self.height] * 2)
         return self.figure.add_axes(
-            (
-                left / self.width,
-                1.0 - bottom / self.height,
-                (right - left) / self.width,
-                (bottom - top) / self.height,
-            )
+            tuple([left, self.height - bottom, right - left, bottom - top] / size)
         )
 
     @cached_property
@@ -138,33 +117,15 @@ class Sheet:
         axes.axis("off")
         return axes
 
-    def text(
-        self,
-        text: str,
-        place: ArrayLike,
-        *,
-        size: float = BODY,
-        anchor: str = "mm",
-        color: str = DARK,
-        halo: bool = False,
-    ) -> None:
+    @styled
+    def text(self, text: str, place: ArrayLike, *, size: float = BODY, **style: Any) -> None:
         """Write one or more lines of text above all shapes.
 
-        place: (2,) of its anchor; anchor: "l", "m" or "r" for its left end, middle or right end,
-        then "a", "m", "s" or "d" for the top, the middle, the base or the lower border of its
-        letters; halo: with a white border.
+        place: (2,) of its middle, or of what `ha` and `va` name; style: of matplotlib's texts.
         """
-        x, y = np.asarray(place, dtype=np.float64).tolist()
-        self.figure.text(
-            x / self.width,
-            1.0 - y / self.height,
-            text,
-            size=size,
-            color=color,
-            ha=_ALIGNMENTS[anchor[0]],
-            va=_BASES[anchor[1]],
-            path_effects=[withStroke(linewidth=4.0, foreground="white")] if halo else None,
-        )
+        x, y = np.asarray(place, dtype=np.float64) / [self.width, self.height]
+        style = {"ha": "center", "va": "center", **style}
+        self.figure.text(x, 1.0 - y, text, size=size, **style)
 
     def picture(self, picture: Picture, left: float, top: float) -> None:
         """Paste a picture, pixel for pixel."""
@@ -205,21 +166,6 @@ def text_width(text: str, size: float) -> float:
     return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0])
 
 
-def set_log_heights(axes: Axes, low: float, high: float, *, zero: bool = False) -> None:
-    """Make the vertical axis logarithmic from `low` to `high`, with ticks at powers of ten; zero:
-    whether its lower end stands for values of zero."""
-    first, last = np.ceil(np.log10(low) - 1e-9), np.floor(np.log10(high) + 1e-9)
-    powers = np.arange(int(first), int(last) + 1)
-    step = -(-len(powers) // _MOST_DECADES) or 1
-    ticks = {10.0**k: f"10{str(k).translate(_RAISED)}" for k in powers.tolist() if k % step == 0}
-    if zero:
-        ticks = {low: "0", **ticks}
-    axes.set_yscale("log")
-    axes.set_ylim(low, high)
-    axes.set_yticks(list(ticks), list(ticks.values()))
-    axes.set_yticks([], minor=True)
-
-
 @styled
 def picture_grid(
     pictures: Sequence[Picture],
@@ -228,24 +174,23 @@ def picture_grid(
     above: float = 0.0,
     below: float = 0.0,
 ) -> Sheet:
-    """Pictures in rows with a title above each.
+    """Pictures in rows with a title above each, without what is white above and below in all
+    pictures of a row.
 
-    pictures: (h, w, 3), at least one, of one width, and of one height in each row; titles: one for
-    each, empty where there is none; columns: of the grid, at least 1; above, below: pixels of room
-    left free for more.
+    pictures: (h, w, 3), at least one, all of one size; titles: one for each, empty where there is
+    none; columns: of the grid, at least 1; above, below: pixels of room left free for more.
     """
     gap, title_room = 24.0, 42.0
     width = pictures[0].shape[1]
-    heights = [len(picture) for picture in pictures[::columns]]
-    tall = sum(heights) + len(heights) * (gap + title_room) + gap
+    rows = [trim(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]
+    tall = sum(len(row[0]) + gap + title_room for row in rows) + gap
     sheet = Sheet(columns * (width + gap) + gap, tall + above + below)
     top = above + gap + title_room
-    for first, height in zip(range(0, len(pictures), columns), heights, strict=True):
-        row = slice(first, first + columns)
-        for column, (picture, title) in enumerate(zip(pictures[row], titles[row], strict=True)):
+    for number, row in enumerate(rows):
+        for column, picture in enumerate(row):
             left = gap + column * (width + gap)
             sheet.picture(picture, left, top)
-            if title:
-                sheet.text(title, (left + width / 2.0, top - 7.0), anchor="md")
-        top += height + title_room + gap
+            title = titles[number * columns + column]
+            sheet.text(title, (left + width / 2.0, top - 7.0), va="bottom")
+        top += len(row[0]) + title_room + gap
     return sheet

@@ -1,31 +1,38 @@
-"""Figures of dice with flat faces: views, faces, how the die is read, how it is best printed."""
+"""Figures of dice with flat faces: views, faces, how the die is read, how it is best printed, and
+dice of the paper's ablation."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.patches import PathPatch, Polygon
+from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.report.palette import ACCENT, DARK, FAINT, rgb
-from dicedesign.report.render.pictures import trim
-from dicedesign.report.render.raster import Camera, camera_on, framed
-from dicedesign.report.render.renderer import Surface, render
-from dicedesign.report.render.shading import MATERIAL
-from dicedesign.report.render.tabletop import render_on_table, with_shadow
+from dicedesign.geometry.sphere import angle_between, norms, unit_vectors
+from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.report.palette import ACCENT, BASINS, DARK, FAINT, rgb
+from dicedesign.report.raster import UP, Camera, camera_on, framed, lifted
+from dicedesign.report.renderer import (
+    MATERIAL,
+    Surface,
+    color_triangles,
+    render,
+    render_on_table,
+    with_shadow,
+)
 from dicedesign.report.sheet import NOTE, Sheet, picture_grid, styled
+from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
-    from dicedesign.fabricate.label_layout import LabelPlace, Placement
+    from dicedesign.fabricate.label_layout import Placement
 
 PIXELS: Final = 400
 
@@ -42,7 +49,19 @@ SIDES: Final[dict[str, tuple[int, int, int]]] = {
     "from (-1, -1, -1)": (-1, -1, -1),
 }
 
-UP: Final = np.array([0.0, 0.0, 1.0])
+READ_COLOR: Final = "#f2dd6e"
+"""Of the facet that is read; its label has the accent colour."""
+
+CELL: Final = 210.0
+"""Pixels of the widest or tallest face."""
+
+FACE_COLUMNS: Final = 6
+
+MOST_FACES: Final = 60
+"""Faces up to which those without a label are drawn too."""
+
+BARS_MM: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Lengths of a scale bar; the longest that is not longer than a face is taken."""
 
 
 def views_figure(points: Floats, triangles: Integers) -> Sheet:
@@ -53,25 +72,22 @@ def views_figure(points: Floats, triangles: Integers) -> Sheet:
     points: (n, 3) in any length unit; triangles: (t, 3).
     """
     surface = Surface(points, triangles, smooth=False)
-    pictures = []
-    for side in SIDES.values():
-        up = (0, 1, 0) if side[:2] == (0, 0) else (0, 0, 1)
-        pictures.append(render(surface, camera_on(points, side, up), VIEW_PIXELS))
+    ups = [(0, 1, 0) if side[:2] == (0, 0) else (0, 0, 1) for side in SIDES.values()]
+    cameras = [camera_on(points, *pair) for pair in zip(SIDES.values(), ups, strict=True)]
+    pictures = [render(surface, camera, VIEW_PIXELS) for camera in cameras]
     return picture_grid(pictures, list(SIDES), 4)
 
 
 def views(die: FinishedDie) -> Sheet:
     """A die from several sides, with its labels where it has them."""
+    return views_figure(*printed_mesh(die))
+
+
+def printed_mesh(die: FinishedDie) -> tuple[Floats, Integers]:
+    """Points (n, 3) and triangles (t, 3) of a die, with its labels where it has them."""
     solid = die.plain.body if die.engraved is None else die.engraved
     assert solid.triangles is not None
-    return views_figure(solid.points, solid.triangles)
-
-
-def color_triangles(points: Floats, triangles: Integers, colors: Floats) -> Surface:
-    """A solid with flat faces whose triangles (t, 3) have colors (t, 3) of their own."""
-    corners = points[triangles].reshape(-1, 3)
-    flat = np.arange(len(corners)).reshape(-1, 3)
-    return Surface(corners, flat, colors.repeat(3, axis=0), smooth=False)
+    return solid.points, solid.triangles
 
 
 def print_orientation_figure(
@@ -82,43 +98,35 @@ def print_orientation_figure(
     points: (n, 3) in any length unit, none of them below the bed; triangles: (t, 3); hanging,
     touching: (t,) those that need supports, red, and those on the bed, blue.
     """
-    beside = Camera(np.array([1.0, -0.8, 0.55]), UP, np.zeros(3), 1.0)
-    beneath = Camera(-UP, np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.0)
+    beside = Camera(np.array([1.0, -0.8, 0.55]), UP)
+    beneath = Camera(-UP, np.array([0.0, 1.0, 0.0]))
     beside, beneath = framed([beside, beneath], [with_shadow(points, UP), points])
-    colors = np.where(touching[:, None], (0.42, 0.60, 0.80), MATERIAL.astype(np.float64))
+    colors = np.where(touching[:, None], (0.42, 0.60, 0.80), MATERIAL)
     colors = np.where(hanging[:, None], (0.87, 0.35, 0.22), colors)
     colored = color_triangles(points, triangles, colors)
     # From beside nothing is coloured where nothing hangs over.
     solid = colored if hanging.any() else Surface(points, triangles, smooth=False)
     pictures = [render_on_table(solid, UP, beside, PIXELS), render(colored, beneath, PIXELS)]
-    return picture_grid(trim(pictures), ["on the bed", "from beneath"], 2)
+    return picture_grid(pictures, ["on the bed", "from beneath"], 2)
 
 
 def print_orientation(die: FinishedDie) -> Sheet:
     """A die as it is best printed, and what needs supports."""
-    from dicedesign.fabricate.printability import ON_BED, PrintedSolid
+    from dicedesign.fabricate.print_orientation import ON_BED, PrintedSolid
     from dicedesign.fabricate.printers import PRINTERS
 
     found = die.result.printability
     assert found is not None
-    solid = die.plain.body if die.engraved is None else die.engraved
-    assert solid.triangles is not None
+    points, triangles = printed_mesh(die)
     judged = die.plain if die.engraved is None else die.engraved.assessment or die.plain
     hull = judged.poses.hull if die.reshaped is None else None
-    printed = PrintedSolid(solid.points, solid.triangles, hull, (), np.zeros((0, 3)))
+    printed = PrintedSolid(points, triangles, hull, (), np.zeros((0, 3)))
     placement, down = np.array(found.placement), np.array([found.best.normal])
     printer = replace(PRINTERS[found.printer], layer_mm=found.layer_mm)
-    points = solid.points @ placement[:3, :3].T + placement[:3, 3]
-    return print_orientation_figure(
-        points,
-        solid.triangles,
-        printed.overhanging(down, printer)[:, 0],
-        points[solid.triangles][:, :, 2].max(axis=1) < ON_BED,
-    )
-
-
-READ_COLOR: Final = "#f2dd6e"
-"""Of the facet that is read; its label has the accent colour."""
+    placed = points @ placement[:3, :3].T + placement[:3, 3]
+    touching = placed[triangles][:, :, 2].max(axis=1) < ON_BED
+    hanging = printed.overhanging(down, printer)[:, 0]
+    return print_orientation_figure(placed, triangles, hanging, touching)
 
 
 def reading_figure(
@@ -139,66 +147,40 @@ def reading_figure(
         and the one (3,) that is upward, not parallel to it.
     sentence: below the pictures.
     """
-    away = across - (across @ down) * down
-    away /= np.linalg.norm(away)
-    rise, turn = np.radians(35.0), np.radians(30.0)
+    away = unit_vectors(across - (across @ down) * down)
+    turn = np.radians(30.0)
     level = -np.cos(turn) * away + np.sin(turn) * np.cross(down, away)
-    oblique = Camera(np.cos(rise) * level - np.sin(rise) * down, -down, np.zeros(3), 1.0)
-    straight = [Camera(side, up, np.zeros(3), 1.0) for _, side, up in sides]
+    cameras = [Camera(lifted(level, -down, 35.0), -down)]
+    cameras += [Camera(side, up) for _, side, up in sides]
     seen = [with_shadow(surface.points, -down), *[surface.points] * len(sides)]
-    oblique, *straight = framed([oblique, *straight], seen)
+    oblique, *straight = framed(cameras, seen)
     pictures = [render_on_table(surface, -down, oblique, PIXELS)]
     pictures += [render(surface, camera, PIXELS) for camera in straight]
-    titles, below = ["as it lies", *(title for title, _, _ in sides)], 44.0
-    sheet = picture_grid(trim(pictures), titles, len(pictures), below=below)
-    sheet.text(sentence, (sheet.width / 2.0, sheet.height - below / 2.0 - 6.0))
+    titles = ["as it lies", *(title for title, _, _ in sides)]
+    sheet = picture_grid(pictures, titles, len(pictures), below=44.0)
+    sheet.text(sentence, (sheet.width / 2.0, sheet.height - 28.0))
     return sheet
 
 
-def paint_labels(
-    points: Floats, triangles: Integers, labels: Sequence[tuple[LabelPlace, Placement]]
-) -> Surface:
+def paint_labels(points: Floats, triangles: Integers, labels: Sequence[Placement]) -> Surface:
     """A solid of points (n, 3) and triangles (t, 3) with some labels and their facets in colour;
     the labels alone, where there are several around a corner, as the facets bear others too."""
-    corners = points[triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(areas, axis=1)
-    middles = corners.mean(axis=1)
-    colors = np.tile(np.asarray(MATERIAL, dtype=np.float64), (len(triangles), 1))
+    areas, middles = doubled_area_vectors(points, triangles), points[triangles].mean(axis=1)
+    colors = np.tile(MATERIAL, (len(triangles), 1))
     facet_color, label_color = rgb([READ_COLOR, ACCENT])
-    extent = float(np.ptp(points, axis=0).max())
-    # Triangles are of a facet within 1e-4 of the extent of its plane and 2.6 degrees of its normal;
-    # the finished shape is up to 0.02 of the extent off the one that was laid out.
-    thin, parallel, slack = 1e-4 * extent, 0.999, 0.02 * extent
-    is_shared = len({place.facet for place, _ in labels}) >= 3
-    for place, placement in labels:
-        outward = placement.frame[:3, 2]
-        here = areas @ outward > parallel * sizes
-        here &= _beneath(middles, place, slack)
-        level = np.rint((middles - placement.frame[:3, 3]) @ outward / thin).astype(np.int64)
-        flush = here & (np.abs(level) <= 1)
-        if not is_shared:
-            colors[flush] = facet_color
-        # The floor of all pockets is on one level; triangles on others are of other facets' labels.
-        off = np.flatnonzero(here & (np.abs(level) > 1))
-        if not len(off):
-            continue
-        levels, which = np.unique(level[off], return_inverse=True)
-        floor = off[np.abs(level[off] - levels[np.bincount(which, sizes[off]).argmax()]) <= 1]
-        inside = _beneath(corners.reshape(-1, 3), place, slack)
-        within = np.logical_and.reduce(inside.reshape(-1, 3), axis=1)
-        # A floor that goes on beyond a label's part is a field that labels stand in.
-        colors[floor if within[floor].all() else flush & within] = label_color
+    flush = 1e-4 * float(np.ptp(points, axis=0).max())
+    for placement in labels:
+        # Triangles are parallel to a facet within 2.6 degrees.
+        parallel = areas @ placement.frame[:3, 2] > 0.999 * norms(areas)
+        flat = (middles - placement.frame[:3, 3]) @ placement.frame[:3, :3]
+        if len(labels) < 3:
+            colors[parallel & (np.abs(flat[:, 2]) <= flush)] = facet_color
+        # Holes are outlines within others.
+        within = np.zeros(len(triangles), dtype=bool)
+        for outline in placement.section().to_polygons():
+            within ^= Path(outline).contains_points(flat[:, :2])
+        colors[parallel & within] = label_color
     return color_triangles(points, triangles, colors)
-
-
-def _beneath(points: Floats, place: LabelPlace, slack: float) -> Booleans:
-    """(n,) whether points lie above or below a region, or beside it by no more than a slack."""
-    inside = np.ones(len(points), dtype=bool)
-    for start, end in zip(place.region, np.roll(place.region, -1, axis=0), strict=True):
-        inward = np.cross(place.normal, end - start)
-        inside &= (points - start) @ inward >= -slack * np.linalg.norm(inward)
-    return inside
 
 
 def reading(die: FinishedDie) -> Sheet:
@@ -208,14 +190,11 @@ def reading(die: FinishedDie) -> Sheet:
     result, way = die.result, die.reading.way
     outcome = int(np.argmax(result.target))
     label, down = result.labels[outcome], die.plain.poses.normals[die.plain.outcomes.main[outcome]]
-    mine = [
-        (place, placement)
-        for place, placement in zip(die.reading.places, die.engraved.placements, strict=True)
-        if place.outcome == outcome
-    ]
+    places = zip(die.reading.places, die.engraved.placements, strict=True)
+    mine = [placement for place, placement in places if place.outcome == outcome]
     if mine:
         surface = paint_labels(die.engraved.points, die.engraved.triangles, mine)
-        ups = [placement.frame[:3, 1] for _, placement in mine]
+        ups = [placement.frame[:3, 1] for placement in mine]
     else:
         surface = Surface(die.engraved.points, die.engraved.triangles)
         ups = [np.eye(3)[np.argmin(np.abs(down))]]
@@ -224,22 +203,8 @@ def reading(die: FinishedDie) -> Sheet:
     below = (f"lifted, from below: {label}", down, ups[0])
     sides = {"down": [below], "both": [above, below]}.get(way, [above])
     if way == "corner":
-        sides = [(f"one side: {label}", mine[-1][0].normal, ups[-1])]
+        sides = [(f"one side: {label}", mine[-1].frame[:3, 2], ups[-1])]
     return reading_figure(surface, down, ups[-1], sides, die.reading.sentence)
-
-
-CELL: Final = 210.0
-"""Pixels of the widest or tallest face."""
-
-FACE_COLUMNS: Final = 6
-
-MOST_FACES: Final = 60
-"""Faces up to which those without a label are drawn too."""
-
-FACE_COLOR: Final = "#e6eaee"
-
-BARS_MM: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-"""Lengths of a scale bar; the longest that is not longer than a face is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,47 +233,31 @@ def faces_of(
     """
     on_facet: dict[int, list[Placement]] = {}
     for placement in placements:
-        on_facet.setdefault(_facet_of(hull, placement.frame), []).append(placement)
-    blank = [facet for facet in range(len(hull.normals)) if facet not in on_facet]
+        on_facet.setdefault(_facet_of(hull, placement), []).append(placement)
+    facets = range(len(hull.normals) if len(hull.normals) <= MOST_FACES else 0)
     faces = []
-    for facet, own in on_facet.items():
-        frame, cuts = own[0].frame, []
-        for placement in own:
-            for contour in placement.section().to_polygons():
-                lifted = placement.frame[:3, 3] + np.asarray(contour) @ placement.frame[:3, :2].T
-                cuts.append(_flat(frame, lifted))
-        outline = _flat(frame, hull.polygon(facet))
-        faces.append(Face(outline, tuple(cuts), titles.get(facet, "")))
-    if len(on_facet) + len(blank) <= MOST_FACES:
-        for facet in blank:
-            outline = _flat(_resting_frame(hull, facet), hull.polygon(facet))
-            faces.append(Face(outline, (), titles.get(facet, "")))
+    for facet in dict.fromkeys([*on_facet, *facets]):
+        own, polygon = on_facet.get(facet, []), hull.polygon(facet)
+        if own:
+            flat = own[0].frame[:3, :2]
+        else:
+            # With its longest edge to the right.
+            edges = np.roll(polygon, -1, axis=0) - polygon
+            right = unit_vectors(edges[norms(edges).argmax()])
+            flat = np.column_stack([right, np.cross(hull.normals[facet], right)])
+        cuts = [
+            (placement.frame[:3, 3] + np.asarray(contour) @ placement.frame[:3, :2].T) @ flat
+            for placement in own
+            for contour in placement.section().to_polygons()
+        ]
+        faces.append(Face(polygon @ flat, tuple(cuts), titles.get(facet, "")))
     return faces
 
 
-def _facet_of(hull: ConvexHull, frame: Floats) -> int:
-    """The facet in whose plane a frame lies, as nearly as any."""
-    normal, place = frame[:3, 2], frame[:3, 3]
-    turned = 1.0 - hull.normals @ normal
-    nearest = np.flatnonzero(turned <= turned.min() + 1e-6)
-    away = [abs((hull.polygon(k) - place) @ normal).max() for k in nearest.tolist()]
-    return int(nearest[int(np.argmin(away))])
-
-
-def _resting_frame(hull: ConvexHull, facet: int) -> Floats:
-    """Frame of a facet with its longest edge to the right."""
-    polygon, normal = hull.polygon(facet), hull.normals[facet]
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    right = edges[np.linalg.norm(edges, axis=1).argmax()]
-    right = right / np.linalg.norm(right)
-    frame = np.eye(4)
-    frame[:3] = np.column_stack([right, np.cross(normal, right), normal, polygon[0]])
-    return frame
-
-
-def _flat(frame: Floats, points: Floats) -> Floats:
-    """Points (n, 3) of the body in the plane of a frame (n, 2)."""
-    return np.asarray((points - frame[:3, 3]) @ frame[:3, :2])
+def _facet_of(hull: ConvexHull, placement: Placement) -> int:
+    """The facet in whose plane a label lies, as nearly as any."""
+    normal, place = placement.frame[:3, 2:].T
+    return int(np.argmax(hull.normals @ normal - np.abs(hull.heights(place)) / hull.diameter))
 
 
 @styled
@@ -323,39 +272,28 @@ def faces_figure(faces: Sequence[Face]) -> Sheet:
     extents = np.array([np.ptp(face.outline, axis=0) for face in faces])
     scale = CELL / float(extents.max())
     columns = min(FACE_COLUMNS, len(faces))
-    rows = [range(k, min(k + columns, len(faces))) for k in range(0, len(faces), columns)]
-    heights = [scale * float(extents[list(row), 1].max()) for row in rows]
+    rows = [slice(k, k + columns) for k in range(0, len(faces), columns)]
+    heights = [scale * float(extents[row, 1].max()) for row in rows]
     tall = sum(heights) + len(rows) * (title_room + gap) + 3.0 * gap
     sheet = Sheet(columns * (CELL + gap) + gap, tall)
-    top = gap
+    top = gap + title_room
     for row, height in zip(rows, heights, strict=True):
-        for column, number in enumerate(row):
-            middle = gap + column * (CELL + gap) + 0.5 * CELL
-            face = faces[number]
-            if face.title:
-                place = (middle, top + title_room - 8.0)
-                sheet.text(face.title, place, size=NOTE, anchor="md")
-            _draw_face(sheet, face, scale, (middle, top + title_room + 0.5 * height))
+        for column, face in enumerate(faces[row]):
+            middle = np.array([gap + column * (CELL + gap) + CELL / 2.0, top + height / 2.0])
+            sheet.text(face.title, (middle[0], top - 8.0), size=NOTE, va="bottom")
+            center = (face.outline.min(axis=0) + face.outline.max(axis=0)) / 2.0
+            for contours, face_color in (([face.outline], "#e6eaee"), (face.cuts, DARK)):
+                closed = [np.vstack([contour, contour[:1]]) for contour in contours]
+                placed = [middle + scale * (ring - center) * (1.0, -1.0) for ring in closed]
+                path = Path.make_compound_path(*(Path(ring, closed=True) for ring in placed))
+                edge = {"edgecolor": FAINT, "linewidth": 1.5 if face_color != DARK else 0.0}
+                sheet.drawing.add_patch(PathPatch(path, facecolor=face_color, **edge))
         top += title_room + height + gap
     length = max((bar for bar in BARS_MM if bar * scale <= CELL), default=BARS_MM[0])
-    y, end = top + 0.5 * gap, gap + scale * length
+    y, end = top - title_room + 0.5 * gap, gap + scale * length
     sheet.drawing.plot([gap, end], [y, y], "|-", color=DARK, lw=2.0, ms=10.0, mew=2.0)
-    sheet.text(f"{length:g} mm", (end + 10.0, y), size=NOTE, anchor="lm")
+    sheet.text(f"{length:g} mm", (end + 10.0, y), size=NOTE, ha="left")
     return sheet
-
-
-def _draw_face(sheet: Sheet, face: Face, scale: float, middle: tuple[float, float]) -> None:
-    center = 0.5 * (face.outline.min(axis=0) + face.outline.max(axis=0))
-
-    def on_sheet(points: Floats) -> Floats:
-        return np.asarray(np.array(middle) + scale * (points - center) * (1.0, -1.0))
-
-    outline = Polygon(on_sheet(face.outline), facecolor=FACE_COLOR, edgecolor=FAINT, linewidth=1.5)
-    sheet.drawing.add_patch(outline)
-    if face.cuts:
-        closed = [np.vstack([contour, contour[:1]]) for contour in face.cuts]
-        path = Path.make_compound_path(*(Path(on_sheet(c), closed=True) for c in closed))
-        sheet.drawing.add_patch(PathPatch(path, facecolor=DARK, linewidth=0.0))
 
 
 def faces(die: FinishedDie) -> Sheet:
@@ -374,10 +312,9 @@ def faces(die: FinishedDie) -> Sheet:
         simulated = result.thrown.simulated
         shares = result.thrown.momentum if simulated is None else simulated.frequencies
     by_label = dict(zip(result.labels, shares, strict=True))
-    facets = [_facet_of(hull, placement.frame) for placement in placements]
-    labels_on = Counter(facets)
+    facets = [_facet_of(hull, placement) for placement in placements]
     for flat, placement in zip(facets, placements, strict=True):
-        if labels_on[flat] == 1:
+        if facets.count(flat) == 1:
             titles[flat] = f"{placement.text}: {_percent(by_label[placement.text])}"
     return faces_figure(faces_of(hull, placements, titles))
 
@@ -385,3 +322,60 @@ def faces(die: FinishedDie) -> Sheet:
 def _percent(share: float) -> str:
     digits = 1 if share <= 0.0 else max(0, min(3, 1 - math.floor(math.log10(100.0 * share))))
     return f"{100.0 * share:.{digits}f} %"
+
+
+@dataclass(frozen=True, eq=False)
+class Ablation:
+    """A die that was designed without some terms of the energy.
+
+    Attributes
+    ----------
+    name: what was left out.
+    error: largest |p - q| of the outcomes.
+    poses: its rests; outcomes: (k,) which outcome each counts for.
+    """
+
+    name: str
+    error: float
+    poses: RestPoses
+    outcomes: Integers
+
+
+def ablation_figure(ablations: Sequence[Ablation]) -> Sheet:
+    """Dice, each from two sides, with what was left out in their design, how far their
+    probabilities are off, and how far rests are from the most probable one of their outcome.
+    Source: figure 9 of the paper."""
+    side, gap, title_room = 360, 24.0, 64.0
+    wide, tall = 2.0 * side + gap, side + title_room + gap
+    sheet = Sheet(2.0 * wide + gap, -(-len(ablations) // 2) * tall + 40.0)
+    for number, ablation in enumerate(ablations):
+        poses, hull, outcomes = ablation.poses, ablation.poses.hull, ablation.outcomes
+        left, top = gap + number % 2 * wide, gap + number // 2 * tall
+        # The most probable rest of the outcome of each rest; these come the most probable first.
+        _, first, which = np.unique(outcomes, return_index=True, return_inverse=True)
+        main = first[which]
+        colors = np.tile(MATERIAL, (len(hull.normals), 1))
+        colors[poses.facets] = rgb([ACCENT])
+        colors[poses.facets[main]] = 0.35 + 0.65 * rgb(BASINS)[outcomes[main] % len(BASINS)]
+        of_triangle = np.repeat(np.arange(len(hull.normals)), np.diff(hull.facet_start) - 2)
+        surface = color_triangles(hull.vertices, hull.triangles, colors[of_triangle])
+        for k, direction in enumerate(([1.0, -0.7, 0.5], [-1.0, 0.7, -0.5])):
+            picture = render(surface, camera_on(surface.points, direction, UP), side)
+            sheet.picture(picture, left + k * side, top + title_room)
+        one, other = np.triu_indices(len(first), 1)
+        normals = poses.normals
+        apart = angle_between(normals[first[one]], normals[first[other]]).min(initial=np.pi)
+        stray = np.degrees(angle_between(normals, normals[main]).max())
+        told = (
+            f"|p − q| up to {ablation.error:.1e}, outcomes {np.degrees(apart):.0f}° apart, "
+            f"{len(normals)} rests for {len(first)} of them"
+        )
+        told += f", up to {stray:.1f}° off" if len(normals) > len(first) else ""
+        sheet.text(ablation.name, (left + side, top + 12.0))
+        sheet.text(told, (left + side, top + 42.0), size=NOTE)
+    note = (
+        "Each die from two opposite sides. In pale colours the facets of the outcomes, in a strong "
+        "one further rests that count for one of them."
+    )
+    sheet.text(note, (sheet.width / 2.0, sheet.height - 22.0), size=NOTE)
+    return sheet

@@ -1,4 +1,5 @@
-"""Figures of dice that keep the shape of a surface: before and after, in their hull, at rest."""
+"""Figures of dice that keep the shape of a surface: before and after, in their hull, at rest; and
+of bodies whose center of mass was moved."""
 
 from __future__ import annotations
 
@@ -11,18 +12,26 @@ from matplotlib.patches import Patch
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
+from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import edge_keys
-from dicedesign.report.palette import BASINS, repeated, rgb
-from dicedesign.report.render.pictures import trim
-from dicedesign.report.render.raster import Camera, framed, three_cameras
-from dicedesign.report.render.renderer import Shell, Surface, render
-from dicedesign.report.render.shading import MATERIAL
-from dicedesign.report.render.tabletop import render_on_table, with_shadow
+from dicedesign.report.bar_charts import Bars, outcome_chart
+from dicedesign.report.palette import ACCENT, BASINS, FAINT, PALE, repeated, rgb
+from dicedesign.report.raster import UP, Camera, Picture, camera_on, framed, lifted, three_cameras
+from dicedesign.report.renderer import (
+    MATERIAL,
+    Shell,
+    Surface,
+    color_triangles,
+    render,
+    render_on_table,
+    with_shadow,
+)
 from dicedesign.report.sheet import TITLE, Sheet, picture_grid, styled
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
-    from dicedesign.geometry.surfaces.repair import RepairedMesh
+    from dicedesign.balance.balanced import Balanced
+    from dicedesign.geometry.repair.repair import RepairedMesh
 
 PIXELS: Final = 400
 
@@ -88,16 +97,15 @@ def rows_of_views(
     cameras: of each row, at least one; shell: around the surfaces, or None; above, below: pixels of
     room left free for more.
     """
-    pictures, titles = [], []
-    for name, surface in surfaces.items():
-        pictures += trim([render(surface, camera, PIXELS, shell) for camera in cameras])
-        titles += [f"{name}view {k + 1}" for k in range(len(cameras))]
+    views = [(name, camera) for name in surfaces for camera in cameras]
+    pictures = [render(surfaces[name], camera, PIXELS, shell) for name, camera in views]
+    titles = [f"{name}view {cameras.index(camera) + 1}" for name, camera in views]
     return picture_grid(pictures, titles, len(cameras), above, below)
 
 
-def before_after_figure(before: Surface, after: Surface, cameras: Sequence[Camera]) -> Sheet:
-    """A surface above what it was made into, from the same cameras, of which there is at least
-    one."""
+def before_after_figure(before: Surface, after: Surface, upward: Floats) -> Sheet:
+    """A surface above what it was made into, from the same sides; upward: (3,) in the pictures."""
+    cameras = three_cameras(np.concatenate([before.points, after.points]), upward)
     return rows_of_views({"before, ": before, "after, ": after}, cameras)
 
 
@@ -105,10 +113,8 @@ def before_after(die: FinishedDie) -> Sheet:
     """The surface before and after it was made into a die."""
     assert die.reshaped is not None
     before, after = die.reshaped.before, die.reshaped.after
-    cameras = three_cameras(np.concatenate([before.points, after.points]), die.upward)
-    return before_after_figure(
-        Surface(before.points, after.triangles), Surface(after.points, after.triangles), cameras
-    )
+    surfaces = [Surface(points, after.triangles) for points in (before.points, after.points)]
+    return before_after_figure(*surfaces, die.upward)
 
 
 def repair_figure(repaired: RepairedMesh, up: Floats) -> Sheet:
@@ -120,14 +126,12 @@ def repair_figure(repaired: RepairedMesh, up: Floats) -> Sheet:
     triangles, surface = repaired.triangles, repaired.surface
     _, edge, uses = np.unique(edge_keys(triangles), return_inverse=True, return_counts=True)
     faulty = (uses != 2)[edge]
-    colors = np.tile(MATERIAL.astype(np.float64), (len(repaired.points), 1))
+    colors = np.tile(MATERIAL, (len(repaired.points), 1))
     for corners in (triangles, np.roll(triangles, -1, axis=1)):
-        colors[corners.ravel()[faulty]] = rgb([FAULT])[0]
-    plain = np.tile(MATERIAL.astype(np.float64), (len(surface.points), 1))
+        colors[corners.ravel()[faulty]] = rgb([FAULT])
+    plain = np.tile(MATERIAL, (len(surface.points), 1))
     before = Surface(repaired.points, triangles, colors)
-    after = Surface(surface.points, surface.triangles, plain)
-    cameras = three_cameras(np.concatenate([before.points, after.points]), up)
-    return before_after_figure(before, after, cameras)
+    return before_after_figure(before, Surface(surface.points, surface.triangles, plain), up)
 
 
 def repair(die: FinishedDie) -> Sheet:
@@ -139,7 +143,7 @@ def repair(die: FinishedDie) -> Sheet:
 def displacement_colors(shares: Floats) -> Floats:
     """(n, 3) red, green and blue from 0 to 1 of shares (n,) of the largest displacement."""
     places, colors = np.linspace(0.0, 1.0, len(MOVED)), rgb(MOVED)
-    return np.stack([np.interp(shares, places, colors[:, k]) for k in range(3)], axis=1)
+    return np.stack([np.interp(shares, places, channel) for channel in colors.T], axis=1)
 
 
 @styled
@@ -154,8 +158,8 @@ def displacement_figure(
     before, after: (n, 3) in one length unit; triangles: (t, 3) of both, oriented alike; cameras: at
     least one.
     """
-    diagonal = float(np.linalg.norm(np.ptp(before, axis=0)))
-    percent = 100.0 * np.linalg.norm(after - before, axis=1) / diagonal
+    diagonal = norms(np.ptp(before, axis=0))
+    percent = 100.0 * norms(after - before) / diagonal
     top = max(float(percent.max()), 1e-9)
     surface = Surface(after, triangles, displacement_colors(percent / top))
     sheet = rows_of_views({"after, ": surface}, cameras, above=42.0, below=105.0)
@@ -163,7 +167,7 @@ def displacement_figure(
     told = (
         f"displacement: mean {percent.mean():.2g} %, largest {percent.max():.2g} % of the diagonal"
     )
-    sheet.text(told, (middle, 18.0), size=TITLE, anchor="ma")
+    sheet.text(told, (middle, 18.0), size=TITLE, va="top")
     upper = sheet.height - 110.0
     scale = sheet.axes(middle - 325.0, upper, middle + 325.0, upper + 24.0)
     colors = displacement_colors(np.linspace(0.0, 1.0, 650))[None]
@@ -198,8 +202,8 @@ def crossings(die: FinishedDie) -> Sheet:
     """Where the surface of a die meets itself."""
     assert die.quality is not None
     assert die.reshaped is not None
-    before, after = die.reshaped.before.points, die.reshaped.after
-    cameras = three_cameras(np.concatenate([before, after.points]), die.upward)
+    after = die.reshaped.after
+    cameras = three_cameras(after.points, die.upward)
     return crossings_figure(after.points, after.triangles, die.quality.intersections, cameras)
 
 
@@ -215,10 +219,8 @@ def hull_figure(
     columns = 10
     below = 36.0 * -(-len(labels) // columns)
     sheet = rows_of_views({"": surface}, cameras, shell, below=below)
-    keys = [
-        Patch(color=color, label=label)
-        for color, label in zip(repeated(BASINS, len(labels)), labels, strict=True)
-    ]
+    colors = repeated(BASINS, len(labels))
+    keys = [Patch(color=colors[k], label=label) for k, label in enumerate(labels)]
     place = (0.5, (below + 10.0) / sheet.height)
     sheet.figure.legend(handles=keys, loc="upper center", bbox_to_anchor=place, ncols=columns)
     return sheet
@@ -261,30 +263,24 @@ def rests_figure(
         )
     columns = min(REST_COLUMNS, len(downs))
     size = PIXELS if columns < REST_COLUMNS else 300
-    rise = np.radians(18.0)
-    ups = -downs / np.linalg.norm(downs, axis=1, keepdims=True)
-    above, below = [], []
-    for up in ups:
-        level = _level_view(surface.points, up, front)
-        above.append(Camera(np.cos(rise) * level + np.sin(rise) * up, up, np.zeros(3), 1.0))
-        # As seen when the die is tipped backward, its front upward.
-        below.append(Camera(-up, level, np.zeros(3), 1.0))
-    seen = [with_shadow(surface.points, up) for up in ups]
-    cameras = framed([*above, *below], [*seen, *seen])
-    lying = [
-        render_on_table(surface, up, camera, size) for up, camera in zip(ups, cameras, strict=False)
-    ]
-    undersides = [render(surface, camera, size, shell) for camera in cameras[len(downs) :]]
-    written = [
-        f"{label}: {100.0 * probability:.2f} %"
-        for label, probability in zip(labels, probabilities.tolist(), strict=True)
-    ]
-    pictures, titles = [], []
-    for first in range(0, len(downs), columns):
+    ups = -unit_vectors(downs)
+    levels = [_level_view(surface.points, up, front) for up in ups]
+    cameras = [Camera(lifted(level, up), up) for level, up in zip(levels, ups, strict=True)]
+    # The underside as it is seen when the die is tipped backward, its front upward.
+    cameras += [Camera(-up, level) for level, up in zip(levels, ups, strict=True)]
+    cameras = framed(cameras, 2 * [with_shadow(surface.points, up) for up in ups])
+    count = len(downs)
+    lying = [render_on_table(surface, ups[k], cameras[k], size) for k in range(count)]
+    undersides = [render(surface, camera, size, shell) for camera in cameras[count:]]
+    odds = [f"{label}: {100.0 * p:.2f} %" for label, p in zip(labels, probabilities, strict=True)]
+    below = [f"{label}: underside" for label in labels]
+    pictures: list[Picture] = []
+    titles: list[str] = []
+    for first in range(0, count, columns):
         row = slice(first, first + columns)
         blank = columns - len(labels[row])
-        for views, texts in ((lying, written), (undersides, [f"{x}: underside" for x in labels])):
-            pictures += trim(views[row] + blank * [np.full_like(views[0], 255)])
+        for views, texts in ((lying, odds), (undersides, below)):
+            pictures += views[row] + blank * [np.full_like(views[0], 255)]
             titles += texts[row] + blank * [""]
     return picture_grid(pictures, titles, columns)
 
@@ -293,9 +289,8 @@ def _level_view(points: Floats, up: Floats, front: Floats) -> Floats:
     """The level unit direction (3,) to a viewer who sees points (n, 3) almost from their broad
     side, turned a little, and on the side of the front (3,) where there are two."""
     level = np.eye(3) - np.outer(up, up)
-    spread = (points - points.mean(axis=0)) @ level
-    # In rising order, and the first is that of `up`, along which there is none.
-    _, narrow, long = np.linalg.eigh(spread.T @ spread)[1].T
+    # In rising order of their spread, and the first is `up`, along which there is none.
+    _, narrow, long = np.linalg.eigh(level @ np.cov(points.T) @ level)[1].T
     narrow, long = (axis if axis @ front >= 0.0 else -axis for axis in (narrow, long))
     turn = np.radians(25.0)
     return np.asarray(np.cos(turn) * narrow + np.sin(turn) * long)
@@ -311,3 +306,59 @@ def rests(die: FinishedDie) -> Sheet:
     front = three_cameras(die.plain.body.points, die.upward)[0].direction
     labels = die.result.labels
     return rests_figure(surface_of(die), shell_of(die), downs, labels, outcomes.odds, front)
+
+
+def balance_figure(found: Balanced) -> Sheet:
+    """The body in its most probable pose before and now, and cut open through its center of mass,
+    below bars of the probabilities of the poses that the goal is about, of at most ten of them."""
+    body, views = found.made.body, []
+    assert body.triangles is not None
+    for poses in (found.poses_before, found.poses):
+        turn, move = poses.transforms[0][:3, :3], poses.transforms[0][:3, 3]
+        points = body.points @ turn.T + move
+        camera = camera_on(points, (1.0, -0.7, 0.5), UP)
+        views.append(render(Surface(points, body.triangles), camera, PIXELS))
+    titles = ["before", "now", "cut open, and the center of mass"]
+    sheet = picture_grid([*views, _cut_open(found)], titles, 3, above=650.0)
+    return outcome_chart(
+        ["new" if number is None else str(number) for number in found.numbers[:10]],
+        [Bars("before", FAINT, found.before[:10]), Bars("now", ACCENT, found.odds[:10])],
+        title="odds before and now",
+        x_label="pose, numbered by its odds before",
+        target=None if found.wanted is None else found.wanted[:10],
+        sheet=sheet,
+    )
+
+
+def _cut_open(found: Balanced) -> Picture:
+    """The body cut through its centers of mass, before and now, upright if it can be, with a dot at
+    each."""
+    from dicedesign.geometry.manifold import solid
+
+    made, shift = found.made, found.center - found.center_before
+    assert made.body.triangles is not None
+    across = np.cross(UP, shift)
+    # A cut through both may run any way where they lie above each other.
+    across = unit_vectors(across) if norms(across) > 1e-3 * norms(shift) else np.array([0, -1.0, 0])
+    body = solid(made.body.points, made.body.triangles)
+    parts = [(body, MATERIAL)]
+    if made.sparse is not None:
+        assert made.sparse.triangles is not None
+        sparse = solid(made.sparse.points, made.sparse.triangles)
+        parts = [(body - sparse, MATERIAL), (body ^ sparse, rgb([PALE])[0])]
+    corners, colors = [], []
+    for part, color in parts:
+        half = part.trim_by_plane(tuple(-across), -float(across @ found.center)).to_mesh64()
+        corners.append(np.asarray(half.vert_properties)[:, :3][np.asarray(half.tri_verts)])
+        colors.append(np.tile(color, (len(corners[-1]), 1)))
+    whole = np.concatenate(corners)
+    triangles = np.arange(3 * len(whole)).reshape(-1, 3)
+    cut = color_triangles(whole.reshape(-1, 3), triangles, np.concatenate(colors))
+    camera = camera_on(made.body.points, across + 0.15 * UP, UP)
+    picture = render(cut, camera, PIXELS)
+    rows, columns = np.indices(picture.shape[:2]) + 0.5
+    for center, dot in ((found.center_before, FAINT), (found.center, ACCENT)):
+        column, row, _ = camera.pixel_positions(center, PIXELS)
+        spot = np.hypot(rows - row, columns - column) <= 7.0
+        picture[spot] = np.rint(255.0 * rgb([dot])[0]).astype(np.uint8)
+    return picture

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dicedesign.report.palette import BASINS, rgb
-from dicedesign.report.render.pictures import encoded, trim
-from dicedesign.report.render.raster import Camera, framed, rasterize
-from dicedesign.report.render.renderer import Surface, render
-from dicedesign.report.render.tabletop import shadowed_table
+from dicedesign.report.raster import Camera, encoded, framed, rasterize, trim
+from dicedesign.report.renderer import Surface, render, shadowed_table
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.scenes.room import Room
 

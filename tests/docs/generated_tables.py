@@ -50,7 +50,7 @@ REGISTRIES = {
     "printers": "dicedesign.fabricate.printers:PRINTERS",
     "stages": "dicedesign.recipe.pipeline:STAGES",
     "figures": "dicedesign.report.figures:FIGURES",
-    "kinds of figures": "dicedesign.report.body_figures:BODY_FIGURES",
+    "kinds of figures": "dicedesign.report.figures:BODY_FIGURES",
 }
 """Name of a table, and where its registry is: "module:attribute"."""
 

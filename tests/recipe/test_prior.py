@@ -12,7 +12,7 @@ from dicedesign.errors import RecipeError
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.report.throwing import throwing_advice
+from dicedesign.report.pages import throwing_advice
 from dicedesign.rest.outcomes import outcome_odds
 
 BARE = {"print": False, "figures": False, "report": False, "engrave": False}

@@ -15,13 +15,13 @@ from dicedesign.report.bar_charts import (
     Bars,
     bars_chart,
     before_after_chart,
+    intervals_of_prints,
     outcome_chart,
     rolls_chart,
     table_chart,
 )
 from dicedesign.report.curve_charts import (
-    convergence_of,
-    energy_of,
+    course_of,
     rounds_of,
     trade_off_of,
 )
@@ -32,7 +32,7 @@ from dicedesign.results.result import Step
 from dicedesign.throws.goodness_of_fit import judge_rolls
 
 TARGET, ODDS = [0.25, 0.5, 0.25], [0.2, 0.5, 0.3]
-INTERVALS = [[0.15, 0.25], [0.45, 0.55], [0.28, 0.33]]
+INTERVALS = [[0.15, 0.25], [0.45, 0.55], [0.24, 0.33]]
 
 
 def heights(sheet: Sheet) -> dict[str, list[float]]:
@@ -53,7 +53,8 @@ def limits(sheet: Sheet) -> list[np.ndarray]:
 
 
 def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
-    kinds = [Bars.written("one", FAINT, ODDS), Bars("two", ACCENT, TARGET, INTERVALS, "range")]
+    two = Bars("two", ACCENT, TARGET, INTERVALS, "range", ())
+    kinds = [Bars("one", FAINT, ODDS), two]
     sheet = outcome_chart(["a", "b", "$c$"], kinds, title="title", x_label="x", target=TARGET)
     assert is_whole(sheet)
     (axes,) = sheet.figure.axes
@@ -75,7 +76,8 @@ def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
 def test_values_are_written_for_few_outcomes(count: int, values: int) -> None:
     odds = np.full(count, 1.0 / count)
     labels = [f"no. {k}" for k in range(count)]
-    kinds = [Bars.written("p", PALE, odds)] + [Bars(f"kind number {k}", PALE, odds) for k in "abcd"]
+    others = [Bars(f"kind number {k}", PALE, odds, values=()) for k in "abcd"]
+    kinds = [Bars("p", PALE, odds), *others]
     sheet = outcome_chart(labels, kinds, title="TITLE", x_label="")
     assert sheet.texts.count(f"{100.0 / count:.2f}") == values
     # However long the labels are, and however many rows the legend has.
@@ -104,14 +106,12 @@ def test_counts_of_throws_with_their_intervals() -> None:
 
 
 def test_bars_of_prints_hold_95_percent_of_them() -> None:
-    bars = Bars.written("die", ACCENT, ODDS)
-    assert bars.of_prints(None) is bars
     odds_of_prints = np.random.default_rng(0).normal(ODDS, [0.01, 0.02, 0.03], size=(100_000, 3))
-    ends = np.asarray(bars.of_prints([0.01, 0.02, 0.03]).intervals)
+    ends = intervals_of_prints(ODDS, [0.01, 0.02, 0.03])
     within = (odds_of_prints > ends[:, 0]) & (odds_of_prints < ends[:, 1])
     np.testing.assert_allclose(within.mean(axis=0), 0.95, atol=0.005)
     # Probabilities are none below 0.
-    wide = np.asarray(bars.of_prints([0.5, 0.0, 0.0]).intervals)
+    wide = intervals_of_prints(ODDS, [0.5, 0.0, 0.0])
     np.testing.assert_allclose(wide, [[0.0, 1.0], [0.5, 0.5], [0.3, 0.3]])
 
 
@@ -186,7 +186,7 @@ def course(sheet: Sheet, column: int) -> list[np.ndarray]:
 @pytest.mark.parametrize("count", [1, 1000])
 def test_error_and_energy_over_time(count: int) -> None:
     steps = history(count)
-    sheet = convergence_of(steps, 1e-3)
+    sheet = course_of(steps, 1e-3)
     left, right = sheet.figure.axes
     low, high = left.get_ylim()
     assert low < 1e-3 < high
@@ -195,7 +195,7 @@ def test_error_and_energy_over_time(count: int) -> None:
     np.testing.assert_allclose(energies, [(s.seconds, s.energy) for s in steps])
     assert right.get_yscale() == ("log" if count == 1000 else "linear")
     assert is_whole(sheet)
-    clockless = convergence_of([replace(step, seconds=None) for step in steps], 1e-3)
+    clockless = course_of([replace(step, seconds=None) for step in steps], 1e-3)
     np.testing.assert_allclose(course(clockless, 0)[0][:, 0], range(count))
     assert not any("time" in text for text in clockless.texts)
 
@@ -203,7 +203,7 @@ def test_error_and_energy_over_time(count: int) -> None:
 @pytest.mark.parametrize("start", [0.1, 0.0])
 def test_errors_of_zero_are_drawn_on_the_border(start: float) -> None:
     steps = [Step(0, 0.0, 1.0, start), Step(1, 0.5, 0.0, 0.0)]
-    sheet = convergence_of(steps, 1e-4)
+    sheet = course_of(steps, 1e-4)
     left = sheet.figure.axes[0]
     assert course(sheet, 0)[0][-1, 1] == left.get_ylim()[0]
     assert left.get_yticklabels()[0].get_text() == "0"
@@ -213,7 +213,7 @@ def test_errors_of_zero_are_drawn_on_the_border(start: float) -> None:
 def test_of_preferences_the_energy_is_drawn_from_where_they_begin() -> None:
     steps = history(20)
     steps[12:] = [replace(step, terms={"preferences": 1.0}) for step in steps[12:]]
-    sheet = convergence_of(steps, 1e-3)
+    sheet = course_of(steps, 1e-3)
     assert len(course(sheet, 0)[0]) == 20
     assert course(sheet, 1)[0][:, 1].tolist() == [step.energy for step in steps[12:]]
     assert "energy of preferences" in sheet.texts
@@ -229,7 +229,7 @@ STAGES = [
 
 
 def test_each_stage_has_its_stretch_and_its_curve() -> None:
-    sheet = energy_of(STAGES)
+    sheet = course_of(STAGES, 1e-4)
     for axes in sheet.figure.axes:
         spans = [(b.get_x(), b.get_x() + b.get_width(), b.get_label()) for b in axes.patches]
         assert spans == [(0.0, 1.0, "hull"), (1.0, 3.0, "fill"), (3.0, 3.5, "hull")]
@@ -241,13 +241,12 @@ def test_each_stage_has_its_stretch_and_its_curve() -> None:
     assert sheet.texts.count("hull") == 1
     assert is_whole(sheet)
     for error, told in ((None, "not known"), (0.0, "0")):
-        assert told in energy_of([replace(s, max_abs_error=error) for s in STAGES]).texts
+        assert told in course_of([replace(s, max_abs_error=error) for s in STAGES], 1e-4).texts
 
 
 def test_an_empty_history_is_refused() -> None:
-    for draw in (lambda: convergence_of([], 0.1), lambda: energy_of([])):
-        with pytest.raises(InputError, match="at least one step"):
-            draw()
+    with pytest.raises(InputError, match="at least one step"):
+        course_of([], 0.1)
 
 
 def test_rounds_against_all_throws_so_far() -> None:

@@ -13,14 +13,14 @@ from common.parsed_html import parsed
 
 from dicedesign.report.figures import FIGURES, Figure, figure_files
 from dicedesign.report.pages import die_page
-from dicedesign.report.render.pictures import decoded, encoded
+from dicedesign.report.raster import decoded, encoded
 from dicedesign.report.sheet import Sheet, picture_grid
 
 
 def test_a_png_repeats_and_has_no_metadata() -> None:
     def draw() -> Sheet:
         sheet = Sheet(200, 100)
-        sheet.text("text", (150.0, 50.0), halo=True)
+        sheet.text("text", (150.0, 50.0), color="red")
         sheet.text("$no formula \u4e09", (100.0, 20.0))
         return sheet
 

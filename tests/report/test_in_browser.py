@@ -114,9 +114,9 @@ def test_the_map_shows_its_basin_in_view_and_table(opened: Opened, fair_d3: Path
     scale = box["width"] / MAP_SIZE[0]
     for facet, found in enumerate(facets(fair_d3)):
         normal = np.array(found["normal"])
-        placed = max(placed_discs(poses), key=lambda disc: float(disc.disc.axis @ normal))
+        disc = max(placed_discs(poses), key=lambda disc: float(disc.heights(normal)))
         # A little aside of its middle, where the figure has a dot.
-        x, y = scale * placed.on_paper(placed.disc.project(normal)) + [4.0, 4.0]
+        x, y = scale * disc.to_paper(disc.project(normal)) + [4.0, 4.0]
         opened.page.mouse.move(box["x"] + x, box["y"] + y)
         opened.settle()
         assert opened.shown() == {("tr", str(facet)), ("path", str(facet))}

@@ -9,10 +9,15 @@ import pytest
 import trimesh
 from common.kernels import without_kernels
 
-from dicedesign.report.render.raster import Camera, rasterize
-from dicedesign.report.render.renderer import Shell, Surface, render
-from dicedesign.report.render.shading import brightness, corner_normals
-from dicedesign.report.render.tabletop import shadowed_table
+from dicedesign.report.raster import Camera, rasterize
+from dicedesign.report.renderer import (
+    Shell,
+    Surface,
+    brightness,
+    corner_normals,
+    render,
+    shadowed_table,
+)
 
 
 def render_view(points: np.ndarray, triangles: np.ndarray, camera: Camera, size: int) -> np.ndarray:

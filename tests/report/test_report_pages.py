@@ -14,8 +14,7 @@ from common.parsed_html import Checker, parsed
 from dicedesign.errors import InputError
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.report.figures import FIGURES
-from dicedesign.report.pages import die_page
-from dicedesign.report.throwing import throwing_advice, throws_told
+from dicedesign.report.pages import die_page, throwing_advice, throws_told
 from dicedesign.results.parts import (
     Draft,
     PrintedLabel,

@@ -6,22 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.drawings import painted
+from common.drawings import is_whole, painted
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import LabelPlace, Placement, die_readings, place_labels
-from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
+from dicedesign.fabricate.label_layout import Placement, place_labels
+from dicedesign.fabricate.print_orientation import PrintedSolid, placement_on_bed
 from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.recipe.pipeline import Work, run_stages
+from dicedesign.recipe.pipeline import run_stages
+from dicedesign.recipe.work import Work
 from dicedesign.report.palette import ACCENT, DARK, rgb
-from dicedesign.report.render.renderer import Surface
+from dicedesign.report.renderer import Surface
 from dicedesign.report.solid_figures import (
+    Ablation,
     Face,
+    ablation_figure,
     faces_figure,
     faces_of,
     paint_labels,
@@ -29,6 +32,7 @@ from dicedesign.report.solid_figures import (
     reading_figure,
     views_figure,
 )
+from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 from tests.reference.solids import PLATONIC
 
@@ -37,8 +41,15 @@ BOX = np.array([(x, y, z) for x in (-9, 9) for y in (-6, 6) for z in (-4, 4)], d
 
 def labelled(texts: list[str], facets: list[int]):
     hull = convex_hull(BOX)
-    places = die_readings(hull, np.array(facets), texts, "down")[0].places
-    return hull, place_labels(places, EngravingOptions(), hull.diameter)
+    placements = place_labels(
+        texts,
+        [hull.polygon(facet) for facet in facets],
+        hull.normals[facets],
+        facets,
+        EngravingOptions(),
+        hull.diameter,
+    )
+    return hull, placements
 
 
 def test_faces_are_those_of_the_hull_with_the_areas_of_their_labels() -> None:
@@ -62,8 +73,9 @@ def test_of_many_faces_only_those_with_labels_are_drawn() -> None:
     hull = convex_hull(40.0 * points / np.linalg.norm(points, axis=1, keepdims=True))
     facet = int(hull.areas.argmax())
     options = EngravingOptions(min_height_mm=0.1)
-    places = die_readings(hull, np.array([facet]), ["1"], "down")[0].places
-    placements = place_labels(places, options, hull.diameter)
+    placements = place_labels(
+        ["1"], [hull.polygon(facet)], [hull.normals[facet]], [facet], options, hull.diameter
+    )
     assert len(hull.normals) > 60
     (face,) = faces_of(hull, placements, {facet: "1"})
     assert face.title == "1"
@@ -131,11 +143,11 @@ def engraved(points: Floats, directions: Floats, read: str, style: str = "engrav
     return work
 
 
-def labels_of(work: Work, outcome: int) -> list[tuple[LabelPlace, Placement]]:
+def labels_of(work: Work, outcome: int) -> list[Placement]:
     assert work.engraved is not None
     assert work.reading is not None
     pairs = zip(work.reading.places, work.engraved.placements, strict=True)
-    return [(place, placement) for place, placement in pairs if place.outcome == outcome]
+    return [placement for place, placement in pairs if place.outcome == outcome]
 
 
 def area_of_color(surface: Surface, color: Floats) -> float:
@@ -166,11 +178,11 @@ def test_what_is_in_colour_is_the_label_that_is_read(
         mine = labels_of(work, outcome)
         assert len(mine) == places
         surface = paint_labels(work.engraved.points, work.engraved.triangles, mine)
-        area = sum(placement.section().area() for _, placement in mine)
+        area = sum(placement.section().area() for placement in mine)
         label_color, facet_color = rgb([ACCENT, "#f2dd6e"])
         assert area_of_color(surface, label_color) == pytest.approx(area, rel=1e-3)
         if places == 1:
-            facet = work.solid.poses.hull.areas[mine[0][0].facet]
+            facet = work.solid.poses.hull.areas[mine[0].facet]
             assert area_of_color(surface, facet_color) == pytest.approx(facet - area, rel=0.01)
 
 
@@ -179,7 +191,7 @@ def test_the_straight_view_shows_the_label() -> None:
     work = engraved(box(1.0, 1.0, 1.0), SIDES, "up")
     assert work.engraved is not None
     mine = labels_of(work, 2)
-    ((place, placement),) = mine
+    (placement,) = mine
     surface = paint_labels(work.engraved.points, work.engraved.triangles, mine)
     sheet = reading_figure(
         surface,
@@ -194,5 +206,33 @@ def test_the_straight_view_shows_the_label() -> None:
     seen = (picture < 255).any(axis=-1)
     part = (seen & (red > 2 * green)).sum() / seen.sum()
     area = placement.section().area()
-    assert part == pytest.approx(area / work.solid.poses.hull.areas[place.facet], rel=0.1)
+    assert part == pytest.approx(area / work.solid.poses.hull.areas[placement.facet], rel=0.1)
     assert (blue[seen] < red[seen]).all()
+
+
+def share_like_accent(picture: np.ndarray) -> float:
+    """Part of the drawn pixels whose red, green and blue are in the proportions of the accent."""
+    pixels = picture.reshape(-1, 3).astype(float)
+    pixels = pixels[(pixels < 255).any(axis=1)]
+    accent = rgb([ACCENT])[0]
+    cosines = pixels @ accent / (np.linalg.norm(pixels, axis=1) * np.linalg.norm(accent))
+    return float((cosines > 0.995).mean())
+
+
+def test_further_rests_are_told_and_shown() -> None:
+    poses = rest_poses(box(1.0, 1.0, 1.0))
+    clean = Ablation("all terms", 1e-3, poses, np.arange(6))
+    # Opposite facets for one outcome: three of the six rests are further ones.
+    opposite = np.abs(poses.normals).argmax(axis=1)
+    doubled = Ablation("without coplanar", 0.25, poses, opposite)
+    figure = ablation_figure([clean, doubled])
+    assert is_whole(figure)
+    text = " ".join(figure.texts)
+    assert "6 rests for 6 of them" in text
+    assert "6 rests for 3 of them, up to 180.0° off" in text
+    assert "2.5e-01" in text
+    assert text.count("outcomes 90° apart") == 2
+    shares = [share_like_accent(picture) for picture in figure.pictures]
+    assert len(shares) == 4
+    assert max(shares[:2]) < 0.02
+    assert sum(shares[2:]) > 0.3

@@ -10,8 +10,8 @@ from common.drawings import is_whole, painted
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.report.palette import BASINS, repeated, rgb
-from dicedesign.report.render.raster import Camera, three_cameras
-from dicedesign.report.render.renderer import Shell, Surface
+from dicedesign.report.raster import Camera, three_cameras
+from dicedesign.report.renderer import Shell, Surface
 from dicedesign.report.sheet import Sheet
 from dicedesign.report.surface_figures import (
     before_after_figure,
@@ -20,6 +20,7 @@ from dicedesign.report.surface_figures import (
     hull_figure,
     outcome_tints,
     rests_figure,
+    rows_of_views,
 )
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -71,16 +72,15 @@ def test_before_and_after_are_drawn_at_one_scale() -> None:
     mesh = dumbbell()
     before = np.asarray(mesh.vertices)
     after = 0.5 * before
-    cameras = three_cameras(before, UP)
     both = Surface(before, mesh.faces), Surface(after, mesh.faces)
-    figure = before_after_figure(*both, cameras)
+    figure = before_after_figure(*both, UP)
     assert figure.texts == [f"{name}, view {k}" for name in ("before", "after") for k in (1, 2, 3)]
     sizes = [
         np.ptp(np.nonzero((picture < 255).any(axis=2)), axis=1) + 1 for picture in figure.pictures
     ]
     for large, small in zip(sizes[:3], sizes[3:], strict=True):
         np.testing.assert_allclose(small, 0.5 * large, atol=1.5)
-    assert figure.png() == before_after_figure(*both, cameras).png()
+    assert figure.png() == before_after_figure(*both, UP).png()
 
 
 def hull_of(mesh: trimesh.Trimesh, downs: np.ndarray) -> Shell:
@@ -127,7 +127,7 @@ def test_the_overlay_shows_the_hull_and_its_rests() -> None:
     assert share_tinted(first, plain[0], colors[1]) == 0.0
     assert share_tinted(second, plain[1], colors[1]) > 0.2
     # The hull covers more than the surface alone.
-    bare = before_after_figure(surface, surface, cameras[1:]).pictures[0]
+    bare = rows_of_views({"": surface}, cameras[1:]).pictures[0]
     assert (second < 255).any(axis=2).sum() > 1.1 * (bare < 255).any(axis=2).sum()
     assert is_whole(figure)
 

@@ -1,4 +1,4 @@
-// Pictures by a depth buffer: `rasterize` in dicedesign/report/render/raster.py.
+// Pictures by a depth buffer: `rasterize` in dicedesign/report/raster.py.
 #pragma once
 
 #include <vector>

@@ -1,27 +1,54 @@
-"""Orthographic cameras, and which triangle they see in each pixel."""
+"""Pictures of pixels, orthographic cameras, and which triangle these see in each pixel."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
+from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
+
+Picture: TypeAlias = NDArray[np.uint8]
+"""(h, w, 3) red, green and blue."""
 
 UPRIGHT: Final = (".stl", ".3mf", ".xyz")
 """Files of programs for printing and construction, whose z axis is upward; in those of programs
 for pictures it is y."""
 
+UP: Final = np.array([0.0, 0.0, 1.0])
+
 TURNS_DEG: Final = (35.0, 155.0, 275.0)
 
-RISE_DEG: Final = 15.0
-
 MARGIN: Final = 1.08
+
+
+def encoded(picture: Picture) -> bytes:
+    """A picture as a PNG."""
+    buffer = BytesIO()
+    Image.fromarray(picture).save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()
+
+
+def decoded(png: bytes) -> Picture:
+    """A PNG as a picture."""
+    return np.asarray(Image.open(BytesIO(png)).convert("RGB"))
+
+
+def trim(pictures: Sequence[Picture]) -> list[Picture]:
+    """Pictures (h, w, 3) of one size without the rows above and below that are white in all of
+    them, but for a margin of 8."""
+    used = np.flatnonzero((np.stack(pictures) < 255).any(axis=(0, 2, 3)))
+    if len(used) == 0:
+        return list(pictures)
+    return [picture[max(used[0] - 8, 0) : used[-1] + 9] for picture in pictures]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +65,14 @@ class Camera:
 
     direction: Floats
     up: Floats
-    center: Floats
-    half_width: float
+    center: Floats = field(default_factory=lambda: np.zeros(3))
+    half_width: float = 1.0
 
     def frame(self) -> Floats:
         """(3, 3) rows right, up and toward the camera, all unit."""
-        toward = self.direction / np.linalg.norm(self.direction)
-        right = np.cross(self.up, toward)
-        right = right / np.linalg.norm(right)
-        return np.stack([right, np.cross(toward, right), toward])
+        right = np.cross(self.up, self.direction)
+        axes = np.stack([right, np.cross(self.direction, right), self.direction])
+        return unit_vectors(axes)
 
     def pixel_positions(self, vertices: Floats, size: int) -> Floats:
         """Vertices (n, 3) as column, row from the top, and depth toward the camera, in pixels of a
@@ -56,24 +82,28 @@ class Camera:
         return positions * np.array([1.0, -1.0, 1.0]) + np.array([size / 2.0, size / 2.0, 0.0])
 
 
-def three_cameras(points: Floats, up: Floats) -> list[Camera]:
+def lifted(level: Floats, up: Floats, degrees: float = 18.0) -> Floats:
+    """A level unit direction (3,), turned by an angle toward the upward one (3,), a unit vector
+    too."""
+    rise = np.radians(degrees)
+    return np.asarray(np.cos(rise) * level + np.sin(rise) * up)
+
+
+def three_cameras(
+    points: Floats, up: Floats, turns_deg: Sequence[float] = TURNS_DEG
+) -> list[Camera]:
     """Cameras around points, 120 degrees apart and a little above them, all at one scale.
 
     points: (n, 3) in any length unit, all of which are seen; up: (3,) upward in the pictures, of
-    any length above 0. The first camera looks at the body's front, which is +z where y is upward
-    and -y where z is, from the right.
+    any length above 0; turns_deg: angle of each camera from the body's front, which is +z where y
+    is upward and -y where z is, to the right.
     """
-    upward = up / np.linalg.norm(up)
+    upward = up / norms(up)
     right = np.eye(3)[int(abs(upward[0]) > np.sqrt(0.5))]
-    right = right - (right @ upward) * upward
-    right = right / np.linalg.norm(right)
+    right = unit_vectors(right - (right @ upward) * upward)
     front = np.cross(right, upward)
-    rise = np.radians(RISE_DEG)
-    cameras = []
-    for turn in np.radians(TURNS_DEG):
-        level = np.cos(turn) * front + np.sin(turn) * right
-        direction = np.cos(rise) * level + np.sin(rise) * upward
-        cameras.append(Camera(direction, upward, np.zeros(3), 1.0))
+    levels = [np.cos(turn) * front + np.sin(turn) * right for turn in np.radians(turns_deg)]
+    cameras = [Camera(lifted(level, upward, 15.0), upward) for level in levels]
     return framed(cameras, [points] * len(cameras))
 
 
@@ -97,7 +127,7 @@ def framed(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[Camera]:
 def camera_on(points: Floats, direction: ArrayLike, up: ArrayLike) -> Camera:
     """Camera that has points (n, 3) in its picture, whichever direction it looks from."""
     center = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    radius = 1.03 * float(np.linalg.norm(points - center, axis=1).max())
+    radius = 1.03 * float(norms(points - center).max())
     return Camera(np.asarray(direction, float), np.asarray(up, float), center, radius)
 
 

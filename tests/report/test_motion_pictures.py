@@ -1,4 +1,4 @@
-"""Pictures of throws: where the die is in them, and that they move."""
+"""Pictures of motions: where the die is in throws and that it moves, and rolls moment by moment."""
 
 from __future__ import annotations
 
@@ -6,15 +6,25 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+import trimesh
+from common.drawings import is_whole
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.report.throw_pictures import FilmedDie, film_figure, moving_picture
-from dicedesign.rest.poses import rest_poses
+from dicedesign.report.figures import MOST_TRIANGLES, drawn_surface
+from dicedesign.report.motion_pictures import (
+    MOMENTS,
+    FilmedDie,
+    drop_figure,
+    film_figure,
+    moving_picture,
+)
+from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.rest.roll import RollStep, roll_steps
+from dicedesign.throws.film import Film
 from dicedesign.throws.rigid_body import rigid_body
-from dicedesign.throws.simulation import Film
 from dicedesign.throws.tables import Table
 
 CENTER = np.array([7.0, -3.0, 2.0])
@@ -110,3 +120,52 @@ def test_a_die_that_does_not_move_is_seen() -> None:
     pictures, _, _ = frames_of(moving_picture(filmed(film)))
     assert colored(pictures[0])[0] == pytest.approx(240.0, abs=1.0)
     assert len(film_figure(filmed(film)).pictures) == 2
+
+
+def rolled(mesh: trimesh.Trimesh, down: list[float]) -> tuple[RestPoses, tuple[RollStep, ...]]:
+    poses = rest_poses(mesh)
+    return poses, roll_steps(poses.morse.equilibria, down)
+
+
+def test_a_falling_tower_is_shown_from_corner_to_side() -> None:
+    mesh = trimesh.creation.box((1.0, 1.2, 4.0))
+    poses, steps = rolled(mesh, [0.5, 0.2, 0.6])
+    surface = drawn_surface(mesh.vertices, mesh.faces, poses.hull)
+    figure = drop_figure(surface, poses, steps[0].down)
+    assert is_whole(figure)
+    grid, sphere = figure.pictures
+    assert grid.shape[0] > 250
+    assert sphere.shape[1] > 1000
+    ink = (grid[70:] < 200).any(axis=(0, 2))
+    starts = np.flatnonzero(ink[1:] & ~ink[:-1])
+    # As many bodies side by side as the contact changed.
+    assert len(starts) == len(steps)
+
+
+def test_a_roll_of_many_contacts_is_shown_in_few_pictures() -> None:
+    points = np.random.default_rng(1).normal(size=(300, 3))
+    mesh = trimesh.convex.convex_hull(points / np.linalg.norm(points, axis=1, keepdims=True))
+    mesh.vertices[:, 2] *= 2.0
+    mesh = trimesh.convex.convex_hull(mesh.vertices)
+    poses, steps = rolled(mesh, [0.1, 0.05, 1.0])
+    assert len(steps) > MOMENTS
+    surface = drawn_surface(mesh.vertices, mesh.faces, poses.hull)
+    figure = drop_figure(surface, poses, steps[0].down)
+    assert figure.pictures[0].shape[1] <= 5 * 324 + 24
+    assert figure.png() == drop_figure(surface, poses, steps[0].down).png()
+
+
+def test_a_body_at_rest_is_one_picture() -> None:
+    mesh = trimesh.creation.box((1.0, 1.2, 4.0))
+    poses, steps = rolled(mesh, [1.0, 0.0, 0.0])
+    assert len(steps) == 1
+    surface = drawn_surface(mesh.vertices, mesh.faces, poses.hull)
+    assert is_whole(drop_figure(surface, poses, steps[0].down))
+
+
+def test_what_is_drawn_of_points_and_of_too_many_triangles_is_the_hull() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    hull = rest_poses(mesh.vertices).hull
+    for triangles in (None, np.zeros((MOST_TRIANGLES + 1, 3), dtype=np.int64)):
+        assert drawn_surface(mesh.vertices, triangles, hull).points is hull.vertices
+    assert drawn_surface(mesh.vertices, mesh.faces, hull).points is mesh.vertices

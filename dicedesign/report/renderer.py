@@ -1,0 +1,367 @@
+"""Pictures of a solid: flat or smooth, perhaps coloured, within a shell of glass, or on a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.report.raster import Camera, Picture, rasterize
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
+
+MATERIAL: Final = np.array([0.94, 0.88, 0.76])
+"""Colour of a die under full light."""
+
+LINE: Final = np.array([0.20, 0.18, 0.16])
+"""Colour of outlines."""
+
+SAMPLES: Final = 2
+"""Samples along a side of each pixel."""
+
+LIGHT: Final = np.array([-0.40, 0.55, 0.73])
+
+AMBIENT: Final = 0.38
+
+RECESS_SHADE: Final = 0.45
+
+PAINT_SHADE: Final = 0.55
+"""Of the shading of coloured surfaces: weak, as darkness may have a meaning there."""
+
+SMOOTH_DEGREES: Final = 35.0
+
+SHARP_DEGREES: Final = 20.0
+
+STEP_SAMPLES: Final = 2.0
+
+GLASS: Final = np.array([0.52, 0.57, 0.62])
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A surface to draw.
+
+    Attributes
+    ----------
+    points: (n, 3) in any length unit.
+    triangles: (t, 3), oriented alike where the surface is smooth; both sides are drawn alike.
+    colors: (n, 3) red, green and blue of each point from 0 to 1, or None for the material of dice.
+    smooth: whether the triangles stand for a smooth surface, whose edges are not outlined, unlike
+        those of a solid with flat faces that are sharper than 20 degrees.
+    """
+
+    points: Floats
+    triangles: Integers
+    colors: Floats | None = None
+    smooth: bool = True
+
+    @cached_property
+    def corner_normals(self) -> Floats:
+        """(t, 3, 3), see `corner_normals`."""
+        return corner_normals(self.points, self.triangles)
+
+
+def color_triangles(points: Floats, triangles: Integers, colors: Floats) -> Surface:
+    """A solid with flat faces whose triangles (t, 3) have colors (t, 3) of their own."""
+    corners = points[triangles].reshape(-1, 3)
+    flat = np.arange(len(corners)).reshape(-1, 3)
+    return Surface(corners, flat, colors.repeat(3, axis=0), smooth=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Shell:
+    """A convex shell of glass around a surface.
+
+    Attributes
+    ----------
+    vertices: (v, 3) in the length unit of the surface.
+    triangles: (h, 3).
+    tints: (h, 3) red, green and blue from 0 to 1 of tinted triangles, and NaN of clear ones.
+    """
+
+    vertices: Floats
+    triangles: Integers
+    tints: Floats
+
+
+def render(
+    surface: Surface,
+    camera: Camera,
+    size: int,
+    shell: Shell | None = None,
+    backdrop: Floats | None = None,
+) -> Picture:
+    """Picture of a surface, lit from the upper left, with silhouettes and steps outlined.
+
+    Recesses are darker than their surroundings. Of a shell, the edges are drawn and the tinted
+    triangles coloured, those on its far side paler.
+
+    Parameters
+    ----------
+    surface: what to draw.
+    camera: where to look from.
+    size: pixels a side, above 0.
+    shell: around the surface, or None.
+    backdrop: (size, size) brightness from 0 to 1 of the paper behind, or None for white.
+
+    Returns
+    -------
+    (size, size, 3) uint8.
+    """
+    paper = np.ones((size, size)) if backdrop is None else backdrop
+    picture = np.rint(255.0 * paper).astype(np.uint8)[..., None].repeat(3, axis=2)
+    places = camera.pixel_positions(surface.points, size)
+    around = places if shell is None else camera.pixel_positions(shell.vertices, size)
+    # Only the square of pixels that shows something is drawn, with two around it for the outline.
+    ends = np.stack([np.floor(around.min(axis=0)) - 2.0, np.ceil(around.max(axis=0)) + 2.0])
+    low, high = ends[:, :2].astype(np.int64).clip(0, size)
+    if (high <= low).any():
+        return picture
+    side = int((high - low).max())
+    column, row = low.clip(max=size - side)
+    window = picture[row : row + side, column : column + side]
+    corner = np.array([column, row, 0.0])
+    layers = [_surface_layer(surface, SAMPLES * (places - corner), camera, side)]
+    if shell is not None:
+        positions = SAMPLES * (around - corner)
+        far = _glass_layer(positions * [1.0, 1.0, -1.0], shell, side, 0.6)
+        layers = [far, *layers, _glass_layer(positions, shell, side, 1.0)]
+    mixed = window / 255.0
+    for color, opacity in layers:
+        mixed = mixed * (1.0 - opacity) + color
+    window[:] = np.rint(255.0 * mixed)
+    return picture
+
+
+def _surface_layer(
+    surface: Surface, positions: Floats, camera: Camera, side: int
+) -> tuple[Floats, Floats]:
+    """Colours (side, side, 3) times opacities, and these (side, side, 1), of the surface with
+    points at positions (n, 3), in samples of a window of a side in pixels."""
+    fine = SAMPLES * side
+    seen, depth = rasterize(positions, surface.triangles, fine)
+    covered = seen >= 0
+    flat = _facing_normals(positions, surface.triangles)
+    line = _outline(seen, flat, depth, 180.0 if surface.smooth else SHARP_DEGREES)
+    lines = (0.8 if surface.smooth else 1.0) * line.reshape(fine, fine, 1)
+    left = covered[..., None] - lines * covered[..., None]
+    share, height = sample_means(covered * 1.0), sample_means(np.where(covered, depth, 0.0))
+    recess = _recess_shade(share, height, 0.02 * side)
+    sample = np.flatnonzero(covered)
+    triangle = seen.ravel()[sample]
+    if surface.smooth or surface.colors is not None:
+        corners = positions[surface.triangles]
+        weights, is_front = _weights(corners, triangle, *np.divmod(sample, fine))
+    if surface.smooth:
+        turned = surface.corner_normals @ camera.frame().T
+        normals = _mix(turned, triangle, weights) * np.where(is_front, 1.0, -1.0)[:, None]
+        lengths = norms(normals)[:, None]
+        shade = brightness(normals / np.where(lengths > 0.0, lengths, 1.0))
+    else:
+        shade = brightness(flat)[triangle]
+    if surface.colors is None:
+        full, tint = recess[..., None] * MATERIAL, shade[:, None]
+    else:
+        behind = recess.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1).ravel()[sample]
+        dark = 1.0 - shade * behind
+        colors = _mix(surface.colors[surface.triangles], triangle, weights)
+        full, tint = np.ones(3), colors * (1.0 - PAINT_SHADE * dark)[:, None]
+    samples = np.zeros((fine * fine, tint.shape[1]))
+    samples[sample] = tint * left.reshape(-1, 1)[sample]
+    color = full * sample_means(samples.reshape(fine, fine, -1))
+    lined = sample_means(lines)
+    return color + lined * LINE, sample_means(left) + lined
+
+
+def _glass_layer(
+    positions: Floats, shell: Shell, side: int, strength: float
+) -> tuple[Floats, Floats]:
+    """The side of a shell that is nearer to the camera, as the surface's layer."""
+    seen, depth = rasterize(positions, shell.triangles, SAMPLES * side)
+    normals = _facing_normals(positions, shell.triangles)
+    clear = np.isnan(shell.tints[:, :1])
+    opacity = strength * np.where(clear, 0.1 + 0.2 * (1.0 - normals[:, 2:]) ** 2, 0.7)
+    glass = np.hstack([opacity * np.where(clear, GLASS, shell.tints), opacity])
+    # What sees nothing has the number -1, that of the last.
+    samples = np.vstack([glass, np.zeros(4)])[seen]
+    # Facets of more than three corners are several triangles.
+    edge = _outline(seen, normals, depth, 1.0).reshape(seen.shape)
+    samples[edge] += 0.2 * strength * (np.append(LINE, 1.0) - samples[edge])
+    pixels = sample_means(samples)
+    return pixels[..., :3], pixels[..., 3:]
+
+
+def brightness(normals: Floats) -> Floats:
+    """(...) share of the material's colour that surfaces of unit normals (..., 3) show, with x to
+    the right, y up and z to the camera; the light comes from the upper left."""
+    return AMBIENT + (1.0 - AMBIENT) * (normals @ LIGHT).clip(0.0)
+
+
+def sample_means(samples: NDArray[Any]) -> Floats:
+    """(h, w, ...) of (h `SAMPLES`, w `SAMPLES`, ...): the mean of the samples of each pixel."""
+    rows = samples[::2] + samples[1::2]
+    return np.asarray((rows[:, ::2] + rows[:, 1::2]) / SAMPLES**2)
+
+
+def _facing_normals(positions: Floats, triangles: Integers) -> Floats:
+    """Unit normals (t, 3) of triangles at positions (n, 3) in pixels, turned to the camera, with x
+    to the right, y up and z to the camera; those of triangles without area, which no pixel sees,
+    are 0."""
+    normals = doubled_area_vectors(positions * np.array([1.0, -1.0, 1.0]), triangles)
+    return _at_length_1(normals * np.where(normals[:, 2:] < 0.0, -1.0, 1.0))
+
+
+def _at_length_1(vectors: Floats) -> Floats:
+    """Vectors (t, 3) at length 1, but those that are 0."""
+    lengths = norms(vectors)[:, None]
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def _weights(
+    corners: Floats, triangle: Integers, row: NDArray[np.intp], column: NDArray[np.intp]
+) -> tuple[Floats, Booleans]:
+    """Barycentric coordinates (m, 3) of samples' centres in triangles that they see, and whether
+    these are seen from outside.
+
+    corners: (t, 3, 3) of triangles, column, row and depth; triangle: (m,) of each sample; row,
+    column: (m,) of the samples.
+    """
+    first, one, other = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    doubled = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    # The few samples in slivers take their first corner.
+    scale = np.where(np.abs(doubled) > 1e-6, doubled, np.inf)[triangle]
+    x, y = column + 0.5 - first[triangle, 0], row + 0.5 - first[triangle, 1]
+    second = (x * other[triangle, 1] - y * other[triangle, 0]) / scale
+    third = (y * one[triangle, 0] - x * one[triangle, 1]) / scale
+    weights = np.stack([1.0 - second - third, second, third], axis=1).clip(0.0, 1.0)
+    return weights / weights.sum(axis=1, keepdims=True), doubled[triangle] < 0.0
+
+
+def _mix(values: Floats, triangle: Integers, weights: Floats) -> Floats:
+    """Values at corners (t, 3, 3) as means (m, 3) by weights (m, 3) over triangles (m,)."""
+    return np.asarray(np.einsum("mk,mkc->mc", weights, values[triangle]))
+
+
+def blurred(pixels: Floats, reach: float) -> Floats:
+    """Pixels (h, w), beyond which all is 0, blurred almost as by a Gaussian.
+
+    reach: standard deviation in pixels, above 0. Three means over as many pixels have it.
+    """
+    half = max(round((np.sqrt(4.0 * reach**2 + 1.0) - 1.0) / 2.0), 1)
+    for _ in range(3):
+        pixels = uniform_filter(pixels, 2 * half + 1, mode="constant")
+    return pixels
+
+
+def _recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
+    """Share of their light that pixels (h, w) keep, less the farther they lie behind the mean of
+    the surface around them.
+
+    coverage: the share of each pixel that sees the surface; height: its mean depth in samples
+    where the rest counts as 0; reach: of the surroundings, in pixels.
+    """
+    here = height / np.where(coverage > 0.0, coverage, 1.0)
+    behind = blurred(height, reach) - here * blurred(coverage, reach)
+    return np.asarray(1.0 - RECESS_SHADE * (behind / (SAMPLES * reach)).clip(0.0, 1.0))
+
+
+def _outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float) -> Booleans:
+    """Samples (n * n,), row by row, on either side of a silhouette, of a sharp edge or of a step in
+    depth.
+
+    seen: (n, n) triangle of each sample, or -1; normals: (t, 3) of the triangles, toward the
+    camera; depth: (n, n) toward the camera, in samples; sharp_degrees: angle between the normals at
+    an edge beyond which it is sharp.
+    """
+    triangle, height = seen.ravel(), depth.ravel()
+    line = np.zeros(triangle.shape, dtype=bool)
+    for step, offset in ((1, (1.0, 0.0)), (len(seen), (0.0, -1.0))):
+        # Within a triangle there is neither an edge nor a step.
+        sample = np.flatnonzero(triangle[:-step] != triangle[step:])
+        if step == 1:
+            sample = sample[sample % len(seen) != len(seen) - 1]
+        border = (triangle[sample] < 0) | (triangle[sample + step] < 0)
+        both = sample[~border]
+        first, second = normals[triangle[both]], normals[triangle[both + step]]
+        # How far each of two neighbouring surface points lies from the other one's plane.
+        rise = height[both + step] - height[both]
+        away = [np.abs(n[:, :2] @ offset + n[:, 2] * rise) for n in (first, second)]
+        sharp = (first * second).sum(-1) < np.cos(np.radians(sharp_degrees))
+        border[~border] = sharp | (np.minimum(*away) > STEP_SAMPLES)
+        line[sample[border]] = True
+        line[sample[border] + step] = True
+    return line
+
+
+def corner_normals(points: Floats, triangles: Integers) -> Floats:
+    """(t, 3, 3) unit normals at the corners of triangles, to be interpolated within each.
+
+    The normal at a corner is the mean, by area, of those of the triangles at its vertex that turn
+    at most 35 degrees from the corner's own triangle: smooth parts are shaded smoothly, and sharp
+    edges stay sharp. Those of triangles without area are 0.
+
+    points: (n, 3) in any length unit; triangles: (t, 3), oriented alike.
+    """
+    areas = doubled_area_vectors(points, triangles)
+    flat = _at_length_1(areas)
+    vertex = triangles.ravel()
+    by_vertex = np.argsort(vertex, kind="stable")
+    counts = np.bincount(vertex, minlength=len(points))
+    starts = np.cumsum(counts) - counts
+    # Each corner with each corner at the same vertex.
+    corner, place = ragged_ranges(starts[vertex], counts[vertex])
+    triangle, other = corner // 3, by_vertex[place] // 3
+    smooth = (flat[triangle] * flat[other]).sum(-1) >= np.cos(np.radians(SMOOTH_DEGREES))
+    corner, other = corner[smooth], other[smooth]
+    sums = [np.bincount(corner, areas[other, k], minlength=len(vertex)) for k in range(3)]
+    return _at_length_1(np.stack(sums, axis=1)).reshape(-1, 3, 3)
+
+
+def shadowed_table(
+    points: Floats,
+    triangles: Integers,
+    heights: Floats,
+    up: Floats,
+    camera: Camera,
+    size: int,
+    reach: float,
+) -> Floats:
+    """Brightness (size, size) from 0 to 1 of a white table under a body, lit from above: the lower
+    the body is above a place, the darker.
+
+    Parameters
+    ----------
+    points: (n, 3) of the body, in any length unit; triangles: (t, 3).
+    heights: (n,) of the points above the table, at least 0.
+    up: (3,) unit vector.
+    camera: where to look from, from above the table; size: pixels a side.
+    reach: length over which shadows fade.
+    """
+    positions = camera.pixel_positions(points - heights[:, None] * up, size)
+    positions[:, 2] = -heights / reach
+    seen, depth = rasterize(positions, triangles, size)
+    dark = np.where(seen >= 0, 0.18 + 0.45 * np.exp(6.0 * depth), 0.0)
+    return np.asarray(1.0 - blurred(dark, 0.012 * reach * size / camera.half_width))
+
+
+def with_shadow(points: Floats, up: Floats) -> Floats:
+    """Points (2 n, 3) of a body that stands on a table, and of its shadow; up: (3,) unit vector."""
+    heights = points @ up
+    return np.concatenate([points, points - (heights - heights.min())[:, None] * up])
+
+
+def render_on_table(
+    surface: Surface, up: Floats, camera: Camera, size: int, reach: float | None = None
+) -> Picture:
+    """Picture of a body that stands on a table; up: (3,) unit vector; reach: length over which
+    shadows fade, by default half the width of the picture."""
+    heights = surface.points @ up
+    heights -= heights.min()
+    reach = camera.half_width if reach is None else reach
+    table = shadowed_table(surface.points, surface.triangles, heights, up, camera, size, reach)
+    return render(surface, camera, size, backdrop=table)
