@@ -221,7 +221,7 @@ def repair(options: Repair) -> int:
     """Write a mesh as the surface of one solid."""
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.surfaces.repair import FINEST, input_surface
-    from dicedesign.report.render.raster import upward_of
+    from dicedesign.report.raster import upward_of
     from dicedesign.report.surface_figures import repair_figure
 
     kind = format_of_ending(options.out.suffix, str(options.out))
@@ -261,7 +261,7 @@ def balance(options: Balance) -> int:
     """Write a mesh with its center of mass where it serves a goal best."""
     from dicedesign.balance.balanced import balanced
     from dicedesign.balance.options import BalanceOptions
-    from dicedesign.report.balance_figure import balance_figure
+    from dicedesign.report.surface_figures import balance_figure
 
     goal = _goal(options)
     region, infill = options.region, options.infill
@@ -366,7 +366,7 @@ def _print_balanced(mesh: Path, found: Balanced) -> None:
 def draw_figure(options: Figure) -> int:
     """Draw a kind of figure."""
     from dicedesign.recipe.subjects import subject_of
-    from dicedesign.report.body_figures import BODY_FIGURES
+    from dicedesign.report.figures import BODY_FIGURES
     from dicedesign.runtime.workers import progress_bar
 
     figure = BODY_FIGURES[options.kind]

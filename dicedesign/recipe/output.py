@@ -41,7 +41,7 @@ from dicedesign.gradient.odds_model import odds_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
 from dicedesign.report.figures import FIGURES, figure_files
-from dicedesign.report.render.raster import upward_of
+from dicedesign.report.raster import upward_of
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.results.parts import Status
@@ -245,8 +245,8 @@ def draw_figures(work: Work) -> None:
 def write_data_sheet(work: Work) -> None:
     """Make data_sheet.pdf and data_sheet.png of the result and the figures."""
     from dicedesign.report.data_sheet import data_sheet, four_views, sheet_facts, sheet_pdf
-    from dicedesign.report.render.pictures import decoded
-    from dicedesign.report.render.renderer import Surface
+    from dicedesign.report.raster import decoded
+    from dicedesign.report.renderer import Surface
 
     die = finished_die(work)
     solid = die.plain.body if die.engraved is None else die.engraved

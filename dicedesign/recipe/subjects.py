@@ -13,15 +13,15 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.report.body_figures import Lain, Subject, drawn_surface
-from dicedesign.report.render.raster import upward_of
-from dicedesign.report.render.renderer import Surface
+from dicedesign.report.figures import Lain, Subject, drawn_surface
+from dicedesign.report.raster import upward_of
+from dicedesign.report.renderer import Surface
 from dicedesign.rest.outcomes import facet_of_rest
 from dicedesign.rest.poses import rest_poses
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
-    from dicedesign.report.body_drawings import Ablation
+    from dicedesign.report.solid_figures import Ablation
 
 RECIPES = (".yaml", ".yml")
 """Endings of recipe files."""
@@ -167,7 +167,7 @@ def _ablations(
     from dicedesign.optimize.solvers.paper import descend_as_paper
     from dicedesign.recipe.convex import normalised_center, wanted_odds
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.report.body_drawings import Ablation
+    from dicedesign.report.solid_figures import Ablation
     from dicedesign.rest.poses import analyse
     from dicedesign.runtime.workers import one_tensor_thread
 

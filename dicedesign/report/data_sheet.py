@@ -8,13 +8,13 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.patches import Rectangle
 
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS
-from dicedesign.geometry.solid import solid_properties
+from dicedesign.geometry.triangles import solid_properties
 from dicedesign.report.pages import throwing_advice
 from dicedesign.report.palette import ACCENT, FAINT, GRID
 from dicedesign.report.raster import Camera, Picture, framed, three_cameras
@@ -265,7 +265,8 @@ def wrap(text: str, width: float, size: float) -> list[str]:
 def _lines(sections: Sections, size: float) -> list[tuple[str, float, float]]:
     """Lines of the text column, paragraphs in letters of a size: the text, its size, and how far
     below the line before it stands."""
-    lines, step = [], LINE * size
+    lines: list[tuple[str, float, float]] = []
+    step = LINE * size
     for heading, paragraphs in sections:
         lines.append((heading, 12.0, 25.0 if lines else 13.0))
         for paragraph in paragraphs:
@@ -308,7 +309,9 @@ def _write_table(sheet: Sheet, facts: SheetFacts, top: float) -> None:
     ends = TABLE_LEFT + first + np.cumsum(shrink * np.array(widths) + room)
     for number, row in enumerate([facts.header, *rows]):
         base += step if number != 1 else 1.3 * step
-        style = {"size": shrink * size, "color": FAINT} if number == 0 else {"size": size}
+        style: dict[str, Any] = (
+            {"size": shrink * size, "color": FAINT} if number == 0 else {"size": size}
+        )
         if number == 0:
             _rule(sheet, base + 0.4 * step, TABLE_LEFT, FAINT, 0.5)
         elif number % 2 == 0:

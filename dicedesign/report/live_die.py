@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part
-from dicedesign.fabricate.mesh_writers import glb
+from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part, glb
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.discs import basin_outlines

@@ -27,7 +27,7 @@ from dicedesign.report.sheet import Sheet, picture_grid
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.roll import roll_steps
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.film import FRAMES_PER_SECOND, Film, throw_film
+from dicedesign.throws.simulation import FRAMES_PER_SECOND, Film, throw_film
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie

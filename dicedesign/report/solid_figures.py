@@ -112,7 +112,7 @@ def print_orientation_figure(
 
 def print_orientation(die: FinishedDie) -> Sheet:
     """A die as it is best printed, and what needs supports."""
-    from dicedesign.fabricate.print_orientation import ON_BED, PrintedSolid
+    from dicedesign.fabricate.printability import ON_BED, PrintedSolid
     from dicedesign.fabricate.printers import PRINTERS
 
     found = die.result.printability

@@ -4,6 +4,7 @@ of bodies whose center of mass was moved."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
@@ -31,7 +32,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
-    from dicedesign.geometry.repair.repair import RepairedMesh
+    from dicedesign.geometry.surfaces.repair import RepairedMesh
 
 PIXELS: Final = 400
 
@@ -113,8 +114,8 @@ def before_after(die: FinishedDie) -> Sheet:
     """The surface before and after it was made into a die."""
     assert die.reshaped is not None
     before, after = die.reshaped.before, die.reshaped.after
-    surfaces = [Surface(points, after.triangles) for points in (before.points, after.points)]
-    return before_after_figure(*surfaces, die.upward)
+    surface = Surface(before.points, after.triangles)
+    return before_after_figure(surface, replace(surface, points=after.points), die.upward)
 
 
 def repair_figure(repaired: RepairedMesh, up: Floats) -> Sheet:
@@ -333,7 +334,7 @@ def balance_figure(found: Balanced) -> Sheet:
 def _cut_open(found: Balanced) -> Picture:
     """The body cut through its centers of mass, before and now, upright if it can be, with a dot at
     each."""
-    from dicedesign.geometry.manifold import solid
+    from dicedesign.geometry.meshes.manifold import solid
 
     made, shift = found.made, found.center - found.center_before
     assert made.body.triangles is not None

@@ -23,8 +23,8 @@ from dicedesign.report.motion_pictures import (
 )
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import RollStep, roll_steps
-from dicedesign.throws.film import Film
 from dicedesign.throws.rigid_body import rigid_body
+from dicedesign.throws.simulation import Film
 from dicedesign.throws.tables import Table
 
 CENTER = np.array([7.0, -3.0, 2.0])

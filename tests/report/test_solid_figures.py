@@ -11,14 +11,13 @@ from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import Placement, place_labels
-from dicedesign.fabricate.print_orientation import PrintedSolid, placement_on_bed
+from dicedesign.fabricate.label_layout import Placement, die_readings, place_labels
+from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
 from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.recipe.pipeline import run_stages
-from dicedesign.recipe.work import Work
+from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.report.palette import ACCENT, DARK, rgb
 from dicedesign.report.renderer import Surface
 from dicedesign.report.solid_figures import (
@@ -41,15 +40,8 @@ BOX = np.array([(x, y, z) for x in (-9, 9) for y in (-6, 6) for z in (-4, 4)], d
 
 def labelled(texts: list[str], facets: list[int]):
     hull = convex_hull(BOX)
-    placements = place_labels(
-        texts,
-        [hull.polygon(facet) for facet in facets],
-        hull.normals[facets],
-        facets,
-        EngravingOptions(),
-        hull.diameter,
-    )
-    return hull, placements
+    places = die_readings(hull, np.array(facets), texts, "down")[0].places
+    return hull, place_labels(places, EngravingOptions(), hull.diameter)
 
 
 def test_faces_are_those_of_the_hull_with_the_areas_of_their_labels() -> None:
@@ -73,9 +65,8 @@ def test_of_many_faces_only_those_with_labels_are_drawn() -> None:
     hull = convex_hull(40.0 * points / np.linalg.norm(points, axis=1, keepdims=True))
     facet = int(hull.areas.argmax())
     options = EngravingOptions(min_height_mm=0.1)
-    placements = place_labels(
-        ["1"], [hull.polygon(facet)], [hull.normals[facet]], [facet], options, hull.diameter
-    )
+    places = die_readings(hull, np.array([facet]), ["1"], "down")[0].places
+    placements = place_labels(places, options, hull.diameter)
     assert len(hull.normals) > 60
     (face,) = faces_of(hull, placements, {facet: "1"})
     assert face.title == "1"
