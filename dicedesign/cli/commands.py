@@ -280,7 +280,7 @@ class Figure(WithRests):
     down: str | None = None
     before: Path | None = None
     steps: int | None = None
-    extensions = "dicedesign.report.body_figures:BODY_FIGURES"
+    extensions = "dicedesign.report.figures:BODY_FIGURES"
 
 
 @dataclass

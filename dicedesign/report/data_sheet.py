@@ -62,7 +62,7 @@ them."""
 LEAST_SHARE: Final = 0.2
 """Of a point that a pixel of a figure may be shown at."""
 
-BASE: Final = {"ha": "left", "va": "baseline"}
+BASE: Final[dict[str, Any]] = {"ha": "left", "va": "baseline"}
 
 Sections = Sequence[tuple[str, Sequence[str]]]
 """Heading and paragraphs of each."""
