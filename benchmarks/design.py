@@ -33,8 +33,8 @@ from benchmarks.frame import (
 from dicedesign import Recipe, rigid_body, simulate, table_named
 from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, descend_as_paper
-from dicedesign.optimize.result import DesignResult
-from dicedesign.optimize.solvers.finish import finished
+from dicedesign.optimize.solvers.candidate import DesignResult
+from dicedesign.optimize.solvers.paper import finished
 from dicedesign.recipe.convex import normalised_center, wanted_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats

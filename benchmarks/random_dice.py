@@ -20,8 +20,8 @@ from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.half_space_odds import spread_directions
 from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.optimize.starts.shapes import spread_directions
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.parts import Status

@@ -33,7 +33,7 @@ from dicedesign.energies import EnergyWeights
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.methods import FacetCoordinates, VertexCoordinates
-from dicedesign.optimize.energy.energy import Objective
+from dicedesign.optimize.energy import Objective
 from dicedesign.optimize.solvers.candidate import CandidateMaker
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import hendecahedron

@@ -2,15 +2,15 @@
 
 from dicedesign.fabricate.printers import PRINTERS as PRINTERS
 from dicedesign.fabricate.printers import Printer as Printer
-from dicedesign.optimize.energy.term import TERMS as TERMS
-from dicedesign.optimize.energy.term import Term as Term
-from dicedesign.optimize.energy.term import TermOption as TermOption
-from dicedesign.optimize.preferences.preference import PREFERENCES as PREFERENCES
-from dicedesign.optimize.preferences.preference import BearingFacets as BearingFacets
-from dicedesign.optimize.preferences.preference import Preference as Preference
+from dicedesign.optimize.preferences import PREFERENCES as PREFERENCES
+from dicedesign.optimize.preferences import BearingFacets as BearingFacets
+from dicedesign.optimize.preferences import Preference as Preference
 from dicedesign.optimize.starts.start import STARTS as STARTS
 from dicedesign.optimize.starts.start import StartKind as StartKind
 from dicedesign.optimize.starts.start import Task as Task
+from dicedesign.optimize.terms import TERMS as TERMS
+from dicedesign.optimize.terms import Term as Term
+from dicedesign.optimize.terms import TermOption as TermOption
 from dicedesign.recipe.pipeline import STAGES as STAGES
 from dicedesign.recipe.pipeline import Stage as Stage
 from dicedesign.recipe.pipeline import Work as Work

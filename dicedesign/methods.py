@@ -1,8 +1,8 @@
 """Solvers with their options, and the coordinates that they move."""
 
-from dicedesign.optimize.coordinates.facets import FacetCoordinates as FacetCoordinates
-from dicedesign.optimize.coordinates.facets import VertexCoordinates as VertexCoordinates
-from dicedesign.optimize.coordinates.linked import SymmetricCoordinates as SymmetricCoordinates
+from dicedesign.optimize.coordinates import FacetCoordinates as FacetCoordinates
+from dicedesign.optimize.coordinates import SymmetricCoordinates as SymmetricCoordinates
+from dicedesign.optimize.coordinates import VertexCoordinates as VertexCoordinates
 from dicedesign.optimize.options import ExactOptions as ExactOptions
 from dicedesign.optimize.options import PaperOptions as PaperOptions
 from dicedesign.optimize.options import PaperWeights as PaperWeights

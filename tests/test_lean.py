@@ -25,15 +25,15 @@ from dicedesign import rest_poses
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient import rest_odds as differentiable
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy.energy import Evaluation, Objective
-from dicedesign.optimize.energy.term import TERMS
+from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
-from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.descent import LineSearch
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.built_in import hendecahedron
+from dicedesign.optimize.starts.shapes import hendecahedron
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import sum_of_dice
+from dicedesign.optimize.terms import TERMS
 from dicedesign.rest import morse, poses
 from dicedesign.rest.equilibria import Equilibria, ExactSigns, classify
 from dicedesign.rest.morse import separatrices
@@ -259,7 +259,7 @@ def test_kernels_leave_out_a_term_without_weight(
     """They are not told to evaluate it, and return 0; some are in Python."""
     in_python = term in ("stability", "apart")
     if in_python:
-        replaced(monkeypatch, term, value_and_slopes=forbidden)
+        replaced(monkeypatch, term, value_and_gradient=forbidden)
     made_by_kernels = kernels.energies
     values: list[list[float]] = []
     asked: list[list[bool]] = []

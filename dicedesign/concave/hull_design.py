@@ -30,10 +30,9 @@ from dicedesign.concave.slopes import SlopeMemory, SlopeOptions, climbs, least_d
 from dicedesign.errors import DiceError
 from dicedesign.geometry.sphere import angle_between, foot_on_line, norms, unit_vectors
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.optimize.coordinates.facets import VertexCoordinates
+from dicedesign.optimize.coordinates import VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.solvers.candidate import CandidateMaker
-from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
+from dicedesign.optimize.solvers.candidate import CandidateMaker, LevenbergMarquardt
 from dicedesign.rest.outcomes import gathered
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -204,9 +203,7 @@ def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
     first = maker.attempt(coordinates, draft.corners.ravel(), draft.normals)
     if first is None:
         return None
-    steps = LevenbergMarquardt(
-        problem.target, maker, SMOOTH, EXACT / 2.0, lambda: False, lambda trial: None
-    )
+    steps = LevenbergMarquardt(problem.target, maker, EXACT / 2.0, SMOOTH)
     trial = steps.solve(first)
     if trial.error(problem.target) > EXACT:
         return None

@@ -27,7 +27,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface
-from dicedesign.optimize.solvers.sobolev import graph_laplacian
+from dicedesign.optimize.solvers.descent import graph_laplacian
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 
 FREE = 100.0

@@ -23,7 +23,7 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.grid_surface import closest_points
 from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.solvers.sobolev import SobolevSolver, edge_laplacian
+from dicedesign.optimize.solvers.descent import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Booleans, Floats
 
 DEPTH = 1e-7

@@ -16,7 +16,7 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.optimize.options import PaperOptions
-from dicedesign.optimize.result import DesignStep
+from dicedesign.optimize.solvers.candidate import DesignStep
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.outcomes import outcome_odds

@@ -10,8 +10,8 @@ from typing import Final, Literal
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.energy.term import EnergyWeights
-from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.preferences import Preferences
+from dicedesign.optimize.terms import EnergyWeights
 from dicedesign.runtime.registry import STRICT, Number
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import hand_named, with_hand

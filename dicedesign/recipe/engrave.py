@@ -25,8 +25,7 @@ from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, joined
 from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior, ThrownOdds
-from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped
-from dicedesign.optimize.solvers.stretching import stretched
+from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped, stretched
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Balance, Inside

@@ -29,7 +29,7 @@ from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, c
 from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions, PaperOptions
-from dicedesign.optimize.starts.built_in import SearchOptions
+from dicedesign.optimize.starts.kinds import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.target import Label, Strict, TargetRecipe

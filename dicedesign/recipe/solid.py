@@ -16,6 +16,7 @@ from dicedesign.fabricate.numbering import numbered
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.options import ExactOptions
+from dicedesign.optimize.starts.shapes import about_centroid
 from dicedesign.optimize.starts.start import Task, made_start
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import AUTO, Recipe
@@ -89,7 +90,7 @@ def _make_shape(work: Work) -> None:
         )
     if recipe.symmetry is not None:
         # Every symmetry of a body keeps its centroid where it is.
-        start = start.about_centroid()
+        start = about_centroid(start)
         if recipe.symmetry != AUTO:
             check_orbits(recipe, start.directions)
     work.start = start
@@ -117,7 +118,7 @@ def _check_table(options: ExactOptions, size_mm: float) -> None:
 
 def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
     """Raise InputError unless labels on facets that are images of each other are as probable."""
-    from dicedesign.optimize.coordinates.linked import orbits_of_directions
+    from dicedesign.optimize.coordinates import orbits_of_directions
 
     group, target = recipe.group(), recipe.target.target()
     assert group is not None

@@ -162,9 +162,9 @@ def _ablations(
     steps: most of each descent; None for the recipe's. on_step: called after each. Raises as the
     recipe's design.
     """
-    from dicedesign.optimize.energy.clusters import cluster
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import descend_as_paper
+    from dicedesign.optimize.terms import cluster
     from dicedesign.recipe.convex import normalised_center, wanted_odds
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.report.solid_figures import Ablation

@@ -15,11 +15,11 @@ from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
-from dicedesign.optimize.coordinates.linked import orbits_of_directions
+from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
-from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.refinement.rounds import Refinement, Thrown, shape_measures
-from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.preferences import Preferences
+from dicedesign.optimize.solvers.candidate import DesignResult
+from dicedesign.optimize.solvers.refinement import Refinement, Thrown, shape_measures
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.convex import (

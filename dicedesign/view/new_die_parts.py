@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import DiceError, InputError
 from dicedesign.optimize.options import PaperWeights, legible
-from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status

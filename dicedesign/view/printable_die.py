@@ -15,7 +15,7 @@ from dicedesign.fabricate.die import Assessment, Design
 from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents, file_bytes, mesh_bytes
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.optimize.starts.built_in import mesh_start
+from dicedesign.optimize.starts.shapes import mesh_start
 from dicedesign.recipe.output import die_contents
 from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe, recipe_text

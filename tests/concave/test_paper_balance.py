@@ -11,7 +11,7 @@ from dicedesign.concave.paper_fill import balance, centering_gradient, hull_keep
 from dicedesign.concave.result import FillStatus
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.solvers.sobolev import SobolevSolver, edge_laplacian
+from dicedesign.optimize.solvers.descent import SobolevSolver, edge_laplacian
 
 OPTIONS = ConcavePaperOptions()
 

@@ -44,8 +44,8 @@ sys.path.append(str(ROOT))
 
 REGISTRIES = {
     "starting shapes": "dicedesign.optimize.starts.start:STARTS",
-    "energy terms": "dicedesign.optimize.energy.term:TERMS",
-    "preferences": "dicedesign.optimize.preferences.preference:PREFERENCES",
+    "energy terms": "dicedesign.optimize.terms:TERMS",
+    "preferences": "dicedesign.optimize.preferences:PREFERENCES",
     "engines": "dicedesign.throws.engines:ENGINES",
     "printers": "dicedesign.fabricate.printers:PRINTERS",
     "stages": "dicedesign.recipe.pipeline:STAGES",

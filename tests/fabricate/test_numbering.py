@@ -10,7 +10,7 @@ import pytest
 
 from dicedesign.fabricate.numbering import numbered
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.optimize.starts.built_in import hendecahedron
+from dicedesign.optimize.starts.shapes import hendecahedron
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.runtime.arrays import Floats, Integers
 from tests.reference.solids import PLATONIC

@@ -19,7 +19,7 @@ from dicedesign.fabricate.print_tolerances import (
 from dicedesign.fabricate.printers import PrintErrors
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.goodness_of_fit import chance_noticed

@@ -22,12 +22,10 @@ from dicedesign.gradient.rest_odds import (
     evaluate_rests,
     hull_centroid,
 )
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.energy.clusters import ClusteredRests, Clusters, cluster
-from dicedesign.optimize.energy.energy import Energy, energy_terms
-from dicedesign.optimize.energy.term import EnergyWeights
-from dicedesign.optimize.starts.built_in import hendecahedron, prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.coordinates import FacetCoordinates
+from dicedesign.optimize.energy import Energy, energy_terms
+from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
+from dicedesign.optimize.terms import ClusteredRests, Clusters, EnergyWeights, cluster
 from dicedesign.rest.equilibria import classify
 from tests.reference import solids
 from tests.reference.extremes import large

@@ -10,7 +10,7 @@ from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.gradient.facet_measures import offset_derivatives, offset_secants
 from dicedesign.gradient.odds_model import ThrownOdds
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import repulsion
 
 BOARD_GAME = ThrownOdds.on("board-game")
 

@@ -13,10 +13,9 @@ from dicedesign.geometry.hulls.polygons import inscribed_circle
 from dicedesign.geometry.sphere import rotation_between, unit_vectors
 from dicedesign.gradient.facet_measures import SOFTNESS, circle_radii, soft_circle_radii
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.solvers.candidate import BARRIER_DEPTH, barrier_residuals
-from dicedesign.optimize.starts.built_in import prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import prism, repulsion
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 AROUND = np.linspace(0.0, 2.0 * np.pi, 41)[:-1] + 0.05 * np.sin(np.arange(40))

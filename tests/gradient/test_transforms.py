@@ -16,8 +16,12 @@ from torch.func import grad, hessian, jacfwd, jacrev, jvp, vmap
 
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates, VertexCoordinates
-from dicedesign.optimize.coordinates.linked import SymmetricCoordinates
+from dicedesign.optimize.coordinates import (
+    Coordinates,
+    FacetCoordinates,
+    SymmetricCoordinates,
+    VertexCoordinates,
+)
 from tests.reference import solids
 
 # Torch itself warns where it is first asked for tangents.

@@ -18,16 +18,15 @@ from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy.clusters import ClusteredRests, cluster
-from dicedesign.optimize.energy.energy import Energy
-from dicedesign.optimize.energy.term import TERMS, EnergyWeights
+from dicedesign.optimize.energy import Energy
 from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
+from dicedesign.optimize.preferences import PREFERENCES, Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.search import shapes_like
+from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.optimize.starts.start import STARTS, Task, made_start
+from dicedesign.optimize.terms import TERMS, ClusteredRests, EnergyWeights, cluster
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
@@ -43,8 +42,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dicedesign.optimize.energy.term import TERMS, Term, TermOption
-from dicedesign.optimize.preferences.preference import PREFERENCES, Preference
+from dicedesign.optimize.terms import TERMS, Term, TermOption
+from dicedesign.optimize.preferences import PREFERENCES, Preference
 from dicedesign.optimize.starts.start import STARTS, StartKind, normalised_start
 from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines import ENGINES, Engine

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.result import DesignResult
-from dicedesign.optimize.starts.built_in import prism
+from dicedesign.optimize.solvers.candidate import DesignResult
+from dicedesign.optimize.starts.shapes import prism
 from dicedesign.recipe.convex import designed_die, wanted_odds
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, designed
 
-from dicedesign.optimize.coordinates.linked import orbits_of_directions
+from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe

@@ -12,7 +12,7 @@ from common.made_up_die import box
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.starts.built_in import prism
+from dicedesign.optimize.starts.shapes import prism
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work

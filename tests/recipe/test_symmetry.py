@@ -10,7 +10,7 @@ import pytest
 
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.coordinates.linked import orbits_of_directions
+from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe

@@ -14,8 +14,8 @@ import torch
 from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
 from dicedesign.gradient.rest_odds import evaluate_rests
 from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.preferences import Preferences
+from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.recipe.pipeline import Listeners, Work, run_stages

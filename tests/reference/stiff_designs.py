@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.optimize.starts.built_in import prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.optimize.starts.shapes import prism, repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import binomial, fair, listed, sum_of_dice
 from dicedesign.rest.poses import rest_poses

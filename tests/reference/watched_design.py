@@ -14,9 +14,9 @@ from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.gradient.rest_odds import RestEvaluation
-from dicedesign.optimize.energy.clusters import cluster
+from dicedesign.optimize.energy import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions
-from dicedesign.optimize.result import DesignResult, DesignStep
+from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.search import shapes_like

@@ -13,10 +13,10 @@ from dicedesign import read_body, rest_poses
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.built_in import hendecahedron
 from dicedesign.optimize.starts.search import shapes_like
+from dicedesign.optimize.starts.shapes import hendecahedron
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.rest.poses import RestPoses
 from tests.reference import solids

@@ -13,7 +13,7 @@ from common.inline_executor import Inline
 from common.made_up_trial import made_up_trial
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.optimize.preferences.preference import PREFERENCES, Preferences
+from dicedesign.optimize.preferences import PREFERENCES, Preferences
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.search.study import JOURNAL, RECIPE, open_study, search_space, varied_recipe

@@ -11,7 +11,7 @@ import pytest
 
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.optimize.options import PaperWeights
-from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.preferences import Preferences
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.view.design_run import DesignedShape, DieRequest

@@ -16,7 +16,7 @@ from common.browser import PATIENCE, OpenedPage
 
 import dicedesign as dd
 from dicedesign.optimize.options import legible
-from dicedesign.optimize.preferences.preference import PREFERENCES, Preference
+from dicedesign.optimize.preferences import PREFERENCES, Preference
 from dicedesign.view.application import View
 from dicedesign.view.design_run import DieRequest
 from dicedesign.view.design_session import DesignSession

@@ -12,7 +12,7 @@ import pytest
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.preferences import Preferences
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import typed_target
 from dicedesign.rest.outcomes import outcome_odds

@@ -1,4 +1,4 @@
-// The energies of dice design with their gradient, see dicedesign/optimize/energy/total.py.
+// The energies of dice design with their gradient, see dicedesign/optimize/energy.py.
 #pragma once
 
 #include <array>

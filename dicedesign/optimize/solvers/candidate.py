@@ -1,7 +1,15 @@
-"""A die of the exact method, at one set of parameters."""
+"""Dice of the exact method, each at one set of parameters, and Levenberg-Marquardt steps from one
+to wanted odds.
+
+A die has several parameters for each outcome, so the equations p = q have many solutions, and the
+shortest step to one is taken: `-W^-1 J^T (J W^-1 J^T + mu I)^-1 r` in a metric W. Probabilities
+jump where a facet gains or loses stability, so depths of facets near that edge are residuals too,
+which fade out at the end, and a step that changes which facets are rests is refused.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
@@ -11,19 +19,60 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, HullMemory, convex_hull
 from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.kernels.ops import Tie
-from dicedesign.optimize.coordinates.facets import Coordinates, Shape
+from dicedesign.optimize.coordinates import Coordinates, Shape
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.solvers.descent import SobolevGradient
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import analyse
 from dicedesign.rest.prior import Prior
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 
-BARRIER_DEPTH: Final = 0.01
-"""Depth of a facet, over the mean distance of the vertices, at which its barrier is 1."""
+
+@dataclass(frozen=True)
+class DesignStep:
+    """One accepted step: seconds since the start, weighted energy terms, largest |p - q|."""
+
+    step: int
+    seconds: float
+    energy: float
+    terms: dict[str, float]
+    error: float
+
+
+@dataclass(frozen=True)
+class DesignResult:
+    """End of a design.
+
+    Attributes
+    ----------
+    status: why it stopped.
+    hull: the designed shape.
+    directions: (k, 3) where the outcomes are.
+    error: its largest |p - q|, by the odds that the method is about.
+    terms: the energy's terms of the hull, with their full weights.
+    history: every accepted step, the first being the start.
+    evaluations: dice tried, rejected ones and those after pruning included.
+    hulls_built: hulls computed for them from scratch, polar hulls of facet coordinates included.
+    hulls_reused: hulls that only moved the vertices of the one before, for the same result.
+    starts: starting shapes that were tried.
+    """
+
+    status: Status
+    hull: ConvexHull
+    directions: Floats
+    error: float
+    terms: dict[str, float]
+    history: tuple[DesignStep, ...]
+    evaluations: int
+    hulls_built: int
+    hulls_reused: int
+    starts: int = 1
 
 
 @dataclass(frozen=True)
@@ -83,28 +132,21 @@ class Candidate:
     @cached_property
     def odds_jacobian(self) -> Floats:
         """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
-        if self.model is not None:
-            return self._in_parameters(self.model.jacobian(self.rests)[self.rest_of_outcome])
-        return self._in_parameters(self.rests.jacobian[self.rest_of_outcome])
+        rests = self.rests
+        rows = rests.jacobian if self.model is None else self.model.jacobian(rests)
+        return self.shape.in_parameters(rows[self.rest_of_outcome], rests.hull.source)
 
     def jacobian(self, *values: Tensor) -> Floats:
-        """(r, n) derivatives of the values of vectors, r in all, in the parameters."""
-        rows = [_rows(vector, self.rests.vertices) for vector in values]
-        return self._in_parameters(np.concatenate(rows))
-
-    def _in_parameters(self, rows: Floats) -> Floats:
-        """(r, n) the Jacobian in the parameters for that (r, 3 v) in the hull's vertices."""
-        return self.shape.in_parameters(rows, self.rests.hull.source)
-
-
-def _rows(values: Tensor, vertices: Tensor) -> Floats:
-    """(r, 3 v) derivatives of values (r,) in vertices (v, 3), one backward pass for each."""
-    rows = np.zeros((len(values), vertices.numel()))
-    for number, row in enumerate(rows):
-        # One value, whose own gradient is 1: torch imports much to check a given one.
-        (gradient,) = torch.autograd.grad(values[number], vertices, retain_graph=True)
-        row[:] = gradient.numpy().ravel()
-    return rows
+        """(r, n) derivatives of the values of vectors, r in all, in the parameters, with one
+        backward pass for each."""
+        vertices, rows = self.rests.vertices, []
+        for vector in values:
+            for number in range(len(vector)):
+                # One value, whose own gradient is 1: torch imports much to check a given one.
+                (gradient,) = torch.autograd.grad(vector[number], vertices, retain_graph=True)
+                rows.append(gradient.numpy().ravel())
+        stacked = np.array(rows).reshape(-1, vertices.numel())
+        return self.shape.in_parameters(stacked, self.rests.hull.source)
 
 
 @dataclass
@@ -137,10 +179,10 @@ class CandidateMaker:
         """
         self.evaluations += 1
         given = self.center_of_mass
-        center = None if given is None else torch.as_tensor(given)
         try:
             shape = coordinates.shape(parameters, self.polars.hull)
             points = torch.from_numpy(shape.points).requires_grad_()
+            center = None if given is None else torch.as_tensor(given)
             rests = evaluate_rests(points, center, self.shapes.hull, self.offset).untied()
             stable = rests.hull.normals[rests.paths.rests]
             nearest = np.argmax(directions @ stable.T, axis=1)
@@ -150,6 +192,10 @@ class CandidateMaker:
             return candidate if np.isfinite(candidate.odds).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None
+
+
+BARRIER_DEPTH: Final = 0.01
+"""Depth of a facet, over the mean distance of the vertices, at which its barrier is 1."""
 
 
 def barrier_residuals(rests: RestEvaluation) -> Tensor:
@@ -192,3 +238,143 @@ def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
         except DiceError:
             errors.append(1.0)
     return max(errors)
+
+
+DEPTH_MARGIN: Final = 0.03
+"""Depth of a facet, over the circumscribed radius, below which it is a residual."""
+
+WALL_WEIGHTS: Final = (0.3, 0.01, 0.0)
+"""Weights of those residuals, from first to last."""
+
+NEAR: Final = 0.002
+"""Largest |p - q| of a die from which on they are no residuals at first: a short way meets no
+edge, as a rule."""
+
+LARGEST_MOVE: Final = 0.15
+"""Largest change of a parameter in one step."""
+
+DAMPINGS: Final = (1e-14, 1e-3, 1e4)
+"""Smallest, first and largest damping mu, in units of the mean square of the Jacobian's rows."""
+
+LEAST_REFUSED: Final = 1e-6
+"""Damping in the same units from which on it is raised after a refused step."""
+
+SAME: Final = 1e-12
+"""Difference from 1 of a cosine up to which the angle counts as 0: 1e-6 radians."""
+
+SLOW: Final = 0.1
+"""Relative decrease of the squared residuals below which the next wall weight's turn has come."""
+
+MOST_STEPS: Final = 80
+"""Steps from one die."""
+
+
+@dataclass(frozen=True)
+class LevenbergMarquardt:
+    """Steps from a die towards odds.
+
+    Attributes
+    ----------
+    target: (k,) the odds.
+    maker: makes the dice that are tried.
+    tolerance: largest |p - q| wanted.
+    sobolev: the metric `(I + lambda L)^p` in which steps of vertices are shortest, or None for
+        lengths as they are.
+    least_angle: between the facets of two outcomes, in radians; what lies nearer is a residual too
+        until the end. 0 for none.
+    out_of_time: asked before every step.
+    on_candidate: called with the first die and every one that a step leads to.
+    """
+
+    target: Floats
+    maker: CandidateMaker
+    tolerance: float
+    sobolev: SobolevOptions | None = None
+    least_angle: float = 0.0
+    out_of_time: Callable[[], bool] = lambda: False
+    on_candidate: Callable[[Candidate], None] = lambda candidate: None
+
+    def solve(self, first: Candidate) -> Candidate:
+        """The die where the steps end, within the tolerance or not."""
+        current, metric = first, SobolevGradient(self.sobolev)
+        self.on_candidate(current)
+        near = current.error(self.target) < NEAR
+        weights = iter((0.0, *WALL_WEIGHTS) if near else WALL_WEIGHTS)
+        weight, damping = next(weights), DAMPINGS[1]
+        for _ in range(MOST_STEPS):
+            if current.error(self.target) <= self.tolerance or self.out_of_time():
+                break
+            following, gained, damping = self._step(current, metric, weight, damping)
+            if following is not None:
+                current = self._pruned(following)
+                self.on_candidate(current)
+                if gained >= SLOW:
+                    continue
+            weight, damping = next(weights, -1.0), DAMPINGS[1]
+            if weight < 0.0:
+                break
+        return current
+
+    def _step(
+        self, current: Candidate, metric: SobolevGradient, weight: float, damping: float
+    ) -> tuple[Candidate | None, float, float]:
+        """An acceptable candidate or None, the part of the squared residuals that it takes away,
+        and the damping for the next step."""
+        residuals, walls = self._residuals(current, weight)
+        jacobian = current.odds_jacobian
+        if walls:
+            jacobian = np.concatenate([jacobian, current.jacobian(*walls)])
+        raised = jacobian.T
+        if self.sobolev is not None:
+            raised = metric.of(raised, current.rests.hull)
+        square = jacobian @ raised
+        unit = float(np.trace(square)) / len(residuals)
+        merit = float((residuals**2).sum())
+        while damping <= DAMPINGS[2] and np.isfinite(unit) and unit > 0.0:
+            damped = square + damping * unit * np.eye(len(residuals))
+            step = -raised @ np.linalg.solve(damped, residuals)
+            largest = float(np.abs(step).max())
+            if not 0.0 < largest < np.inf:
+                break
+            step *= min(1.0, LARGEST_MOVE / largest)
+            candidate = self._attempt(current, current.parameters + step)
+            if candidate is not None:
+                left = float((self._residuals(candidate, weight)[0] ** 2).sum())
+                if left < merit:
+                    return candidate, 1.0 - left / merit, max(0.1 * damping, DAMPINGS[0])
+            damping = max(10.0 * damping, LEAST_REFUSED)
+        return None, 0.0, damping
+
+    def _residuals(self, candidate: Candidate, weight: float) -> tuple[Floats, list[Tensor]]:
+        """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth, and
+        outcomes near each other in distance: these also as tensors, but for a constant."""
+        misses = candidate.odds - self.target
+        if weight == 0.0:
+            return misses, []
+        depths = candidate.signed_depths
+        near = depths[depths.detach() < DEPTH_MARGIN]
+        numbers = [misses, weight * (1.0 - near.detach().numpy() / DEPTH_MARGIN)]
+        tensors = [-weight / DEPTH_MARGIN * near]
+        # By how much the cosine of a pair, whose residual falls from 1 to 0, falls from angle 0 to
+        # the least one.
+        falling = max(1.0 - float(np.cos(self.least_angle)), SAME)
+        cosines = np.triu(candidate.directions @ candidate.directions.T, 1)
+        crowded = np.stack(np.nonzero(cosines > 1.0 - falling))
+        if self.least_angle > 0.0 and crowded.size > 0:
+            first, second = candidate.directions[crowded]
+            crowding = (first * second).sum(1) - np.cos(self.least_angle)
+            numbers.append(weight * (crowding / falling))
+            normals = candidate.rests.facet_normals(candidate.outcome_facets)
+            cosine = (normals[crowded[0]] * normals[crowded[1]]).sum(1)
+            tensors.append(weight / falling * cosine)
+        return np.concatenate(numbers), tensors
+
+    def _attempt(self, current: Candidate, parameters: Floats) -> Candidate | None:
+        return self.maker.attempt(current.coordinates, parameters, current.directions)
+
+    def _pruned(self, candidate: Candidate) -> Candidate:
+        """The candidate without the parameters that its shape no longer uses."""
+        pruned = candidate.coordinates.pruned(candidate.parameters, candidate.rests)
+        if len(pruned) == len(candidate.parameters):
+            return candidate
+        return self._attempt(candidate, pruned) or candidate

@@ -1,4 +1,5 @@
-"""Steps downhill: by a line search, or with momentum, which goes over jumps of the energy.
+"""Steps downhill: gradients spread over the surface (Sobolev preconditioning), a line search, and
+steps with momentum, which go over jumps of the energy.
 
 The energy jumps wherever a rest comes or goes, and a line search ends in front of the first jump
 up. Steps of a length that depends on time alone go on, and the design keeps the best of them."""
@@ -6,12 +7,103 @@ up. Steps of a length that depends on time alone go on, and the design keeps the
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.optimize.energy.energy import Evaluation
-from dicedesign.runtime.arrays import Floats
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import SuperLU
+
+    from dicedesign.optimize.energy import Evaluation
+
+
+def graph_laplacian(hull: ConvexHull) -> csc_array:
+    """(n, n) Laplacian L of the hull's edge graph: degree on the diagonal, -1 for each edge."""
+    return edge_laplacian(hull.tail, hull.head, len(hull.vertices))
+
+
+def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
+    """(size, size) the same of any graph, whose edges (h,) are given in both directions."""
+    # It takes longer to load than most dice to design, which need none.
+    from scipy.sparse import csc_array, diags_array
+
+    adjacency = csc_array((np.ones(len(tails)), (tails, heads)), shape=(size, size))
+    return csc_array(diags_array(np.asarray(adjacency.sum(axis=0)).ravel()) - adjacency)
+
+
+@dataclass(frozen=True)
+class SobolevSolver:
+    """`(I + lambda L)^-p` with its factor, good for as long as the hull's edges stay the same.
+
+    Attributes
+    ----------
+    laplacian: (n, n) symmetric positive semidefinite.
+    options: lambda and p.
+    """
+
+    laplacian: csc_array
+    options: SobolevOptions
+
+    @cached_property
+    def _factor(self) -> SuperLU:
+        from scipy.sparse import csc_array, eye_array
+        from scipy.sparse.linalg import splu
+
+        size = self.laplacian.shape[0]
+        return splu(csc_array(eye_array(size) + self.options.smoothing * self.laplacian))
+
+    def solve(self, gradient: Floats) -> Floats:
+        """Apply the operator to (n, d) right-hand sides."""
+        for _ in range(self.options.power):
+            gradient = self._factor.solve(gradient)
+        return gradient
+
+
+@dataclass
+class SobolevGradient:
+    """Gradients in vertices, made smooth over the hull; it keeps the factor of the last hull.
+
+    Attributes
+    ----------
+    options: of the operator, or None to leave gradients as they are.
+    drift: whether the mean of the hull's vertices may move.
+    """
+
+    options: SobolevOptions | None
+    drift: bool = True
+    _last: tuple[ConvexHull, SobolevSolver] | None = field(default=None, init=False)
+
+    def of(self, gradient: Floats, hull: ConvexHull) -> Floats:
+        """Gradients (3 n, ...) in points, of which the hull has its vertices, after the operator;
+        those of points inside become 0."""
+        if self.options is None and self.drift:
+            return gradient
+        by_point = gradient.reshape(len(gradient) // 3, -1)
+        spread = by_point[hull.source]
+        if self.options is not None:
+            if self._last is None or not _same_edges(self._last[0], hull):
+                self._last = hull, SobolevSolver(graph_laplacian(hull), self.options)
+            spread = self._last[1].solve(spread)
+        if not self.drift:
+            spread = spread - spread.mean(axis=0)
+        smooth = np.zeros_like(by_point)
+        smooth[hull.source] = spread
+        return smooth.reshape(gradient.shape)
+
+
+def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:
+    return (
+        len(a.tail) == len(b.tail)
+        and len(a.vertices) == len(b.vertices)
+        and bool((a.tail == b.tail).all() and (a.twin == b.twin).all())
+    )
+
 
 FIRST_STEP: Final = 0.02
 """Step length where nothing is known of the curvature."""
@@ -87,10 +179,8 @@ class LineSearch:
         if slope <= 0.0:
             return None
         self._energies = [*self._energies[-(MEMORY - 1) :], at.value]
-        bound = max(self._energies)
-        step = self._guess(parameters, gradient, ascent)
-        size = float(np.abs(ascent).max())
-        step = min(step, LARGEST_MOVE / size)
+        bound, size = max(self._energies), float(np.abs(ascent).max())
+        step = min(self._guess(parameters, gradient, ascent), LARGEST_MOVE / size)
         while step * max(1.0, size) > SMALLEST_STEP:
             self.evaluations += 1
             trial = at.objective.attempt(parameters - step * ascent, at.directions)
@@ -168,6 +258,10 @@ class Momentum:
         self._length = 1.0
         self._forget()
 
+    def _forget(self) -> None:
+        self._mean: Floats | float = 0.0
+        self._square, self._count = 0.0, 0
+
     def search(self, at: Evaluation, ascent: Floats) -> Evaluation | None:
         """The next evaluation, of higher energy or lower, or None where there is none.
 
@@ -175,38 +269,23 @@ class Momentum:
         """
         if not has_slope(ascent):
             return None
+        mean_square = float((ascent * ascent).mean())
         for _ in range(MOST_REFUSED):
-            self._remember(ascent)
-            parameters = at.parameters - self._step()
+            self._mean = DIRECTION_MEMORY * self._mean + (1.0 - DIRECTION_MEMORY) * ascent
+            self._square = SCALE_MEMORY * self._square + (1.0 - SCALE_MEMORY) * mean_square
+            self._count += 1
+            direction = self._mean / (1.0 - DIRECTION_MEMORY**self._count)
+            scale = np.sqrt(self._square / (1.0 - SCALE_MEMORY**self._count))
+            if scale > 0.0:
+                direction = direction / scale
+                direction /= max(1.0, float(np.abs(direction).max()) / LARGEST)
+            part = min(self.evaluations / self.steps, 1.0)
+            length = 0.5 * (1.0 + np.cos(np.pi * part)) * LENGTH * self._length
             self.evaluations += 1
-            trial = at.objective.attempt(parameters, at.directions)
+            trial = at.objective.attempt(at.parameters - length * direction, at.directions)
             if trial is not None and trial.flaws <= at.flaws:
                 self._length = min(LONGER * self._length, 1.0)
                 return trial
             self._length = max(SHORTER * self._length, SHORTEST)
             self._forget()
         return None
-
-    def _forget(self) -> None:
-        self._mean: Floats | None = None
-        self._square, self._remembered = 0.0, 0
-
-    def _remember(self, ascent: Floats) -> None:
-        before = np.zeros_like(ascent) if self._mean is None else self._mean
-        self._mean = DIRECTION_MEMORY * before + (1.0 - DIRECTION_MEMORY) * ascent
-        mean_square = float((ascent * ascent).mean())
-        self._square = SCALE_MEMORY * self._square + (1.0 - SCALE_MEMORY) * mean_square
-        self._remembered += 1
-
-    def _step(self) -> Floats:
-        """Change of the parameters downhill, with its sign reversed."""
-        assert self._mean is not None
-        count = self._remembered
-        mean = self._mean / (1.0 - DIRECTION_MEMORY**count)
-        scale = np.sqrt(self._square / (1.0 - SCALE_MEMORY**count))
-        if scale == 0.0:
-            return np.zeros_like(mean)
-        direction = mean / scale
-        direction /= max(1.0, float(np.abs(direction).max()) / LARGEST)
-        part = min(self.evaluations / self.steps, 1.0)
-        return 0.5 * (1.0 + np.cos(np.pi * part)) * LENGTH * self._length * direction

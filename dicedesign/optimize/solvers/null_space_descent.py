@@ -19,12 +19,7 @@ from torch import Tensor
 
 from dicedesign.gradient.facet_measures import circle_radii
 from dicedesign.gradient.odds_model import TableSensitivity
-from dicedesign.optimize.preferences.built_in import nearness_pull
-from dicedesign.optimize.preferences.preference import (
-    BearingFacets,
-    Preferences,
-    preference_residuals,
-)
+from dicedesign.optimize.preferences import BearingFacets, Preferences, preference_residuals
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.runtime.arrays import Floats
 
@@ -33,6 +28,9 @@ SHORTFALL: Final = 0.2
 
 ROOM: Final = 1.01
 """Circles below this times the least radius count as too small; none falls below that radius."""
+
+FAR: Final = 0.1
+"""Root of the mean square change of parameters that counts as 1 for the preference `nearness`."""
 
 LARGEST_MOVE: Final = 0.15
 """Largest change of a parameter along the manifold in one step."""
@@ -109,40 +107,30 @@ def improve(
     goal = _Goal(
         target, maker, preferences, sensitivity, least_circle, tolerance, candidate.parameters
     )
+    goals = [goal]
     if least_circle > 0.0:
         # A circle that is too small comes first, and alone.
-        bare = replace(goal, preferences=Preferences())
-        candidate, taken = _descend(bare, candidate, steps, out_of_time, on_step)
-        steps -= taken
-    return _descend(goal, candidate, steps, out_of_time, on_step)[0]
-
-
-def _descend(
-    goal: _Goal,
-    candidate: Candidate,
-    steps: int,
-    out_of_time: Callable[[], bool],
-    on_step: Callable[[Candidate, float], None],
-) -> tuple[Candidate, int]:
-    """The die that at most so many steps lead to, and how many there were."""
-    point = _Point(goal, candidate)
-    if not goal.is_open(point) or not point.is_free:
-        return candidate, 0
-    curvature, slow, taken = point.gauss_newton(), 0, 0
-    while taken < steps and slow < PATIENCE and goal.is_open(point) and not out_of_time():
-        following = _line_search(goal, point, curvature)
-        if following is None:
-            # Curvature from beyond a kink misleads.
-            curvature = point.gauss_newton()
-            following = _line_search(goal, point, curvature)
-        if following is None:
-            break
-        curvature = _updated(curvature, point, following)
-        slow = slow + 1 if following.merit > (1.0 - SLOW) * point.merit else 0
-        point = following
-        taken += 1
-        on_step(point.candidate, point.merit)
-    return point.candidate, taken
+        goals.insert(0, replace(goal, preferences=Preferences()))
+    for goal in goals:
+        point, slow = _Point(goal, candidate), 0
+        # Where no direction leaves the odds as they are, there is nothing to do.
+        curvature = point.gauss_newton() if point.is_open and len(point.free) > 0 else None
+        while curvature is not None and steps > 0 and slow < PATIENCE:
+            if not point.is_open or out_of_time():
+                break
+            following = _line_search(point, curvature)
+            if following is None:
+                # Curvature from beyond a kink misleads.
+                curvature = point.gauss_newton()
+                following = _line_search(point, curvature)
+            if following is None:
+                break
+            curvature = _updated(curvature, point, following)
+            slow = slow + 1 if following.merit > (1.0 - SLOW) * point.merit else 0
+            point, steps = following, steps - 1
+            on_step(point.candidate, point.merit)
+        candidate = point.candidate
+    return candidate
 
 
 @dataclass(frozen=True)
@@ -162,51 +150,10 @@ class _Goal:
     tolerance: float
     first: Floats
 
-    def residuals(self, candidate: Candidate) -> list[Tensor]:
-        """Vectors whose squares are summed, but for `away`."""
-        facets = candidate.outcome_facets
-        die = BearingFacets(candidate.rests, facets, self.sensitivity, candidate.model)
-        parts = [
-            *preference_residuals(die, self.preferences),
-            np.sqrt(self.preferences.largest or 1.0) * barrier_residuals(candidate.rests),
-        ]
-        if self.least_circle > 0.0:
-            radii = circle_radii(candidate.rests, facets)
-            parts.append(torch.relu(ROOM * self.least_circle / radii - 1.0) / SHORTFALL)
-        return parts
-
-    def away(self, candidate: Candidate) -> Floats:
-        """(n,) the residuals of parameters that are not those of the first die."""
-        return self.pull * (candidate.parameters - self.first)
-
     @property
     def pull(self) -> float:
-        """The derivative of each of them in its parameter."""
-        return nearness_pull(self.preferences, len(self.first))
-
-    def is_open(self, point: _Point) -> bool:
-        """True where there is anything to make better."""
-        return self.preferences.largest > 0.0 or point.is_short
-
-    def moved(self, point: _Point, move: Floats) -> _Point | None:
-        """The point that a move (n,) along the tangent space and back leads to, or None where no
-        such die is found or a circle has become too small."""
-        parameters = point.candidate.parameters + move
-        before = np.inf
-        for _ in range(MOST_CORRECTIONS + 1):
-            candidate = self.maker.attempt(
-                point.candidate.coordinates, parameters, point.candidate.directions
-            )
-            if candidate is None:
-                return None
-            following, error = _Point(self, candidate), candidate.error(self.target)
-            if error <= self.tolerance:
-                return None if following.is_short and not point.is_short else following
-            if error > CONVERGING * before:
-                return None
-            before = error
-            parameters = parameters + following.back(candidate.odds - self.target)
-        return None
+        """Derivative in each parameter of the residual that is its change."""
+        return float(np.sqrt(self.preferences.nearness / len(self.first))) / FAR
 
 
 @dataclass(frozen=True)
@@ -218,18 +165,31 @@ class _Point:
 
     @cached_property
     def residuals(self) -> list[Tensor]:
-        """See `_Goal.residuals`."""
-        return self.goal.residuals(self.candidate)
+        """Vectors whose squares are summed, but for `away`."""
+        goal, rests, facets = self.goal, self.candidate.rests, self.candidate.outcome_facets
+        die = BearingFacets(rests, facets, goal.sensitivity, self.candidate.model)
+        parts = [
+            *preference_residuals(die, goal.preferences),
+            np.sqrt(goal.preferences.largest or 1.0) * barrier_residuals(rests),
+        ]
+        if goal.least_circle > 0.0:
+            radii = circle_radii(rests, facets)
+            parts.append(torch.relu(ROOM * goal.least_circle / radii - 1.0) / SHORTFALL)
+        return parts
+
+    @property
+    def away(self) -> Floats:
+        """(n,) the residuals of parameters that are not those of the first die."""
+        return self.goal.pull * (self.candidate.parameters - self.goal.first)
 
     @cached_property
     def _squares(self) -> Tensor:
-        """() their sum of squares."""
+        """() sum of the squares of `residuals`."""
         return torch.stack([vector @ vector for vector in self.residuals]).sum()
 
     @cached_property
     def merit(self) -> float:
-        away = self.goal.away(self.candidate)
-        return self._squares.item() + float(away @ away)
+        return self._squares.item() + float(self.away @ self.away)
 
     @cached_property
     def is_short(self) -> bool:
@@ -240,9 +200,9 @@ class _Point:
         return bool(radii.detach().min() < self.goal.least_circle)
 
     @property
-    def is_free(self) -> bool:
-        """True where there is a direction that changes no odds."""
-        return len(self._free) > 0
+    def is_open(self) -> bool:
+        """True where there is anything to make better."""
+        return self.goal.preferences.largest > 0.0 or self.is_short
 
     @cached_property
     def _singular(self) -> tuple[Floats, Floats, Floats]:
@@ -251,32 +211,26 @@ class _Point:
         rank = int((values > RANK).sum())
         return left[:, :rank], values[:rank], right
 
-    def back(self, misses: Floats) -> Floats:
-        """(n,) shortest step that changes the odds by `-misses` (k,), to first order."""
-        left, values, right = self._singular
-        return -right[: len(values)].T @ ((left.T @ misses) / values)
-
-    def along(self, vector: Floats) -> Floats:
-        """(n,) the part of a vector (n,) that changes no odds, to first order."""
-        free = self._free
-        return free.T @ (free @ vector)
-
     @property
-    def _free(self) -> Floats:
+    def free(self) -> Floats:
         """(n - r, n) orthonormal directions that change no odds."""
         _, values, right = self._singular
         return right[len(values) :]
+
+    def along(self, vector: Floats) -> Floats:
+        """(n,) the part of a vector (n,) that changes no odds, to first order."""
+        return self.free.T @ (self.free @ vector)
 
     @cached_property
     def gradient(self) -> Floats:
         """(n,) of the merit, along the manifold."""
         (gradient,) = self.candidate.jacobian(self._squares[None])
-        return self.along(gradient + 2.0 * self.goal.pull * self.goal.away(self.candidate))
+        return self.along(gradient + 2.0 * self.goal.pull * self.away)
 
     def gauss_newton(self) -> Floats:
         """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold; of more
         than `MOST_ROWS` residuals a multiple of the identity there, which costs no Jacobian."""
-        free = self._free
+        free = self.free
         if sum(map(len, self.residuals)) > MOST_ROWS:
             steepness = max(float(np.linalg.norm(self.gradient)), np.finfo(np.float64).tiny)
             return free.T @ free * (LARGEST_MOVE / steepness)
@@ -285,8 +239,28 @@ class _Point:
         damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)
         return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
 
+    def moved(self, move: Floats) -> _Point | None:
+        """The point that a move (n,) along the tangent space and Newton's method back lead to, or
+        None where no such die is found or a circle has become too small."""
+        goal, before = self.goal, np.inf
+        parameters, directions = self.candidate.parameters + move, self.candidate.directions
+        for _ in range(MOST_CORRECTIONS + 1):
+            candidate = goal.maker.attempt(self.candidate.coordinates, parameters, directions)
+            if candidate is None:
+                return None
+            following, error = _Point(goal, candidate), candidate.error(goal.target)
+            if error <= goal.tolerance:
+                return None if following.is_short and not self.is_short else following
+            if error > CONVERGING * before:
+                return None
+            before = error
+            left, values, right = following._singular
+            across = (left.T @ (candidate.odds - goal.target)) / values
+            parameters = parameters - right[: len(values)].T @ across
+        return None
 
-def _line_search(goal: _Goal, point: _Point, curvature: Floats) -> _Point | None:
+
+def _line_search(point: _Point, curvature: Floats) -> _Point | None:
     """A point that is better by enough, in the direction of quasi-Newton."""
     direction = -point.along(curvature @ point.gradient)
     slope = float(direction @ point.gradient)
@@ -294,7 +268,7 @@ def _line_search(goal: _Goal, point: _Point, curvature: Floats) -> _Point | None
         return None
     length = min(1.0, LARGEST_MOVE / float(np.abs(direction).max()))
     for _ in range(MOST_LENGTHS):
-        following = goal.moved(point, length * direction)
+        following = point.moved(length * direction)
         if following is not None and following.merit <= point.merit + SUFFICIENT * length * slope:
             return following
         length *= SHORTER

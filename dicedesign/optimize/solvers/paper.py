@@ -1,26 +1,33 @@
 """The paper's method: its energy over vertices, with fixed weights, the hull after every step, and
-Sobolev-preconditioned gradients (section 3.3)."""
+Sobolev-preconditioned gradients (section 3.3). It leads to a die whose odds are near the target; in
+an exact finish the rests of each outcome become one half-space, and the exact method goes on."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import HullMemory
-from dicedesign.optimize.coordinates.facets import VertexCoordinates
-from dicedesign.optimize.energy.energy import Evaluation, Objective
-from dicedesign.optimize.options import PaperOptions
-from dicedesign.optimize.result import DesignResult, DesignStep
-from dicedesign.optimize.solvers.candidate import Candidate
-from dicedesign.optimize.solvers.descent import LineSearch, Momentum, has_slope
-from dicedesign.optimize.solvers.finish import finished
-from dicedesign.optimize.solvers.sobolev import SobolevGradient
+from dicedesign.optimize.coordinates import FacetCoordinates, VertexCoordinates
+from dicedesign.optimize.energy import Evaluation, Objective, cluster
+from dicedesign.optimize.options import ExactOptions, PaperOptions
+from dicedesign.optimize.solvers.candidate import (
+    Candidate,
+    CandidateMaker,
+    DesignResult,
+    DesignStep,
+)
+from dicedesign.optimize.solvers.descent import LineSearch, Momentum, SobolevGradient, has_slope
+from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.terms import EnergyWeights
 from dicedesign.rest.equilibria import classify
+from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
@@ -69,12 +76,16 @@ def descend_as_paper(
             f"target: expected {len(start.directions)} outcomes, one for each direction of the "
             f"start, got {len(target)}; take another start"
         )
-    sobolev = SobolevGradient(options.sobolev, drift)
+    started, shapes = time.perf_counter(), HullMemory()
+    hull = shapes.hull(start.points)
     if center_of_mass is not None:
-        center_of_mass = np.asarray(center_of_mass, dtype=np.float64)
-    result = _Descent(
-        start, target, options, center_of_mass, sobolev, seed, on_step, on_evaluation
-    ).run()
+        center_of_mass = classify(hull, np.asarray(center_of_mass, np.float64)).center_of_mass
+    coordinates, parameters = VertexCoordinates.of(start.points, hull.centroid)
+    weights = options.weights.of_probabilities
+    objective = Objective(coordinates, target, weights, center_of_mass, shapes)
+    first = objective.first(parameters, start.directions, options.perturbation, seed)
+    sobolev = SobolevGradient(options.sobolev, drift)
+    result = _Descent(first, sobolev, started, on_step, on_evaluation).run(options)
     if options.finish == "none":
         return result
     return finished(
@@ -92,53 +103,40 @@ class _Descent:
 
     def __init__(
         self,
-        start: Start,
-        target: Floats,
-        options: PaperOptions,
-        center_of_mass: Floats | None,
+        first: Evaluation,
         sobolev: SobolevGradient,
-        seed: int,
+        started: float,
         on_step: Callable[[DesignStep], None] | None,
         on_evaluation: Callable[[Evaluation], None] | None,
     ) -> None:
-        self.started = time.perf_counter()
-        self.options, self.on_step, self.on_evaluation = options, on_step, on_evaluation
-        shapes = HullMemory()
-        hull = shapes.hull(start.points)
-        if center_of_mass is not None:
-            center_of_mass = classify(hull, center_of_mass).center_of_mass
-        coordinates, parameters = VertexCoordinates.of(start.points, hull.centroid, shapes.hull)
-        weights = options.weights.of_probabilities
-        self.objective = Objective(coordinates, target, weights, center_of_mass, shapes)
-        self.sobolev = sobolev
+        self.sobolev, self.started = sobolev, started
+        self.on_step, self.on_evaluation = on_step, on_evaluation
         self.history: list[DesignStep] = []
         self.evaluations = 1
-        self.current = self.objective.first(
-            parameters, start.directions, options.perturbation, seed
-        )
+        self._record(first)
 
-    def run(self) -> DesignResult:
+    def run(self, options: PaperOptions) -> DesignResult:
         """The best of all steps, and the line search from there."""
-        self._record()
-        steps, polish = self.options.steps, self.options.step == "momentum"
+        steps, polish = options.steps, options.step == "momentum"
         if polish:
             self._go_with_momentum(steps)
         status = self._go_by_line_search(min(steps, POLISH) if polish else steps)
         if polish and status is Status.STEP_LIMIT and steps >= POLISH:
             # More of them would be more of the same.
             status = Status.NO_PROGRESS
-        if self.current.error <= self.options.reached:
+        current, shapes = self.current, self.current.objective.shapes
+        if current.error <= options.reached:
             status = Status.CONVERGED
         return DesignResult(
             status,
-            self.current.rests.hull,
-            self.current.directions,
-            self.current.error,
-            self.current.values,
+            current.rests.hull,
+            current.directions,
+            current.error,
+            current.energy.terms,
             tuple(self.history),
             self.evaluations,
-            self.objective.shapes.built,
-            self.objective.shapes.reused,
+            shapes.built,
+            shapes.reused,
         )
 
     def _go_with_momentum(self, steps: int) -> None:
@@ -147,12 +145,10 @@ class _Descent:
             following = rule.search(self.current, self._ascent())
             if following is None:
                 break
-            self.current = following.refreshed()
-            self._record()
+            self._record(following.refreshed())
             if self.current.value < best.value:
                 best = self.current
-        self.evaluations += rule.evaluations
-        self._go_back(best)
+        self._end(rule, best)
 
     def _go_by_line_search(self, steps: int) -> Status:
         rule, best, energies = LineSearch(), self.current, [self.current.value]
@@ -164,7 +160,16 @@ class _Descent:
                 lost = not has_slope(self.current.gradient)
                 status = Status.NO_GRADIENT if lost else Status.NO_PROGRESS
                 break
-            self._accept(following, rule)
+            # Go there, without the points that are no vertices any more.
+            objective = following.objective
+            pruned = objective.coordinates.pruned(following.parameters, following.rests)
+            if len(pruned) != len(following.parameters):
+                self.evaluations += 1
+                fewer = objective.attempt(pruned, following.directions)
+                if fewer is not None:
+                    following = fewer
+                    rule.restart()
+            self._record(following.refreshed())
             energies.append(self.current.value)
             if self.current.value <= best.value:
                 best = self.current
@@ -172,35 +177,187 @@ class _Descent:
             if len(energies) >= window and min(earlier) - min(later) < part * min(earlier):
                 status = Status.NO_PROGRESS
                 break
-        self.evaluations += rule.evaluations
-        self._go_back(best)
+        self._end(rule, best)
         return status
-
-    def _go_back(self, best: Evaluation) -> None:
-        if self.current is not best:
-            self.current = best
-            self._record()
 
     def _ascent(self) -> Floats:
         return self.sobolev.of(self.current.gradient, self.current.rests.hull)
 
-    def _accept(self, following: Evaluation, rule: LineSearch) -> None:
-        """Go there, without the points that are no vertices any more."""
-        pruned = self.objective.coordinates.pruned(following.parameters, following.rests)
-        if len(pruned) != len(following.parameters):
-            self.evaluations += 1
-            fewer = self.objective.attempt(pruned, following.directions)
-            if fewer is not None:
-                following = fewer
-                rule.restart()
-        self.current = following.refreshed()
-        self._record()
+    def _end(self, rule: LineSearch | Momentum, best: Evaluation) -> None:
+        self.evaluations += rule.evaluations
+        if self.current is not best:
+            self._record(best)
 
-    def _record(self) -> None:
-        current, seconds = self.current, time.perf_counter() - self.started
-        step = DesignStep(len(self.history), seconds, current.value, current.values, current.error)
+    def _record(self, current: Evaluation) -> None:
+        """Go on from an evaluation, which is a step."""
+        self.current, terms = current, current.energy.terms
+        seconds = time.perf_counter() - self.started
+        step = DesignStep(len(self.history), seconds, current.value, terms, current.error)
         self.history.append(step)
         if self.on_evaluation is not None:
             self.on_evaluation(current)
         if self.on_step is not None:
             self.on_step(step)
+
+
+ABSORBED: Final = (0.0, 1.0, 3.0, 6.0, 10.0, 15.0)
+"""Angles, in degrees, within which a facet near that of an outcome gives way to it: one after the
+other is tried."""
+
+SAME_FACET: Final = 2.0
+"""Angle, in degrees, up to which the rests of an outcome are always one."""
+
+SUNK: Final = 0.97
+"""Height of a half-space over that of the shape, for an outcome that has lost its rest."""
+
+REPAIRING: Final = EnergyWeights(
+    coplanar=0.0, barycenter=0.0, neighbor=0.0, stability=0.1, stability_margin=0.03
+)
+"""Of the steps to a shape with one rest for each outcome and no other, where there are more."""
+
+MOST_REPAIRS: Final = 150
+"""How many of these steps."""
+
+KEPT_ANGLE: Final = 0.35
+"""Angle between two outcomes, in radians (20 degrees), below which the exact method tries to keep
+them apart."""
+
+
+def finished(
+    result: DesignResult,
+    target: Floats,
+    options: PaperOptions,
+    *,
+    center_of_mass: Floats | None = None,
+    on_step: Callable[[DesignStep], None] | None = None,
+    on_candidate: Callable[[Candidate], None] | None = None,
+) -> DesignResult:
+    """The result with odds (k,) that are exact to `options.tolerance`, and better by
+    `options.prefer`; the result as it is where nothing led there.
+
+    The history goes on from that of the result.
+    """
+    maker = CandidateMaker(center_of_mass)
+    history, before = list(result.history), result.history[-1]
+
+    def record(step: DesignStep, count: int, seconds: float) -> None:
+        history.append(replace(step, step=count, seconds=seconds))
+        if on_step is not None:
+            on_step(history[-1])
+
+    def on_exact_step(step: DesignStep) -> None:
+        record(step, before.step + 1 + step.step, before.seconds + step.seconds)
+
+    end, evaluations, built, reused = None, 0, 0, 0
+    try:
+        end = solve_exactly(
+            _starts(result, target, maker),
+            target,
+            ExactOptions(tolerance=options.reached, prefer=options.prefer),
+            center_of_mass=center_of_mass,
+            least_angle=KEPT_ANGLE,
+            on_step=on_exact_step,
+            on_candidate=on_candidate,
+        )
+        evaluations, built, reused = end.evaluations, end.hulls_built, end.hulls_reused
+    except NoStartError:
+        pass
+    is_exact = end is not None and end.status is Status.CONVERGED
+    if not is_exact and len(history) > len(result.history):
+        record(before, history[-1].step + 1, history[-1].seconds)
+    best = end if end is not None and is_exact else result
+    return replace(
+        best,
+        history=tuple(history),
+        evaluations=result.evaluations + maker.evaluations + evaluations,
+        hulls_built=result.hulls_built + maker.polars.built + maker.shapes.built + built,
+        hulls_reused=result.hulls_reused + maker.polars.reused + maker.shapes.reused + reused,
+        starts=result.starts,
+    )
+
+
+def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iterator[Start]:
+    """Shapes near a result with one rest for each outcome and no other."""
+    center = maker.center_of_mass
+    poses = analyse(result.hull, result.hull.centroid if center is None else center)
+    for angle in ABSORBED:
+        coordinates, parameters, directions = flattened(poses, result.directions, angle)
+        if np.isnan(parameters).any():
+            continue
+        candidate = maker.attempt(coordinates, parameters, directions)
+        if candidate is None:
+            objective = Objective(
+                coordinates, target, REPAIRING, center, maker.shapes, maker.polars
+            )
+            candidate = _repaired(objective, parameters, directions, maker)
+        if candidate is not None:
+            yield Start(candidate.rests.hull.vertices, candidate.directions)
+
+
+def _repaired(
+    objective: Objective, parameters: Floats, directions: Floats, maker: CandidateMaker
+) -> Candidate | None:
+    """A die with one rest for each outcome and no other that lies downhill; None where steps lead
+    to none."""
+    rule, current = LineSearch(), objective.attempt(parameters, directions)
+    for _ in range(MOST_REPAIRS):
+        if current is None:
+            break
+        tried = rule.evaluations
+        current = rule.search(current, current.gradient)
+        maker.evaluations += rule.evaluations - tried
+        if current is None:
+            break
+        current = current.refreshed()
+        if current.flaws == 0:
+            candidate = maker.attempt(objective.coordinates, current.parameters, current.directions)
+            if candidate is not None:
+                return candidate
+    return None
+
+
+def flattened(
+    poses: RestPoses, directions: Floats, angle: float
+) -> tuple[FacetCoordinates, Floats, Floats]:
+    """Half-spaces of a shape on which each outcome has one facet.
+
+    Its normal is the mean of those of the outcome's rests near the most probable one, by their
+    odds, and it lies as high as their corners do on average.
+
+    Parameters
+    ----------
+    poses: rests of the shape. directions: (k, 3) unit directions of the outcomes.
+    angle: in degrees, within which other facets give way to the nearest outcome's.
+
+    Returns coordinates about the center of mass, their parameters, of which the first k half-spaces
+    are the outcomes', and the normals (k, 3) of these.
+    """
+    hull, center = poses.hull, poses.center_of_mass
+    of_rest = cluster(poses.normals, directions).of_rest
+    replaced = np.zeros(len(hull.normals), dtype=bool)
+    mains, normals, distances = directions.copy(), [], []
+    # Rests come the most probable first.
+    outcomes, firsts = np.unique(of_rest, return_index=True)
+    mains[outcomes] = poses.normals[firsts]
+    nearest = np.argmax(hull.normals @ mains.T, axis=1)
+    for outcome, main in enumerate(mains):
+        near = poses.normals @ main >= np.cos(np.radians(max(angle, SAME_FACET)))
+        mine = np.flatnonzero(near & (of_rest == outcome))
+        if len(mine) == 0:
+            normals.append(main)
+            distances.append(SUNK * float(((hull.vertices - center) @ main).max()))
+            continue
+        odds = poses.probabilities[mine]
+        normal = odds @ poses.normals[mine]
+        normal = normal / np.sqrt(normal @ normal)
+        corners = [hull.polygon(int(facet)) - center for facet in poses.facets[mine]]
+        weights = np.repeat(odds, [len(part) for part in corners])
+        normals.append(normal)
+        distances.append(float(weights @ (np.concatenate(corners) @ normal) / weights.sum()))
+        replaced[poses.facets[mine]] = True
+        replaced |= (hull.normals @ normal > np.cos(np.radians(angle))) & (nearest == outcome)
+    units = np.concatenate([np.array(normals), hull.normals[~replaced]])
+    lengths = np.concatenate([np.array(distances), hull.heights(center)[~replaced]])
+    lengths = np.where(lengths > 0.0, lengths, np.nan)
+    parameters = np.concatenate([units.ravel(), np.log(lengths)])
+    return FacetCoordinates(center), parameters, units[: len(directions)]

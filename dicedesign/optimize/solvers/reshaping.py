@@ -1,31 +1,38 @@
 """Shapes whose finished object has wanted odds, though labels and edges take material away.
 
-The facets of the plain shape are moved until the object that is made of it, measured as it will be
-written, has the odds: labels shift the center of mass, and with it the odds, by some 1e-4. Lengths
-are in millimetres."""
+The facets of a convex shape are moved until the object that is made of it, measured as it will be
+written, has the odds: labels shift the center of mass, and with it the odds, by some 1e-4. A body
+of any shape is stretched along three axes by a few parts in a thousand. Lengths are in millimetres.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Protocol
 
 import numpy as np
 import torch
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.triangles import Surface
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.coordinates.linked import TiedCoordinates
-from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
-from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
-from dicedesign.rest.outcomes import gathered
+from dicedesign.optimize.coordinates import (
+    FacetCoordinates,
+    LinkedCoordinates,
+    normals_of,
+    tied_coordinates,
+)
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, LevenbergMarquardt
+from dicedesign.rest.outcomes import gathered, outcome_odds
+from dicedesign.rest.poses import analyse, rest_poses
+from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
-from dicedesign.tolerances import BALANCED_ODDS
+from dicedesign.tolerances import BALANCED_ODDS, FILE_ODDS
 
 MOST_ROUNDS: Final = 6
 """Objects that are made and measured after the first: labels alone need three."""
@@ -46,9 +53,6 @@ RANK: Final = 1e-8
 """Differences between guesses below this part of the largest tell nothing."""
 
 
-Label = TypeVar("Label")
-
-
 @dataclass(frozen=True)
 class Measured:
     """What a solid does: its center of mass (3,) and the odds (k,) of its outcomes."""
@@ -57,43 +61,41 @@ class Measured:
     odds: Floats
 
 
-class Labelled(Protocol[Label]):
+class Labelled(Protocol):
     """How an object is made of a plain shape and labels on its facets."""
 
-    def balanced(self, core: ConvexHull, placements: Sequence[Label]) -> Surface:
+    def balanced(self, core: ConvexHull, placements: Sequence[Any]) -> Surface:
         """The solid by which the object is judged."""
 
     def carried(
         self,
-        placements: Sequence[Label],
+        placements: Sequence[Any],
         before: ConvexHull,
         after: ConvexHull,
         moved_normals: Floats,
-    ) -> tuple[Label, ...]:
+    ) -> tuple[Any, ...]:
         """Labels on the facets of one hull, moved onto those of another; moved_normals: (m, 3) that
         the facets of the first have in the second."""
 
-    def bearing(self, placements: Sequence[Label]) -> Floats:
+    def bearing(self, placements: Sequence[Any]) -> Floats:
         """(l, 3) normals of the facets with labels."""
 
 
 @dataclass(frozen=True, eq=False)
-class Reshaped(Generic[Label]):
+class Reshaped:
     """An object and the plain shape that it is made of.
 
     Attributes
     ----------
     surface: of the object, by which it was measured.
     core: the plain shape. placements: labels on its facets.
-    directions: (k, 3) normals of the outcomes' facets.
     measured: what the object does; first: what that of the given shape does.
     errors: largest |p - q| of the objects of all rounds, the first being that of the given shape.
     """
 
     surface: Surface
     core: ConvexHull
-    placements: tuple[Label, ...]
-    directions: Floats
+    placements: tuple[Any, ...]
     measured: Measured
     first: Measured
     errors: tuple[float, ...]
@@ -102,14 +104,14 @@ class Reshaped(Generic[Label]):
 def reshaped(
     core: ConvexHull,
     directions: Floats,
-    placements: Sequence[Label],
+    placements: Sequence[Any],
     target: Floats,
-    made: Labelled[Label],
+    made: Labelled,
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
     model: OddsModel | None = None,
-) -> Reshaped[Label]:
+) -> Reshaped:
     """Lead the object made of a shape to wanted odds.
 
     In each round the object is made and measured. It differs from the plain shape in its center of
@@ -117,6 +119,9 @@ def reshaped(
     half-spaces (`FacetCoordinates`), to where a plain shape with that offset and that difference
     has the odds. As labels go along with their facets, each round leaves a hundredth of the error.
     The best object of all rounds is returned.
+
+    A shape that is found for such a guess changes what was guessed. Guesses are corrected by
+    Anderson's method (J. ACM 12, 1965): by the mean of all before whose changes cancel best.
 
     Parameters
     ----------
@@ -132,105 +137,69 @@ def reshaped(
     ------
     DiceError: the object of the given shape cannot be made or measured.
     """
-    labels = tuple(placements)
+    labels, size = tuple(placements), core.diameter
     surface = made.balanced(core, labels)
     first = measured = measure(surface, directions)
-    best = Reshaped(surface, core, labels, directions, first, first, (_error(first, target),))
-    errors, guesses = best.errors, _Guesses(core.diameter, len(target))
+    errors = [float(np.abs(first.odds - target).max())]
+    best = Reshaped(surface, core, labels, first, first, ())
+    # Offsets of the center of mass over the size, and what is left of the odds. The plain shape has
+    # its odds with neither.
+    guessed, came = [np.zeros(3 + len(target))], list[Floats]()
     for _ in range(rounds):
         if min(errors) <= BALANCED_ODDS or (len(errors) > 2 and errors[-1] > SLOW * errors[-3]):
             break
         try:
+            offset = measured.center_of_mass - core.centroid
+            rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
+            odds = rests.odds if model is None else model.odds(rests)
+            plain = gathered(rests.hull.normals[rests.facets], odds, directions).odds
+            came.append(np.concatenate([offset / size, measured.odds - plain]))
+            changes, guess = np.stack(came) - np.stack(guessed), came[-1]
+            if len(came) > 1:
+                by_guess = np.diff(changes, axis=0).T
+                weights = np.linalg.lstsq(by_guess, changes[-1], rcond=RANK)[0]
+                guess = guess - weights @ np.diff(came, axis=0)
+            guessed.append(guess)
+
             bearing = np.concatenate([directions, made.bearing(labels)])
-            shape = _solved(core, directions, bearing, measured, target, model, guesses)
+            coordinates, parameters = tied_coordinates(core, bearing, FOLD)
+            maker = CandidateMaker(None, model, guess[:3] * size)
+            shape = _solved(coordinates, parameters, directions, target - guess[3:], maker)
             if shape is None:
                 break
-            labels = made.carried(labels, core, shape.rests.hull, _moved_normals(core, shape))
-            core, directions = shape.rests.hull, shape.directions
+            after = shape.rests.hull
+            before, moved = (
+                normals_of(coordinates.half_spaces(some)) for some in (parameters, shape.parameters)
+            )
+            moved_normals = unit_vectors(moved[np.argmax(core.normals @ before.T, axis=1)])
+            labels = made.carried(labels, core, after, moved_normals)
+            core, directions = after, shape.directions
             surface = made.balanced(core, labels)
             measured = measure(surface, directions)
         except DiceError:
             # A label that no longer fits, or an object without the rests: the best so far it is.
             break
-        errors = (*errors, _error(measured, target))
+        errors.append(float(np.abs(measured.odds - target).max()))
         if errors[-1] == min(errors):
-            best = Reshaped(surface, core, labels, directions, measured, first, errors)
-    return replace(best, errors=errors)
-
-
-def largest_move(before: ConvexHull, after: ConvexHull) -> float:
-    """Largest distance from a corner of a shape to the planes of its facets as they were moved a
-    little."""
-    facets = np.argmax(before.normals @ after.normals.T, axis=1)
-    planes = after.normals[facets]
-    offsets = after.heights(np.zeros(3))[facets]
-    distances = before.vertices[before.tail] @ planes.T - offsets
-    own = distances[np.arange(len(before.tail)), before.facet]
-    return float(np.abs(own).max())
-
-
-def _moved_normals(core: ConvexHull, shape: Candidate) -> Floats:
-    """(m, 3) unit normals that the facets of a shape have in another, made by moving them."""
-    moved = shape.parameters
-    if isinstance(shape.coordinates, TiedCoordinates):
-        moved = shape.coordinates.half_spaces(moved)
-    _, first = FacetCoordinates.of(core.vertices, core.centroid)
-    first, moved = (whole[: 3 * len(whole) // 4].reshape(-1, 3) for whole in (first, moved))
-    return unit_vectors(moved[np.argmax(core.normals @ first.T, axis=1)])
-
-
-def _error(measured: Measured, target: Floats) -> float:
-    return float(np.abs(measured.odds - target).max())
-
-
-class _Guesses:
-    """What the object of the next shape will differ by from a plain one: the offset of the center
-    of mass and the rest of the odds, from what those of the shapes before did.
-
-    A shape that is found for a guess changes what was guessed. The guesses are corrected by
-    Anderson's method (J. ACM 12, 1965): by the mean of all before whose changes cancel best.
-    """
-
-    def __init__(self, size: float, outcomes: int) -> None:
-        self._size = size
-        # The plain shape has its odds with neither.
-        self._guessed = [np.zeros(3 + outcomes)]
-        self._came: list[Floats] = []
-
-    def next(self, offset: Floats, rest: Floats) -> tuple[Floats, Floats]:
-        """The guess (3,), (k,) after what came of the last."""
-        self._came.append(np.concatenate([offset / self._size, rest]))
-        guessed, came = np.stack(self._guessed), np.stack(self._came)
-        changes = came - guessed
-        guess = came[-1]
-        if len(came) > 1:
-            weights = np.linalg.lstsq(np.diff(changes, axis=0).T, changes[-1], rcond=RANK)[0]
-            guess = guess - weights @ np.diff(came, axis=0)
-        self._guessed.append(guess)
-        return guess[:3] * self._size, guess[3:]
+            best = Reshaped(surface, core, labels, measured, first, ())
+    return replace(best, errors=tuple(errors))
 
 
 def _solved(
-    core: ConvexHull,
+    coordinates: FacetCoordinates | LinkedCoordinates,
+    parameters: Floats,
     directions: Floats,
-    bearing: Floats,
-    measured: Measured,
-    target: Floats,
-    model: OddsModel | None,
-    guesses: _Guesses,
+    wanted: Floats,
+    maker: CandidateMaker,
 ) -> Candidate | None:
-    """A shape nearby that has the odds if its object differs from a plain one as guessed; None
-    where there is none."""
-    offset = measured.center_of_mass - core.centroid
-    plain = _plain_odds(core, directions, offset, model)
-    offset, rest = guesses.next(offset, measured.odds - plain)
-    wanted, maker = target - rest, CandidateMaker(None, model, offset)
-    best = None
-    for first in _candidates(core, directions, bearing, maker):
-        approach = LevenbergMarquardt(
-            wanted, maker, None, 0.1 * BALANCED_ODDS, lambda: False, lambda candidate: None
-        )
-        end = approach.solve(first)
+    """A shape nearby that has the wanted odds (k,), or nearly; None where there is none."""
+    best, random = None, np.random.default_rng(0)
+    for nudge in NUDGES:
+        moved = parameters + nudge * random.standard_normal(len(parameters))
+        first = maker.attempt(coordinates, moved, directions)
+        if first is None:
+            continue
+        end = LevenbergMarquardt(wanted, maker, 0.1 * BALANCED_ODDS).solve(first)
         if best is None or end.error(wanted) < best.error(wanted):
             best = end
         if best.error(wanted) <= BALANCED_ODDS:
@@ -238,23 +207,135 @@ def _solved(
     return best
 
 
-def _plain_odds(
-    core: ConvexHull, directions: Floats, offset: Floats, model: OddsModel | None
-) -> Floats:
-    """(k,) odds of a plain shape whose center of mass has an offset (3,)."""
-    rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
-    odds = rests.odds if model is None else model.odds(rests)
-    return gathered(rests.hull.normals[rests.facets], odds, directions).odds
+def largest_move(before: ConvexHull, after: ConvexHull) -> float:
+    """Largest distance from a corner of a shape to the planes of its facets as they were moved a
+    little."""
+    facets = np.argmax(before.normals @ after.normals.T, axis=1)[before.facet]
+    heights = (before.vertices[before.tail] * after.normals[facets]).sum(1)
+    return float(np.abs(heights - after.heights(np.zeros(3))[facets]).max())
 
 
-def _candidates(
-    hull: ConvexHull, directions: Floats, bearing: Floats, maker: CandidateMaker
-) -> Iterator[Candidate]:
-    """The shape, and others beside it, of those that are no ties."""
-    coordinates, parameters = TiedCoordinates.of(hull, bearing, FOLD)
-    random = np.random.default_rng(0)
-    for nudge in NUDGES:
-        moved = parameters + nudge * random.standard_normal(len(parameters))
-        candidate = maker.attempt(coordinates, moved, directions)
-        if candidate is not None:
-            yield candidate
+STEP: Final = 1e-6
+"""Of the differences that derivatives are taken from, as a stretch."""
+
+MOST_STEPS: Final = 20
+"""Of Newton's method, from one place."""
+
+LENGTHS: Final = (0.0, *np.geomspace(3e-4, 1e-2, 31).tolist())
+"""Of random stretches that it begins with, one after the other until one leads to the odds: those
+of bodies of many corners jump where a facet becomes a rest, which may be in the way."""
+
+MOST_STRETCH: Final = 0.03
+"""Largest stretch along an axis, relative: what is beyond is another shape."""
+
+GAINED: Final = 0.5
+"""Part of the error that a better stretch leaves at most: a little is not worth another shape."""
+
+SHORTER: Final = 0.5
+"""Ratio of the lengths of steps tried one after the other."""
+
+STRETCH_RANK: Final = 1e-6
+"""Singular values below this part of the largest are directions in which nothing changes: the size
+is one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretched:
+    """A stretched body.
+
+    Attributes
+    ----------
+    matrix: (3, 3) symmetric, the linear map. surface: the image.
+    directions: (k, 3) unit, images of the outcomes' directions.
+    unbalanced: (k,) odds before; errors: largest |p - q| before and after.
+    """
+
+    matrix: Floats
+    surface: Surface
+    directions: Floats
+    unbalanced: Floats
+    errors: tuple[float, float]
+
+
+def stretched(
+    surface: Surface, directions: Floats, target: Floats, prior: Prior | None = None
+) -> Stretched:
+    """Stretch a solid until its odds are as near to wanted ones as it can bring them.
+
+    A linear image keeps what is flat, convex, closed or in contact, and its center of mass is the
+    image of that of the body: so the odds after it are known from the corners of the hull alone. A
+    stretch has five parameters beside the size, so that up to six outcomes can be met exactly.
+    Newton's method takes the shortest way, with derivatives from differences of the hull's odds.
+
+    surface: of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,) odds; prior:
+    they are under, if any, which stays where it is as the body is stretched. The best stretch found
+    is returned, and none where nothing is gained. Raises DiceError if the body has no rests.
+    """
+    poses = rest_poses(make_body(surface.points, surface.triangles))
+    corners = poses.hull.vertices - poses.center_of_mass
+
+    def odds_of(parameters: Floats, in_file: bool = False) -> Floats:
+        """(k,) after a stretch, with coordinates in single precision in a file; infinite where
+        there are no rests."""
+        matrix = _matrix(parameters)
+        image = corners @ matrix.T
+        if in_file:
+            image = image.astype(np.float32).astype(np.float64)
+        try:
+            hull = convex_hull(image, single_precision=in_file)
+            rests = analyse(hull, np.zeros(3)).under(prior)
+        except DiceError:
+            return np.full(len(target), np.inf)
+        return outcome_odds(rests, _turned(directions, matrix)).odds
+
+    def error_of(odds: Floats) -> float:
+        return float(np.linalg.norm(odds - target))
+
+    def solved(parameters: Floats) -> tuple[Floats, Floats]:
+        """The stretch where Newton's method ends, and the odds after it."""
+        odds = odds_of(parameters)
+        for _ in range(MOST_STEPS):
+            if not 0.1 * BALANCED_ODDS < error_of(odds) < np.inf:
+                break
+            slopes = [(odds_of(parameters + h) - odds_of(parameters - h)) / 2.0 for h in steps]
+            inverse = np.linalg.pinv(np.column_stack(slopes), rcond=STRETCH_RANK)
+            step = -STEP * inverse @ (odds - target)
+            while np.abs(step).max() > STEP * BALANCED_ODDS:
+                if np.abs(parameters + step).max() <= MOST_STRETCH:
+                    following = odds_of(parameters + step)
+                    if error_of(following) < error_of(odds):
+                        break
+                step = SHORTER * step
+            else:
+                break
+            parameters, odds = parameters + step, following
+        return parameters, odds
+
+    steps = STEP * np.eye(6)
+    best, random = np.zeros(6), np.random.default_rng(0)
+    first = best_odds = odds_of(best)
+    for length in LENGTHS:
+        end, odds = solved(length * random.standard_normal(6))
+        most = max(2.0 * error_of(odds), FILE_ODDS)
+        if (
+            error_of(odds) < GAINED * error_of(best_odds)
+            and error_of(odds_of(end, in_file=True)) <= most
+        ):
+            best, best_odds = end, odds
+        if error_of(best_odds) <= BALANCED_ODDS:
+            break
+    matrix, center = _matrix(best), poses.center_of_mass
+    image = surface.moved(center + (surface.points - center) @ matrix.T)
+    before, after = (float(np.abs(odds - target).max()) for odds in (first, best_odds))
+    return Stretched(matrix, image, _turned(directions, matrix), first, (before, after))
+
+
+def _matrix(parameters: Floats) -> Floats:
+    """The symmetric matrix (3, 3) of six parameters, the unit matrix for zeros."""
+    x, y, z, yz, xz, xy = parameters
+    return np.eye(3) + np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
+
+
+def _turned(directions: Floats, matrix: Floats) -> Floats:
+    """Unit normals (k, 3) of the images of planes with normals (k, 3)."""
+    return unit_vectors(directions @ np.linalg.inv(matrix))

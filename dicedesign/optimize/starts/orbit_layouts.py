@@ -19,7 +19,7 @@ from dicedesign.geometry.point_groups import (
     pole_orbits,
 )
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import EQUAL_ODDS
 
 SAME: Final = 9
@@ -47,6 +47,11 @@ class OrbitSite:
         products = (group @ projection).reshape(len(group), 9).round(SAME) + 0.0
         first = np.unique(products, axis=0, return_index=True)[1]
         return cls(projection, group[np.sort(first)], pole)
+
+    @property
+    def size(self) -> int:
+        """Facets of the orbit."""
+        return len(self.carriers)
 
     def direction(self, rng: np.random.Generator) -> Floats:
         """(3,) a random unit vector there."""
@@ -78,12 +83,26 @@ class OrbitLayouts:
             for mirror in mirrors(group)
         ]
         self.anywhere = OrbitSite.of(group, group[0])
-        self._classes = _equal_outcomes(target)
+        self.smallest = (self.planes or [self.anywhere])[0].size
+        """Facets of the smallest orbit of which there is any number."""
+        descending = np.argsort(-target, kind="stable")
+        odds = target[descending]
+        breaks = np.flatnonzero(np.diff(odds) < -EQUAL_ODDS * odds[:-1]) + 1
+        self._classes = [np.sort(members) for members in np.split(descending, breaks)]
+        # For the first classes of equal outcomes, the fewest orbits by the pole orbits in use.
         self._fewest = [{frozenset[int](): 0}]
+        every = frozenset(range(len(self.poles)))
         for members in self._classes:
-            self._fewest.append(self._extended(self._fewest[-1], len(members)))
-            if not self._fewest[-1]:
+            found: dict[frozenset[int], int] = {}
+            for used, orbits in self._fewest[-1].items():
+                for taken, more in self._splits(len(members), every - used):
+                    both = used | taken
+                    found[both] = min(found.get(both, orbits + more), orbits + more)
+            if not found:
                 raise InputError(self._refusal(len(members), float(target[members[0]])))
+            self._fewest.append(found)
+        self.fewest = min(self._fewest[-1].values())
+        """Orbits of the outcomes."""
 
     def draw(self, rng: np.random.Generator) -> Layout:
         """One of them, at random."""
@@ -92,17 +111,21 @@ class OrbitLayouts:
         layout: Layout = []
         for number in reversed(range(len(self._classes))):
             members = self._classes[number].tolist()
-            before = self._fewest[number]
+            before, orbits = self._fewest[number], self._fewest[number + 1][used]
             ways = [
                 taken
-                for taken, orbits in self._splits(len(members), used)
-                if before.get(used - taken, np.inf) + orbits == self._fewest[number + 1][used]
+                for taken, more in self._splits(len(members), used)
+                if before.get(used - taken, np.inf) + more == orbits
             ]
             taken = ways[rng.integers(len(ways))]
-            for site in self._sites(taken, len(members), rng):
-                size = len(site.carriers)
-                layout.append((site, tuple(members[:size])))
-                members = members[size:]
+            sites = [self.poles[pole] for pole in sorted(taken)]
+            rest = len(members) - sum(site.size for site in sites)
+            if rest % self.anywhere.size:
+                sites.append(self._plane(rng))
+            sites += [self.anywhere] * (rest // self.anywhere.size)
+            for site in sites:
+                layout.append((site, tuple(members[: site.size])))
+                members = members[site.size :]
             used = used - taken
         return layout
 
@@ -110,59 +133,23 @@ class OrbitLayouts:
         """A site of an orbit without outcome: not on an axis, where a facet is always a rest."""
         return self._plane(rng) if self.planes and rng.random() < 0.5 else self.anywhere
 
-    @property
-    def fewest(self) -> int:
-        """Orbits of the outcomes."""
-        return min(self._fewest[-1].values())
-
-    @property
-    def largest(self) -> int:
-        """Facets of an orbit off axes and mirror planes."""
-        return len(self.anywhere.carriers)
-
-    @property
-    def smallest(self) -> int:
-        """Facets of the smallest orbit of which there is any number."""
-        return len(self.planes[0].carriers) if self.planes else self.largest
-
-    def _extended(
-        self, before: dict[frozenset[int], int], outcomes: int
-    ) -> dict[frozenset[int], int]:
-        """Fewest orbits by the pole orbits that they use, for one class of outcomes more."""
-        every = frozenset(range(len(self.poles)))
-        found: dict[frozenset[int], int] = {}
-        for used, orbits in before.items():
-            for taken, more in self._splits(outcomes, every - used):
-                both = used | taken
-                found[both] = min(found.get(both, orbits + more), orbits + more)
-        return found
+    def _plane(self, rng: np.random.Generator) -> OrbitSite:
+        return self.planes[rng.integers(len(self.planes))]
 
     def _splits(self, outcomes: int, free: frozenset[int]) -> Iterator[tuple[frozenset[int], int]]:
         """Free pole orbits that can be among those of so many outcomes, and the number of all."""
         for few in range(len(free) + 1):
             for taken in combinations(sorted(free), few):
-                rest = outcomes - sum(len(self.poles[pole].carriers) for pole in taken)
+                rest = outcomes - sum(self.poles[pole].size for pole in taken)
                 if rest >= 0 and rest % self.smallest == 0:
-                    yield frozenset(taken), few + -(-rest // self.largest)
-
-    def _sites(
-        self, taken: frozenset[int], outcomes: int, rng: np.random.Generator
-    ) -> list[OrbitSite]:
-        """Sites of the orbits of so many outcomes, some of them poles."""
-        on_axes = [self.poles[pole] for pole in sorted(taken)]
-        rest = outcomes - sum(len(site.carriers) for site in on_axes)
-        on_planes = [self._plane(rng)] if rest % self.largest else []
-        return on_axes + on_planes + [self.anywhere] * (rest // self.largest)
-
-    def _plane(self, rng: np.random.Generator) -> OrbitSite:
-        return self.planes[rng.integers(len(self.planes))]
+                    yield frozenset(taken), few + -(-rest // self.anywhere.size)
 
     def _refusal(self, outcomes: int, probability: float) -> str:
-        sizes = f"{self.largest} facets"
+        sizes = f"{self.anywhere.size} facets"
         if self.planes:
             sizes += f", or {self.smallest} on mirror planes"
         if self.poles:
-            ends = ", ".join(str(len(site.carriers)) for site in self.poles)
+            ends = ", ".join(str(site.size) for site in self.poles)
             sizes += f", and on axes, once each, {ends}"
         return (
             "symmetry: expected outcomes of equal probability to fill whole orbits of facets, got "
@@ -171,17 +158,8 @@ class OrbitLayouts:
         )
 
 
-def _equal_outcomes(target: Floats) -> list[Integers]:
-    """The numbers of the outcomes of each probability, the largest probability first."""
-    descending = np.argsort(-target, kind="stable")
-    odds = target[descending]
-    breaks = np.flatnonzero(np.diff(odds) < -EQUAL_ODDS * odds[:-1]) + 1
-    return [np.sort(members) for members in np.split(descending, breaks)]
-
-
 FLAT: Final = 1e-6
 """Singular value of an orbit's directions, over their number, below which they lie in a plane."""
-
 
 DRAWS: Final = 8
 """Ways to spread the outcomes that are looked at, of which one suffices."""
@@ -215,17 +193,12 @@ def fitting_groups(target: Floats) -> list[str]:
         except InputError:
             continue
         if layouts.fewest < len(target):
-            found.append((layouts.fewest, _is_open(layouts, group), -len(group), place, name))
+            rng = np.random.default_rng(0)
+            # One orbit about an axis with two different ends leaves one of them open.
+            is_open = layouts.fewest == 1 and np.trace(fixed_space(group)) > 0.5
+            is_open = is_open or all(_is_unbounded(layouts.draw(rng), rng) for _ in range(DRAWS))
+            found.append((layouts.fewest, is_open, -len(group), place, name))
     return [entry[-1] for entry in sorted(found)]
-
-
-def _is_open(layouts: OrbitLayouts, group: Floats) -> bool:
-    """Whether facets of the outcomes alone leave a solid unbounded: all in one belt around it, or
-    all of one orbit about an axis with two different ends."""
-    if layouts.fewest == 1 and np.trace(fixed_space(group)) > 0.5:
-        return True
-    rng = np.random.default_rng(0)
-    return all(_is_unbounded(layouts.draw(rng), rng) for _ in range(DRAWS))
 
 
 def _is_unbounded(layout: Layout, rng: np.random.Generator) -> bool:

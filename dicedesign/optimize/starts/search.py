@@ -12,17 +12,10 @@ import numpy as np
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates
-from dicedesign.optimize.coordinates.linked import PinnedCoordinates, SymmetricCoordinates
-from dicedesign.optimize.starts.half_space_odds import (
-    FEWEST_FACETS,
-    repulsion,
-    resting_half_spaces,
-    spread_directions,
-    start_with_odds,
-)
+from dicedesign.optimize.coordinates import coordinates_of
 from dicedesign.optimize.starts.needles import needle_near
-from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.starts.shapes import repulsion, spread_directions, start_with_odds
+from dicedesign.optimize.starts.start import FEWEST_FACETS, Start
 from dicedesign.runtime.arrays import Floats
 
 
@@ -51,13 +44,10 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
     def draw() -> tuple[Start, Floats] | None:
         pebble = rng.random() < 0.5
         normals, distances = _pebble(outcomes + helpers, rng) if pebble else _bowl(outcomes, rng)
-        rests = resting_half_spaces(normals, distances)
-        made = start_with_odds(normals, distances, rests) if len(rests) == outcomes else None
-        if made is None:
+        made = start_with_odds(normals, distances, outcomes)
+        if made is None or not has_helpers(made[0], helpers):
             return None
-        start, odds = made
-        if not has_helpers(start, helpers):
-            return None
+        start, odds, _ = made
         order = np.argsort(-odds, kind="stable")[place]
         return replace(start, directions=start.directions[order]), odds[order]
 
@@ -70,9 +60,8 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
 
 def has_helpers(start: Start, helpers: int) -> bool:
     """Whether a shape has at least so many facets without an outcome."""
-    if helpers == 0:
-        return True
-    return len(convex_hull(start.points).normals) >= len(start.directions) + helpers
+    least = len(start.directions) + helpers
+    return helpers == 0 or len(convex_hull(start.points).normals) >= least
 
 
 def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -143,15 +132,11 @@ STRETCH: Final = (-1.5, 1.0)
 """Range of the logarithm by which a polyhedron is stretched along one axis."""
 
 
-def _nothing() -> None:
-    """Nothing else to propose."""
-
-
 def nearest_first(
     target: Floats,
     even: Callable[[int], Start | None],
     draw: Callable[[], tuple[Start, Floats] | None],
-    another: Callable[[], Start | None] = _nothing,
+    another: Callable[[], Start | None] = lambda: None,
 ) -> Iterator[Start | None]:
     """Starting shapes without end, and None where a turn found nothing, so that whoever asks can
     stop.
@@ -171,16 +156,13 @@ def nearest_first(
     pool: list[tuple[float, Start]] = []
     while True:
         for _ in range(max(min(DRAWN, DRAWN_OUTCOMES // outcomes), 1)):
-            drawn = draw()
-            if drawn is not None:
-                start, odds = drawn
-                pool.append((float(np.linalg.norm(odds - target)), start))
+            if (drawn := draw()) is not None:
+                pool.append((float(np.linalg.norm(drawn[1] - target)), drawn[0]))
         pool.sort(key=lambda entry: -entry[0])
         near = sum(distance < FAR for distance, _ in pool[-PROPOSED:])
         for _ in range(near):
             yield pool.pop()[1]
-        other = another()
-        if other is not None:
+        if (other := another()) is not None:
             yield other
         elif near == 0:
             yield pool.pop()[1] if pool else None
@@ -216,14 +198,8 @@ def shapes_like(
     """
     yield start
     hull = convex_hull(start.points)
-    coordinates: Coordinates
-    if group is not None:
-        coordinates, parameters = SymmetricCoordinates.of(start.points, hull.centroid, group)
-    elif start.pinned:
-        pinned = start.directions[list(start.pinned)]
-        coordinates, parameters = PinnedCoordinates.of(start.points, hull.centroid, pinned)
-    else:
-        coordinates, parameters = FacetCoordinates.of(start.points, hull.centroid)
+    pinned = start.directions[list(start.pinned)]
+    coordinates, parameters = coordinates_of(start.points, hull.centroid, group, pinned)
     facets = np.argmax(start.directions @ hull.normals.T, axis=1)
     rng = np.random.default_rng(seed)
     for number in count(1):

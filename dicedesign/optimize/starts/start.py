@@ -8,21 +8,18 @@ half extent 1; `Start` remembers how.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface
-
-
-FEWEST_SIDES: Final = 3
-"""Shapes that are made without regard to the target's odds have at least so many rests."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +48,6 @@ class Start:
     def normalised(self, own: Floats) -> Floats:
         """Points (..., 3) of the shape's own coordinates in those of `points`."""
         return (own - self.origin) / self.scale
-
-    def about_centroid(self) -> Start:
-        """The same start, moved so that its centroid is at 0."""
-        from dicedesign.geometry.hulls.hull import convex_hull
-
-        centroid = convex_hull(self.points).centroid
-        origin = self.origin + self.scale * centroid
-        return replace(self, points=self.points - centroid, origin=origin)
 
 
 def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
@@ -129,25 +118,15 @@ STARTS: Final = Registry(
     "start",
     StartKind,
     builtin=(
-        "dicedesign.optimize.starts.built_in:PRISM",
-        "dicedesign.optimize.starts.built_in:HENDECAHEDRON",
-        "dicedesign.optimize.starts.built_in:REPULSION",
-        "dicedesign.optimize.starts.built_in:MESH",
+        "dicedesign.optimize.starts.kinds:PRISM",
+        "dicedesign.optimize.starts.kinds:HENDECAHEDRON",
+        "dicedesign.optimize.starts.kinds:REPULSION",
+        "dicedesign.optimize.starts.kinds:MESH",
         "dicedesign.concave.options:SHAPE",
-        "dicedesign.optimize.starts.built_in:SEARCH",
+        "dicedesign.optimize.starts.kinds:SEARCH",
     ),
     group="dicedesign.starts",
 )
-
-
-def check_sides(outcomes: int) -> None:
-    """Raise ValueError for fewer outcomes than `FEWEST_SIDES`."""
-    if outcomes < FEWEST_SIDES:
-        raise ValueError(
-            f"start: expected a mesh or a search for {outcomes} outcomes, as every other start "
-            f"has at least {FEWEST_SIDES} rests; write start: {{search: {{}}}}, or start: "
-            "{mesh: {path: FILE}}"
-        )
 
 
 def made_start(name: str, options: Any, task: Task) -> Start | None:
@@ -163,9 +142,30 @@ def made_start(name: str, options: Any, task: Task) -> Start | None:
         return None
     start = make(options, task)
     if task.center_of_mass is not None:
+        # They load SciPy, without which a recipe is read.
         from dicedesign.geometry.hulls.hull import convex_hull
         from dicedesign.rest.equilibria import classify
 
         # An error speaks of the coordinates that the recipe uses.
         classify(convex_hull(start.origin + start.scale * start.points), task.center_of_mass)
     return start
+
+
+FEWEST_FACETS: Final = 4
+"""A body bounded by planes has at least so many facets."""
+
+
+def check_prism(sides: int, height: float, cap: float) -> None:
+    """Raise InputError for proportions out of range, see `PrismOptions`."""
+    if not 3 <= sides <= 12:
+        raise InputError(
+            f"start.prism.sides: expected 3 to 12, got {sides}; start from repulsion or a mesh"
+        )
+    if not 0.0 < height < np.inf:
+        raise InputError(
+            f"start.prism.height: expected a positive number, got {height:g}; leave it out for 1.5"
+        )
+    if not 0.0 <= cap < np.inf:
+        raise InputError(
+            f"start.prism.cap: expected a number not below 0, got {cap:g}; leave it out for 1.3"
+        )

@@ -15,15 +15,18 @@ from common.slow_machine import slow_machine
 import dicedesign as dd
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.options import ExactOptions, SobolevOptions
-from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.result import DesignResult, DesignStep
-from dicedesign.optimize.solvers.candidate import CandidateMaker, largest_jump
+from dicedesign.optimize.preferences import Preferences
+from dicedesign.optimize.solvers.candidate import (
+    CandidateMaker,
+    DesignResult,
+    DesignStep,
+    largest_jump,
+)
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.built_in import hendecahedron, prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.search import shapes_like, shapes_near
+from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import binomial, sum_of_dice
 from dicedesign.rest.poses import rest_poses

@@ -11,20 +11,12 @@ from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_measures import circle_radii
-from dicedesign.optimize.coordinates.facets import (
-    Coordinates,
-    FacetCoordinates,
-)
-from dicedesign.optimize.coordinates.linked import SymmetricCoordinates
-from dicedesign.optimize.preferences.preference import (
-    BearingFacets,
-    Preferences,
-    preference_residuals,
-)
+from dicedesign.optimize.coordinates import Coordinates, FacetCoordinates, SymmetricCoordinates
+from dicedesign.optimize.preferences import BearingFacets, Preferences, preference_residuals
 from dicedesign.optimize.solvers import null_space_descent as improvement
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.optimize.solvers.null_space_descent import improve
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.rest.poses import rest_poses
 
 TOLERANCE = 1e-12

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,14 +12,12 @@ from common.slow_machine import slow_machine
 
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
-from dicedesign.optimize.energy.energy import Evaluation, Objective
+from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
-from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.result import DesignResult, DesignStep
-from dicedesign.optimize.solvers.finish import flattened
-from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.built_in import hendecahedron, prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.preferences import Preferences
+from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
+from dicedesign.optimize.solvers.paper import descend_as_paper, flattened
+from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, fair, listed, sum_of_dice
 from dicedesign.results.parts import Status
@@ -164,7 +163,7 @@ def test_weights_are_those_of_a_dice_energy_in_solid_angles() -> None:
         objective = Objective(
             here.objective.coordinates, target.probabilities, ones.of_probabilities, None
         )
-        plain = here.under(objective).values
+        plain = replace(here, objective=objective).energy.terms
         areas = 4.0 * np.pi * odds(here)
         expected = ((areas - 4.0 * np.pi * target.probabilities) ** 2).sum()
         for name in ("coplanar", "barycenter", "neighbor", "apart"):

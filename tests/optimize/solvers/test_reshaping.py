@@ -16,9 +16,8 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_c
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.triangles import Surface
-from dicedesign.optimize.solvers.reshaping import reshaped
-from dicedesign.optimize.solvers.stretching import stretched
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.solvers.reshaping import reshaped, stretched
+from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.rest.outcomes import outcome_odds

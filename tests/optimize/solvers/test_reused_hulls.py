@@ -12,12 +12,11 @@ from common.kernels import compiled_only
 from dicedesign.geometry.hulls import hull as hulls
 from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
+from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.options import PaperOptions, SobolevOptions
-from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import descend_as_paper
-from dicedesign.optimize.starts.built_in import prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import prism, repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, fair
 

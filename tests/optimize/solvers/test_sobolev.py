@@ -10,15 +10,10 @@ import torch
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.optimize.coordinates.facets import Coordinates, FacetCoordinates, VertexCoordinates
-from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
-from dicedesign.optimize.solvers.levenberg_marquardt import LevenbergMarquardt
-from dicedesign.optimize.solvers.sobolev import (
-    SobolevGradient,
-    SobolevOptions,
-    SobolevSolver,
-    graph_laplacian,
-)
+from dicedesign.optimize.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, LevenbergMarquardt
+from dicedesign.optimize.solvers.descent import SobolevGradient, SobolevSolver, graph_laplacian
 from dicedesign.rest.poses import rest_poses
 
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -131,7 +126,12 @@ def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) ->
     target = candidate.odds + shift - shift.mean()
     candidates: list[Candidate] = []
     approach = LevenbergMarquardt(
-        target, maker, options, 1e-13, lambda: len(candidates) > 1, candidates.append
+        target,
+        maker,
+        1e-13,
+        options,
+        out_of_time=lambda: len(candidates) > 1,
+        on_candidate=candidates.append,
     )
     approach.solve(candidate)
     step = candidates[1].parameters - candidate.parameters
@@ -159,9 +159,7 @@ def test_a_near_target_is_met_in_few_steps(vertices: bool) -> None:
     shift = 1e-3 * np.sin(1.0 + np.arange(len(candidate.odds)))
     target = candidate.odds + shift - shift.mean()
     candidates: list[Candidate] = []
-    end = LevenbergMarquardt(target, maker, None, 1e-13, lambda: False, candidates.append).solve(
-        candidate
-    )
+    end = LevenbergMarquardt(target, maker, 1e-13, on_candidate=candidates.append).solve(candidate)
     assert end is candidates[-1]
     assert end.error(target) <= 1e-13
     assert len(candidates) <= 20

@@ -10,7 +10,7 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.coordinates.linked import orbits_of_directions
+from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts, fitting_groups, group_names
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.optimize.targets import binomial, fair, sum_of_dice

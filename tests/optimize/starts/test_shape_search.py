@@ -11,13 +11,13 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.starts.half_space_odds import resting_half_spaces, start_with_odds
 from dicedesign.optimize.starts.needles import needle_near
 from dicedesign.optimize.starts.search import (
     DRAWN,
     nearest_first,
     shapes_near,
 )
+from dicedesign.optimize.starts.shapes import start_with_odds
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.optimize.targets import binomial, sum_of_dice
@@ -59,43 +59,31 @@ def outcome_odds(start: Start) -> np.ndarray:
     return poses.probabilities[np.argsort(outcome)]
 
 
-def test_rests_of_half_spaces_are_those_of_the_forward_model() -> None:
+def test_rests_and_odds_of_half_spaces_are_those_of_the_forward_model() -> None:
     rng, solids, unbounded = np.random.default_rng(0), 0, 0
     while solids < 60:
         normals, distances = random_half_spaces(rng)
-        rests = resting_half_spaces(normals, distances)
         if not _bounded(normals):
             unbounded += 1
-            assert len(rests) == 0
+            assert all(start_with_odds(normals, distances, count) is None for count in (2, 4))
             continue
         solids += 1
         poses = rest_poses(polyhedron_corners(normals, distances))
         units = normals / np.linalg.norm(normals, axis=1)[:, None]
         expected = np.argmax(poses.normals @ units.T, axis=1)
+        made = start_with_odds(normals, distances, len(expected))
+        assert made is not None
+        start, odds, rests = made
         assert rests.tolist() == sorted(expected.tolist())
+        np.testing.assert_allclose(outcome_odds(start), odds, atol=1e-12)
+        np.testing.assert_allclose(start.directions, units[rests], atol=1e-9)
+        assert start_with_odds(normals, distances, len(expected) + 1) is None
     assert unbounded > 5
 
 
 def _bounded(normals: np.ndarray) -> bool:
     """Whether directions point to all sides: the hull of them has the origin inside."""
     return bool((convex_hull(normals).heights(np.zeros(3)) > 0.0).all())
-
-
-def test_starts_of_half_spaces_have_their_odds_in_the_order_of_the_rests() -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        normals, distances = random_half_spaces(rng)
-        rests = rng.permutation(resting_half_spaces(normals, distances))
-        if len(rests) < 2:
-            continue
-        found = start_with_odds(normals, distances, rests)
-        assert found is not None
-        start, odds = found
-        np.testing.assert_allclose(outcome_odds(start), odds, atol=1e-12)
-        units = normals[rests] / np.linalg.norm(normals[rests], axis=1)[:, None]
-        np.testing.assert_allclose(start.directions, units, atol=1e-9)
-        assert start_with_odds(normals, distances, rests[1:]) is None
-        assert start_with_odds(normals, distances, np.append(rests, rests[0])) is None
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -11,8 +11,13 @@ from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.optimize.starts.built_in import HENDECAHEDRA, hendecahedron, mesh_start, prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import (
+    HENDECAHEDRA,
+    hendecahedron,
+    mesh_start,
+    prism,
+    repulsion,
+)
 from dicedesign.optimize.starts.start import Start
 
 

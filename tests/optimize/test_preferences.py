@@ -14,8 +14,8 @@ from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_measures import SOFTNESS
 from dicedesign.gradient.odds_model import USUAL_SWING, TableSensitivity, ThrownOdds
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates
-from dicedesign.optimize.preferences.built_in import (
+from dicedesign.optimize.coordinates import FacetCoordinates
+from dicedesign.optimize.preferences import (
     CIRCLE_POWER,
     USUAL_CIRCLE,
     USUAL_HELPERS,
@@ -23,14 +23,12 @@ from dicedesign.optimize.preferences.built_in import (
     USUAL_OFFSET,
     USUAL_RATIO,
     USUAL_SPREAD,
-)
-from dicedesign.optimize.preferences.preference import (
     BearingFacets,
     Preferences,
     preference_residuals,
 )
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.rest.morse import basin_moments, separatrix_points
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_model import other_tables

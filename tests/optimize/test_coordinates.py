@@ -15,21 +15,28 @@ from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.gradient.rest_odds import evaluate_rests
-from dicedesign.optimize.coordinates.facets import FacetCoordinates, VertexCoordinates
-from dicedesign.optimize.coordinates.linked import (
-    PinnedCoordinates,
+from dicedesign.optimize.coordinates import (
+    FacetCoordinates,
     SymmetricCoordinates,
+    VertexCoordinates,
     orbits_of_directions,
+    pinned_coordinates,
 )
 from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.starts.built_in import HENDECAHEDRA, hendecahedron, prism
-from dicedesign.optimize.starts.half_space_odds import repulsion
 from dicedesign.optimize.starts.search import shapes_like
+from dicedesign.optimize.starts.shapes import (
+    HENDECAHEDRA,
+    hendecahedron,
+    mesh_start,
+    prism,
+    repulsion,
+)
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
@@ -160,7 +167,7 @@ def test_the_others_move_as_without_pins() -> None:
     rng = np.random.default_rng(0)
     origin = convex_hull(START.points).centroid
     pinned = START.directions[list(PINNED)]
-    coordinates, parameters = PinnedCoordinates.of(START.points, origin, pinned)
+    coordinates, parameters = pinned_coordinates(START.points, origin, pinned)
     bare, whole = FacetCoordinates.of(START.points, origin)
     assert len(parameters) == len(whole) - 4 * len(PINNED)
     moved = parameters + 0.1 * rng.normal(size=parameters.shape)
@@ -309,10 +316,12 @@ def test_the_origin_is_moved_to_where_the_group_keeps_it() -> None:
 def test_a_shape_in_single_precision_becomes_symmetric_to_the_last_digits() -> None:
     group = point_group("D5d")
     rounded = symmetric_points("D5d").astype(np.float32).astype(np.float64)
-    # Its facets are flat to seven digits.
-    hull = convex_hull(rounded, 1e-6)
-    coordinates, parameters = SymmetricCoordinates.of(rounded, np.zeros(3), group, lambda _: hull)
-    assert asymmetry(rounded, group) > 1e-9
+    # Its facets are flat to seven digits, as those of a mesh file.
+    rests = len(rest_poses(symmetric_points("D5d")).normals)
+    start = mesh_start(make_body(rounded.astype(np.float32)), rests)
+    points = start.origin + start.scale * start.points
+    coordinates, parameters = SymmetricCoordinates.of(points, np.zeros(3), group)
+    assert asymmetry(points, group) > 1e-9
     assert asymmetry(coordinates.shape(parameters).points, group) < 1e-12
 
 

@@ -12,16 +12,15 @@ from scipy.spatial import ConvexHull as QhullHull
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.optimize.energy.clusters import (
+from dicedesign.optimize.energy import (
     ClusteredRests,
     Clusters,
+    Energy,
     cluster,
-    outcome_facets,
-    updated_directions,
+    energy_terms,
 )
-from dicedesign.optimize.energy.energy import Energy, energy_terms
-from dicedesign.optimize.energy.term import TERMS, EnergyWeights, Term, TermOption
-from dicedesign.optimize.starts.half_space_odds import repulsion
+from dicedesign.optimize.starts.shapes import repulsion
+from dicedesign.optimize.terms import TERMS, EnergyWeights, Term, TermOption, outcome_facets
 
 REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
 ROUND = (1.0, 0.9, 1.15)
@@ -255,12 +254,12 @@ def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:
     np.testing.assert_allclose(state.maxima.detach().reshape(-1, 2, 3), ends, atol=1e-9)
 
 
-def test_updated_directions_are_means_and_an_empty_cluster_keeps_its_own(random_points) -> None:
+def test_means_of_clusters_are_normalised_and_an_empty_cluster_keeps_its_own(random_points) -> None:
     rests, clusters = case(random_points(3, 16, ROUND), 3)
     normals = rests.rest_normals.detach().numpy()
     far = unit(np.array([[0.1, -0.2, 0.3]]))
     with_empty = Clusters(clusters.of_rest, np.concatenate([clusters.directions, far]))
-    updated = updated_directions(normals, with_empty)
+    updated, _ = with_empty.means(normals)
     for i in range(3):
         mean = normals[clusters.of_rest == i].mean(axis=0)
         np.testing.assert_allclose(updated[i], unit(mean), atol=1e-14)

@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.optimize.options import MOST_DROPS
-from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.results.parts import RoundOfThrows
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import OFTEN, Bias, expected_variation

@@ -11,8 +11,8 @@ import pytest
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.options import RefineOptions
-from dicedesign.optimize.refinement.rounds import Refinement, Thrown
-from dicedesign.optimize.result import DesignResult
+from dicedesign.optimize.solvers.candidate import DesignResult
+from dicedesign.optimize.solvers.refinement import Refinement, Thrown
 from dicedesign.results.parts import Status
 
 TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0

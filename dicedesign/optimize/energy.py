@@ -1,9 +1,5 @@
 """The energy of a shape, the weighted sum of terms (eq. 16), its gradient, and both as functions
-of a design's parameters.
-
-Rests are gathered to outcomes by direction (section 3.2). An outcome without a rest, or without a
-facet, is never silent: the dice energy misses its whole target, and the barycenter, neighbor and
-stability terms charge the largest value that one facet can have."""
+of a design's parameters."""
 
 from __future__ import annotations
 
@@ -19,32 +15,28 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.hulls.hull import HullMemory
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.coordinates.facets import Coordinates, Shape
-from dicedesign.optimize.energy.clusters import (
-    ClusteredRests,
-    Clusters,
-    cluster,
-    updated_directions,
-)
-from dicedesign.optimize.energy.term import (
+from dicedesign.optimize.coordinates import Coordinates, Shape
+from dicedesign.optimize.terms import (
     LARGEST_SQUARED_DISTANCE,
     SMALLEST_MEAN,
+    ClusteredRests,
+    Clusters,
     EnergyWeights,
     Term,
+    cluster,
 )
 from dicedesign.runtime.arrays import Floats
 
-KERNELS: Final = 4
-"""Terms that the kernels evaluate together."""
-
 
 def energy_terms(state: ClusteredRests, weights: EnergyWeights) -> dict[str, Tensor]:
-    """The weighted terms by name, by operations of torch; those without weight are left out."""
-    return {term.name: weight * _evaluated(term, state, weights) for term, weight in weights.active}
+    """The weighted terms by name, by operations of torch; those without weight are left out.
+
+    Raises InputError where a term is no scalar tensor.
+    """
+    return {term.name: _tensor(term, weight, state, weights) for term, weight in weights.active}
 
 
-def _evaluated(term: Term, state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """A term without its weight. Raises InputError where it is no scalar tensor."""
+def _tensor(term: Term, weight: float, state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     value = term.evaluate(state, weights)
     if not isinstance(value, Tensor) or value.ndim > 0:
         raise InputError(
@@ -52,7 +44,11 @@ def _evaluated(term: Term, state: ClusteredRests, weights: EnergyWeights) -> Ten
             f"dimension, got {type(value).__name__} of shape {tuple(np.shape(value))}; sum it up, "
             "by operations of torch"
         )
-    return value
+    return weight * value
+
+
+COMPILED: Final = ("dice", "coplanar", "barycenter", "neighbor")
+"""Terms that the kernels evaluate together, in their order."""
 
 
 @dataclass(frozen=True)
@@ -71,30 +67,20 @@ class Energy:
     @cached_property
     def terms(self) -> dict[str, float]:
         """The weighted terms by name, those of `energy_terms`."""
-        together = () if self._compiled is None else self._compiled.values()
-        values: dict[str, float] = {}
-        for term, weight in self.weights.active:
-            if term.name in self._in_torch:
-                values[term.name] = self._in_torch[term.name].item()
-            elif term.kernel is not None:
-                values[term.name] = weight * together[term.kernel]
-            else:
-                values[term.name] = weight * self._with_slopes[term.name][0]
-        return values
+        return {name: value for name, (value, _) in self._parts.items()}
 
     @property
     def gradient(self) -> Floats:
         """(n, 3) that of their sum in the vertices of the hull, with which the center of mass of a
         uniform solid moves."""
-        rests = self.state.rests
-        parts: list[Floats] = []
+        rests, found = self.state.rests, []
+        parts = [part for _, part in self._parts.values()]
         if self._compiled is not None:
-            by_vertices, by_center = self._compiled.gradient(self._kernel_weights)
-            for term, weight in self.weights.active:
-                if term.value_and_slopes is None:
+            by_vertices, by_center = self._compiled.gradient(self._compiled_weights)
+            for slopes in parts:
+                if not isinstance(slopes, np.ndarray):
                     continue
-                slopes = weight * self._with_slopes[term.name][1]
-                if term.slopes_in == "depths":
+                if slopes.ndim == 1:
                     walls = rests.depth_gradient(slopes)
                     assert walls is not None, "kernels that have the energies have these"
                     by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
@@ -102,41 +88,34 @@ class Energy:
                     turning = kernels.normal_gradient(rests.hull, rests.paths.rests, slopes)
                     assert turning is not None, "kernels that have the energies have these"
                     by_vertices = by_vertices + turning
-            parts.append(rests.with_center(by_vertices, by_center))
-        varying = [term for term in self._in_torch.values() if term.requires_grad]
+            found.append(rests.with_center(by_vertices, by_center))
+        varying = [part for part in parts if isinstance(part, Tensor) and part.requires_grad]
         if varying:
             (gradient,) = torch.autograd.grad(varying, rests.vertices, retain_graph=True)
-            parts.append(gradient.numpy())
-        return sum(parts[1:], parts[0]) if parts else np.zeros_like(rests.hull.vertices)
+            found.append(gradient.numpy())
+        return sum(found[1:], found[0]) if found else np.zeros_like(rests.hull.vertices)
 
     @cached_property
-    def _in_torch(self) -> dict[str, Tensor]:
-        """Weighted terms for which there are no compiled kernels."""
-        if self._compiled is None:
-            return energy_terms(self.state, self.weights)
-        return {
-            term.name: weight * _evaluated(term, self.state, self.weights)
-            for term, weight in self.weights.active
-            if term.kernel is None and term.value_and_slopes is None
-        }
-
-    @cached_property
-    def _with_slopes(self) -> dict[str, tuple[float, Floats]]:
-        """Value and derivatives of terms of depths or normals alone."""
-        return {
-            term.name: term.value_and_slopes(self.state, self.weights)
-            for term, _ in self.weights.active
-            if term.value_and_slopes is not None
-        }
-
-    @cached_property
-    def _kernel_weights(self) -> list[float]:
-        """Of the terms that the kernels evaluate together, in their order."""
-        weights = [0.0] * KERNELS
+    def _parts(self) -> dict[str, tuple[float, Tensor | Floats | None]]:
+        """The value of each weighted term by name, and what its gradient is found from: a tensor,
+        or derivatives in depths or normals (`Term.value_and_gradient`), or the kernels alone."""
+        together = None if self._compiled is None else self._compiled.values()
+        parts: dict[str, tuple[float, Tensor | Floats | None]] = {}
         for term, weight in self.weights.active:
-            if term.kernel is not None:
-                weights[term.kernel] = weight
-        return weights
+            if together is not None and term.name in COMPILED:
+                parts[term.name] = weight * together[COMPILED.index(term.name)], None
+            elif together is not None and term.value_and_gradient is not None:
+                value, slopes = term.value_and_gradient(self.state, self.weights)
+                parts[term.name] = weight * value, weight * slopes
+            else:
+                tensor = _tensor(term, weight, self.state, self.weights)
+                parts[term.name] = tensor.item(), tensor
+        return parts
+
+    @cached_property
+    def _compiled_weights(self) -> list[float]:
+        weights = self.weights.of_terms
+        return [weights.get(name, 0.0) for name in COMPILED]
 
     @cached_property
     def _compiled(self) -> kernels.Energies | None:
@@ -154,7 +133,7 @@ class Energy:
             neighbor_radius=self.weights.neighbor_radius,
             smallest_mean=SMALLEST_MEAN,
             no_rest=LARGEST_SQUARED_DISTANCE,
-            wanted=[weight > 0.0 for weight in self._kernel_weights],
+            wanted=[weight > 0.0 for weight in self._compiled_weights],
         )
 
 
@@ -188,13 +167,20 @@ class Objective:
 
         Raises DiceError where the parameters make no solid with c inside.
         """
-        center = None
-        if self.center_of_mass is not None:
-            center = torch.as_tensor(self.center_of_mass)
+        given = self.center_of_mass
+        center = None if given is None else torch.as_tensor(given)
         shape = self.coordinates.shape(parameters, self.polars.hull)
         points = torch.from_numpy(shape.points).requires_grad_()
         rests = evaluate_rests(points, center, self.shapes.hull)
         return Evaluation(self, parameters, shape, rests, directions)
+
+    def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
+        """`evaluate`, or None where that fails or the energy is not finite."""
+        try:
+            evaluation = self.evaluate(parameters, directions)
+            return evaluation if np.isfinite(evaluation.value) else None
+        except (DiceError, np.linalg.LinAlgError):
+            return None
 
     def first(
         self, parameters: Floats, directions: Floats, perturbation: float, seed: int
@@ -206,25 +192,15 @@ class Objective:
         Raises as `evaluate`.
         """
         noise = np.random.default_rng(seed).normal(size=parameters.shape)
-        if perturbation < SHAKE:
-            still = self.attempt(parameters + perturbation * noise, directions)
-            if still is not None:
-                return still.refreshed()
-            perturbation = SHAKE
-        while perturbation > 2.0 * SHAKE:
-            shaken = self.attempt(parameters + perturbation * noise, directions)
+        sizes = [perturbation]
+        while sizes[-1] > 4.0 * SHAKE:
+            sizes.append(sizes[-1] / 2.0)
+        for size in sizes:
+            shaken = self.attempt(parameters + size * noise, directions)
             if shaken is not None:
                 return shaken.refreshed()
-            perturbation /= 2.0
-        return self.evaluate(parameters + perturbation * noise, directions).refreshed()
-
-    def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
-        """`evaluate`, or None where that fails or the energy is not finite."""
-        try:
-            evaluation = self.evaluate(parameters, directions)
-            return evaluation if np.isfinite(evaluation.value) else None
-        except (DiceError, np.linalg.LinAlgError):
-            return None
+        least = max(sizes[-1] / 2.0, SHAKE)
+        return self.evaluate(parameters + least * noise, directions).refreshed()
 
 
 @dataclass(frozen=True)
@@ -248,15 +224,10 @@ class Evaluation:
         state = ClusteredRests(self.rests, self.clusters, self.objective.target)
         return Energy(state, self.objective.weights)
 
-    @property
-    def values(self) -> dict[str, float]:
-        """The weighted terms of the energy by name."""
-        return self.energy.terms
-
     @cached_property
     def value(self) -> float:
         """The energy."""
-        return sum(self.values.values())
+        return sum(self.energy.terms.values())
 
     @cached_property
     def gradient(self) -> Floats:
@@ -279,15 +250,10 @@ class Evaluation:
             return empty
         return empty + len(self.clusters.of_rest) - (outcomes - empty)
 
+    def refreshed(self) -> Evaluation:
+        """The same shape with each outcome's direction moved to the mean of its rests' normals."""
+        return replace(self, directions=self.clusters.means(self._rest_normals)[0])
+
     @property
     def _rest_normals(self) -> Floats:
         return self.rests.hull.normals[self.rests.paths.rests]
-
-    def refreshed(self) -> Evaluation:
-        """The same shape with each outcome's direction moved to the mean of its rests' normals."""
-        directions = updated_directions(self._rest_normals, self.clusters)
-        return replace(self, directions=directions)
-
-    def under(self, objective: Objective) -> Evaluation:
-        """The same shape under another objective with the same coordinates and center of mass."""
-        return replace(self, objective=objective)

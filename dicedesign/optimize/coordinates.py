@@ -1,0 +1,463 @@
+"""Parameters of a design, and the shapes that they make: vertices, as in the paper, or half-spaces,
+whose facets stay flat by construction; all of these, or some that are held or move together.
+
+A point group acts about the origin of space; an orbit is the set of facets that it carries to each
+other. A facet on a mirror plane or an axis of the group has its normal there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
+from dicedesign.geometry.point_groups import fixed_space
+from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.gradient.body_function import BodyFunction, double_tensor, seen
+from dicedesign.kernels import ops as kernels
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import SYMMETRY_TOLERANCE
+
+if TYPE_CHECKING:
+    from dicedesign.gradient.rest_odds import RestEvaluation
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Points whose hull is a shape, as a function of p parameters.
+
+    Attributes
+    ----------
+    points: (n, 3).
+    pulled_back: from gradients (r, n, 3) in the points to those (r, p) in the parameters.
+    """
+
+    points: Floats
+    pulled_back: Callable[[Floats], Floats]
+
+    def in_parameters(self, rows: Floats, source: Integers) -> Floats:
+        """Gradients (r, p) in the parameters for those (r, 3 v) in some of the points, (v,) by
+        number."""
+        gradients = np.zeros((len(rows), *self.points.shape))
+        gradients[:, source] = rows.reshape(len(rows), len(source), 3)
+        return self.pulled_back(gradients)
+
+
+class Coordinates(Protocol):
+    """Parameters of a convex shape, as a flat array."""
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """The shape; `hull_of` makes the hulls that are needed on the way."""
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """The points of the shape as a function of a tensor, for autograd and `torch.func`, of
+        parameters (p,) as float32 or float64. Raises as `shape`, and InputError if these are no
+        parameters."""
+
+    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+        """The parameters without what the shape no longer uses: all, unless it never will again."""
+        return parameters
+
+
+@dataclass(frozen=True)
+class VertexCoordinates(Coordinates):
+    """The vertices themselves: parameters are (n, 3) flattened, in units of `scale` from `origin`.
+
+    Attributes
+    ----------
+    origin: (3,) the point that scaling keeps.
+    scale: length of one unit.
+    """
+
+    origin: Floats
+    scale: float
+
+    @classmethod
+    def of(cls, points: Floats, origin: Floats) -> tuple[VertexCoordinates, Floats]:
+        """Coordinates about an origin (3,), and the parameters of the hull of points (n, 3)."""
+        offsets = convex_hull(points).vertices - origin
+        scale = float(np.abs(offsets).max())
+        return cls(origin, scale), (offsets / scale).ravel()
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """See `Coordinates`."""
+
+        def pulled_back(gradients: Floats) -> Floats:
+            return self.scale * gradients.reshape(len(gradients), len(parameters))
+
+        return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pulled_back)
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`."""
+        given = double_tensor(parameters, "parameters", "3 n")
+        if len(given) % 3 != 0:
+            raise InputError(
+                f"parameters: expected three numbers for each of n points, got {len(given)}; pass "
+                "all of one point and then all of the next"
+            )
+        points = torch.from_numpy(self.origin) + self.scale * given.reshape(-1, 3)
+        return points.to(parameters)
+
+    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+        """See `Coordinates`: drops points that are no vertices of the hull."""
+        return parameters.reshape(-1, 3)[rests.hull.source].ravel()
+
+
+def normals_of(parameters: Any) -> Any:
+    """(m, 3) the normals among parameters (4 m,) of `FacetCoordinates`, NumPy or torch."""
+    return parameters[: 3 * len(parameters) // 4].reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class FacetCoordinates(Coordinates):
+    """Half-spaces `n_i . (x - origin) <= exp(l_i)`: parameters are the m normals (not necessarily
+    unit) followed by the m values l_i.
+
+    Half-spaces that cut nothing stay, as they may cut again.
+
+    Attributes
+    ----------
+    origin: (3,) a point inside the shape.
+    """
+
+    origin: Floats
+
+    @classmethod
+    def of(cls, points: Floats, origin: Floats) -> tuple[FacetCoordinates, Floats]:
+        """Coordinates about an origin (3,) inside, and the parameters of the hull of points (n, 3).
+
+        Raises DegenerateBodyError if the origin is not strictly inside.
+        """
+        hull = convex_hull(points)
+        heights = hull.heights(origin)
+        if (heights <= 0.0).any():
+            raise DegenerateBodyError(
+                f"facet coordinates: expected an origin inside the shape, got {origin.tolist()}; "
+                "take its centroid"
+            )
+        return cls(origin), np.concatenate([hull.normals.ravel(), np.log(heights)])
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """See `Coordinates`: one corner for each triangle of the polar hull, from the three planes
+        that meet there. Raises DegenerateBodyError if the half-spaces bound no solid."""
+        return self._shape_and_planes(parameters, hull_of)[0]
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`. Where `torch.func.vmap` maps over shapes with different numbers of
+        corners, the first of a shape comes again in the rows that are left."""
+        given = double_tensor(parameters, "parameters", "4 m")
+        if len(given) % 4 != 0:
+            raise InputError(
+                f"parameters: expected three numbers of a normal and one of a distance for each of "
+                f"m facets, got {len(given)}; pass all normals and then all distances"
+            )
+        solids: list[tuple[Shape, Integers]] = []
+
+        def find(parameters: Floats) -> Integers:
+            """Find the corners of solids (*l) with parameters (*l, 4 m), and number the solids."""
+            for row in parameters.reshape(-1, parameters.shape[-1]):
+                solids.append(self._shape_and_planes(row, hull_of))
+            return np.arange(len(solids)).reshape(parameters.shape[:-1])
+
+        def rows_of(solid: int) -> Integers:
+            places = np.arange(max(len(planes) for _, planes in solids))
+            return np.where(places < len(solids[solid][1]), places, 0)
+
+        def value(which: Integers, parameters: Floats) -> tuple[Floats]:
+            return (np.stack([solids[solid][0].points[rows_of(solid)] for solid in which]),)
+
+        def adjoint(which: Integers, parameters: Floats, gradients: Floats) -> tuple[Floats]:
+            slopes = []
+            for solid, gradient in zip(which, gradients, strict=True):
+                shape = solids[solid][0]
+                by_corner = np.zeros_like(shape.points)
+                np.add.at(by_corner, rows_of(solid), gradient)
+                slopes.append(shape.pulled_back(by_corner[None])[0])
+            return (np.stack(slopes),)
+
+        def formula(solid: int, parameters: Tensor) -> tuple[Tensor]:
+            normals = normals_of(parameters)
+            units = normals / torch.linalg.vector_norm(normals, dim=1, keepdim=True)
+            polar = units * torch.exp(-parameters[normals.numel() :, None])
+            planes = polar[torch.from_numpy(solids[solid][1])]
+            corners = torch.linalg.solve(planes, torch.ones((len(planes), 3), dtype=torch.float64))
+            return (torch.from_numpy(self.origin) + corners[rows_of(solid)],)
+
+        corners = BodyFunction(1, 1, formula, value, adjoint)(seen(find, given), given)[0]
+        return corners.to(parameters)
+
+    def half_spaces(self, parameters: Floats) -> Floats:
+        """(4 m,) parameters of all facets."""
+        return parameters
+
+    def _shape_and_planes(self, parameters: Floats, hull_of: HullMaker) -> tuple[Shape, Integers]:
+        """The shape, and (t, 3) the facets whose planes meet at each corner."""
+        normals = normals_of(parameters)
+        with np.errstate(all="ignore"):
+            # A hull tells what is no number.
+            units = normals / norms(normals)[:, None]
+            polar = units * np.exp(-parameters[normals.size :, None])
+        hull = hull_of(polar)
+        if (hull.heights(np.zeros(3)) <= 0.0).any():
+            raise DegenerateBodyError(
+                "facet coordinates: expected half-spaces that bound a solid, got normals that "
+                "leave a direction open; take a smaller step"
+            )
+        facets = hull.source[hull.triangles]
+        planes = polar[facets]
+        solved = np.linalg.solve(planes, np.ones((len(planes), 3, 1)))
+        corners = np.asarray(solved[..., 0], dtype=np.float64)
+
+        def pulled_back(gradients: Floats) -> Floats:
+            rows = gradients.reshape(len(gradients), corners.size)
+            pulled = kernels.corner_gradients(normals, polar, facets, corners, rows)
+            if pulled is None:
+                return _corner_gradients(normals, polar, facets, corners, rows)
+            return pulled
+
+        return Shape(self.origin + corners, pulled_back), facets
+
+
+def _corner_gradients(
+    normals: Floats, polar: Floats, facets: Integers, corners: Floats, rows: Floats
+) -> Floats:
+    """Gradients (r, 4 m) in normals (m, 3) and logarithms of distances for those (r, 3 t) in
+    corners (t, 3), each where the planes of three facets (t, 3) meet; polar: (m, 3) points."""
+    # Of the solution of three equations, in each of them.
+    right = rows.T.reshape(len(corners), 3, len(rows))
+    shares = np.linalg.solve(np.swapaxes(polar[facets], 1, 2), right)
+    by_plane = -shares[:, :, None, :] * corners[:, None, :, None]
+    by_polar = np.zeros((*polar.shape, len(rows)))
+    np.add.at(by_polar, facets, by_plane)
+    sizes, inverse = norms(normals), norms(polar)
+    units = normals / sizes[:, None]
+    along = (units[..., None] * by_polar).sum(axis=1)
+    across = by_polar - units[..., None] * along[:, None]
+    across *= (inverse / sizes)[:, None, None]
+    by_logarithm = -inverse[:, None] * along
+    return np.concatenate([across.reshape(normals.size, len(rows)), by_logarithm]).T
+
+
+@dataclass(frozen=True, eq=False)
+class LinkedCoordinates(Coordinates):
+    """Half-spaces of which some are held or move together.
+
+    Attributes
+    ----------
+    facets: coordinates of all m facets.
+    expansion: (4 m, r) from the parameters (r,) to changes of those of `facets`, with orthonormal
+        columns: so steps of the parameters are as long as those of all facets together.
+    base: (4 m,) parameters of `facets` before any change.
+    """
+
+    facets: FacetCoordinates
+    expansion: Floats
+    base: Floats
+
+    def half_spaces(self, parameters: Floats) -> Floats:
+        """(4 m,) parameters of all facets."""
+        moved: Floats = self.base + self.expansion @ parameters
+        return moved
+
+    def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
+        """See `FacetCoordinates`."""
+        shape = self.facets.shape(self.half_spaces(parameters), self._checked(hull_of))
+        return Shape(shape.points, lambda rows: shape.pulled_back(rows) @ self.expansion)
+
+    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
+        """See `Coordinates`."""
+        given = double_tensor(parameters, "parameters", self.expansion.shape[1])
+        moved = torch.from_numpy(self.base) + torch.from_numpy(self.expansion) @ given
+        return self.facets.points(moved, self._checked(hull_of)).to(parameters)
+
+    def _checked(self, hull_of: HullMaker) -> HullMaker:
+        """`hull_of` for polar hulls, which may refuse some."""
+        return hull_of
+
+
+def pinned_coordinates(
+    points: Floats, origin: Floats, pinned: Floats
+) -> tuple[LinkedCoordinates, Floats]:
+    """Normals and distances of all half-spaces but pinned ones, about an origin (3,) inside, and
+    the parameters of the hull of points (n, 3).
+
+    pinned: (p, 3) unit directions; of each the facet stays whose normal is nearest.
+
+    Raises DegenerateBodyError if the origin is not strictly inside.
+    """
+    facets, whole = FacetCoordinates.of(points, origin)
+    normals = normals_of(whole)
+    is_free = np.ones(len(normals), dtype=bool)
+    is_free[np.argmax(pinned @ normals.T, axis=1)] = False
+    free = np.concatenate([np.repeat(is_free, 3), is_free])
+    return LinkedCoordinates(facets, np.eye(len(whole))[:, free], whole * ~free), whole[free]
+
+
+def tied_coordinates(
+    hull: ConvexHull, directions: Floats, angle: float
+) -> tuple[FacetCoordinates | LinkedCoordinates, Floats]:
+    """Coordinates of a hull about its centroid, and its parameters.
+
+    Each facet is tied to the nearest of those with normals `directions` (k, 3), if that is within
+    an angle in radians: parameters are then changes of the normals and of the logarithms of the
+    distances. Where there is nothing to tie, these are facet coordinates.
+    """
+    facets, whole = FacetCoordinates.of(hull.vertices, hull.centroid)
+    normals = normals_of(whole)
+    leaders = np.argmax(normals @ directions.T, axis=0)
+    cosines = normals @ normals[leaders].T
+    nearest = leaders[np.argmax(cosines, axis=1)]
+    group = np.where(cosines.max(axis=1) > np.cos(angle), nearest, np.arange(len(normals)))
+    # A leader is nearest to itself, but for rounding.
+    group[leaders] = leaders
+    members = (group[:, None] == np.unique(group)).astype(np.float64)
+    if members.shape[1] == len(normals):
+        return facets, whole
+    members /= np.sqrt(members.sum(axis=0))
+    normals_part = np.kron(members, np.eye(3))
+    expansion = np.zeros((len(whole), 4 * members.shape[1]))
+    expansion[: len(normals_part), : normals_part.shape[1]] = normals_part
+    expansion[len(normals_part) :, normals_part.shape[1] :] = members
+    return LinkedCoordinates(facets, expansion, whole), np.zeros(expansion.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class SymmetricCoordinates(LinkedCoordinates):
+    """Parameters of one facet for each orbit: the free components of the normals, orbit by orbit,
+    followed by the logarithms of the distances.
+
+    Attributes
+    ----------
+    orbits: (m,) number of the orbit of each facet.
+    """
+
+    orbits: Integers
+
+    @classmethod
+    def of(
+        cls, points: Floats, origin: Floats, group: Floats
+    ) -> tuple[SymmetricCoordinates, Floats]:
+        """Coordinates about the position nearest to an origin (3,) that the group (g, 3, 3) keeps,
+        and the parameters of the hull of points (n, 3), or of the nearest that is symmetric to the
+        last bit.
+
+        Raises
+        ------
+        InputError: the group does not map the hull onto itself.
+        DegenerateBodyError: that position is not strictly inside.
+        """
+        facets, parameters = FacetCoordinates.of(points, fixed_space(group) @ origin)
+        normals = normals_of(parameters)
+        count, logarithms = len(normals), parameters[normals.size :]
+        images = images_of_directions(normals, group)
+        gaps = np.abs(logarithms[images] - logarithms)
+        if not gaps.max() <= SYMMETRY_TOLERANCE:
+            element, facet = np.unravel_index(np.argmax(gaps), gaps.shape)
+            raise InputError(
+                f"symmetry: expected facet {facet} and its image under element {element} of the "
+                f"point group at the same distance from {facets.origin.tolist()}, got a ratio of "
+                f"{np.exp(gaps.max()):.6g}; center the shape at the origin with its main axis "
+                "along z, or take a smaller group"
+            )
+        firsts, orbits = np.unique(images.min(axis=0), return_inverse=True)
+        columns = []
+        scales = np.zeros((4 * count, len(firsts)))
+        for number, first in enumerate(firsts):
+            members = np.flatnonzero(orbits == number)
+            length = np.sqrt(len(members))
+            carriers = group[np.argmax(images[:, [first]] == members, axis=0)]
+            free = _range_basis(fixed_space(group[images[:, first] == first]))
+            column = np.zeros((4 * count, free.shape[1]))
+            column[3 * members[:, None] + np.arange(3)] = carriers @ (free / length)
+            columns.append(column)
+            scales[3 * count + members, number] = 1.0 / length
+        expansion = np.hstack([*columns, scales])
+        base = np.zeros(4 * count)
+        return cls(facets, expansion, base, orbits.astype(np.int64)), expansion.T @ parameters
+
+    def _checked(self, hull_of: HullMaker) -> HullMaker:
+        """As `hull_of`; raises DegenerateBodyError where rounding lets only some of an orbit's
+        facets be corners of the polar hull, and bound the solid."""
+
+        def whole(polar: Floats) -> ConvexHull:
+            hull = hull_of(polar)
+            sizes = np.bincount(self.orbits)
+            bounding = np.bincount(self.orbits[hull.source], minlength=len(sizes))
+            if (bounding % sizes != 0).any():
+                raise DegenerateBodyError(
+                    f"symmetry: expected all facets of an orbit or none to bound the solid, got "
+                    f"{bounding.tolist()} of {sizes.tolist()} facets of the orbits; "
+                    "take a smaller step"
+                )
+            return hull
+
+        return whole
+
+
+def coordinates_of(
+    points: Floats, origin: Floats, group: Floats | None, pinned: Floats
+) -> tuple[Coordinates, Floats]:
+    """Facet coordinates of the hull of points (n, 3) about an origin (3,), with a point group
+    (g, 3, 3) if any or else with pinned facets (p, 3), and their parameters."""
+    if group is not None:
+        return SymmetricCoordinates.of(points, origin, group)
+    if len(pinned) > 0:
+        return pinned_coordinates(points, origin, pinned)
+    return FacetCoordinates.of(points, origin)
+
+
+def orbits_of_directions(directions: Floats, group: Floats) -> Integers:
+    """(k,) number of the orbit of each of some directions (k, 3), from 0 in the order in which the
+    orbits' first members come.
+
+    Raises InputError where an element of the group (g, 3, 3) does not permute them.
+    """
+    first = images_of_directions(directions, group).min(axis=0)
+    return np.unique(first, return_inverse=True)[1].astype(np.int64)
+
+
+def images_of_directions(directions: Floats, group: Floats) -> Integers:
+    """(g, k) number of the direction onto which each element of a group (g, 3, 3) maps each of some
+    directions (k, 3), which need not be unit vectors.
+
+    Raises InputError where an element does not permute them.
+    """
+    units = unit_vectors(directions)
+    turned = np.einsum("gij,kj->gki", group, units)
+    images = np.argmax(turned @ units.T, axis=-1)
+    gaps = norms(turned - units[images])
+    if not gaps.max() <= SYMMETRY_TOLERANCE:
+        element, number = np.unravel_index(np.argmax(gaps), gaps.shape)
+        raise InputError(
+            f"symmetry: expected directions that the point group maps onto each other, got "
+            f"{np.round(units[number], 6).tolist()}, whose image under element {element} is "
+            f"{gaps.max():.3g} from the nearest unit vector; turn the shape's main axis to z and "
+            "center it at the origin, or take a smaller group"
+        )
+    repeated = np.diff(np.sort(images, axis=1), axis=1) == 0
+    if repeated.any():
+        element, place = np.argwhere(repeated)[0]
+        number = np.sort(images[element])[place]
+        raise InputError(
+            f"symmetry: expected directions that the point group permutes, got two that element "
+            f"{element} maps onto {np.round(units[number], 6).tolist()}; remove facets that nearly "
+            "coincide"
+        )
+    return images.astype(np.int64)
+
+
+def _range_basis(projection: Floats) -> Floats:
+    """(3, d) orthonormal columns that span the range of an orthogonal projection (3, 3) of rank
+    d, along the coordinate axes where it contains them."""
+    columns: list[Floats] = []
+    remaining = projection
+    for _ in range(round(float(np.trace(projection)))):
+        longest = remaining[:, np.argmax(np.diag(remaining))]
+        columns.append(longest / np.linalg.norm(longest))
+        remaining = remaining - np.outer(columns[-1], columns[-1])
+    return np.stack(columns, axis=1)

@@ -1,0 +1,277 @@
+"""Preferences among dice of the same odds, as residuals with weights, and those that come with the
+package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from dicedesign.optimize.terms import SMALLEST_MEAN
+from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from dicedesign.gradient.odds_model import OddsModel, TableSensitivity
+    from dicedesign.gradient.rest_odds import RestEvaluation
+    from dicedesign.runtime.arrays import Integers
+
+
+@dataclass(frozen=True)
+class BearingFacets:
+    """A die with one rest for each outcome: what a preference sees.
+
+    Attributes
+    ----------
+    rests: hull and rests; coordinates in torch are functions of its `vertices` (n, 3).
+    facets: (k,) facet of each outcome.
+    sensitivity: of its odds when thrown, or None for odds without momentum, the same on every
+        table.
+    model: of its odds, where it is thrown or let go under a prior; None for odds without momentum,
+        with any side down alike.
+    """
+
+    rests: RestEvaluation
+    facets: Integers
+    sensitivity: TableSensitivity | None = None
+    model: OddsModel | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preference(Extension):
+    """Something to care about.
+
+    Attributes
+    ----------
+    residuals: vector whose sum of squares, about 1 for an ordinary die whatever its size, is made
+        small, differentiable in the vertices; or None where there is nothing to ask. Derivatives of
+        the odds without momentum may be left out: a die moves in directions that change none.
+    """
+
+    residuals: Callable[[BearingFacets], Tensor | None]
+
+
+CIRCLE_POWER: Final = 4.0
+"""Power of a circle's residual in the inverse of its radius: the larger, the more it is the
+smallest circle alone that counts."""
+
+USUAL_CIRCLE: Final = 0.5
+"""Radius of an ordinary circle, in units of the diameter over the root of the number of outcomes:
+that of the caps that as many equal parts of a sphere are."""
+
+
+def circle_residuals(die: BearingFacets) -> Tensor:
+    """Shares of the squared high-power mean of the inverse radii."""
+    from dicedesign.gradient.facet_measures import soft_circle_radii
+
+    count = len(die.facets)
+    inverse = USUAL_CIRCLE / (np.sqrt(count) * soft_circle_radii(die.rests, die.facets))
+    mean = (inverse ** (2.0 * CIRCLE_POWER)).mean()
+    return inverse**CIRCLE_POWER * mean ** (0.5 / CIRCLE_POWER - 0.5) / np.sqrt(count)
+
+
+USUAL_OFFSET: Final = 0.1
+"""Root of the mean square distance of ordinary normals from the barycenters of their basins."""
+
+
+def margin_residuals(die: BearingFacets) -> Tensor:
+    """Offsets of the normals from the barycenters. These are the true ones: the mean of the maxima
+    on the border, which eq. 14 takes for them, jumps where a maximum joins or leaves."""
+    import torch
+
+    from dicedesign.rest.morse import basin_moments, separatrix_points
+
+    rests = die.rests
+    points = separatrix_points(rests.paths, rests.vertices, rests.center, torch)
+    moments = basin_moments(rests.paths, points, torch)
+    lengths = torch.linalg.vector_norm(moments, dim=1, keepdim=True)
+    offsets = rests.rest_normals - moments / lengths.clamp_min(SMALLEST_MEAN)
+    return offsets.reshape(-1) / (USUAL_OFFSET * np.sqrt(len(die.facets)))
+
+
+USUAL_INEQUALITY: Final = 0.4
+"""Root of the weighted sum of the squares of ordinary saddles' relative differences of angles."""
+
+
+def asymmetry_residuals(die: BearingFacets) -> Tensor:
+    """2 phi - 1 of every saddle, with the sign that makes it smooth, by the root of its weight in
+    rho, which counts the lowest saddle of each border alone."""
+    import torch
+
+    rests, basins = die.rests, die.rests.paths.basins
+    normals = rests.rest_normals[torch.as_tensor(basins)]
+    saddles = rests.saddle_directions[:, None]
+    cross = torch.linalg.cross(normals, saddles.expand_as(normals))
+    angles = torch.atan2(torch.linalg.vector_norm(cross, dim=-1), (normals * saddles).sum(-1))
+    weights = torch.as_tensor(rests.odds[basins].min(axis=1))
+    unequal = (angles[:, 0] - angles[:, 1]) / angles.sum(dim=1)
+    return torch.sqrt(weights) * unequal / USUAL_INEQUALITY
+
+
+USUAL_SPREAD: Final = 0.2
+"""Relative standard deviation of ordinary distances from the center of mass."""
+
+
+def roundness_residuals(die: BearingFacets) -> Tensor:
+    """Distances of vertices and of planes from the center of mass, as parts of their means."""
+    import torch
+
+    rests, hull = die.rests, die.rests.hull
+    radii = rests.vertices - rests.center
+    normals = rests.facet_normals(np.arange(len(hull.normals)))
+    heights = (radii[hull.tail[hull.facet_start[:-1]]] * normals).sum(-1)
+    return torch.cat(
+        [
+            (distances / distances.mean() - 1.0) / (USUAL_SPREAD * np.sqrt(len(distances)))
+            for distances in (torch.linalg.vector_norm(radii, dim=1), heights)
+        ]
+    )
+
+
+USUAL_RATIO: Final = 0.7
+"""Standard deviation of the logarithms of ordinary areas."""
+
+
+def area_residuals(die: BearingFacets) -> Tensor:
+    """Logarithms of the areas less their mean."""
+    logarithms = die.rests.facet_areas[die.facets].log()
+    return (logarithms - logarithms.mean()) / (USUAL_RATIO * np.sqrt(len(die.facets)))
+
+
+USUAL_HELPERS: Final = 0.2
+"""Part of an ordinary die's surface that bears no outcome."""
+
+
+def helper_residuals(die: BearingFacets) -> Tensor:
+    """The part of the surface that bears no outcome."""
+    areas = die.rests.facet_areas
+    return (1.0 - areas[die.facets].sum() / areas.sum())[None] / USUAL_HELPERS
+
+
+def robustness_residuals(die: BearingFacets) -> Tensor | None:
+    """See `TableSensitivity.residuals`; None for odds without momentum."""
+    return None if die.sensitivity is None else die.sensitivity.residuals(die.rests, die.facets)
+
+
+OFF: Final = 1.0 / 300.0
+"""Distance over the diameter by which facets are off: 0.1 mm of an ordinary die."""
+
+USUAL_SLOPE: Final = 2.0
+"""Root of the summed squares of the slopes of an ordinary die's odds in the offsets of its facets,
+in units of the diameter."""
+
+
+def tolerance_residuals(die: BearingFacets) -> Tensor:
+    """(m,) slope of all odds in the offset of each facet. Where these are independent and of one
+    standard deviation, the sum of squares is in proportion to the summed variance of the odds."""
+    from dicedesign.gradient.facet_measures import offset_secants, soft_diameter
+
+    diameter = soft_diameter(die.rests)
+    secants = offset_secants(die.rests, die.model, OFF * diameter)
+    return secants.norm(dim=0) * diameter / USUAL_SLOPE
+
+
+PREFERENCES: Final = Registry(
+    "preference",
+    Preference,
+    builtin=(
+        Preference(
+            name="circles",
+            line="large circles in the facets of the outcomes, for large labels; the smallest "
+            "counts most",
+            residuals=circle_residuals,
+        ),
+        Preference(
+            name="margin",
+            line="normals of the outcomes' facets near the barycenters of their basins (eq. 14)",
+            residuals=margin_residuals,
+        ),
+        Preference(
+            name="asymmetry",
+            line="both rests beside a saddle equally far from it (eq. 20, 21)",
+            residuals=asymmetry_residuals,
+        ),
+        Preference(
+            name="roundness",
+            line="all facets equally far from the center of mass, and all vertices",
+            residuals=roundness_residuals,
+        ),
+        Preference(
+            name="areas",
+            line="equal areas of the outcomes' facets",
+            residuals=area_residuals,
+        ),
+        Preference(
+            name="small_helpers",
+            line="little area on facets without an outcome",
+            residuals=helper_residuals,
+        ),
+        Preference(
+            name="robustness",
+            line="thrown odds that are the same on what the table may be instead; those without "
+            "momentum always are",
+            residuals=robustness_residuals,
+        ),
+        Preference(
+            name="nearness",
+            line="parameters near those of the die that is made better",
+            # They are of the parameters, which the solver has.
+            residuals=lambda die: None,
+        ),
+        Preference(
+            name="tolerance",
+            line="odds that change little where facets come out of the printer a little off",
+            residuals=tolerance_residuals,
+        ),
+    ),
+    group="dicedesign.preferences",
+)
+
+LARGEST_WEIGHT: Final = 1e6
+"""Beyond it the other terms are lost in rounding."""
+
+
+class Preferences(Numbers):
+    """Weights of what is made better while the odds are kept; 0, unless given, leaves one out; see
+    `PREFERENCES`. Only their ratios matter. Each multiplies a sum of squares that is about 1 for an
+    ordinary die.
+
+    Raises InputError for a weight out of range.
+    """
+
+    __slots__ = ()
+
+    @classmethod
+    def declared(cls) -> Mapping[str, Number]:
+        """The weight of each preference."""
+        return {
+            preference.name: Number(
+                name=preference.name,
+                default=0.0,
+                line=preference.line,
+                expected=f"a number from 0 to {LARGEST_WEIGHT:g}",
+                remedy="0 leaves it out",
+                allows=lambda weight: 0.0 <= weight <= LARGEST_WEIGHT,
+            )
+            for preference in PREFERENCES
+        }
+
+    @property
+    def largest(self) -> float:
+        """The largest weight."""
+        return max(getattr(self, name) for name in PREFERENCES.names)
+
+
+def preference_residuals(die: BearingFacets, preferences: Preferences) -> list[Tensor]:
+    """Residuals of each preference with a weight, whose sum of squares is the weighted sum of all
+    but `nearness`, which is about parameters."""
+    residuals = []
+    for preference in PREFERENCES:
+        weight = getattr(preferences, preference.name)
+        own = preference.residuals(die) if weight > 0.0 else None
+        if own is not None:
+            residuals.append(np.sqrt(weight) * own)
+    return residuals

@@ -1,0 +1,199 @@
+"""The kinds of starting shapes that come with the package, and what a recipe says of them.
+
+What makes shapes is loaded when one is made: a recipe is read without it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import ClassVar, Final, Literal
+
+from dicedesign.errors import InputError
+from dicedesign.optimize.starts.start import FEWEST_FACETS, Start, StartKind, Task, check_prism
+from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.registry import STRICT
+
+
+@dataclass(frozen=True)
+class PrismOptions:
+    """`start.prism`; see `prism`.
+
+    Attributes
+    ----------
+    sides: 3 to 12; the number of outcomes unless given.
+    height: of the side faces, over the base's circumscribed radius, positive.
+    cap: height of each pointed cap over the same, not negative; steep caps are unstable.
+    """
+
+    __pydantic_config__: ClassVar = {**STRICT, "allow_inf_nan": False}
+
+    sides: int | None = None
+    height: float = 1.5
+    cap: float = 1.3
+
+
+@dataclass(frozen=True)
+class RepulsionOptions:
+    """`start.repulsion`: nothing to choose."""
+
+    __pydantic_config__ = STRICT
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """`start.mesh`.
+
+    Attributes
+    ----------
+    path: of the file, relative to the recipe's folder, or to the working directory in a change from
+        the command line.
+    repair: of a mesh that is open, no manifold, of several bodies or meets itself, take the closed
+        surface of the largest solid that it encloses; for method concave.
+    """
+
+    __pydantic_config__ = STRICT
+
+    path: str
+    repair: bool = False
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """`start.search`.
+
+    Attributes
+    ----------
+    helpers: least number of facets without an outcome, 0 to `MOST_HELPERS`: they leave more dice of
+        the same odds to choose from.
+    """
+
+    __pydantic_config__ = STRICT
+
+    helpers: int = 0
+
+
+def _shapes() -> ModuleType:
+    from dicedesign.optimize.starts import shapes
+
+    return shapes
+
+
+FEWEST_SIDES: Final = 3
+"""Shapes that are made without regard to the target's odds have at least so many rests."""
+
+HENDECAHEDRON_FACETS: Final = 11
+
+MOST_HELPERS: Final = 60
+
+
+def _check_sides(outcomes: int) -> None:
+    if outcomes < FEWEST_SIDES:
+        raise ValueError(
+            f"start: expected a mesh or a search for {outcomes} outcomes, as every other start "
+            f"has at least {FEWEST_SIDES} rests; write start: {{search: {{}}}}, or start: "
+            "{mesh: {path: FILE}}"
+        )
+
+
+def _check_prism(options: PrismOptions, outcomes: int) -> None:
+    _check_sides(outcomes)
+    sides = outcomes if options.sides is None else options.sides
+    check_prism(sides, options.height, options.cap)
+    if sides != outcomes:
+        raise InputError(
+            f"start.prism.sides: expected {outcomes}, one side for each outcome of the target, got "
+            f"{sides}; leave it out"
+        )
+
+
+def _check_hendecahedron(kind: str, outcomes: int) -> None:
+    _check_sides(outcomes)
+    if outcomes != HENDECAHEDRON_FACETS:
+        raise InputError(
+            f"start.hendecahedron: expected a target of {HENDECAHEDRON_FACETS} outcomes, one for "
+            f"each facet, got {outcomes}; take another start"
+        )
+
+
+def _check_repulsion(options: RepulsionOptions, outcomes: int) -> None:
+    _check_sides(outcomes)
+    if outcomes < FEWEST_FACETS:
+        raise InputError(
+            f"start.repulsion: expected a target of at least {FEWEST_FACETS} outcomes, got "
+            f"{outcomes}; take a prism"
+        )
+
+
+def _make_mesh(options: MeshOptions, task: Task) -> Start:
+    if options.repair:
+        raise InputError(
+            "start.mesh.repair: expected method concave, which keeps the mesh, got one that takes "
+            "its convex hull, with nothing to repair; leave it out"
+        )
+    body = _shapes().read_body(Path(options.path))
+    return _shapes().mesh_start(body, task.outcomes, task.center_of_mass)
+
+
+def _check_search(options: SearchOptions, outcomes: int) -> None:
+    if not 0 <= options.helpers <= MOST_HELPERS:
+        raise InputError(
+            f"start.search.helpers: expected 0 to {MOST_HELPERS}, got {options.helpers}; leave it "
+            "out"
+        )
+
+
+def _search(
+    options: SearchOptions, target: Floats, group: Floats | None, seed: int
+) -> Iterator[Start | None]:
+    """See `shapes_near` and `symmetric_shapes_near`."""
+    if group is None:
+        from dicedesign.optimize.starts.search import shapes_near
+
+        return shapes_near(target, seed, options.helpers)
+    from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
+
+    return symmetric_shapes_near(target, group, seed, options.helpers)
+
+
+PRISM: Final = StartKind(
+    name="prism",
+    line="a prism with pointed caps, one side for each outcome in order around the axis",
+    options=PrismOptions,
+    check=_check_prism,
+    make=lambda prism, task: _shapes().prism(task.outcomes, prism.height, prism.cap),
+)
+
+HENDECAHEDRON: Final = StartKind(
+    name="hendecahedron",
+    line="a body of eleven facets, `bisymmetric` or `circus`, for the total of two dice",
+    options=Literal["bisymmetric", "circus"],
+    check=_check_hendecahedron,
+    make=lambda kind, task: _shapes().hendecahedron(kind),
+)
+
+REPULSION: Final = StartKind(
+    name="repulsion",
+    line="facets tangent to a sphere at points that repel each other, one for each outcome",
+    options=RepulsionOptions,
+    check=_check_repulsion,
+    make=lambda options, task: _shapes().repulsion(task.outcomes, task.seed),
+)
+
+MESH: Final = StartKind(
+    name="mesh",
+    line="the convex hull of a mesh file, its most probable rests for the outcomes; or its "
+    "surface, with method concave",
+    options=MeshOptions,
+    make=_make_mesh,
+    surface=lambda mesh, points: _shapes().mesh_surface(mesh.path, points, mesh.repair),
+)
+
+SEARCH: Final = StartKind(
+    name="search",
+    line="random shapes with odds near the target's, until one leads there",
+    options=SearchOptions,
+    check=_check_search,
+    search=_search,
+)

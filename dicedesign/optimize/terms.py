@@ -1,0 +1,432 @@
+"""Terms of the energy that a descent lowers, and the weights that a recipe gives them: those of the
+paper, one that keeps facets stable or unstable by a margin, and one that keeps outcomes apart.
+
+Rests are gathered to outcomes by direction (section 3.2). An outcome without a rest, or without a
+facet, is never silent: the dice energy misses its whole target, and the barycenter, neighbor and
+stability terms charge the largest value that one facet can have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
+from dicedesign.tolerances import SAME_REST_ANGLE
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from dicedesign.geometry.hulls.hull import ConvexHull
+    from dicedesign.gradient.rest_odds import RestEvaluation
+    from dicedesign.runtime.arrays import Floats, Integers
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """Outcome for which each rest counts.
+
+    Attributes
+    ----------
+    of_rest: (r,) outcome of each rest.
+    directions: (k, 3) the unit directions u_i of the outcomes.
+    """
+
+    of_rest: Integers
+    directions: Floats
+
+    def sums(self, probabilities: Tensor) -> Tensor:
+        """(k,) summed probabilities (r,) of each cluster."""
+        import torch
+
+        zeros = torch.zeros(len(self.directions), dtype=torch.float64)
+        return zeros.index_add(0, torch.as_tensor(self.of_rest), probabilities)
+
+    @property
+    def empty(self) -> int:
+        """Number of outcomes without a rest."""
+        return len(self.directions) - len(np.unique(self.of_rest))
+
+    def means(self, rest_normals: Floats) -> tuple[Floats, Floats]:
+        """(k, 3) the normalised means of the clusters' normals, of all rests (r, 3); an empty
+        cluster keeps its direction (section 3.2). And the lengths (k, 1) of their sums."""
+        sums = np.zeros_like(self.directions)
+        np.add.at(sums, self.of_rest, rest_normals)
+        length = np.sqrt((sums * sums).sum(-1))[:, None]
+        means = np.where(length > 0.0, sums / np.where(length > 0.0, length, 1.0), self.directions)
+        return means, length
+
+
+def cluster(rest_normals: Floats, directions: Floats) -> Clusters:
+    """Give each rest (r, 3) to the nearest of the directions (k, 3) (section 3.2)."""
+    return Clusters(np.argmax(rest_normals @ directions.T, axis=1), directions)
+
+
+@dataclass(frozen=True)
+class ClusteredRests:
+    """The current shape of a descent: what an energy term sees.
+
+    Attributes
+    ----------
+    rests: hull and rests; coordinates in torch are functions of its `vertices` (n, 3), as are
+        `rests.center` (3,), `rests.probabilities` (r,), `rests.rest_normals` (r, 3),
+        `rests.facet_depths` (m,) and `rests.facet_normals(facets)`.
+    clusters: which outcome each rest counts for, and the outcomes' directions.
+    target: (k,) wanted probabilities of the outcomes.
+    """
+
+    rests: RestEvaluation
+    clusters: Clusters
+    target: Floats
+
+    @classmethod
+    def of(cls, rests: RestEvaluation, directions: Floats, target: Floats) -> ClusteredRests:
+        """Rests that count for the outcomes of the nearest directions (k, 3), whose target is
+        (k,)."""
+        return cls(rests, cluster(rests.hull.normals[rests.facets], directions), target)
+
+    @property
+    def hull(self) -> ConvexHull:
+        """The hull, as numbers."""
+        return self.rests.hull
+
+    @property
+    def outcome_probabilities(self) -> Tensor:
+        """(k,) of the outcomes."""
+        return self.clusters.sums(self.rests.probabilities)
+
+    @property
+    def saddles(self) -> Tensor:
+        """(s, 3) those of the rests."""
+        return self.rests.saddles
+
+    @property
+    def maxima(self) -> Tensor:
+        """(2 s, 3) those of the rests."""
+        return self.rests.maxima
+
+
+ValueAndGradient: TypeAlias = "Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]]"
+"""See `Term`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermOption(Number):
+    """A number besides its weight that a term takes from a recipe."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term(Extension):
+    """One term of the energy.
+
+    Attributes
+    ----------
+    evaluate: the term without its weight, a scalar tensor that autograd can differentiate in the
+        vertices, of the current shape and of all weights and options, such as
+        `weights.neighbor_radius`.
+    value_and_gradient: a faster way for a term of the facets' depths (`RestEvaluation.depths`) or
+        the rests' unit normals alone: its value, and its derivative (m,) in each depth or (r, 3) in
+        each normal, as numbers, to which kernels take the rest of the chain.
+    weight: default of its weight in a recipe; None for a term that is always there with weight 1.
+    options: what else a recipe may say of it, with names of their own among those of all terms.
+    single_rests: whether a step is refused that gives an outcome a second rest.
+    """
+
+    evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
+    value_and_gradient: ValueAndGradient | None = None
+    weight: float | None = 0.0
+    options: tuple[TermOption, ...] = ()
+    single_rests: bool = False
+
+
+LARGEST_SQUARED_DISTANCE: Final = 4.0
+"""Between two unit vectors: what a cluster without a rest is charged."""
+
+SMALLEST_MEAN: Final = 1e-3
+"""Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima
+that cancel have no mean direction, and near there the gradient would grow without bound."""
+
+
+def dice_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """E_dice (eq. 12): squared differences of the clusters' probabilities from the target."""
+    import torch
+
+    wanted = torch.as_tensor(state.target, dtype=torch.float64)
+    return ((state.outcome_probabilities - wanted) ** 2).sum()
+
+
+def coplanar_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """E_cl (eq. 13): squared distances of rest normals, over ordered pairs within a cluster, which
+    are 2 n times those from the mean of its n normals."""
+    import torch
+
+    clusters, normals = state.clusters, state.rests.rest_normals
+    of_rest = torch.as_tensor(clusters.of_rest)
+    counts = torch.bincount(of_rest, minlength=len(clusters.directions)).clamp_min(1)[:, None]
+    zeros = torch.zeros(clusters.directions.shape, dtype=torch.float64)
+    means = zeros.index_add(0, of_rest, normals) / counts
+    return (2.0 * counts[of_rest] * (normals - means[of_rest]) ** 2).sum()
+
+
+def barycenter_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """E_bc (eq. 14): squared distances of rest normals from the barycenter of their cluster's
+    region, which is the normalised mean of the maxima on the region's border."""
+    import torch
+
+    rests, clusters, paths = state.rests, state.clusters, state.rests.paths
+    sides = clusters.of_rest[paths.basins]
+    borders = np.flatnonzero(sides[:, 0] != sides[:, 1])
+    energy = LARGEST_SQUARED_DISTANCE * clusters.empty * torch.ones((), dtype=torch.float64)
+    if len(borders) == 0:
+        return energy
+    branch = np.stack([2 * borders, 2 * borders + 1], axis=1)
+    outcome = np.repeat(sides[borders].ravel(), 2)
+    peak = np.repeat(paths.maxima[branch][:, None, :], 2, axis=1).ravel()
+    outcome, peak = np.unique(np.stack([outcome, peak]), axis=1)
+    zeros = torch.zeros(clusters.directions.shape, dtype=torch.float64)
+    sums = zeros.index_add(0, torch.as_tensor(outcome), rests.vertex_directions(peak))
+    lengths = torch.linalg.vector_norm(sums, dim=1, keepdim=True)
+    barycenters = sums / lengths.clamp_min(SMALLEST_MEAN)
+    bordered = np.isin(clusters.of_rest, outcome)
+    own = barycenters[clusters.of_rest[bordered]]
+    return energy + ((rests.rest_normals[bordered] - own) ** 2).sum()
+
+
+def neighbor_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """E_nb (eq. 15): squared distances from u_i of all facet normals within a radius of it; stable
+    facets or not. An outcome without a facet nearby is charged the squared radius."""
+    import torch
+
+    directions, radius = state.clusters.directions, weights.neighbor_radius
+    squared = ((directions[:, None, :] - state.hull.normals[None, :, :]) ** 2).sum(-1)
+    outcome, facet = np.nonzero(squared < radius**2)
+    alone = len(directions) - len(np.unique(outcome))
+    offset = state.rests.facet_normals(facet) - torch.as_tensor(directions[outcome])
+    return (offset**2).sum() + alone * radius**2
+
+
+def differentiable(
+    value_and_gradient: ValueAndGradient,
+) -> Callable[[ClusteredRests, EnergyWeights], Tensor]:
+    """`Term.evaluate` of a term with a value and a gradient."""
+
+    def evaluate(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+        import torch
+
+        value, gradient = value_and_gradient(state, weights)
+        rests = state.rests
+        varying = rests.facet_depths if gradient.ndim == 1 else rests.rest_normals
+        return value + (torch.as_tensor(gradient) * (varying - varying.detach())).sum()
+
+    return evaluate
+
+
+def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integers:
+    """(k,) distinct facets, of normals (m, 3), that bear the outcomes of directions (k, 3).
+
+    They lie nearest to the directions as a whole (least sum of cosines lost). Of facets that all
+    lie within `SAME_REST_ANGLE` of a direction, as the parts of a facet that broke in two, the one
+    of largest depth (m,) bears it: where two are equally deep they can change places and the
+    stability energy is the same. With m < k facets, those of the m outcomes that get one.
+    """
+    # Imported here, as only some energies need it and it takes long.
+    from scipy.optimize import linear_sum_assignment
+
+    cosines = directions @ normals.T
+    within = cosines > np.cos(SAME_REST_ANGLE)
+    # Being within the angle is worth at least 2, more than any cosine.
+    gain = np.where(within, 3.0 + np.clip(depths, -1.0, 1.0), cosines)
+    return np.asarray(linear_sum_assignment(-gain)[1], dtype=np.int64)
+
+
+def stability_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
+    """Keeps one facet for each outcome stable and all others unstable, by a margin: the energy and
+    its derivative (m,) in each facet's depth.
+
+    A facet of depth s (`RestEvaluation.facet_depths`) with an outcome pays
+    `max(0, 1 - s / margin)^2`, another one the same with -s; an outcome without a facet is charged
+    the most. Probabilities jump where a depth crosses zero; this wall in front of the jump is what
+    lets a smooth method walk along it. Not in the paper.
+    """
+    normals, directions = state.hull.normals, state.clusters.directions
+    depths, margin = state.rests.depths, weights.stability_margin
+    wanted = outcome_facets(normals, directions, depths)
+    signs = np.full(len(normals), -1.0)
+    signs[wanted] = 1.0
+    lacking = np.maximum(1.0 - signs * depths / margin, 0.0)
+    least = (len(directions) - len(wanted)) * (1.0 + 1.0 / margin) ** 2
+    return float(lacking @ lacking) + least, -2.0 / margin * signs * lacking
+
+
+CLOSEST: Final = 1e-6
+"""Squared distance of two directions below which the energy no longer grows, so that it stays
+finite."""
+
+
+def apart_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
+    """Keeps the outcomes' mean normals m_i a chord length r = `apart_distance` apart: energy and
+    its derivative (r, 3) in the unit normal of each rest.
+
+    Each pair pays `-(1 - x)^2 ln x`, where `x = |m_i - m_j|^2 / r^2` is below 1. The value and two
+    derivatives vanish at x = 1; below a distance of 1e-3 the energy no longer grows. Not in the
+    paper, whose energy lets two outcomes grow into one facet.
+    """
+    clusters, reach = state.clusters, weights.apart_distance**2
+    normals = state.hull.normals[state.rests.paths.rests]
+    means, lengths = clusters.means(normals)
+    first, second = np.triu_indices(len(means), 1)
+    offset = means[first] - means[second]
+    squared = (offset * offset).sum(1)
+    near = squared < reach
+    first, second, squared = first[near], second[near], squared[near]
+    part = np.maximum(squared, CLOSEST) / reach
+    value = float((-((1.0 - part) ** 2) * np.log(part)).sum())
+    steepness = 2.0 * (1.0 - part) * np.log(part) - (1.0 - part) ** 2 / part
+    steepness = np.where(squared > CLOSEST, steepness, 0.0) / reach
+    pull = (2.0 * steepness)[:, None] * offset[near]
+    by_mean = np.zeros_like(means)
+    np.add.at(by_mean, first, pull)
+    np.add.at(by_mean, second, -pull)
+    # Through the normalisation of the sum of each cluster's normals.
+    across = by_mean - means * (by_mean * means).sum(1)[:, None]
+    return value, (across / np.where(lengths > 0.0, lengths, 1.0))[clusters.of_rest]
+
+
+TERMS: Final = Registry(
+    "energy term",
+    Term,
+    builtin=(
+        Term(
+            name="dice",
+            line="squared differences of the outcomes' odds from the target (eq. 12)",
+            evaluate=dice_energy,
+            weight=None,
+        ),
+        Term(
+            name="coplanar",
+            line="draws the rests of an outcome into one plane (lambda_cl of eq. 13)",
+            evaluate=coplanar_energy,
+            weight=0.1,
+        ),
+        Term(
+            name="barycenter",
+            line="draws the rests of an outcome to the middle of its region (lambda_bc of eq. 14)",
+            evaluate=barycenter_energy,
+            weight=2.0,
+        ),
+        Term(
+            name="neighbor",
+            line="draws facets near an outcome's direction to it (lambda_nb of eq. 15)",
+            evaluate=neighbor_energy,
+            weight=0.1,
+            options=(
+                TermOption(
+                    name="neighbor_radius",
+                    default=0.2,
+                    line="chord length epsilon of the ball about an outcome's direction in eq. 15, "
+                    "above 0 and at most 2",
+                    expected="a chord length above 0 and at most 2",
+                    remedy="leave it out for 0.2",
+                    allows=lambda radius: 0.0 < radius <= 2.0,
+                ),
+            ),
+        ),
+        Term(
+            name="stability",
+            line="keeps one facet for each outcome stable and all others unstable; 0 is the "
+            "paper's energy",
+            weight=0.1,
+            options=(
+                TermOption(
+                    name="stability_margin",
+                    default=0.05,
+                    line="distance of a facet from the edge of (in)stability, over the "
+                    "circumscribed radius, below which the term acts; above 0 and at most 1",
+                    expected="a fraction above 0 and at most 1",
+                    remedy="leave it out for 0.05",
+                    allows=lambda margin: 0.0 < margin <= 1.0,
+                ),
+            ),
+            single_rests=True,
+            evaluate=differentiable(stability_energy),
+            value_and_gradient=stability_energy,
+        ),
+        Term(
+            name="apart",
+            line="keeps outcomes from growing into one facet; 0 is the paper's energy",
+            weight=0.0,
+            options=(
+                TermOption(
+                    name="apart_distance",
+                    default=0.4,
+                    line="chord length between the mean normals of two outcomes below which the "
+                    "term acts, from 0.01 to 2; 0.4 is 23 degrees",
+                    expected="a chord length from 0.01 to 2",
+                    remedy="leave it out for 0.4",
+                    allows=lambda distance: 0.01 <= distance <= 2.0,
+                ),
+            ),
+            evaluate=differentiable(apart_energy),
+            value_and_gradient=apart_energy,
+        ),
+    ),
+    group="dicedesign.terms",
+)
+
+
+class EnergyWeights(Numbers):
+    """Weights of the terms of eq. 16 and of those beside it, and the terms' other options; see
+    `TERMS`. A term of weight 0 is not evaluated.
+
+    Raises InputError for a number out of range.
+    """
+
+    __slots__ = ()
+
+    prefix = "weights."
+
+    @classmethod
+    def declared(cls) -> Mapping[str, Number]:
+        """Weight and options of each term but those that are always there."""
+        declared: dict[str, Number] = {}
+        for term in TERMS:
+            weight = Number(
+                name=term.name,
+                default=term.weight or 0.0,
+                line=term.line,
+                expected="a number not below 0",
+                remedy="0 leaves the term out",
+                allows=lambda value: 0.0 <= value < np.inf,
+            )
+            for number in (*(() if term.weight is None else (weight,)), *term.options):
+                if number.name in declared:
+                    raise InputError(
+                        f"energy term {term.name!r}: expected names of its own for its weight and "
+                        f"its options, got {number.name!r}, which is taken; choose another"
+                    )
+                declared[number.name] = number
+        return declared
+
+    @property
+    def active(self) -> tuple[tuple[Term, float], ...]:
+        """Terms that have a weight, with it, in their order."""
+        pairs = ((term, 1.0 if term.weight is None else getattr(self, term.name)) for term in TERMS)
+        return tuple((term, weight) for term, weight in pairs if weight > 0.0)
+
+    @property
+    def of_terms(self) -> dict[str, float]:
+        """The weights of these by name."""
+        return {term.name: weight for term, weight in self.active}
+
+    @property
+    def single_rests(self) -> bool:
+        """True where a term with a weight wants one rest for each outcome and no other."""
+        return any(term.single_rests for term, _ in self.active)
+
+    def times(self, factor: float) -> EnergyWeights:
+        """The same with the weights of all terms but those that are always there times a factor."""
+        weighted = (term.name for term, _ in self.active if term.weight is not None)
+        return self.changed(**{name: factor * getattr(self, name) for name in weighted})
