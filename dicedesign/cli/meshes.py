@@ -109,7 +109,7 @@ def pose(options: Pose) -> int:
 
 def _list_jobs(options: Pose) -> Iterator[Job]:
     """What is to be done, file by file."""
-    from dicedesign.batch.folder import list_folder
+    from dicedesign.batch.batch import list_folder
     from dicedesign.scenes.posing import Job, check_ending
 
     first, out = options.meshes[0], options.out
@@ -148,7 +148,7 @@ MOST_BODIES: Final = 20_000
 
 def scatter(options: Scatter) -> int:
     """Write a floor with meshes of a folder."""
-    from dicedesign.batch.folder import list_folder
+    from dicedesign.batch.batch import list_folder
     from dicedesign.geometry.meshes.reading import without_solids
     from dicedesign.runtime.workers import progress_bar
     from dicedesign.scenes.room import room_glb, scattered

@@ -128,8 +128,7 @@ def _under_prior(options: Rest, text: str, poses: RestPoses) -> RestPoses:
 def _list_folder(options: Rest) -> int:
     """Analyse the meshes of a folder."""
     # Imported here, as one mesh does without.
-    from dicedesign.batch.batch import run_batch
-    from dicedesign.batch.folder import list_folder
+    from dicedesign.batch.batch import list_folder, run_batch
     from dicedesign.batch.rest_table import RestTable, Stamp, table_format
 
     com, tolerance, path = center_of_mass(options.com), options.coplanar_tolerance, options.out

@@ -67,11 +67,11 @@ def write_results(
     owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *DATA_SHEETS, *names])
     told = result.json_text().encode("utf-8")
     with interrupts_held("the results were complete by then"):
-        _remove(folder, [RESULT, *(name for name in owned if name not in files)])
+        remove_files(folder, [RESULT, *(name for name in owned if name not in files)])
         for name, data in files.items():
             atomic_write(folder / name, data)
         atomic_write(folder / RESULT, told)
-        _remove(folder, [CHECKPOINT])
+        remove_files(folder, [CHECKPOINT])
 
 
 @contextmanager
@@ -98,7 +98,8 @@ def folder_of_results(folder: Path) -> Iterator[None]:
         raise
 
 
-def _remove(folder: Path, names: Iterable[str]) -> None:
+def remove_files(folder: Path, names: Iterable[str]) -> None:
+    """Remove files of a folder where they are there. Raises OutputError."""
     try:
         for name in names:
             (folder / name).unlink(missing_ok=True)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dicedesign.errors import OutputError
 from dicedesign.recipe.reading import checked_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
+from dicedesign.results.folder import remove_files
 from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.runtime.files import atomic_write, json_text
 from dicedesign.search.study import varies_assignment
@@ -69,9 +70,9 @@ def leaders(finished: Sequence[Finished]) -> list[Finished]:
     if not order:
         return []
     single = [
-        max(order, key=lambda trial: trial["inradius_mm"]),
-        max(order, key=lambda trial: trial["margin_deg"]),
-        min(order, key=lambda trial: trial["max_abs_error"]),
+        max(order, key=itemgetter("inradius_mm")),
+        max(order, key=itemgetter("margin_deg")),
+        min(order, key=itemgetter("max_abs_error")),
     ]
     chosen = {trial["number"] for trial in (*order[:LEADERS], *single)}
     return [trial for trial in order if trial["number"] in chosen]
@@ -134,7 +135,8 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         "leaderboard.csv": _csv(board).encode("utf-8"),
         TABLE: json_text(table).encode("utf-8"),
     }
-    _remove_old(folder, set(files))
+    old = [path.name for path in (folder / BEST, *folder.glob("trial_*.yaml"))]
+    remove_files(folder, [TABLE, *(name for name in old if name not in files)])
     for name, data in files.items():
         atomic_write(folder / name, data)
     return board
@@ -152,17 +154,3 @@ def _csv(board: Sequence[dict[str, Any]]) -> str:
         ]
         writer.writerow([*(entry[column] for column in COLUMNS), *changed])
     return text.getvalue()
-
-
-def _remove_old(folder: Path, written: set[str]) -> None:
-    """The table and recipes of an earlier leaderboard that are not written again."""
-    try:
-        (folder / TABLE).unlink(missing_ok=True)
-        for path in (folder / BEST, *folder.glob("trial_*.yaml")):
-            if path.name not in written:
-                path.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: expected old results that can be removed, but {error.strerror}; choose "
-            "another folder with --out"
-        ) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -88,13 +89,10 @@ def varied_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Re
     it was given."""
     entries, space = recipe.resolved(), search_space(recipe)
     entries["seed"] += place
-    order = {
-        name.removeprefix("assignment."): value
-        for name, value in values.items()
-        if name.startswith("assignment.")
-    }
-    if order:
-        entries["assignment"] = sorted(order, key=order.__getitem__)
+    order = sorted(values, key=values.__getitem__)
+    labels = [name.partition(".")[2] for name in order if name.startswith("assignment.")]
+    if labels:
+        entries["assignment"] = labels
     for name in _own_weights(recipe):
         weight = values[f"prefer.{name}"]
         if weight != space[f"prefer.{name}"].own:
@@ -254,23 +252,13 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
             optuna.logging.set_verbosity(level)
 
 
-class _AlreadyLocked:
-    """A lock for Optuna, whose own would outlive a process that is killed; that of the folder does
-    not."""
-
-    def acquire(self) -> bool:
-        return True
-
-    def release(self) -> None:
-        pass
-
-
 class _Journal:
     """Optuna's journal in a file, with errors of this package."""
 
     def __init__(self, optuna: Any, path: Path) -> None:
         backend = optuna.storages.journal.JournalFileBackend
-        self._backend = backend(str(path), _AlreadyLocked())
+        # Optuna's own lock would outlive a process that is killed; that of the folder does not.
+        self._backend = backend(str(path), threading.Lock())
         self._path = path
 
     def read_logs(self, log_number_from: int) -> Iterator[dict[str, Any]]:
@@ -309,12 +297,10 @@ def _load(optuna: Any, journal: Path) -> optuna.Study:
             directions=["maximize", "maximize"],
             load_if_exists=True,
         )
-    except DiceError:
-        raise
-    except OSError as error:
-        raise _no_journal(journal, error.strerror) from error
-    except (ValueError, KeyError, TypeError, AttributeError, AssertionError) as error:
-        raise _no_journal(journal, error) from error
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, AssertionError) as error:
+        if isinstance(error, DiceError):
+            raise
+        raise _no_journal(journal, getattr(error, "strerror", None) or error) from error
 
 
 def _check_recipe(folder: Path, recipe: Recipe) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from dicedesign.batch.folder import list_folder
+from dicedesign.batch.batch import list_folder
 from dicedesign.errors import MeshFileError, printable
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body

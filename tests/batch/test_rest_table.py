@@ -14,8 +14,7 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
-from dicedesign.batch.batch import analyse_files
-from dicedesign.batch.folder import list_folder
+from dicedesign.batch.batch import analyse_files, list_folder
 from dicedesign.batch.rest_table import (
     COLUMNS,
     STAMPED,
