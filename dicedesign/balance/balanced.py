@@ -155,7 +155,14 @@ def balanced(
             return found[-1]
     if not found:
         raise failed[0]
-    return min(found, key=lambda one: _missing(one, goal))
+
+    def missing(one: Balanced) -> float:
+        """How far from its goal a body is."""
+        if isinstance(goal, FewestRests):
+            return float(one.rests)
+        return 1.0 - float(one.odds[0]) if one.error is None else one.error
+
+    return min(found, key=missing)
 
 
 def sized_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str, ...]]:
@@ -283,18 +290,7 @@ def _remedy(goal: Goal, best: BestCenter, way: str) -> str:
         return f"no center of mass within reach leaves fewer rests; {farther}"
     if isinstance(goal, Standing):
         return f"another pose stays more probable; {farther}"
-    assert best.error is not None
     return (
         f"odds are off by up to {best.error:.3g}; {farther}, and three coordinates lead three "
         "odds at most: ask for fewer, or allow more tolerance"
     )
-
-
-def _missing(one: Balanced, goal: Goal) -> float:
-    """How far from its goal a body is."""
-    if isinstance(goal, FewestRests):
-        return float(one.rests)
-    if isinstance(goal, Standing):
-        return 1.0 - float(one.odds[0])
-    assert one.error is not None
-    return one.error

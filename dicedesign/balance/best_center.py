@@ -16,7 +16,6 @@ from dicedesign.balance.goals import (
     ServedGoal,
     Standing,
     objective_of,
-    pose_direction,
     pose_odds,
     rests_at,
 )
@@ -40,6 +39,8 @@ FIRST_SEARCH: Final = 0.02
 
 LAST_SEARCH: Final = 1e-5
 """Length below which none is tried."""
+
+AXES: Final = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 class Descent:
@@ -67,7 +68,16 @@ class Descent:
         value = self.value(center)
         for _ in range(3):
             center, now = self.by_squares(center, value, steps)
-            center, now = self._along_axes(center, now, steps)
+            length = FIRST_SEARCH * self.hull.diameter
+            for _ in range(steps):
+                if now <= ENOUGH**2 or length < LAST_SEARCH * self.hull.diameter:
+                    break
+                values = [self.value(center + length * axis) for axis in AXES]
+                least = int(np.argmin(values))
+                if values[least] < now:
+                    center, now = center + length * AXES[least], values[least]
+                else:
+                    length *= 0.5
             if now <= ENOUGH**2 or now >= (1.0 - 1e-6) * value:
                 return center, now
             value = now
@@ -108,20 +118,6 @@ class Descent:
             return np.inf, None, None
         served = self.objective(rests, self.share)
         return float(served.residuals @ served.residuals), rests, served
-
-    def _along_axes(self, center: Floats, value: float, steps: int) -> tuple[Floats, float]:
-        length = FIRST_SEARCH * self.hull.diameter
-        axes = np.concatenate([np.eye(3), -np.eye(3)])
-        for _ in range(steps):
-            if value <= ENOUGH**2 or length < LAST_SEARCH * self.hull.diameter:
-                break
-            values = [self.value(center + length * axis) for axis in axes]
-            least = int(np.argmin(values))
-            if values[least] < value:
-                center, value = center + length * axes[least], values[least]
-            else:
-                length *= 0.5
-        return center, value
 
 
 NOTHING: Final = 1e-9
@@ -267,17 +263,49 @@ def best_center(
     InputError: the body has no such pose.
     """
     search = _Search(poses, region or whole_hull(poses.hull), options or CenterSearch())
+    hull, stability, within = poses.hull, search.stability, search.within
     if isinstance(goal, FewestRests):
-        return search.fewest()
-    center = search.serving(objective_of(goal, poses), isinstance(goal, EqualOdds), tolerance)
-    if isinstance(goal, Standing):
-        return search.standing(center, pose_direction(goal, poses))
-    return search.judged(center, objective_of(goal, poses), tolerance)
+        starts = search.apart(stability.counts(search.samples).astype(np.float64))
+        center, _ = fewest_rests(stability, within, starts, search.options.steps)
+        now, wanted = analyse(hull, center), None
+        directions = now.normals
+        reached = len(now.facets) < len(poses.facets) or len(now.facets) == 1
+    else:
+        objective = objective_of(goal, poses)
+        center = search.serving(objective, isinstance(goal, EqualOdds), tolerance)
+        if isinstance(goal, Standing) and stability.counts(center[None])[0] == 1:
+            center = steadiest(stability, within, center)
+        rests = rests_at(hull, center)
+        if rests is None:
+            raise InputError(
+                "region: expected a center of mass with rests, got none; take a larger region"
+            )
+        now, served = analyse(hull, center), objective(rests, 0.0)
+        directions = served.directions
+        if isinstance(goal, Standing):
+            wanted = None
+            odds, top = (pose_odds(now, down)[0] for down in (directions, now.normals[:1]))
+            reached = bool(odds >= top)
+        else:
+            wanted = served.wanted[: len(directions)]
+            error = np.abs(served.odds - served.wanted).max()
+            reached = len(wanted) == len(served.wanted) and bool(error <= tolerance)
+    return BestCenter(
+        center=center,
+        directions=directions,
+        before=pose_odds(poses, directions),
+        odds=pose_odds(now, directions),
+        wanted=wanted,
+        rests=len(now.facets),
+        rests_before=len(poses.facets),
+        reached=reached,
+        clearance=stability.clearance(center),
+    )
 
 
 class _Search:
     def __init__(self, poses: RestPoses, region: ConvexHull, options: CenterSearch) -> None:
-        self.poses, self.hull = poses, poses.hull
+        self.hull = poses.hull
         self.options = options = options.for_corners(len(poses.hull.vertices))
         self.within = Halfspaces.of_hull(region)
         starts = [region.centroid[None], points_within(region, options.samples)]
@@ -285,36 +313,6 @@ class _Search:
             starts.insert(0, poses.center_of_mass[None])
         self.samples = np.concatenate(starts)
         self.stability = Stability(self.hull)
-
-    def fewest(self) -> BestCenter:
-        """With as few rests as can be found."""
-        counts = self.stability.counts(self.samples)
-        starts = self._apart(counts.astype(np.float64))
-        center, _ = fewest_rests(self.stability, self.within, starts, self.options.steps)
-        poses = analyse(self.hull, center)
-        reached = len(poses.facets) < len(self.poses.facets) or len(poses.facets) == 1
-        return self._best(center, poses.normals, None, reached)
-
-    def standing(self, center: Floats, direction: Floats) -> BestCenter:
-        """That of the largest odds of a pose."""
-        if self.stability.counts(center[None])[0] == 1:
-            center = steadiest(self.stability, self.within, center)
-        poses = analyse(self.hull, center)
-        odds, top = (pose_odds(poses, down[None])[0] for down in (direction, poses.normals[0]))
-        return self._best(center, direction[None], None, bool(odds >= top))
-
-    def judged(self, center: Floats, objective: Objective, tolerance: float) -> BestCenter:
-        """By the odds that are wanted."""
-        rests = rests_at(self.hull, center)
-        if rests is None:
-            raise InputError(
-                "region: expected a center of mass with rests, got none; take a larger region"
-            )
-        served = objective(rests, 0.0)
-        directions, wanted = served.directions, served.wanted
-        if len(directions) < len(wanted):
-            return self._best(center, directions, wanted[: len(directions)], False)
-        return self._best(center, directions, wanted, served.error <= tolerance)
 
     def serving(self, objective: Objective, shared: bool, tolerance: float) -> Floats:
         """The center of mass whose residuals are least.
@@ -327,7 +325,7 @@ class _Search:
         ]
         values = np.array([descents[0].value(center) for center in self.samples])
         ends = []
-        for center in self._apart(values):
+        for center in self.apart(values):
             for descent in descents[:-1]:
                 center, _ = descent.by_squares(center, descent.value(center), self.options.steps)
             center, _ = descents[-1].from_center(center, self.options.steps)
@@ -340,7 +338,7 @@ class _Search:
 
         return min(ends, key=rank)
 
-    def _apart(self, values: Floats) -> Floats:
+    def apart(self, values: Floats) -> Floats:
         """The samples of the least values that are not next to each other."""
         order = np.argsort(values, kind="stable")
         order = order[np.isfinite(values[order])] if np.isfinite(values).any() else order
@@ -368,19 +366,3 @@ class _Search:
         return Descent(self.hull, objective, cell, 0.0).from_center(
             center + step, self.options.steps
         )[0]
-
-    def _best(
-        self, center: Floats, directions: Floats, wanted: Floats | None, reached: bool
-    ) -> BestCenter:
-        now = analyse(self.hull, center)
-        return BestCenter(
-            center=center,
-            directions=directions,
-            before=pose_odds(self.poses, directions),
-            odds=pose_odds(now, directions),
-            wanted=wanted,
-            rests=len(now.facets),
-            rests_before=len(self.poses.facets),
-            reached=reached,
-            clearance=self.stability.clearance(center),
-        )

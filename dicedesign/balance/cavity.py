@@ -103,17 +103,66 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
 
 def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> Cut | None:
     """The part of least volume of a solid that has a moment (3,), in the fourth power of its unit
-    and not 0, about a place (3,): all that is beyond a plane. None where none has it."""
+    and not 0, about a place (3,): all that is beyond a plane. None where none has it.
+
+    With lengths in units of about 1 and the place at the origin, the plane's normal over its
+    distance is the minimizer x of the convex function
+
+        integral over the room of max(x . y - 1, 0) dy  -  x . moment.
+    """
     low, high = np.reshape(room.bounding_box(), (2, 3))
     unit = float(norms(high - low) + norms(0.5 * (low + high) - center))
-    plane = _Plane(room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment / unit**4)
-    found = plane.found()
-    if found is None:
+    room, moment = room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment / unit**4
+    toward = moment / norms(moment)
+    farthest = float((mesh_of(room)[0] @ toward).max())
+    if farthest <= 0.0:
         return None
-    size = float(norms(found))
-    normal = found / size
-    part = plane.beyond(found).scale((unit,) * 3).translate(tuple(center))
-    return Cut(part, normal, float(normal @ center) + unit / size)
+
+    def beyond(plane: Floats) -> Manifold:
+        return room.trim_by_plane(tuple(plane), 1.0 / float(norms(plane)))
+
+    def at(plane: Floats) -> tuple[float, Floats]:
+        """The function and its gradient."""
+        points, triangles = mesh_of(beyond(plane))
+        if len(triangles) == 0:
+            return -float(plane @ moment), -moment
+        volume, middle = solid_properties(points, triangles)
+        slope = volume * middle - moment
+        return float(plane @ slope) - volume, slope
+
+    def curvature(plane: Floats) -> Floats:
+        """(3, 3) second derivatives, from differences."""
+        step = DIFFERENCE * float(norms(plane))
+        rows = [(at(plane + h)[1] - at(plane - h)[1]) for h in step * np.eye(3)]
+        matrix = np.array(rows) / (2.0 * step)
+        matrix = 0.5 * (matrix + matrix.T)
+        # There is none where the room is not cut.
+        least = REGULAR * np.trace(matrix) + np.finfo(np.float64).tiny
+        return np.asarray(matrix + least * np.eye(3))
+
+    now = START * toward / farthest
+    value, slope = at(now)
+    for _ in range(STEPS_TO_PLANE):
+        if norms(slope) <= CENTERED:
+            size = float(norms(now))
+            part = beyond(now).scale((unit,) * 3).translate(tuple(center))
+            normal = now / size
+            return Cut(part, normal, float(normal @ center) + unit / size)
+        step = -np.linalg.solve(curvature(now), slope)
+        step *= min(1.0, float(norms(now) / norms(step)))
+        for _ in range(HALVINGS):
+            following, gradient = at(now + step)
+            # Near the end the value is all rounding, and the slope is not.
+            less = following <= value + DECREASE * float(slope @ step)
+            if less or norms(gradient) <= 0.5 * norms(slope):
+                break
+            step = 0.5 * step
+        else:
+            return None
+        now, value, slope = now + step, following, gradient
+        if norms(now) * NEAREST >= 1.0:
+            return None
+    return None
 
 
 def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
@@ -172,68 +221,6 @@ def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
     most = max(part.volume() for part in parts)
     kept = [part for part in parts if part.volume() >= LEAST_PART * most]
     return Manifold.batch_boolean(kept, OpType.Add)
-
-
-class _Plane:
-    """The plane beyond which a room (in units of about 1, the wanted center of mass at the origin)
-    is hollow: normal / distance from the origin is the minimizer x of the convex function
-
-        integral over the room of max(x . y - 1, 0) dy  -  x . moment.
-    """
-
-    def __init__(self, room: Manifold, moment: Floats) -> None:
-        self.room, self.moment = room, moment
-
-    def found(self) -> Floats | None:
-        """(3,) x; None where the moment is larger than that of any part."""
-        corners, _ = mesh_of(self.room)
-        toward = self.moment / norms(self.moment)
-        farthest = float((corners @ toward).max())
-        if farthest <= 0.0:
-            return None
-        now = START * toward / farthest
-        value, slope = self._at(now)
-        for _ in range(STEPS_TO_PLANE):
-            if norms(slope) <= CENTERED:
-                return now
-            step = -np.linalg.solve(self._curvature(now), slope)
-            step *= min(1.0, float(norms(now) / norms(step)))
-            for _ in range(HALVINGS):
-                following, gradient = self._at(now + step)
-                # Near the end the value is all rounding, and the slope is not.
-                less = following <= value + DECREASE * float(slope @ step)
-                if less or norms(gradient) <= 0.5 * norms(slope):
-                    break
-                step = 0.5 * step
-            else:
-                return None
-            now, value, slope = now + step, following, gradient
-            if norms(now) * NEAREST >= 1.0:
-                return None
-        return None
-
-    def beyond(self, plane: Floats) -> Manifold:
-        """What of the room is beyond a plane (3,)."""
-        return self.room.trim_by_plane(tuple(plane), 1.0 / float(norms(plane)))
-
-    def _at(self, plane: Floats) -> tuple[float, Floats]:
-        """The function and its gradient."""
-        points, triangles = mesh_of(self.beyond(plane))
-        if len(triangles) == 0:
-            return -float(plane @ self.moment), -self.moment
-        volume, middle = solid_properties(points, triangles)
-        slope = volume * middle - self.moment
-        return float(plane @ slope) - volume, slope
-
-    def _curvature(self, plane: Floats) -> Floats:
-        """(3, 3) second derivatives, from differences."""
-        step = DIFFERENCE * float(norms(plane))
-        rows = [(self._at(plane + h)[1] - self._at(plane - h)[1]) for h in step * np.eye(3)]
-        matrix = np.array(rows) / (2.0 * step)
-        matrix = 0.5 * (matrix + matrix.T)
-        # There is none where the room is not cut.
-        least = REGULAR * np.trace(matrix) + np.finfo(np.float64).tiny
-        return np.asarray(matrix + least * np.eye(3))
 
 
 REACH_STEPS: Final = 28

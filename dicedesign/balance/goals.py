@@ -3,7 +3,7 @@ of mass, and goals as residuals that are to be zero, linear in the odds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -99,7 +99,18 @@ class GivenOdds:
     poses: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        _check_odds(self.odds)
+        odds = self.odds
+        if not 1 <= len(odds) <= MOST_POSES or not all(map(is_finite_number, odds)):
+            raise InputError(
+                f"target: expected from 1 to {MOST_POSES} probabilities, got {odds}; give some "
+                "numbers"
+            )
+        if min(odds) <= 0.0 or sum(odds) > 1.0 + PROBABILITY_SUM_TOLERANCE:
+            raise InputError(
+                "target: expected probabilities above 0 with a sum of at most 1, got "
+                f"{', '.join(f'{p:g}' for p in odds)} with a sum of {sum(odds):.6g}; what they "
+                "leave is for all other poses"
+            )
         if self.poses is None:
             return
         if len(self.poses) != len(self.odds) or len(set(self.poses)) < len(self.poses):
@@ -116,19 +127,6 @@ class GivenOdds:
 
 Goal: TypeAlias = EqualOdds | Standing | FewestRests | GivenOdds
 """What a center of mass is to do."""
-
-
-def _check_odds(odds: Sequence[float]) -> None:
-    if not 1 <= len(odds) <= MOST_POSES or not all(map(is_finite_number, odds)):
-        raise InputError(
-            f"target: expected from 1 to {MOST_POSES} probabilities, got {odds}; give some numbers"
-        )
-    if min(odds) <= 0.0 or sum(odds) > 1.0 + PROBABILITY_SUM_TOLERANCE:
-        raise InputError(
-            "target: expected probabilities above 0 with a sum of at most 1, got "
-            f"{', '.join(f'{p:g}' for p in odds)} with a sum of {sum(odds):.6g}; what they leave "
-            "is for all other poses"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,19 +185,15 @@ def top_directions(rests: Rests, count: int) -> Floats:
     return directions[np.argsort(-odds, kind="stable")[:count]]
 
 
-def counted_for(rests: Rests, directions: Floats) -> Booleans:
-    """(c, k) whether each rest counts for each of the poses with directions (c, 3): as by
-    `outcome_odds`, but for poses that have no rest within `SAME_REST_ANGLE`, which have none."""
-    return _counted(rests.normals, rests.odds, directions)
-
-
 def pose_odds(poses: RestPoses, directions: Floats) -> Floats:
-    """(c,) odds of poses with directions (c, 3), by the same rule."""
+    """(c,) odds of poses with directions (c, 3): those of the rests that count for each, as by
+    `outcome_odds`, but for poses that have no rest within `SAME_REST_ANGLE`, which have none."""
     counted = _counted(poses.normals, poses.probabilities, directions)
     return np.asarray(counted @ poses.probabilities)
 
 
 def _counted(normals: Floats, odds: Floats, directions: Floats) -> Booleans:
+    """(c, k) whether each rest counts for each of the poses."""
     found = gathered(normals, odds, directions)
     counted = found.outcome_of_rest == np.arange(len(directions))[:, None]
     near = angle_between(normals[found.main], directions) <= SAME_REST_ANGLE
@@ -224,11 +218,6 @@ class ServedGoal:
     residuals: Floats
     weights: Floats
 
-    @property
-    def error(self) -> float:
-        """Largest difference between odds and what is wanted."""
-        return float(np.abs(self.odds - self.wanted).max())
-
 
 Objective: TypeAlias = Callable[[Rests, float], ServedGoal]
 """From rests, and how much it counts that little is left to other poses, to residuals."""
@@ -241,16 +230,41 @@ def objective_of(goal: EqualOdds | Standing | GivenOdds, poses: RestPoses) -> Ob
 
     Raises InputError: no such pose.
     """
+    directions = wanted = None
     if isinstance(goal, EqualOdds):
-        return _equal(goal.count)
-    if isinstance(goal, Standing):
-        return _given(pose_direction(goal, poses)[None], np.ones(1))
-    wanted = np.array(goal.odds, dtype=np.float64)
-    if goal.poses is None:
-        return _given(None, np.sort(wanted)[::-1])
-    directions = np.stack([_numbered("poses", pose, poses) for pose in goal.poses])
-    _check_apart(goal.poses, directions)
-    return _given(directions, wanted)
+        count = goal.count
+    elif isinstance(goal, Standing):
+        count, directions, wanted = 1, pose_direction(goal, poses)[None], np.ones(1)
+    else:
+        count, wanted = len(goal.odds), np.sort(goal.odds)[::-1]
+        if goal.poses is not None:
+            wanted = np.array(goal.odds)
+            directions = np.stack([_numbered("poses", pose, poses) for pose in goal.poses])
+            angles = angle_between(directions[:, None], directions[None])
+            angles[np.tril_indices(count)] = np.pi
+            first, second = np.unravel_index(int(angles.argmin()), angles.shape)
+            if angles[first, second] <= SAME_REST_ANGLE:
+                raise InputError(
+                    f"poses: expected poses more than 5 degrees apart, got {goal.poses[first]} and "
+                    f"{goal.poses[second]}, {np.degrees(angles[first, second]):.2g} degrees apart, "
+                    "which are one to the eye; leave one out"
+                )
+
+    def serve(rests: Rests, share: float) -> ServedGoal:
+        chosen = top_directions(rests, count) if directions is None else directions
+        # Poses that are missing have no odds, and no direction.
+        counted = np.zeros((count, len(rests.odds)))
+        counted[: len(chosen)] = _counted(rests.normals, rests.odds, chosen)
+        odds = counted @ rests.odds
+        if wanted is not None:
+            return ServedGoal(chosen, odds, wanted, odds - wanted, counted)
+        mean = odds.mean()
+        # Their differences from the mean, and what all together lack of 1.
+        rows = np.vstack([counted - counted.mean(axis=0), share * counted.sum(axis=0)[None]])
+        residuals = np.append(odds - mean, share * (odds.sum() - 1.0))
+        return ServedGoal(chosen, odds, np.full(count, mean), residuals, rows)
+
+    return serve
 
 
 def pose_direction(goal: Standing, poses: RestPoses) -> Floats:
@@ -279,42 +293,3 @@ def _numbered(key: str, pose: int, poses: RestPoses) -> Floats:
             "lists them, and a direction will do for a face that the body does not rest on"
         )
     return poses.normals[pose - 1]
-
-
-def _check_apart(numbers: tuple[int, ...], directions: Floats) -> None:
-    angles = angle_between(directions[:, None], directions[None])
-    angles[np.tril_indices(len(directions))] = np.pi
-    first, second = np.unravel_index(int(angles.argmin()), angles.shape)
-    if angles[first, second] <= SAME_REST_ANGLE:
-        raise InputError(
-            f"poses: expected poses more than 5 degrees apart, got {numbers[first]} and "
-            f"{numbers[second]}, {np.degrees(angles[first, second]):.2g} degrees apart, which are "
-            "one to the eye; leave one out"
-        )
-
-
-def _given(directions: Floats | None, wanted: Floats) -> Objective:
-    def serve(rests: Rests, share: float) -> ServedGoal:
-        chosen = top_directions(rests, len(wanted)) if directions is None else directions
-        counted = counted_for(rests, chosen).astype(np.float64)
-        # Poses that are missing have no odds, and no direction.
-        counted = np.pad(counted, ((0, len(wanted) - len(counted)), (0, 0)))
-        odds = counted @ rests.odds
-        return ServedGoal(chosen, odds, wanted, odds - wanted, counted)
-
-    return serve
-
-
-def _equal(count: int) -> Objective:
-    def serve(rests: Rests, share: float) -> ServedGoal:
-        chosen = top_directions(rests, count)
-        counted = counted_for(rests, chosen).astype(np.float64)
-        counted = np.pad(counted, ((0, count - len(counted)), (0, 0)))
-        odds = counted @ rests.odds
-        mean = odds.mean()
-        # Their differences from the mean, and what all together lack of 1.
-        rows = np.vstack([counted - counted.mean(axis=0), share * counted.sum(axis=0)[None]])
-        residuals = np.append(odds - mean, share * (odds.sum() - 1.0))
-        return ServedGoal(chosen, odds, np.full(count, mean), residuals, rows)
-
-    return serve

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,7 +34,7 @@ from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
 from dicedesign.geometry.sphere import norms, rotation_between, unit_vectors
 from dicedesign.geometry.surfaces.grid_surface import closest_points
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
-from dicedesign.runtime.arrays import Booleans, Floats
+from dicedesign.runtime.arrays import Floats
 
 PLACES: Final = 3000
 """On the surface, of which one is the mouth."""
@@ -66,17 +65,9 @@ class Hole:
     length: float
     radius: float
 
-    @cached_property
-    def solid(self) -> Manifold:
-        """What is cut out."""
-        return self._cylinder(self.radius)
-
-    @cached_property
-    def wider(self) -> Manifold:
-        """The same a little wider and longer, so that nothing of it is left."""
-        return self._cylinder(1.05 * self.radius)
-
-    def _cylinder(self, radius: float) -> Manifold:
+    def tube(self, factor: float = 1.0) -> Manifold:
+        """What is cut out, or that with a larger radius, so that nothing of it is left."""
+        radius = factor * self.radius
         before, after = BEYOND * radius, 0.5 * BEYOND * radius
         tube = Manifold.cylinder(before + self.length + after, radius, radius, SEGMENTS)
         frame = np.empty((3, 4))
@@ -100,29 +91,7 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
 
     surface: of the body; center: (3,) of mass that it will have. Raises InputError where none does.
     """
-    places, normals = _spread(surface)
-    triangles, weights = closest_points(cavity, places)
-    feet = (weights[:, :, None] * cavity.points[cavity.triangles[triangles]]).sum(axis=1)
-    inward, lengths = unit_vectors(feet - places), norms(feet - places)
-    hull = convex_hull(surface.points, single_precision=True)
-    corners = norms(places[:, None] - hull.vertices[None]).min(axis=1)
-    fits = ((inward * normals).sum(axis=1) <= -STEEP) & (corners > APART * radius)
-    order = np.lexsort((lengths, _is_stood_on(hull, center, places, radius)))
-    body = solid(surface.points, surface.triangles)
-    whole = body.hull().volume()
-    for place in order[fits[order]][:TRIED]:
-        hole = Hole(places[place], inward[place], float(lengths[place]), radius)
-        left = body - hole.solid
-        if abs(left.hull().volume() - whole) <= 1e-9 * whole and len(left.decompose()) == 1:
-            return hole
-    raise InputError(
-        f"drain_mm: expected room for a hole of {2.0 * radius:g} mm that leaves the corners the "
-        "body stands on, got none; reduce drain_mm"
-    )
-
-
-def _spread(surface: Surface) -> tuple[Floats, Floats]:
-    """Points (p, 3) spread over a surface, and the normals there."""
+    # Points spread over the surface, and the normals there.
     vectors = doubled_area_vectors(surface.points, surface.triangles)
     areas = norms(vectors)
     cumulated = np.cumsum(areas) / areas.sum()
@@ -131,16 +100,30 @@ def _spread(surface: Surface) -> tuple[Floats, Floats]:
     steps = np.sort(qmc.Halton(2, scramble=False).random(PLACES), axis=1)
     weights = np.diff(steps, axis=1, prepend=0.0, append=1.0)
     corners = surface.points[surface.triangles[which]]
-    return (weights[:, :, None] * corners).sum(axis=1), vectors[which] / areas[which, None]
-
-
-def _is_stood_on(hull: ConvexHull, center: Floats, places: Floats, radius: float) -> Booleans:
-    """Whether a hole at places (p, 3) opens towards what the body rests on."""
+    places = (weights[:, :, None] * corners).sum(axis=1)
+    normals = vectors[which] / areas[which, None]
+    triangles, weights = closest_points(cavity, places)
+    feet = (weights[:, :, None] * cavity.points[cavity.triangles[triangles]]).sum(axis=1)
+    inward, lengths = unit_vectors(feet - places), norms(feet - places)
+    hull = convex_hull(surface.points, single_precision=True)
+    apart = norms(places[:, None] - hull.vertices[None]).min(axis=1)
+    fits = ((inward * normals).sum(axis=1) <= -STEEP) & (apart > APART * radius)
+    # Holes that open towards what the body rests on come last.
     rests = rests_at(hull, center)
-    if rests is None:
-        return np.zeros(len(places), dtype=bool)
-    depths = hull.depths(places)[:, rests.facets]
-    return np.asarray((depths < 0.1 * radius).any(axis=1))
+    facets = np.zeros(0, dtype=np.int64) if rests is None else rests.facets
+    is_stood_on = (hull.depths(places)[:, facets] < 0.1 * radius).any(axis=1)
+    order = np.lexsort((lengths, is_stood_on))
+    body = solid(surface.points, surface.triangles)
+    whole = body.hull().volume()
+    for place in order[fits[order]][:TRIED]:
+        hole = Hole(places[place], inward[place], float(lengths[place]), radius)
+        left = body - hole.tube()
+        if abs(left.hull().volume() - whole) <= 1e-9 * whole and len(left.decompose()) == 1:
+            return hole
+    raise InputError(
+        f"drain_mm: expected room for a hole of {2.0 * radius:g} mm that leaves the corners the "
+        "body stands on, got none; reduce drain_mm"
+    )
 
 
 SAFE: Final = 0.95
@@ -252,8 +235,8 @@ def _drained(surface: Surface, center: Floats, wall: float, radius: float) -> Ma
     room, _ = within_walls(surface, wall)
     holes: tuple[Hole, ...] = ()
     for _ in range(MOST_HOLES):
-        rest = _without(body, [hole.solid for hole in holes])
-        free = _without(room, [hole.solid for hole in holes])
+        tubes = [hole.tube() for hole in holes]
+        rest, free = _without(body, tubes), _without(room, tubes)
         volume, middle = solid_properties(*mesh_of(rest))
         cut = beyond_plane(free, center, volume * (middle - center))
         if cut is None:
@@ -264,32 +247,30 @@ def _drained(surface: Surface, center: Floats, wall: float, radius: float) -> Ma
         closed = [
             part
             for part in cut.part.decompose()
-            if not any(hole.solid.min_gap(part, radius) < 1e-6 * radius for hole in holes)
+            if not any(tube.min_gap(part, radius) < 1e-6 * radius for tube in tubes)
         ]
         if not closed:
             # All that is beyond the plane, as what lies within the holes is gone already.
-            inner = room.trim_by_plane(tuple(cut.normal), cut.offset)
-            return _drained_file(surface, rest - inner, holes, wall)
+            made = rest - room.trim_by_plane(tuple(cut.normal), cut.offset)
+            break
         holes += (drain_hole(surface, Surface(*mesh_of(closed[0])), center, radius),)
-    raise InputError(
-        f"drain_mm: expected a cavity of at most {MOST_HOLES} parts to drain, got more; leave "
-        "drain_mm out, or reduce wall_mm"
-    )
-
-
-def _drained_file(surface: Surface, made: Manifold, holes: tuple[Hole, ...], wall: float) -> Made:
+    else:
+        raise InputError(
+            f"drain_mm: expected a cavity of at most {MOST_HOLES} parts to drain, got more; leave "
+            "drain_mm out, or reduce wall_mm"
+        )
     data = stl_bytes(*mesh_of(made))
-    body = read_back(data)
-    assert body.triangles is not None
-    shells = int(shells_of(body.triangles).max()) + 1
+    file = read_back(data)
+    assert file.triangles is not None
+    shells = int(shells_of(file.triangles).max()) + 1
     if shells > 1:
         raise InputError(
             f"drain_mm: expected a body of one surface, got {shells} with the holes; reduce "
             "drain_mm"
         )
     # What is missing in the file, but for the holes.
-    missing = solid(surface.points, surface.triangles) - solid(body.points, body.triangles)
-    pieces = _without(missing, [hole.wider for hole in holes]).decompose()
+    missing = body - solid(file.points, file.triangles)
+    pieces = _without(missing, [hole.tube(1.05) for hole in holes]).decompose()
     largest = max(piece.volume() for piece in pieces)
     parts = [piece for piece in pieces if piece.volume() > LEAST_PIECE * largest]
     least = min(least_wall(surface, Surface(*mesh_of(part))) for part in parts)
@@ -323,14 +304,9 @@ def _with_two_infills(surface: Surface, center: Floats, material: Material) -> M
             )
         part = solid(surface.points, surface.triangles).trim_by_plane(tuple(cut.normal), cut.offset)
         files[MODIFIER] = stl_bytes(*mesh_of(part))
-    return _judge_infill(files, material)
-
-
-def _judge_infill(files: dict[str, bytes], material: Material) -> Made:
-    """By the files."""
+    # Judged by the files.
     body = read_back(files[""])
     assert body.triangles is not None
-    less, more = material.infill
     surface = Surface(body.points, body.triangles)
     room, wall = within_walls(surface, material.wall_mm)
     densities = [(room, more - 1.0)]
