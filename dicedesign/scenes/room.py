@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
@@ -27,26 +28,21 @@ class Footprint:
     corners: (m, 2), counter-clockwise.
     outward: (e, 2) outward unit normals of its edges.
     reach: (e,) how far it reaches along them.
+    area: of it.
     """
 
     corners: Floats
     outward: Floats
     reach: Floats
+    area: float
 
     @classmethod
     def under(cls, points: Floats) -> Footprint:
         """The convex hull of points (n, 2) that are not all on one line."""
-        corners = _convex_polygon(points)
-        edges = np.roll(corners, -1, axis=0) - corners
-        lengths = np.hypot(edges[:, 0], edges[:, 1])[:, None]
-        outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths
+        hull = ConvexHull(points)
+        corners, outward = points[hull.vertices], hull.equations[:, :2]
         # Beyond all corners, not just the edge's own: the shortest edges have any direction.
-        return cls(corners, outward, (corners @ outward.T).max(axis=0))
-
-    @property
-    def area(self) -> float:
-        x, y = (self.corners - self.corners[0]).T
-        return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
+        return cls(corners, outward, (corners @ outward.T).max(axis=0), float(hull.volume))
 
 
 def gap(one: Footprint, other: Footprint, shift: Floats) -> float:
@@ -58,26 +54,6 @@ def gap(one: Footprint, other: Footprint, shift: Floats) -> float:
     beside_one = (other.corners @ one.outward.T).min(axis=0) + one.outward @ shift - one.reach
     beside_other = (one.corners @ other.outward.T).min(axis=0) - other.outward @ shift - other.reach
     return float(max(beside_one.max(), beside_other.max()))
-
-
-def _convex_polygon(points: Floats) -> Floats:
-    """Corners (m, 2) of the convex hull of points (n, 2), counter-clockwise.
-
-    Source: A. M. Andrew, Inf. Process. Lett. 9(5), 1979 (the monotone chain).
-    """
-    ordered = np.unique(points, axis=0).tolist()
-    chains: list[list[list[float]]] = []
-    for row in (ordered, ordered[::-1]):
-        chain: list[list[float]] = []
-        for x, y in row:
-            while len(chain) > 1:
-                (ax, ay), (bx, by) = chain[-2], chain[-1]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
-                    break
-                chain.pop()
-            chain.append([x, y])
-        chains.append(chain[:-1])
-    return np.array(chains[0] + chains[1])
 
 
 CLEARANCE = 1e-6
@@ -288,8 +264,22 @@ def scattered(
         find a place on the floor.
     """
     order, draws, places = (np.random.default_rng([seed, k]) for k in range(3))
-    shuffled = [names[k] for k in order.permutation(len(names)).tolist()]
-    models = tuple(_models(folder, shuffled, count, size, on_mesh))
+    models: list[Model] = []
+    for name in (names[k] for k in order.permutation(len(names)).tolist()):
+        if len(models) == count:
+            break
+        path, said = folder / name, ""
+        try:
+            mesh = read_body(path)
+            if mesh.triangles is None:
+                raise InputError(f"{path}: expected triangles, got points alone; leave it out")
+            model = Model(name, path, mesh, rest_poses(mesh))
+        except Exception as error:
+            # A room is not given up for one file, even where the fault is ours.
+            said = reason(error, path)
+        else:
+            models.append(model if size is None else replace(model, scale=size / model.size))
+        on_mesh(said)
     if not models:
         raise InputError(
             f"{folder}: expected a mesh that can be read, got {len(names)} that cannot; see the "
@@ -327,33 +317,7 @@ def scattered(
             )
     for body, shift in zip(lying, shifts, strict=True):
         body.transform[:2, 3] += shift
-    return Room(models, tuple(lying), floor)
-
-
-def _models(
-    folder: Path,
-    names: Sequence[str],
-    count: int,
-    size: float | None,
-    on_mesh: Callable[[str], None],
-) -> Iterator[Model]:
-    """The first meshes that can be read, at most so many."""
-    for name in names:
-        if count == 0:
-            return
-        path, said = folder / name, ""
-        try:
-            body = read_body(path)
-            if body.triangles is None:
-                raise InputError(f"{path}: expected triangles, got points alone; leave it out")
-            model = Model(name, path, body, rest_poses(body))
-        except Exception as error:
-            # A room is not given up for one file, even where the fault is ours.
-            said = reason(error, path)
-        else:
-            count -= 1
-            yield model if size is None else replace(model, scale=size / model.size)
-        on_mesh(said)
+    return Room(tuple(models), tuple(lying), floor)
 
 
 def room_glb(room: Room) -> bytes:
