@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -37,19 +37,19 @@ from tests.reference.oracle import OracleError, hull_probabilities
 from tests.reference.sampled import lattice_directions, random_directions, sampled_probabilities
 from tests.reference.stiff import random_body
 
-DIRECTIONS: Final = (100, 1000, 10_000, 100_000, 1_000_000)
+DIRECTIONS = (100, 1000, 10_000, 100_000, 1_000_000)
 """How many directions are traced."""
 
-CENTERS: Final = (10, 100, 1000)
+CENTERS = (10, 100, 1000)
 """How many centers of mass trimesh draws around the given one."""
 
-SPREAD: Final = 0.01
+SPREAD = 0.01
 """Of these along each axis, over half the body's thickness."""
 
-SAME_NORMAL: Final = np.radians(3.0)
+SAME_NORMAL = np.radians(3.0)
 """A rest that trimesh finds belongs to the hull's nearest facet, if that is turned by no more."""
 
-SEED: Final = 0
+SEED = 0
 
 MOST_RUNS, RUN_SECONDS = 40, 0.5
 """Run times are medians of so many runs, or of as many as fit into so many seconds."""

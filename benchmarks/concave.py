@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -27,20 +27,20 @@ from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import decimated
 
-GOALS: Final = {"fair:2": 0.9, "fair:3": 0.9, "1/2,1/3,1/6": 0.75, "fair:4": 0.4}
+GOALS = {"fair:2": 0.9, "fair:3": 0.9, "1/2,1/3,1/6": 0.75, "fair:4": 0.4}
 """Least share of the models that become dice, by target."""
 
-FEW: Final = 10
+FEW = 10
 """Dice below which chance decides about such a share."""
 
 LEAST_APART, LEAST_MARGIN, ANGLE_SLACK = 45.0, 10.0, 0.01
 """Degrees between outcomes, and by which a die must be tipped to leave one; both may be a little
 less, as a search ends at the limits and files are rounded."""
 
-LONGEST: Final = 60.0
+LONGEST = 60.0
 """Seconds of a search."""
 
-MEASURED: Final = (
+MEASURED = (
     "points",
     "s",
     "|p - q|",

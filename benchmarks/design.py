@@ -17,7 +17,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import Any, Final
 
 import numpy as np
 
@@ -41,7 +40,7 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import Start
 from dicedesign.throws.distances import total_variation
 
-METHODS: Final[dict[str, dict[str, Any] | None]] = {
+METHODS = {
     "exact": None,
     "paper, exact finish": {"step": "momentum", "finish": "exact"},
     **{
@@ -56,7 +55,7 @@ METHODS: Final[dict[str, dict[str, Any] | None]] = {
 }
 """Options of the paper's method by name; None for the exact method."""
 
-PUBLISHED: Final = {
+PUBLISHED = {
     "paper_binomial_2": 0.0069,
     "paper_binomial_3": 0.0054,
     "paper_2d6_hendecahedron_v1": 0.0016,
@@ -65,10 +64,10 @@ PUBLISHED: Final = {
 }
 """Largest |p - q| of the dice that the paper's authors published, by this model."""
 
-ABLATED: Final = ("paper_binomial_4", "paper_2d6_hendecahedron_v2")
+ABLATED = ("paper_binomial_4", "paper_2d6_hendecahedron_v2")
 """Recipes that terms are left out of."""
 
-TERMS: Final = {
+TERMS = {
     "all": (),
     "no coplanar": ("coplanar",),
     "no barycenter": ("barycenter",),
@@ -82,10 +81,10 @@ GOOD_ERROR, GOOD_ANGLE = 2e-2, 10.0
 """Of a die without finish: an error of at most the one, outcomes as many degrees apart as the
 other."""
 
-NEARBY: Final = 15.0
+NEARBY = 15.0
 """Degrees from an outcome's main rest within which facets count as folds of its."""
 
-DROPS: Final = 20_000
+DROPS = 20_000
 """Simulated throws of each die that stands side by side with another."""
 
 

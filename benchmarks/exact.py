@@ -13,7 +13,6 @@ import argparse
 import time
 from dataclasses import dataclass
 from statistics import median
-from typing import Final
 
 import numpy as np
 
@@ -25,15 +24,15 @@ from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import repulsion
 
-TOLERANCE: Final = 1e-12
+TOLERANCE = 1e-12
 """Largest |p - q| of a solved random target."""
 
-MOST_STARTS: Final = 40
+MOST_STARTS = 40
 
-SECONDS: Final = 10.0
+SECONDS = 10.0
 """Limit of the exact method for each random target."""
 
-SMALLEST: Final = 0.01
+SMALLEST = 0.01
 """Probability of a random target."""
 
 

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, islice, product
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from manifold3d import Manifold
@@ -51,27 +51,27 @@ from dicedesign.throws.distances import effective_counts, total_variation, wasse
 from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, RigidBody
 from tests.reference.gear import gear
 
-TABLES: Final = ("carpet", "board-game")
+TABLES = ("carpet", "board-game")
 """Without and with momentum."""
 
-GEOMETRIC: Final = "geometric"
+GEOMETRIC = "geometric"
 
-LEAST_THICKNESS: Final = 0.02
+LEAST_THICKNESS = 0.02
 """Volume of a piece over the cube of the largest distance between two of its points, below which it
 is a sliver and left out."""
 
-BOXES: Final = ((1.0, 1.0, 1.0), (1.0, 1.0, 3.0), (1.0, 2.0, 3.0), (1.0, 3.0, 3.0))
+BOXES = ((1.0, 1.0, 1.0), (1.0, 1.0, 3.0), (1.0, 2.0, 3.0), (1.0, 3.0, 3.0))
 
-SEGMENTS: Final = (12, 20, 28)
+SEGMENTS = (12, 20, 28)
 """Edges around the equator of each sphere."""
 
 PLANES, SITES = (1, 2, 3), (4, 8, 16)
 """How many planes a whole is cut by, and into how many Voronoi cells, each number once."""
 
-PIECES: Final = 2
+PIECES = 2
 """Most pieces that are taken of a cut."""
 
-PUBLISHED: Final = {
+PUBLISHED = {
     "OT_us_IPC": ("geometric vs Rigid IPC", 0.47, 1e-20),
     "OT_us_Bullet": ("geometric vs Bullet", 0.13, 5e-4),
     "OT_IPC_Bullet": ("Bullet vs Rigid IPC", 0.07, 0.06),

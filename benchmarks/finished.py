@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chi_square
 from tests.reference.perturbed_dice import PrintedDie, only
 
-WAYS: Final[dict[str, dict[str, Any]]] = {
+WAYS = {
     "engraved": {},
     "engraved, fillet of 1 mm": {"edges": {"radius_mm": 1.0}},
     "engraved, chamfer of 2 mm": {"edges": {"radius_mm": 2.0, "shape": "chamfer"}},
@@ -45,9 +45,9 @@ WAYS: Final[dict[str, dict[str, Any]]] = {
 IN_FILE, BY_MODEL = 1e-6, 1e-3
 """Largest |p - q| of a finished die's file, and of a thrown die by the momentum model."""
 
-LARGER: Final = 1.5
+LARGER = 1.5
 
-DICE: Final[dict[str, dict[str, Any]]] = {
+DICE = {
     "2d6, eleven facets": {
         "target": {"sum_of_dice": [6, 6]},
         "start": {"hendecahedron": "bisymmetric"},
@@ -61,9 +61,9 @@ DICE: Final[dict[str, dict[str, Any]]] = {
 }
 """Dice that are printed: recipes' entries by name."""
 
-LEGIBLE: Final = {"circles": 1.0, "margin": 0.1, "asymmetry": 0.1, "roundness": 0.2}
+LEGIBLE = {"circles": 1.0, "margin": 0.1, "asymmetry": 0.1, "roundness": 0.2}
 
-PREFERENCES: Final[dict[str, dict[str, float]]] = {
+PREFERENCES = {
     "nothing": {"circles": 0.0},
     "legible": LEGIBLE,
     "legible, tolerance: 1": {**LEGIBLE, "tolerance": 1.0},
@@ -75,7 +75,7 @@ SLACK, SIGMAS = 0.05, 4.0
 """Relative error of a predicted deviation that counts as right, beside so many standard errors of
 sampling."""
 
-TESTS: Final = 20
+TESTS = 20
 """Of each print, when prints are rolled."""
 
 

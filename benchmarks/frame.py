@@ -26,7 +26,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from dicedesign.starts import Start
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BENCHES: Final = (
+BENCHES = (
     "accuracy",
     "concave",
     "design",
@@ -51,7 +51,7 @@ BENCHES: Final = (
     "train",
 )
 
-PACKAGES: Final = ("dicedesign", "numpy", "scipy", "torch", "trimesh", "manifold3d", "mujoco")
+PACKAGES = ("dicedesign", "numpy", "scipy", "torch", "trimesh", "manifold3d", "mujoco")
 """Whose versions are recorded."""
 
 

@@ -26,7 +26,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice, pairwise
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import torch
@@ -58,13 +58,13 @@ ERROR_FLOOR, CONDITION_FACTOR = 1e-13, 10.0
 """An error may be the first on any body, else so many times the derivative's own condition times
 machine epsilon."""
 
-OFF_CENTER: Final = 0.2
+OFF_CENTER = 0.2
 """How far a given center of mass is from the centroid, over its distance from the nearest facet."""
 
-EVENT_BODIES: Final = range(20, 50)
+EVENT_BODIES = range(20, 50)
 """Random hulls that meet each kind of event several times."""
 
-BESIDE: Final = 1e-10
+BESIDE = 1e-10
 """Distance from an event, over the body's radius, at which both sides are looked at."""
 
 JUMP, KINK, EVENT_ERROR = 1e-6, 1e-7, 1e-8

@@ -6,9 +6,8 @@ below 0 inside and near the surface about the distance from it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import reduce
-from typing import Final
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -29,7 +28,7 @@ Generator = np.random.Generator
 
 Triple = Floats | tuple[float, float, float]
 
-REACH: Final = 4.0
+REACH = 4.0
 """Largest coordinate of any model along any axis."""
 
 
@@ -333,7 +332,7 @@ def blended(parts: Sequence[Distance], width: float) -> Distance:
     return reduce(lambda joined, part: blend(joined, part, width), parts)
 
 
-ROUND_KINDS: Final[dict[str, Callable[[Generator], Distance]]] = {
+ROUND_KINDS = {
     "blobs": _blobs,
     "animal": _animal,
     "rings": _rings,

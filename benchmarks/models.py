@@ -8,7 +8,6 @@ bits of its coordinates may differ between processors.
 from __future__ import annotations
 
 from itertools import islice, product
-from typing import Final
 
 import numpy as np
 from manifold3d import Manifold
@@ -24,19 +23,19 @@ from dicedesign.geometry.surfaces.closed_surface import make_surface, refined
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats
 
-SEED: Final = 2024
+SEED = 2024
 """Of all random models."""
 
-MODEL_KINDS: Final = (*ROUND_KINDS, "blocks")
+MODEL_KINDS = (*ROUND_KINDS, "blocks")
 """Kinds, which take turns."""
 
-POINTS: Final = (1500, 4000)
+POINTS = (1500, 4000)
 """Fewest and most points of a model."""
 
-FILL: Final = (0.02, 5.0 / 6.0)
+FILL = (0.02, 5.0 / 6.0)
 """Least and largest part of its hull that a model fills."""
 
-MOST_TUNNELS: Final = 3
+MOST_TUNNELS = 3
 """Of a model."""
 
 
@@ -46,7 +45,7 @@ def model_names(count: int) -> tuple[str, ...]:
     return tuple(f"{kind}_{number:02d}" for number, kind in islice(every, count))
 
 
-MODELS: Final = model_names(40)
+MODELS = model_names(40)
 """Names of the models of the bench."""
 
 
@@ -129,10 +128,10 @@ def blocks(rng: np.random.Generator, count: int) -> Surface:
     return refined(Surface(*mesh_of(body)), count)[0]
 
 
-CELLS: Final = 48
+CELLS = 48
 """Of a coarse grid along each axis, in which a body is found and its area is estimated."""
 
-SOFTNESS: Final = 1.0
+SOFTNESS = 1.0
 """Width, in cells, of the bell over which distances are averaged."""
 
 

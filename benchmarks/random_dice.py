@@ -7,10 +7,9 @@ has facets where random polyhedra seldom have them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice, product
-from typing import Final
 
 import numpy as np
 import torch
@@ -31,11 +30,11 @@ from dicedesign.throws.momentum_model import MomentumModel
 from dicedesign.throws.momentum_odds import momentum_odds
 from dicedesign.throws.rigid_body import RigidBody
 
-GOLDEN: Final = (1.0 + 5.0**0.5) / 2.0
+GOLDEN = (1.0 + 5.0**0.5) / 2.0
 
-SIGNS: Final = np.array(list(product((-1.0, 1.0), repeat=3)))
+SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
-PLATONIC: Final = (
+PLATONIC = (
     np.array([(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)]),
     SIGNS,
     np.concatenate([np.eye(3), -np.eye(3)]),
@@ -119,7 +118,7 @@ def _moved(corners: Floats, rng: np.random.Generator) -> Floats:
     return polyhedron_corners(normals, offsets)
 
 
-KINDS: Final[dict[str, tuple[float, Callable[[np.random.Generator], Floats]]]] = {
+KINDS = {
     "pebble": (0.4, _pebble),
     "stretched pebble": (0.1, _stretched),
     "hull of points": (0.12, _hull),
@@ -131,10 +130,10 @@ KINDS: Final[dict[str, tuple[float, Callable[[np.random.Generator], Floats]]]] =
 """Part of the shapes that is of each kind, and what draws one: points in no unit, the origin inside
 or near."""
 
-RESTS: Final = (3, 20)
+RESTS = (3, 20)
 """Fewest and most rests of a random die."""
 
-DICE_KINDS: Final = (*KINDS, "designed", "designed with symmetry")
+DICE_KINDS = (*KINDS, "designed", "designed with symmetry")
 
 
 @dataclass(frozen=True)
@@ -282,7 +281,7 @@ def deviations(
     return found
 
 
-DEVIATIONS: Final = {
+DEVIATIONS = {
     "dice": "5d",
     "without momentum": "7.4f",
     "worst": "7.3f",

@@ -21,7 +21,7 @@ from itertools import cycle
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -40,22 +40,22 @@ from dicedesign.starts import hendecahedron
 from tests.reference.extremes import large
 from tests.reference.sampled import lattice_directions, random_directions
 
-PAPER: Final = EnergyWeights(stability=0.0)
+PAPER = EnergyWeights(stability=0.0)
 """The dice energy with the paper's three regularizers (eq. 16)."""
 
-MOST_GRADIENT: Final = 20_000
+MOST_GRADIENT = 20_000
 """Points of which a gradient is still measured."""
 
-MOST_TRIMESH: Final = 2000
+MOST_TRIMESH = 2000
 """Corners of a hull for which trimesh is asked; it takes a second for 1,000."""
 
-TRIMESH_SECONDS: Final = 60.0
+TRIMESH_SECONDS = 60.0
 """After which it is stopped."""
 
-ROW: Final = 2e-3
+ROW = 2e-3
 """Seconds that a work is repeated when it has its turn."""
 
-CPP: Final = {
+CPP = {
     "tetrahedron": (2.0, None),
     "corner of a cube": (2.0, None),
     "2d6 die of 11 facets": (None, 9.0),
@@ -68,13 +68,13 @@ CPP: Final = {
 """What the paper's public C++ implementation took for probabilities and for a gradient, times as
 long as Qhull, measured earlier on another machine."""
 
-SIZES: Final = (10, 30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
+SIZES = (10, 30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 """Points of the picture."""
 
-FILES: Final = 2000
+FILES = 2000
 """Meshes of the folder."""
 
-MEMORY_POINTS: Final = 100_000
+MEMORY_POINTS = 100_000
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

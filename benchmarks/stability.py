@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -19,10 +18,10 @@ from tests.reference.problem import DesignProblem, Problem, turned
 from tests.reference.stability_suite import stability_cases
 from tests.reference.watched_design import watch_design
 
-PATIENCE: Final = 60.0
+PATIENCE = 60.0
 """Seconds after which a case counts as hanging; large ones get a millisecond more per point."""
 
-ORACLE_TURNS: Final = 2
+ORACLE_TURNS = 2
 """How many of a case's orientations are held against the oracle; all are against the rest."""
 
 

@@ -24,7 +24,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from statistics import median
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import torch
@@ -72,20 +72,20 @@ from dicedesign.throws.rigid_body import RigidBody, released
 from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.tables import posterior_tables
 
-FRESH: Final = 2**64
+FRESH = 2**64
 """First seed of the throws of dice, beyond all that designs and their verdicts take."""
 
-UNSEEN: Final = 1_000_000
+UNSEEN = 1_000_000
 """Seed of random dice and their throws; not one that a model is fitted with."""
 
-RESTS: Final = (7, 13)
+RESTS = (7, 13)
 """Fewest and most of random dice."""
 
-ALIKE: Final = math.radians(3.0)
+ALIKE = math.radians(3.0)
 """Angle between normals of rests that count as one: on which of two triangles of a face that is
 not quite plane a die lies nobody can see."""
 
-TASK: Final = 500
+TASK = 500
 """Drops."""
 
 

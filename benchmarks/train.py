@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import torch
@@ -60,30 +60,26 @@ from dicedesign.throws.momentum_odds import landing_odds
 from dicedesign.throws.tables import posterior_tables, table_entries
 from dicedesign.throws.transition_features import Features, Transitions, body_features
 
-HELD_OUT: Final = 10
+HELD_OUT = 10
 """One of so many dice is held out, and thrown `HELD_OUT_DROPS` times as often as others on all
 tables: fewer would hide the model's own error behind that of sampling."""
 
-HELD_OUT_DROPS: Final = 4
+HELD_OUT_DROPS = 4
 
-TABLES: Final = 4
+TABLES = 4
 """Tables that a die is thrown onto which is not held out."""
 
-WIDEST: Final = TableRange(
-    np.array([0.0, 0.02, 1.0, 0.0, 0.0]), np.array([0.95, 10.0, 4e3, 200.0, 50.0])
-)
+WIDEST = TableRange(np.array([0.0, 0.02, 1.0, 0.0, 0.0]), np.array([0.95, 10.0, 4e3, 200.0, 50.0]))
 """What can be thrown at all."""
 
-GENERAL: Final = TableRange(
-    np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.85, 1.5, 32.0, 6.0, 9.0])
-)
+GENERAL = TableRange(np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.85, 1.5, 32.0, 6.0, 9.0]))
 """What the model of all tables is learned on."""
 
-NEAR: Final = 0.3
+NEAR = 0.3
 """How far the range around a table reaches, in scaled numbers: restitutions 0.12 higher and lower,
 frictions and heights half as large again and smaller by a third."""
 
-DIGITS: Final = 6
+DIGITS = 6
 """Significant digits of a model in a file."""
 
 TRANSITION_HIDDEN, CARRY_HIDDEN = 64, 32
@@ -96,22 +92,22 @@ FIRST_RATE, FIRST_CARRY = 4.0, -3.0
 """Transitions over no barrier in all impacts together, and the logarithm of the rate of carries, to
 begin with."""
 
-BATCH: Final = 64
+BATCH = 64
 """Dice, each on one table, that a step goes by."""
 
 STEP, FINE_STEP = 5e-3, 1.5e-3
 """Length of the first steps from nothing, and from a model that is known; it falls as a cosine."""
 
-WARMING: Final = 50.0
+WARMING = 50.0
 """Steps in which their length rises at first."""
 
-MOST_GRADIENT: Final = 1.0
+MOST_GRADIENT = 1.0
 """Length to which a gradient is shortened."""
 
-WEIGHT_DECAY: Final = 1e-5
+WEIGHT_DECAY = 1e-5
 """Weight of the squared parameters of the networks in the loss."""
 
-SMALLEST_SHARE: Final = 1e-6
+SMALLEST_SHARE = 1e-6
 """Below what any rest has in throws of a training die, if it has some; keeps logarithms finite."""
 
 

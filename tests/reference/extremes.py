@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from typing import Final
 
 import numpy as np
 from scipy.spatial import ConvexHull as Triangulation
@@ -13,20 +12,7 @@ from dicedesign.geometry.sphere import unit_vectors
 from tests.reference.problem import Problem
 from tests.reference.solids import box, icosphere, platonic
 
-__all__ = [
-    "ANTIPODE_SEEDS",
-    "globe",
-    "large",
-    "lens",
-    "lopsided_needle",
-    "weighted_sphere",
-    "with_duplicates",
-    "with_extras",
-    "with_interior",
-    "with_unreferenced",
-]
-
-ANTIPODE_SEEDS: Final = (5, 102, 255, 278, 463, 482, 623, 874)
+ANTIPODE_SEEDS = (5, 102, 255, 278, 463, 482, 623, 874)
 """Needles of `lopsided_needle` on which one basin holds the antipode of its own normal."""
 
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import mpmath
 import numpy as np
@@ -23,47 +22,35 @@ from tests.reference.oracle import DIGITS, exact, hull_probabilities, solid_cent
 from tests.reference.oracle_derivatives import probability_condition
 from tests.reference.problem import Problem
 
-__all__ = [
-    "CONDITION_FACTOR",
-    "ERROR_LIMIT",
-    "OK",
-    "ORACLE_FACETS",
-    "Measurement",
-    "facet_planes",
-    "measure",
-    "share_error",
-    "verdict",
-]
+OK = "ok"
 
-OK: Final = "ok"
-
-ERROR_LIMIT: Final = 1e-12
+ERROR_LIMIT = 1e-12
 """Largest error of a probability, and largest difference of their sum from 1."""
 
-CONDITION_FACTOR: Final = 100.0
+CONDITION_FACTOR = 100.0
 """A larger error may be so many times the condition times machine epsilon."""
 
-OUTSIDE_LIMIT: Final = 1e-10
+OUTSIDE_LIMIT = 1e-10
 """How far a point may lie outside of the hull, over half its extent."""
 
-COARSER_OUTSIDE_LIMIT: Final = 1e-7
+COARSER_OUTSIDE_LIMIT = 1e-7
 """The same of a hull that was made again: at up to 1000 times the unevenness of its facets, which
 is up to 1e-11 or a few times as much."""
 
-ORACLE_FACETS: Final = 2000
+ORACLE_FACETS = 2000
 """Hulls of up to so many facets are held against the oracle."""
 
-ULPS: Final = 32.0
+ULPS = 32.0
 """Centers of mass that differ by so many roundings of the largest coordinate are the same."""
 
-FAR: Final = 10.0
+FAR = 10.0
 """Distance from the origin over the body's extent from which on coordinates have lost digits."""
 
-SIDES: Final = 4
+SIDES = 4
 """Of a tied body, so many of the bodies beside it are held against the oracle and have their
 condition taken."""
 
-HULL_CHECK_PAIRS: Final = 4_000_000
+HULL_CHECK_PAIRS = 4_000_000
 """Up to so many pairs of a point and a facet it is checked that the hull contains the points."""
 
 

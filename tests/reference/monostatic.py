@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.spatial import HalfspaceIntersection
 
 from tests.reference.problem import Problem
 
-__all__ = ["HALF_SPACES", "OFFSET", "conway_guy", "unistable"]
-
-OFFSET: Final = 100_000
+OFFSET = 100_000
 """The half-spaces of `HALF_SPACES` are a x + b y + c z <= OFFSET."""
 
-HALF_SPACES: Final[dict[int, tuple[tuple[int, int, int], ...]]] = {
+HALF_SPACES = {
     18: (
         (0, -99969, -2482),
         (-38225, -80282, 1911),

@@ -14,8 +14,6 @@ from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["PrintedDie", "only"]
-
 
 def only(errors: PrintErrors, name: str) -> PrintErrors:
     """Errors of which all but one are 0."""

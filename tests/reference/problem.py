@@ -13,8 +13,6 @@ from scipy.spatial.transform import Rotation
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["Case", "DesignProblem", "Problem", "turned"]
-
 
 @dataclass(frozen=True)
 class Problem:

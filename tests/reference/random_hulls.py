@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Final
-
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -13,12 +10,10 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.runtime.arrays import Floats
 from tests.reference.problem import Problem
 
-__all__ = ["KINDS", "random_hull"]
-
-POINTS: Final = (4, 20)
+POINTS = (4, 20)
 """Fewest and most points of a hull."""
 
-SEED: Final = 20
+SEED = 20
 """Of all random hulls."""
 
 
@@ -70,7 +65,7 @@ def _count(rng: np.random.Generator) -> int:
     return int(rng.integers(POINTS[0], POINTS[1] + 1))
 
 
-KINDS: Final[dict[str, Callable[[np.random.Generator], Floats]]] = {
+KINDS = {
     "normal cloud": _cloud,
     "ellipsoid": _ellipsoid,
     "needle": _needle,

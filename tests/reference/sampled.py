@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -12,14 +10,12 @@ from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import destined_facets, slide
 from dicedesign.runtime.arrays import Floats
 
-__all__ = ["lattice_directions", "random_directions", "sampled_probabilities"]
+MOST_AT_ONCE = 20_000
 
-MOST_AT_ONCE: Final = 20_000
-
-MOST_HEIGHTS: Final = 10_000_000
+MOST_HEIGHTS = 10_000_000
 """Heights of corners above the table that are held in memory, 80 MB."""
 
-GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def sampled_probabilities(

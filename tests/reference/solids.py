@@ -10,30 +10,13 @@ Coordinates of the Platonic and the Archimedean solids.
 from __future__ import annotations
 
 from itertools import permutations, product
-from typing import Final
 
 import numpy as np
-from scipy.optimize import root
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial.transform import Rotation
 
 from dicedesign.runtime.arrays import Floats
 from tests.reference.problem import Problem
-
-__all__ = [
-    "ARCHIMEDEAN",
-    "ARCHIMEDEAN_FACETS",
-    "PLATONIC",
-    "PLATONIC_FACETS",
-    "antiprism",
-    "archimedean",
-    "bipyramid",
-    "box",
-    "catalan",
-    "icosphere",
-    "platonic",
-    "prism",
-]
 
 HALF_TURNS = tuple(np.diag(s) for s in ([1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1]))
 
@@ -148,15 +131,19 @@ def _alike(points: Floats, facets: int) -> Problem:
     return _known(points, np.full(facets, 1.0 / facets))
 
 
-GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
+GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
-TRIBONACCI: Final = 1.8392867552141612
+TRIBONACCI = 1.8392867552141612
 """Root of x^3 = x^2 + x + 1."""
 
-EVEN: Final = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+SNUB = (0.67445914340362578, -0.3378432832477094, 0.65648060126987406)
+"""Corner of the snub dodecahedron: as far from its image by a fifth of a turn as from those by a
+third and by a half, under scipy's rotations of the icosahedron."""
+
+EVEN = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 """Permutations of three coordinates that keep their cyclic order."""
 
-ANY: Final = tuple(permutations(range(3)))
+ANY = tuple(permutations(range(3)))
 
 
 def _spread(*corners: tuple[float, float, float], orders: tuple[tuple[int, ...], ...]) -> Floats:
@@ -166,40 +153,9 @@ def _spread(*corners: tuple[float, float, float], orders: tuple[tuple[int, ...],
     return np.unique(np.array(rows) + 0.0, axis=0)
 
 
-def _snub_cube() -> Floats:
-    signs = [np.array(s) for s in product([-1.0, 1.0], repeat=3)]
-    corner = np.array([1.0, 1.0 / TRIBONACCI, TRIBONACCI])
-    odd = [order for order in ANY if order not in EVEN]
-    rows = [s * corner[list(o)] for o in EVEN for s in signs if s.prod() > 0]
-    rows += [s * corner[list(o)] for o in odd for s in signs if s.prod() < 0]
-    return np.array(rows)
-
-
-def _snub_dodecahedron() -> Floats:
-    """The orbit of a point, under the rotations of the icosahedron, that lies as far from its image
-    by a fifth of a turn as from those by a third and by a half."""
-    group = Rotation.create_group("I")
-    vectors = group.as_rotvec()
-    angles = np.sqrt((vectors**2).sum(-1))
-    start, turns = np.zeros(3), []
-    for fold in (5, 3, 2):
-        axes = vectors[np.isclose(angles, 2.0 * np.pi / fold)]
-        axes = np.concatenate([axes, -axes]) if fold == 2 else axes
-        axis = axes[np.argmax(axes @ start)]
-        start = start + axis / np.sqrt((axis**2).sum())
-        turns.append(Rotation.from_rotvec(axis).as_matrix())
-
-    def gaps(point: Floats) -> Floats:
-        d5, d3, d2 = (float(((turn @ point - point) ** 2).sum()) for turn in turns)
-        return np.array([d5 - d3, d3 - d2, point @ point - 1.0])
-
-    corner = root(gaps, start / np.sqrt((start**2).sum()), tol=1e-15).x
-    return group.as_matrix() @ (corner / np.sqrt((corner**2).sum()))
-
-
 _G2, _R2 = GOLDEN * GOLDEN, np.sqrt(2.0)
 
-PLATONIC: Final[dict[str, Floats]] = {
+PLATONIC = {
     "tetrahedron": np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
     "cube": _spread((1, 1, 1), orders=EVEN),
     "octahedron": _spread((1, 0, 0), orders=EVEN),
@@ -209,7 +165,7 @@ PLATONIC: Final[dict[str, Floats]] = {
     "icosahedron": _spread((0, 1, GOLDEN), orders=EVEN),
 }
 
-ARCHIMEDEAN: Final[dict[str, Floats]] = {
+ARCHIMEDEAN = {
     "truncated tetrahedron": np.array(
         [p for p in _spread((1, 1, 3), orders=ANY).tolist() if np.prod(p) > 0]
     ),
@@ -218,7 +174,7 @@ ARCHIMEDEAN: Final[dict[str, Floats]] = {
     "truncated octahedron": _spread((0, 1, 2), orders=ANY),
     "rhombicuboctahedron": _spread((1, 1, 1 + _R2), orders=EVEN),
     "truncated cuboctahedron": _spread((1, 1 + _R2, 1 + 2 * _R2), orders=ANY),
-    "snub cube": _snub_cube(),
+    "snub cube": Rotation.create_group("O").apply([1.0, 1.0 / TRIBONACCI, TRIBONACCI]),
     "icosidodecahedron": _spread((0, 0, 2 * GOLDEN), (1, GOLDEN, _G2), orders=EVEN),
     "truncated dodecahedron": _spread(
         (0, 1 / GOLDEN, 2 + GOLDEN), (1 / GOLDEN, GOLDEN, 2 * GOLDEN), (GOLDEN, 2, _G2), orders=EVEN
@@ -237,10 +193,10 @@ ARCHIMEDEAN: Final[dict[str, Floats]] = {
         (GOLDEN, 3, 2 * GOLDEN),
         orders=EVEN,
     ),
-    "snub dodecahedron": _snub_dodecahedron(),
+    "snub dodecahedron": Rotation.create_group("I").apply(SNUB),
 }
 
-PLATONIC_FACETS: Final = {
+PLATONIC_FACETS = {
     "tetrahedron": 4,
     "cube": 6,
     "octahedron": 8,
@@ -249,7 +205,7 @@ PLATONIC_FACETS: Final = {
 }
 """How many facets each has."""
 
-ARCHIMEDEAN_FACETS: Final[dict[str, dict[int, int]]] = {
+ARCHIMEDEAN_FACETS = {
     "truncated tetrahedron": {3: 4, 6: 4},
     "cuboctahedron": {3: 8, 4: 6},
     "truncated cube": {3: 8, 8: 6},

@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Final
 
 from tests.reference import extremes, monostatic, solids, stiff, stiff_designs
 from tests.reference.problem import Case, Problem
 from tests.reference.solids import ARCHIMEDEAN, PLATONIC
 
-__all__ = ["stability_cases"]
-
-TURNS: Final = 20
+TURNS = 20
 """Random orientations of every symmetric solid."""
 
-SIDES: Final = range(3, 65)
+SIDES = range(3, 65)
 """Sides of the prisms, antiprisms and bipyramids."""
 
-QUICK_SIDES: Final = (3, 4, 5, 6, 7, 12, 17, 32, 64)
+QUICK_SIDES = (3, 4, 5, 6, 7, 12, 17, 32, 64)
 """Those of the short suite."""
 
 

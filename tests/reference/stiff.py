@@ -11,21 +11,6 @@ from scipy.spatial import ConvexHull as Triangulation
 from dicedesign.geometry.sphere import norms, unit_vectors
 from tests.reference.problem import Problem
 
-__all__ = [
-    "bulging_cube",
-    "dented_cube",
-    "glancing",
-    "grazing_body",
-    "hidden_center",
-    "lattice_body",
-    "off_balance",
-    "opposed",
-    "placed",
-    "random_body",
-    "roof",
-    "stretched",
-]
-
 CUBE = np.array(list(product([-0.5, 0.5], repeat=3)))
 
 OFF_CENTER = np.array([0.11, 0.07, -0.03])

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any, Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,11 +21,9 @@ from dicedesign.runtime.arrays import Floats
 from tests.reference.problem import Case, DesignProblem
 from tests.reference.stiff import off_balance
 
-__all__ = ["coincident", "design_cases", "leaning", "loaded_box", "near_facet"]
+AXES = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 
-AXES: Final = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
-
-METHODS: Final[dict[str, dict[str, Any]]] = {
+METHODS = {
     "": {},
     ", exact": {"method": "exact", "tolerance": 1e-12, "steps": 3000},
     ", exact, vertices": {
@@ -40,7 +37,7 @@ METHODS: Final[dict[str, dict[str, Any]]] = {
 }
 """What is added to a design's name, and what is different about it."""
 
-TOO_LONG: Final = (("60 facets, fair", ", exact, vertices"),)
+TOO_LONG = (("60 facets, fair", ", exact, vertices"),)
 """Left out: each step among dice of the same odds takes as long as another design."""
 
 

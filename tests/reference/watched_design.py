@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -78,7 +78,7 @@ def _paper(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResul
     )
 
 
-METHODS: Final[Mapping[str, WatchedMethod]] = {
+METHODS = {
     "exact": _exact,
     "line search": _paper,
     "paper": _paper,
@@ -87,10 +87,10 @@ METHODS: Final[Mapping[str, WatchedMethod]] = {
 """By the names that `DesignProblem.method` takes."""
 
 
-SUM_LIMIT: Final = 1e-12
+SUM_LIMIT = 1e-12
 """By how much the probabilities of a step may miss 1."""
 
-ERROR_LIMIT: Final = 1e-14
+ERROR_LIMIT = 1e-14
 """By how much the recorded error may differ from that of the designed hull, read back or in 60
 digits; more where its probabilities magnify the rounding of its coordinates."""
 
