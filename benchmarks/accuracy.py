@@ -114,7 +114,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     bodies = [read_body(path) for path in options.meshes] or built_in_bodies()
     row = report.table(
         "answers",
-        {"body": "24s", "method": "27s", "samples": "9d", "s": "10.5f", "error": "9.1e"},
+        "body 24s | method 27s | samples 9d | s 10.5f | error 9.1e",
     )
     answers: dict[str, list[Answer]] = {}
     for body in bodies:

@@ -111,11 +111,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """A row for each die, then one for each target and fill."""
-    columns = {"model": "17s", "target": "12s", "fill": "14s", "points": "6d", "s": "6.1f"}
-    columns |= {"|p - q|": "8.1e", "elsewhere": "8.1e", "meet": "4d", "apart": "6.1f"}
-    columns |= {"margin": "6.1f", "mean": "7.2%", "largest": "7.1%", "shape": "6.2f"}
-    columns |= {"size": "6.2f", "corners": "9s", "tried": "5d", "verdict": "0s"}
-    row = report.table("dice", columns)
+    row = report.table(
+        "dice",
+        "model 17s | target 12s | fill 14s | points 6d | s 6.1f | |p - q| 8.1e | "
+        "elsewhere 8.1e | meet 4d | apart 6.1f | margin 6.1f | mean 7.2% | largest 7.1% | "
+        "shape 6.2f | size 6.2f | corners 9s | tried 5d | verdict 0s",
+    )
     made = []
     with processes(options.jobs) as workers:
         for case, (found, reason) in zip(
@@ -233,8 +234,8 @@ def summarise(made: list[tuple[Case, dict[str, Any], str]], report: Report) -> b
     correspondence."""
     row = report.table(
         "targets",
-        {"target": "12s", "fill": "14s", "models": "6d", "as wanted": "6.1%", "goal": "5.0%"}
-        | {"median s": "6.1f", "90 % s": "6.1f", "most s": "6.1f", "mean": "7.2%"},
+        "target 12s | fill 14s | models 6d | as wanted 6.1% | goal 5.0% | median s 6.1f | "
+        "90 % s 6.1f | most s 6.1f | mean 7.2%",
     )
     is_good = True
     for target, fill in dict.fromkeys((case.target, case.fill) for case, *_ in made):

@@ -149,8 +149,8 @@ def compare_methods(
     error and dice energy up to each time."""
     row = report.table(
         "methods",
-        {"recipe": "28s", "method": "35s", "seeds": "5d", "done": "5d", "median error": "9.1e"}
-        | {"worst": "9.1e", "die": "9.1e", "energies": "8.0f", "s": "7.2f", "worst s": "7.2f"},
+        "recipe 28s | method 35s | seeds 5d | done 5d | median error 9.1e | worst 9.1e | "
+        "die 9.1e | energies 8.0f | s 7.2f | worst s 7.2f",
     )
     figure, axes = panels(2 * len(recipes), 2) if draws else (None, [])
     for place, recipe in enumerate(recipes):
@@ -268,9 +268,9 @@ class PaperProblem:
         """Two rows, without a finish and with it; whether enough dice are good."""
         row = report.table(
             "seeds",
-            {"recipe": "28s", "finish": "6s", "seeds": "5d", "good": "5d", "median error": "9.1e"}
-            | {"worst": "9.1e", "published": "9.1e", "least angle": "6.1f", "least facet": "7.2%"}
-            | {"moved": "7.2%", "s": "6.2f", "worst s": "6.2f"},
+            "recipe 28s | finish 6s | seeds 5d | good 5d | median error 9.1e | worst 9.1e | "
+            "published 9.1e | least angle 6.1f | least facet 7.2% | moved 7.2% | s 6.2f | "
+            "worst s 6.2f",
         )
         ends: dict[str, list[Ending]] = {"none": [], "exact": []}
         taken: dict[str, list[float]] = {"none": [], "exact": []}
@@ -311,8 +311,8 @@ class PaperProblem:
         """Medians over the seeds without some terms, without a finish."""
         row = report.table(
             "ablation",
-            {"recipe": "28s", "weights": "14s", "median error": "9.1e", "rests an outcome": "6.2f"}
-            | {"stray deg": "6.1f", "fold deg": "6.1f", "angle deg": "6.1f"},
+            "recipe 28s | weights 14s | median error 9.1e | rests an outcome 6.2f | "
+            "stray deg 6.1f | fold deg 6.1f | angle deg 6.1f",
         )
         for name, terms in TERMS.items():
             weights = self.options.weights.changed(**dict.fromkeys(terms, 0.0))
@@ -343,14 +343,8 @@ def compare_sides(recipe: Recipe, report: Report) -> None:
     its preferences, and simulated throws onto the board-game table."""
     row = report.table(
         "sides",
-        {"recipe": "28s", "by": "9s", "status": "12s", "max |p - q|": "9.1e", "circle": "7.1%"}
-        | {
-            "facet": "7.1%",
-            "margin deg": "6.1f",
-            "angle deg": "6.1f",
-            "thrown": "7.3f",
-            "s": "6.2f",
-        },
+        "recipe 28s | by 9s | status 12s | max |p - q| 9.1e | circle 7.1% | facet 7.1% | "
+        "margin deg 6.1f | angle deg 6.1f | thrown 7.3f | s 6.2f",
     )
     assert recipe.method.paper is not None
     plain = replace(recipe.method.paper, finish="none", tolerance=None)

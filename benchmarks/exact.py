@@ -72,11 +72,10 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     attempt(0)
     count = options.targets or (18 if options.quick else 200)
     attempts = [attempt(number) for number in range(count)]
-    seconds = {"median s": "9.3f", "worst solved s": "9.3f"}
     row = report.table(
         "targets",
-        {"outcomes": "8s", "targets": "7d", "solved": "7d", **seconds}
-        | {"paper's median error": "9.1e", "worst": "9.1e", "paper's s": "9.3f"},
+        "outcomes 8s | targets 7d | solved 7d | median s 9.3f | worst solved s 9.3f | "
+        "paper's median error 9.1e | worst 9.1e | paper's s 9.3f",
     )
     groups = {str(k): [a for a in attempts if a.outcomes == k] for k in range(4, 13)}
     for name, group in {**groups, "all": attempts}.items():
@@ -90,9 +89,8 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             )
     row = report.table(
         "recipes",
-        {"recipe": "26s", "method": "7s", "verdict": "12s", "outcomes": "8d", "rests": "5d"}
-        | {"max |p - q|": "9.1e", "odds s": "7.3f", "s": "7.3f", "circle mm": "7.2f"}
-        | {"border deg": "7.1f"},
+        "recipe 26s | method 7s | verdict 12s | outcomes 8d | rests 5d | max |p - q| 9.1e | "
+        "odds s 7.3f | s 7.3f | circle mm 7.2f | border deg 7.1f",
     )
     for recipe in read_recipes(options):
         if recipe.method.concave is None and not recipe.method.thrown:

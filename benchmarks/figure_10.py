@@ -6,18 +6,16 @@ others that are installed, and compare all odds with each other: W, the Wasserst
 sphere in radians, and TV, total variation, as means over the shapes; the floor is the mean of two
 right predictions at these numbers of drops, as if the drops were independent. r is Pearson's
 correlation of W with the asymmetry rho of equation 20. The package's own simulator throws each
-shape from the paper's 1,212 directions. Before that, the throughput of each simulator in processor
-time. The picture has W against rho.
+shape from the paper's 1,212 directions. The picture has W against rho.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations, islice, product
+from itertools import combinations, islice
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +28,6 @@ from benchmarks.frame import Report, panels, processes
 from dicedesign import (
     Body,
     InputError,
-    Table,
     make_body,
     read_body,
     rest_poses,
@@ -46,9 +43,8 @@ from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import asymmetry
 from dicedesign.runtime.arrays import Floats
-from dicedesign.starts import hendecahedron
 from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance
-from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, RigidBody
+from dicedesign.throws.rigid_body import PAPER_DIRECTIONS
 from tests.reference.gear import gear
 
 TABLES = ("carpet", "board-game")
@@ -103,17 +99,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
-    """Throughput, then all shapes, then the summary."""
+    """All shapes, then the summary."""
     engines = installed(report)
     given = {path.name: make_surface(read_body(path))[0] for path in options.meshes}
     own = {} if options.quick else {name: shape(name) for name in ("duck", "kitten", "knot")}
     shapes = cut_shapes(given or (own and {**own, "gear": gear()}))[:: 13 if options.quick else 1]
     drops = options.drops or (40 if options.quick else 202)
-    time_engines(shapes, engines, 0.2 if options.quick else 3.0, report)
     row = report.table(
         "shapes",
-        {"shape": "44s", "rests": "5d", "rho": "6.3f", "table": "10s", "models": "22s"}
-        | {"W": "6.3f", "floor": "6.3f", "TV": "6.3f"},
+        "shape 44s | rests 5d | rho 6.3f | table 10s | models 22s | W 6.3f | floor 6.3f | TV 6.3f",
     )
     draws = 6 if options.quick else 16
     places: dict[tuple[str, str], list[tuple[float, Compared]]] = {}
@@ -129,8 +123,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     published = {} if options.distances is None else read_published(options.distances)
     row = report.table(
         "paper",
-        {"the paper": "24s", "printed r": "6.2f", "p": "8.1g", "its table: r": "6.2f"}
-        | {"its p": "8.1g"},
+        "the paper 24s | printed r 6.2f | p 8.1g | its table: r 6.2f | its p 8.1g",
     )
     for column, (models, coefficient, p_value) in PUBLISHED.items():
         again: tuple[float | None, float | None] = (None, None)
@@ -218,29 +211,6 @@ def thick_pieces(name: str, pieces: Iterable[Manifold]) -> Iterator[Body]:
         yield make_body(*mesh_of(part), name=f"{name}, piece {number}")
 
 
-def time_engines(
-    shapes: list[Body], engines: tuple[str, ...], seconds: float, report: Report
-) -> None:
-    """Drops a second of one core, of a die of 11 facets and of the densest shape."""
-    row = report.table("throughput", {"body": "44s", "simulator": "10s", "drops a second": "9.0f"})
-    die = make_body(hendecahedron("bisymmetric").points, name="hendecahedron")
-    densest = max(shapes, key=lambda shape: len(shape.points))
-    for body, engine in product((die, densest), engines):
-        thrown, table = rigid_body(body, rest_poses(body)), table_named("board-game")
-
-        # The first drop loads what the simulator needs.
-        time_drops(thrown, table, 1, engine)
-        drops = min(max(round(seconds * 10 / time_drops(thrown, table, 10, engine)), 10), 20_000)
-        row(body.name, engine, drops / time_drops(thrown, table, drops, engine))
-
-
-def time_drops(thrown: RigidBody, table: Table, drops: int, engine: str) -> float:
-    """Processor seconds of so many drops."""
-    start = time.process_time()
-    simulate(thrown, table, drops, engine=engine)
-    return time.process_time() - start
-
-
 def compare_shape(
     task: tuple[Body, int, tuple[str, ...], int, int],
 ) -> tuple[int, float, dict[str, list[Compared]]]:
@@ -311,15 +281,8 @@ def summarise(places: dict[tuple[str, str], list[tuple[float, Compared]]], repor
     """Means over the shapes, and correlations with the asymmetry."""
     row = report.table(
         "summary",
-        {"table": "10s", "models": "22s", "shapes": "6d", "W": "6.3f", "W floor": "6.3f"}
-        | {
-            "TV": "6.3f",
-            "TV floor": "6.3f",
-            "r": "6.2f",
-            "from": "6.2f",
-            "to": "6.2f",
-            "p": "8.1g",
-        },
+        "table 10s | models 22s | shapes 6d | W 6.3f | W floor 6.3f | TV 6.3f | "
+        "TV floor 6.3f | r 6.2f | from 6.2f | to 6.2f | p 8.1g",
     )
     for (table, models), found in places.items():
         means = np.mean(

@@ -91,8 +91,8 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     """Finished dice of the recipes, then printed ones."""
     row = report.table(
         "finished",
-        {"recipe": "26s", "finished": "26s", "status": "10s", "as it is": "9.1e"}
-        | {"balanced": "9.1e", "in file": "9.1e", "rounds": "6d", "moved mm": "8.3f", "s": "6.2f"},
+        "recipe 26s | finished 26s | status 10s | as it is 9.1e | balanced 9.1e | "
+        "in file 9.1e | rounds 6d | moved mm 8.3f | s 6.2f",
     )
     is_good = True
     for recipe in read_recipes(options):
@@ -133,9 +133,8 @@ def finish(plain: Work, recipe: Recipe, way: str) -> tuple[Any, ...]:
 
 def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report) -> bool:
     """Three tables: each error alone and together; what may be allowed; preferences."""
-    numbers = {"predicted": "9.4%", "printed": "9.4%"}
     row = report.table(
-        "prints", {"die": "20s", "error": "18s", **numbers, "ratio": "6.3f", "lost": "5d"}
+        "prints", "die 20s | error 18s | predicted 9.4% | printed 9.4% | ratio 6.3f | lost 5d"
     )
     made = {name: make_print(entries, {}) for name, entries in dice.items()}
     is_good = True
@@ -150,20 +149,13 @@ def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report)
             row(name, error, predicted, printed, printed / predicted, lost)
             chance = SIGMAS / (2.0 * prints) ** 0.5
             is_good &= abs(printed / predicted - 1.0) <= SLACK + chance
-    row = report.table(
-        "allowed", {"die": "20s", "allowed mm": "8.3f", "noticed": "8.1%", "of prints": "8.1%"}
-    )
+    row = report.table("allowed", "die 20s | allowed mm 8.3f | noticed 8.1% | of prints 8.1%")
     for name, work in made.items():
         row(name, *roll_allowed(work, prints))
     row = report.table(
         "preferences",
-        {
-            "die": "20s",
-            "made better by": "22s",
-            **numbers,
-            "allowed mm": "8.3f",
-            "circle mm": "8.2f",
-        },
+        "die 20s | made better by 22s | predicted 9.4% | printed 9.4% | allowed mm 8.3f | "
+        "circle mm 8.2f",
     )
     errors = only(PrintErrors(), "dimensional_mm")
     for name, entries in dice.items():

@@ -14,6 +14,7 @@ import gc
 import json
 import os
 import platform
+import re
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -70,26 +71,34 @@ class Report:
         self._show = show
         self._last = ""
 
-    def table(self, name: str, columns: dict[str, str]) -> Callable[..., None]:
+    def table(self, name: str, columns: str) -> Callable[..., None]:
         """A function that adds a row: a value for each column.
 
-        columns: a format by title, beginning with the width, such as "9.1e" or "28s". None and what
-        is not finite are printed as "-".
+        columns: titles and formats, which begin with the width, such as "recipe 28s | error 9.1e".
+        None and what is not finite are printed as "-".
         """
-        widths = [_width(title, form) for title, form in columns.items()]
-        heading = " ".join(
-            f"{title:{_alignment(form)}{width}}"
-            for (title, form), width in zip(columns.items(), widths, strict=True)
-        )
+        titles, forms = zip(*(one.rsplit(" ", 1) for one in columns.split(" | ")), strict=True)
+        # As wide as its title or its values, texts to the left.
+        sizes = [int(re.match("[0-9]+", form)[0]) for form in forms]
+        places = [
+            f"{'<' if form.endswith('s') else '>'}{max(size, len(title))}"
+            for title, form, size in zip(titles, forms, sizes, strict=True)
+        ]
 
         def add(*values: Any) -> None:
-            row = dict(zip(columns, values, strict=True))
-            self.record.setdefault(name, []).append(row)
+            self.record.setdefault(name, []).append(dict(zip(titles, values, strict=True)))
             if name != self._last:
-                self.line(f"\n{heading}")
+                self.line("\n" + " ".join(map(format, titles, places)))
                 self._last = name
-            cells = zip(values, columns.values(), widths, strict=True)
-            self._print(" ".join(_cell(*cell) for cell in cells).rstrip())
+            is_missing = [
+                value is None or (isinstance(value, float) and not np.isfinite(value))
+                for value in values
+            ]
+            cells = [
+                "-" if missing else format(value, form)
+                for value, form, missing in zip(values, forms, is_missing, strict=True)
+            ]
+            self._print(" ".join(map(format, cells, places)).rstrip())
 
         return add
 
@@ -101,21 +110,6 @@ class Report:
     def _print(self, text: str) -> None:
         if self._show:
             print(text, flush=True)
-
-
-def _width(title: str, form: str) -> int:
-    digits = "".join(form.partition(".")[0]).strip("sdgfe%,+")
-    return max(len(title), int(digits or 0))
-
-
-def _alignment(form: str) -> str:
-    return "<" if form.endswith("s") else ">"
-
-
-def _cell(value: Any, form: str, width: int) -> str:
-    missing = value is None or (isinstance(value, float) and not np.isfinite(value))
-    text = "-" if missing else format(value, form)
-    return f"{text:{_alignment(form)}{width}}"
 
 
 def parser_of(name: str | None) -> argparse.ArgumentParser:

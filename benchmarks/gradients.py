@@ -205,9 +205,8 @@ def compare_many(name: str, compared: Iterable[tuple[str, Comparison]], report: 
     kinds = ("gradient", "Jacobian", "broken", "half-spaces")
     row = report.table(
         name,
-        {name: "30s", "bodies": "6d", "sides": "5d", "median": "9.1e"}
-        | dict.fromkeys(kinds, "9.1e")
-        | {"not ok": "6d"},
+        f"{name} 30s | bodies 6d | sides 5d | median 9.1e | gradient 9.1e | Jacobian 9.1e | "
+        "broken 9.1e | half-spaces 9.1e | not ok 6d",
     )
     for group, ones in groups.items():
         median = float(np.median([one.errors["gradient"] for one in ones]))
@@ -291,7 +290,7 @@ def compare_growths(count: int, report: Report) -> bool:
     too: of four offsets alpha / rho the one with the largest gradient."""
     row = report.table(
         "growths",
-        {"path": "10s", "r_p . v": "9.1e", "gradient": "9.1e", "error": "9.1e", "limit": "9.1e"},
+        "path 10s | r_p . v 9.1e | gradient 9.1e | error 9.1e | limit 9.1e",
     )
     sizes, is_good = [], True
     for power in range(1, count + 1):
@@ -342,8 +341,7 @@ def compare_events(bodies: int, report: Report) -> bool:
     events = [event for number in EVENT_BODIES[:bodies] for event in Walk(number).events()]
     row = report.table(
         "events",
-        {"event": "34s", "met": "5d", "odds jump": "5d", "only slope": "5d", "slope": "9.1e"}
-        | {"error": "9.1e", "not ok": "6d"},
+        "event 34s | met 5d | odds jump 5d | only slope 5d | slope 9.1e | error 9.1e | not ok 6d",
     )
     all_wrong = 0
     for kind in EVENTS:
@@ -458,8 +456,8 @@ def time_derivatives(seconds: float, report: Report) -> None:
     """Times of derivatives, as multiples of that of the hull, which all include."""
     row = report.table(
         "times",
-        {"times hull": "28s", "rests": "5d", "hull ms": "9.4f"}
-        | dict.fromkeys(("odds", "gradient", "Jacobian", "1 by 1", "half-spaces"), "9.2f"),
+        "times hull 28s | rests 5d | hull ms 9.4f | odds 9.2f | gradient 9.2f | "
+        "Jacobian 9.2f | 1 by 1 9.2f | half-spaces 9.2f",
     )
     for name, points in {
         "cube": solids.platonic("cube").points,

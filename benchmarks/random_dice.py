@@ -281,14 +281,10 @@ def deviations(
     return found
 
 
-DEVIATIONS = {
-    "dice": "5d",
-    "without momentum": "7.4f",
-    "worst": "7.3f",
-    "momentum model": "7.4f",
-    "worst by it": "7.3f",
-    "right odds": "7.4f",
-}
+DEVIATIONS = (
+    "dice 5d | without momentum 7.4f | worst 7.3f | momentum model 7.4f | worst by it 7.3f | "
+    "right odds 7.4f"
+)
 """Columns of a table of `summary`, with their formats."""
 
 

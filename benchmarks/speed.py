@@ -87,18 +87,18 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     rounds, seconds = (5, 0.0) if options.quick else (20, 1.0)
     cases = dict(built_in_cases(100 if options.quick else 100_000))
     cases |= {path.stem: read_body(path).points for path in options.meshes}
-    names = {"case": "26s", "points": "8d", "corners": "7d", "rests": "6d", "hull ms": "9.4f"}
-    ratios = ("query", "C++", "gradient", "C++ gradient", "trimesh")
-    row = report.table("cases", {**names, **dict.fromkeys(ratios, "8.2f")})
+    row = report.table(
+        "cases",
+        "case 26s | points 8d | corners 7d | rests 6d | hull ms 9.4f | query 8.2f | C++ 8.2f | "
+        "gradient 8.2f | C++ gradient 8.2f | trimesh 8.2f",
+    )
     with Watched() as process:
         for name, points in cases.items():
             hull, query, gradient, trimesh, poses = measure(points, rounds, seconds, process)
             cpp = CPP.get(name, (None, None))
             counts = (len(points), len(poses.hull.vertices), len(poses.normals))
             row(name, *counts, 1e3 * hull, query, cpp[0], gradient, cpp[1], trimesh)
-        part = report.table(
-            "parts", {"part of a design": "32s", "body": "22s", "ms": "9.4f", "hulls": "8.2f"}
-        )
+        part = report.table("parts", "part of a design 32s | body 22s | ms 9.4f | hulls 8.2f")
         for body, corners, works in design_parts():
             actions: list[Callable[[], Any]] = [partial(ConvexHull, corners), *works.values()]
             hull, *others = time_in_turn(actions, seconds, rounds=rounds, row=ROW)
@@ -210,7 +210,7 @@ def trial_steps(
 
 def measure_programs(report: Report, *, quick: bool) -> None:
     """Starts on the wall, and unless it is to be quick memory and a folder of meshes."""
-    row = report.table("programs", {"whole program, on the wall": "40s", "s": "8.3f", "/s": "8.0f"})
+    row = report.table("programs", "whole program, on the wall 40s | s 8.3f | /s 8.0f")
     with TemporaryDirectory() as name:
         folder = Path(name)
         write_meshes(folder, 1)
@@ -229,7 +229,7 @@ def measure_programs(report: Report, *, quick: bool) -> None:
             command = ("-m", "dicedesign", "rest", "meshes", "--out", table, "--jobs", str(jobs))
             seconds = wall_seconds(command, folder)
             row(f"dicedesign rest FOLDER, {FILES} meshes, {jobs} jobs", seconds, FILES / seconds)
-    memory = report.table("memory", {f"{MEMORY_POINTS:,} points, peak": "30s", "MB": "8.0f"})
+    memory = report.table("memory", "100,000 points, peak 30s | MB 8.0f")
     for work in ("points and libraries", "ConvexHull(points)", "rest_poses(points)"):
         memory(work, peak_memory(work if "(" in work else "pass"))
 

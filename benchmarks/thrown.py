@@ -123,9 +123,9 @@ def throw_recipes(
     drops = options.drops or (4_000 if options.quick else 100_000)
     row = report.table(
         "dice",
-        {"recipe": "18s", "design": "14s", "status": "10s", "TV to target": "7.4f", "from": "7.4f"}
-        | {"to": "7.4f", "floor": "7.4f", "geometric": "7.4f", "momentum": "7.4f", "s": "6.1f"}
-        | {"rounds": "6d", "90 % of tables": "7.4f", "worst": "7.4f"},
+        "recipe 18s | design 14s | status 10s | TV to target 7.4f | from 7.4f | to 7.4f | "
+        "floor 7.4f | geometric 7.4f | momentum 7.4f | s 6.1f | rounds 6d | "
+        "90 % of tables 7.4f | worst 7.4f",
     )
     is_good = True
     for recipe in recipes:
@@ -188,7 +188,7 @@ def judge_model(options: argparse.Namespace, workers: Executor, report: Report) 
     task = partial(throw_random_die, seed=UNSEEN, throws=[(table, drops)], rests=RESTS)
     thrown = [one for (one,) in workers.map(task, range(count))]
     found = deviations(thrown, model)
-    row = report.table("momentum", {"random dice": "23s", **DEVIATIONS})
+    row = report.table("momentum", f"random dice 23s | {DEVIATIONS}")
     for kind in ("all", *DICE_KINDS):
         pairs = zip(thrown, found, strict=True)
         if alike := [one for die, one in pairs if kind in ("all", die.die.kind)]:
@@ -258,8 +258,8 @@ def compare_simulators(
         found[name] = [np.sum(parts[k : k + each], axis=0) for k in range(0, len(parts), each)]
     row = report.table(
         "simulators",
-        {"against native": "16s", "drops": "7d", "mean TV": "7.4f", "chance": "7.4f"}
-        | {"worst": "7.4f", "99 % of chance": "7.4f", "beyond": "6d"},
+        "against native 16s | drops 7d | mean TV 7.4f | chance 7.4f | worst 7.4f | "
+        "99 % of chance 7.4f | beyond 6d",
     )
     reference = found.pop("native")
     for name, counts in found.items():

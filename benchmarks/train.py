@@ -150,7 +150,10 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     of_table = {**table_entries(options.table), **table.as_dict(), "momentum": plain}
     written.write_text(json_text(plain if options.all_tables else of_table))
     model = MomentumModel.of(general_model_of(json.loads(json.dumps(plain))), table)
-    row = report.table("deviations", {"total variation to simulated throws": "35s", **DEVIATIONS})
+    row = report.table(
+        "deviations",
+        f"total variation to simulated throws 35s | {DEVIATIONS}",
+    )
     for name, is_out in (("fitted to", False), ("held out", True)):
         chosen = [one[0] for k, one in enumerate(thrown) if is_held_out(k) == is_out]
         row(name, *summary(deviations(chosen, model)))

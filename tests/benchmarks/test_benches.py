@@ -30,7 +30,7 @@ def test_tables_have_a_heading_and_a_cell_for_each_value(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     report = Report(show=True)
-    row = report.table("sizes", {"name": "8s", "error": "8.1e", "part": "6.1%"})
+    row = report.table("sizes", "name 8s | error 8.1e | part 6.1%")
     row("cube", 1.3e-3, 0.5)
     row("needle", None, float("inf"))
     assert capsys.readouterr().out.splitlines() == [

@@ -5,7 +5,6 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
-from common.exact_vectors import cross, dot, minus
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
@@ -26,18 +25,16 @@ MARGIN = 4.0
 def thickness(points: Floats) -> float:
     """Height of a large tetrahedron of points over half their extent: 0 exactly where they lie on
     a plane, else at most the least width of the body and not much less."""
-    rows = [tuple(map(Fraction, row)) for row in np.unique(points, axis=0).tolist()]
-    local = [minus(row, rows[0]) for row in rows]
-    a = max(local, key=lambda x: dot(x, x))
-    if not any(a):
-        return 0.0
-    b = max(local, key=lambda x: dot(cross(a, x), cross(a, x)))
-    normal = cross(a, b)
+    exact = np.frompyfunc(Fraction, 1, 1)(np.unique(points, axis=0))
+    local = exact - exact[0]
+    a = local[(local**2).sum(axis=1).argmax()]
+    across = np.cross(a, local)
+    normal = across[(across**2).sum(axis=1).argmax()]
     if not any(normal):
         return 0.0
-    height = max(abs(dot(normal, x)) for x in local)
+    height = abs(local @ normal).max()
     extent = float(np.ptp(points, axis=0).max()) / 2.0
-    return float(height) / (float(dot(normal, normal)) ** 0.5 * extent)
+    return float(height) / (float(normal @ normal) ** 0.5 * extent)
 
 
 def may_be_refused(problem: Problem) -> bool:

@@ -8,52 +8,52 @@ from itertools import combinations
 import numpy as np
 import pytest
 import trimesh
-from common.exact_vectors import Vector, cross, dot, minus
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.surfaces.self_intersections import (
     intersecting_triangles,
 )
 
+Vector = np.ndarray
+"""Three fractions."""
+
 
 def clipped(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vector]:
     """The part of a convex polygon, a segment or a point on the side that the normal points to."""
-    heights = [dot(minus(corner, origin), normal) for corner in polygon]
+    heights = [(corner - origin) @ normal for corner in polygon]
     part = []
     for k, (p, h) in enumerate(zip(polygon, heights, strict=True)):
         q, other = polygon[k - 1], heights[k - 1]
         if h * other < 0:
-            share = h / (h - other)
-            part.append(tuple(x + share * step for x, step in zip(p, minus(q, p), strict=True)))
+            part.append(p + h / (h - other) * (q - p))
         if h >= 0:
             part.append(p)
     return part
 
 
-def common_corners(one: list[Vector], other: list[Vector]) -> set[Vector]:
+def common_corners(one: list[Vector], other: list[Vector]) -> list[Vector]:
     """The corners of what two triangles have in common."""
-    normal = cross(minus(one[1], one[0]), minus(one[2], one[0]))
-    part = clipped(clipped(other, one[0], normal), one[0], tuple(-x for x in normal))
+    normal = np.cross(one[1] - one[0], one[2] - one[0])
+    part = clipped(clipped(other, one[0], normal), one[0], -normal)
     for k in range(3):
-        edge = minus(one[k], one[k - 1])
-        part = clipped(part, one[k], cross(normal, edge)) if part else []
-    return set(part)
+        part = clipped(part, one[k], np.cross(normal, one[k] - one[k - 1])) if part else []
+    return part
 
 
 def exactly_intersecting(points: np.ndarray, triangles: np.ndarray) -> list[tuple[int, int]]:
     """As `intersecting_triangles`, with folds only where they are exactly flat."""
-    corners = [[tuple(Fraction(float(x)) for x in points[i]) for i in t] for t in triangles]
-    has_area = [any(cross(minus(b, a), minus(c, a))) for a, b, c in corners]
+    corners = np.frompyfunc(Fraction, 1, 1)(np.asarray(points, dtype=np.float64))[triangles]
+    has_area = [any(np.cross(b - a, c - a)) for a, b, c in corners]
     found = []
     for i, j in combinations(range(len(triangles)), 2):
         if not (has_area[i] and has_area[j]):
             continue
         shared = [corners[i][k] for k in range(3) if triangles[i][k] in triangles[j]]
-        beyond = common_corners(corners[i], corners[j]) - set(shared)
+        part = common_corners(corners[i], corners[j])
+        beyond = [all(any(p != corner) for corner in shared) for p in part]
         if len(shared) == 2:  # the rest of the edge is shared as well
-            direction = minus(shared[1], shared[0])
-            beyond = {p for p in beyond if any(cross(direction, minus(p, shared[0])))}
-        if beyond or len(shared) == 3:
+            beyond = [any(np.cross(shared[1] - shared[0], p - shared[0])) for p in part]
+        if any(beyond) or len(shared) == 3:
             found.append((i, j))
     return found
 
