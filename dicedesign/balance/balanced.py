@@ -191,57 +191,16 @@ def _by(
     notes: tuple[str, ...],
 ) -> Balanced:
     shifts = reachable_shifts(surface, way, options)
-    for number, part in enumerate(PARTS):
+    for part in PARTS:
         region = _region(surface, poses.hull, shifts, part, options)
         best = best_center(poses, goal, region, options.tolerance, options.search)
         try:
             made = move_center(surface, best.center, way, options)
+            break
         except InputError:
-            if number + 1 == len(PARTS):
+            if part == PARTS[-1]:
                 raise
-            continue
-        return _judged(way, poses, goal, best, made, options, notes)
-    raise AssertionError
-
-
-def _region(
-    surface: Surface,
-    hull: ConvexHull,
-    shifts: ConvexHull,
-    part: float,
-    options: BalanceOptions,
-) -> ConvexHull:
-    """Where the center of mass may be and can be brought."""
-    reached = convex_hull(surface.centroid + part * shifts.vertices)
-    within = Halfspaces.of_hull(reached).and_within(Halfspaces.of_hull(whole_hull(hull)))
-    if options.region == "hollow":
-        hollow = reachable_shifts(surface, "cavity", options)
-        allowed = Halfspaces.of_hull(convex_hull(surface.centroid + hollow.vertices))
-        within = within.and_within(allowed)
-    elif not isinstance(options.region, str):
-        box = np.array(options.region, dtype=np.float64)
-        within = within.and_within(box_region(box[:3], box[3:]))
-    region = within.corners()
-    if region is None:
-        low, high = reached.vertices.min(axis=0), reached.vertices.max(axis=0)
-        raise InputError(
-            "region: expected a place for the center of mass that can be had, got none; from "
-            f"{', '.join(f'{x:.3g}' for x in low)} to {', '.join(f'{x:.3g}' for x in high)} is "
-            "within reach: move the box there, or reduce wall_mm"
-        )
-    return region
-
-
-def _judged(
-    way: str,
-    poses: RestPoses,
-    goal: Goal,
-    best: BestCenter,
-    made: Made,
-    options: BalanceOptions,
-    notes: tuple[str, ...],
-) -> Balanced:
-    """By the files."""
+    # By the files.
     now = rest_poses(made.body, made.center)
     directions = now.normals if isinstance(goal, FewestRests) else best.directions
     odds = pose_odds(now, directions)
@@ -278,6 +237,34 @@ def _judged(
         poses=now,
         notes=tuple(more),
     )
+
+
+def _region(
+    surface: Surface,
+    hull: ConvexHull,
+    shifts: ConvexHull,
+    part: float,
+    options: BalanceOptions,
+) -> ConvexHull:
+    """Where the center of mass may be and can be brought."""
+    reached = convex_hull(surface.centroid + part * shifts.vertices)
+    within = Halfspaces.of_hull(reached).and_within(Halfspaces.of_hull(whole_hull(hull)))
+    if options.region == "hollow":
+        hollow = reachable_shifts(surface, "cavity", options)
+        allowed = Halfspaces.of_hull(convex_hull(surface.centroid + hollow.vertices))
+        within = within.and_within(allowed)
+    elif not isinstance(options.region, str):
+        box = np.array(options.region, dtype=np.float64)
+        within = within.and_within(box_region(box[:3], box[3:]))
+    region = within.corners()
+    if region is None:
+        low, high = reached.vertices.min(axis=0), reached.vertices.max(axis=0)
+        raise InputError(
+            "region: expected a place for the center of mass that can be had, got none; from "
+            f"{', '.join(f'{x:.3g}' for x in low)} to {', '.join(f'{x:.3g}' for x in high)} is "
+            "within reach: move the box there, or reduce wall_mm"
+        )
+    return region
 
 
 def _remedy(goal: Goal, best: BestCenter, way: str) -> str:

@@ -83,12 +83,11 @@ class CenterSearch:
         """The same for a hull of so many corners: fewer of all where they are many, as each center
         takes as much longer."""
         part = min(1.0, MANY / count)
-        least = min(self.descents, 3), min(self.steps, 15), min(self.samples, 60)
-        return CenterSearch(
-            samples=max(least[2], round(part * self.samples)),
-            descents=max(least[0], round(part * self.descents)),
-            steps=max(least[1], round(part * self.steps)),
-        )
+
+        def fewer(most: int, least: int) -> int:
+            return max(min(most, least), round(part * most))
+
+        return CenterSearch(fewer(self.samples, 60), fewer(self.descents, 3), fewer(self.steps, 15))
 
 
 @dataclass(frozen=True)

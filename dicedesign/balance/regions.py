@@ -23,7 +23,7 @@ from dicedesign.geometry.hulls.hull import (
 )
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.arrays import Floats, Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,17 +165,13 @@ class Stability:
         """Where the body has the same rests as with a center of mass (3,), and no others, in part:
         it is beyond the same side of all other facets. Planes are moved inward by a distance."""
         edges, least = self.outermost(center)
-        return self._within(least > 0.0, clearance).and_within(
-            self.beyond(edges[least <= 0.0], clearance)
-        )
+        kept = (least > 0.0)[self.hull.facet]
+        inside = Halfspaces(self.sides.normals[kept], self.sides.offsets[kept] - clearance)
+        return inside.and_within(self.beyond(edges[least <= 0.0], clearance))
 
     def beyond(self, edges: Integers, clearance: float = 0.0) -> Halfspaces:
         """Where the center of mass is beyond the sides of half-edges, by a distance."""
         return Halfspaces(-self.sides.normals[edges], -self.sides.offsets[edges] - clearance)
-
-    def _within(self, facets: Booleans, clearance: float) -> Halfspaces:
-        kept = facets[self.hull.facet]
-        return Halfspaces(self.sides.normals[kept], self.sides.offsets[kept] - clearance)
 
 
 def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -118,9 +118,16 @@ def throw_states(
             count = STEPS_IN_FLIGHT if data.qpos[2] + rise > scale else STEPS_PER_CHECK
             model.opt.timestep = seconds / count
             mujoco.mj_step(model, data, count)
-            outcome[i] = _rest(body, scale, contact, data.qpos, data.qvel)
-            if outcome[i] >= 0:
-                break
+            velocity, spin = data.qvel[:3], scale * data.qvel[3:]
+            moving = velocity @ velocity + spin**2 @ body.moments
+            least = data.qpos[2] + 0.5 * moving / GRAVITY
+            if least < scale * body.barriers.max():
+                up = vertical(data.qpos[3:])
+                depths = np.minimum(data.qpos[2] + scale * (body.vertices @ up), 0.0)
+                stored = 0.5 * contact.stiffness * float(depths @ depths) / GRAVITY
+                outcome[i] = final_rest(body, -up, (least + stored) / scale)
+                if outcome[i] >= 0:
+                    break
     return outcome
 
 
@@ -145,18 +152,6 @@ def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
 
 def _listed(numbers: Floats) -> str:
     return " ".join(repr(float(x)) for x in numbers)
-
-
-def _rest(body: RigidBody, scale: float, contact: Contact, place: Any, velocity: Any) -> int:
-    """The rest that a body with a position and quaternion (7,) and velocities (6,) cannot miss."""
-    moving = velocity[:3] @ velocity[:3] + scale**2 * velocity[3:] ** 2 @ body.moments
-    least = place[2] + 0.5 * moving / GRAVITY
-    if least >= scale * body.barriers.max():
-        return -1
-    up = vertical(place[3:])
-    depths = np.minimum(place[2] + scale * (body.vertices @ up), 0.0)
-    stored = 0.5 * contact.stiffness * float(depths @ depths) / GRAVITY
-    return final_rest(body, -up, (least + stored) / scale)
 
 
 MUJOCO: Final = Engine(

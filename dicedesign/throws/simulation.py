@@ -37,6 +37,7 @@ from dicedesign.throws.rigid_body import (
     released,
     released_on,
     rigid_body,
+    vertical,
 )
 from dicedesign.throws.tables import Table, most_of
 from dicedesign.tolerances import STANDING_ANGLE
@@ -389,23 +390,15 @@ def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None
     # Engines stop where the end is certain, which is while the body still rocks.
     unstopped = replace(body, barriers=np.full_like(body.barriers, -np.inf))
     frames = [state[0].copy()]
-    rest = -1
+    rest, radius = -1, table.size / 2.0
     while rest < 0 and len(frames) < contact.seconds * FRAMES_PER_SECOND:
         advance(unstopped, table, state, steps_per_frame, refinement)
         frames.append(state[0].copy())
-        rest = _settled_rest(body, table, state[0])
+        speeds = np.linalg.norm(state[0, 7:10]), radius * np.linalg.norm(state[0, 10:])
+        if max(speeds) <= SETTLED * math.sqrt(GRAVITY * radius):
+            angles = angle_between(body.rest_normals, -vertical(state[0, 3:7]))
+            nearest = int(np.argmin(angles))
+            rest = nearest if angles[nearest] <= STANDING_ANGLE else -1
     motion = np.array(frames)
     seconds = np.arange(len(motion)) / FRAMES_PER_SECOND
     return Film(body, table, seconds, motion[:, :3], motion[:, 3:7], rest)
-
-
-def _settled_rest(body: RigidBody, table: Table, state: Floats) -> int:
-    """The rest that a body in a state (13,) lies on, or -1 while it moves."""
-    radius = table.size / 2.0
-    speeds = np.linalg.norm(state[7:10]), radius * np.linalg.norm(state[10:])
-    if max(speeds) > SETTLED * math.sqrt(GRAVITY * radius):
-        return -1
-    down = -Rotation.from_quat(state[3:7], scalar_first=True).as_matrix()[2]
-    angles = angle_between(body.rest_normals, down)
-    nearest = int(np.argmin(angles))
-    return nearest if angles[nearest] <= STANDING_ANGLE else -1

@@ -373,13 +373,21 @@ def fit_table(
     sessions = sessions_of(every)
     fitted_to = sessions[: len(dice)]
     found = weighted(fitted_to, FINAL, True)
-    best, height = _best(fitted_to, found)
+    center = np.array([[0.0, 0.0, 0.0, 0.5]])
+
+    def heights(points: Floats) -> Floats:
+        """Logarithms (n,) of the likelihood of all counts, if all sessions had the hand."""
+        return np.asarray(log_likelihoods(fitted_to, points, center, True).sum(axis=1))
+
+    logarithms = found.log_priors + SHARPNESS * heights(found.points)
+    best = np.exp(logarithms - logsumexp(logarithms)) @ found.points
     surprises = [p.surprises() for session in sessions for p in session.surrogate.processes]
-    parameters, correlations = _summary(found, best)
+    values = shared_values(best)
+    parameters, correlations = _summary(found, values)
     drawn = _resampled(found.points, found.weights(), TABLES, rng)
     drawn_tables = drawn_values(drawn, session_offsets(TABLES, rng))
     return TableFit(
-        table=table_of(start, best),
+        table=table_of(start, values),
         posterior=tuple(table_of(start, row) for row in drawn_tables),
         parameters=parameters,
         correlations=correlations,
@@ -389,7 +397,7 @@ def fit_table(
         ),
         evaluations=evaluations,
         drops=drops,
-        log_likelihood=height,
+        log_likelihood=float(heights(best[None])[0]),
         surprise=float(np.sqrt(np.square(np.concatenate(surprises)).mean())),
         effective_points=effective(found.weights()),
     )
@@ -431,19 +439,6 @@ def _die_fit(
         drawn=surrogate.odds(fresh),
         after=expected_deviations(shared_values(points)[:, :2], odds, MORE),
     )
-
-
-def _best(sessions: Sequence[ThrownSession], found: WeightedPoints) -> tuple[Floats, float]:
-    """Values (5,) of the fitted set, and the logarithm of its likelihood."""
-    center = np.array([[0.0, 0.0, 0.0, 0.5]])
-
-    def together(points: Floats) -> Floats:
-        return np.asarray(log_likelihoods(sessions, points, center, True).sum(axis=1))
-
-    logarithms = found.log_priors + SHARPNESS * together(found.points)
-    sharp = np.exp(logarithms - logsumexp(logarithms))
-    best = sharp @ found.points
-    return shared_values(best[None])[0], float(together(best[None])[0])
 
 
 def _summary(found: WeightedPoints, best: Floats) -> tuple[dict[str, FittedParameter], Floats]:
