@@ -20,12 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.frame import Report, begin, continue_to, processes
+from benchmarks.frame import Report, make_die, processes
 from benchmarks.models import is_model, model_names, random_model
 from dicedesign import InputError, Result, checked_recipe
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import decimated
+from dicedesign.recipe.pipeline import run_stages
 
 GOALS = {"fair:2": 0.9, "fair:3": 0.9, "1/2,1/3,1/6": 0.75, "fair:4": 0.4}
 """Least share of the models that become dice, by target."""
@@ -162,17 +163,16 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
                 surface = shape(name) if name in SHAPES else random_model(name)
                 path = Path(folder) / "model.stl"
                 path.write_bytes(stl_bytes(surface.points, surface.triangles))
-            work = begin(checked_recipe(entries_of(case, path)))
-        assert work.surface is not None
+            work = make_die(checked_recipe(entries_of(case, path)), "start")
         if case.most_points is not None and len(work.surface.points) > case.most_points:
             work.surface, _ = decimated(work.surface, case.most_points)
         found["points"] = len(work.surface.points)
         start = time.perf_counter()
         try:
-            continue_to(work, "design", after="start")
+            run_stages(work, after="start", last="design")
         finally:
             found["s"] = time.perf_counter() - start
-        continue_to(work, "check", after="design")
+        run_stages(work, after="design", last="check")
         found |= measure(work.result())
         return found, "; ".join(shortfalls(found, work.recipe.method.tolerance))
     except Exception as error:  # a bench goes on with the next case, whatever went wrong in one
@@ -195,8 +195,6 @@ def entries_of(case: Case, path: Path) -> dict[str, Any]:
 def measure(die: Result) -> dict[str, Any]:
     """The row, by the STL file of the die."""
     concave = die.concave
-    assert concave is not None
-    assert die.search is not None
     distortion = concave.surface_quality["distortion"]
     return {
         "|p - q|": die.max_abs_error,

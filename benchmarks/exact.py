@@ -16,11 +16,12 @@ from statistics import median
 
 import numpy as np
 
-from benchmarks.frame import Report, add_recipes, begin, continue_to, read_recipes
+from benchmarks.frame import Report, add_recipes, make_die, read_recipes
 from dicedesign import NoStartError, Recipe, rest_poses
 from dicedesign.energies import Preferences
 from dicedesign.methods import ExactOptions, PaperOptions, descend_as_paper, solve_exactly
 from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.recipe.pipeline import run_stages
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import repulsion
 
@@ -137,15 +138,15 @@ def design_recipe(recipe: Recipe) -> tuple[object, ...]:
     design, with the search of shapes and the improvement by preference."""
     labels, tolerance = recipe.target.target().labels, recipe.method.tolerance
     head = (recipe.name, recipe.method.name)
-    work = begin(recipe)
+    work = make_die(recipe, "start")
     start = time.perf_counter()
     try:
-        continue_to(work, "design", after="start")
+        run_stages(work, after="start", last="design")
     except NoStartError:
         seconds = time.perf_counter() - start
         return (*head, "no die", len(labels), None, None, None, seconds, None, None)
     seconds = time.perf_counter() - start
-    continue_to(work, "check", after="design")
+    run_stages(work, after="design", last="check")
     die = work.result()
     met = (step.seconds for step in die.history if (step.max_abs_error or 0.0) <= tolerance)
     is_whole = sorted(facet.label or "" for facet in die.facets) == sorted(labels)

@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import csv
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import combinations, islice
 from pathlib import Path
 from typing import Any
@@ -76,17 +75,6 @@ PUBLISHED = {
 p-values as the paper's text gives them."""
 
 
-@dataclass(frozen=True)
-class Compared:
-    """Two models' odds of a shape on a table: distances W and TV, with their noise floors."""
-
-    models: str
-    wasserstein: float
-    wasserstein_floor: float
-    variation: float
-    variation_floor: float
-
-
 def add_options(parser: argparse.ArgumentParser) -> None:
     """What is thrown, and how often."""
     parser.add_argument("meshes", nargs="*", type=Path, metavar="MESH", help="closed, to cut")
@@ -110,15 +98,13 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         "shape 44s | rests 5d | rho 6.3f | table 10s | models 22s | W 6.3f | floor 6.3f | TV 6.3f",
     )
     draws = 6 if options.quick else 16
-    places: dict[tuple[str, str], list[tuple[float, Compared]]] = {}
+    places: dict[tuple[str, str], list[Floats]] = {}
     with processes(options.jobs) as workers:
         tasks = [(shape, k, engines, drops, draws) for k, shape in enumerate(shapes)]
-        for shape, (rests, rho, on) in zip(shapes, workers.map(compare_shape, tasks), strict=True):
-            for table, compared in on.items():
-                for one in compared:
-                    distances = (one.wasserstein, one.wasserstein_floor, one.variation)
-                    row(shape.name, rests, rho, table, one.models, *distances)
-                    places.setdefault((table, one.models), []).append((rho, one))
+        for shape, (rests, compared) in zip(shapes, workers.map(compare_shape, tasks), strict=True):
+            for table, models, found in compared:
+                row(shape.name, rests, found[0], table, models, *found[1:4])
+                places.setdefault((table, models), []).append(found)
     summarise(places, report)
     published = {} if options.distances is None else read_published(options.distances)
     row = report.table(
@@ -213,8 +199,9 @@ def thick_pieces(name: str, pieces: Iterable[Manifold]) -> Iterator[Body]:
 
 def compare_shape(
     task: tuple[Body, int, tuple[str, ...], int, int],
-) -> tuple[int, float, dict[str, list[Compared]]]:
-    """Rests, asymmetry, and what each two models say on each table.
+) -> tuple[int, list[tuple[str, str, Floats]]]:
+    """How many rests, and the table, two models, and asymmetry, W, its floor, TV and its floor (5,)
+    of what each two models say on each table.
 
     task: the shape, its number, which seeds its drops, the engines, drops in others than the
     package's own, and draws for the noise floors.
@@ -222,15 +209,15 @@ def compare_shape(
     body, number, engines, drops, draws = task
     poses = rest_poses(body)
     thrown = rigid_body(body, poses)
-    on: dict[str, list[Compared]] = {}
-    for place, name in enumerate(TABLES):
-        odds: dict[str, Floats] = {GEOMETRIC: poses.probabilities}
-        counted: dict[str, int | None] = {GEOMETRIC: None}
+    found = []
+    for place, table in enumerate(TABLES):
+        # Odds, and the drops that each was counted in, 0 for exact ones.
+        said: dict[str, tuple[Floats, int]] = {GEOMETRIC: (poses.probabilities, 0)}
         for engine in engines:
             count = PAPER_DIRECTIONS if engine == "native" else drops
             throws = simulate(
                 thrown,
-                table_named(name),
+                table_named(table),
                 count,
                 3 * number + ENGINES.names.index(engine),
                 engine=engine,
@@ -240,31 +227,28 @@ def compare_shape(
             if landed.any():
                 came, weights = throws.outcomes[landed], throws.weights[landed]
                 worth = float(effective_counts(came, weights, throws.rests).sum())
-                odds[engine], counted[engine] = throws.frequencies, round(worth)
+                said[engine] = throws.frequencies, round(worth)
         rng = np.random.default_rng([number, place])
-        on[name] = [
-            compare(poses.normals, odds, counted, pair, draws, rng)
-            for pair in combinations(odds, 2)
-        ]
-    return len(poses.probabilities), asymmetry(poses), on
+        for pair in combinations(said, 2):
+            distances = compare(poses.normals, *said[pair[0]], *said[pair[1]], draws, rng)
+            found.append((table, " vs ".join(pair), np.array([asymmetry(poses), *distances])))
+    return len(poses.probabilities), found
 
 
 def compare(
     normals: Floats,
-    odds: dict[str, Floats],
-    counted: dict[str, int | None],
-    pair: tuple[str, str],
+    first: Floats,
+    first_drops: int,
+    second: Floats,
+    second_drops: int,
     draws: int,
     rng: np.random.Generator,
-) -> Compared:
-    """Distances of two predictions of rests with normals (k, 3), and the means of two right ones.
-
-    counted: drops that each was counted in; None for exact odds.
-    """
-    weights = [counted[name] or 0 for name in pair]
-    right = odds[pair[0]]
-    if all(weights):
-        right = sum(w * odds[name] for w, name in zip(weights, pair, strict=True)) / sum(weights)
+) -> tuple[float, ...]:
+    """Distances of two predictions (k,) of rests with normals (k, 3), each counted in drops or
+    exact, and the means of two right ones after each."""
+    right = first
+    if first_drops and second_drops:
+        right = (first_drops * first + second_drops * second) / (first_drops + second_drops)
 
     def distances(one: Floats, other: Floats) -> tuple[float, float]:
         return wasserstein_distance(normals, one, normals, other), total_variation(one, other)
@@ -272,12 +256,12 @@ def compare(
     def drawn(drops: int) -> Floats:
         return rng.multinomial(drops, right / right.sum()) / drops if drops else right
 
-    floors = np.mean([distances(*map(drawn, weights)) for _ in range(draws)], axis=0)
-    wasserstein, variation = distances(odds[pair[0]], odds[pair[1]])
-    return Compared(" vs ".join(pair), wasserstein, float(floors[0]), variation, float(floors[1]))
+    floors = [distances(drawn(first_drops), drawn(second_drops)) for _ in range(draws)]
+    (wasserstein, variation), (one, other) = distances(first, second), np.mean(floors, axis=0)
+    return wasserstein, one, variation, other
 
 
-def summarise(places: dict[tuple[str, str], list[tuple[float, Compared]]], report: Report) -> None:
+def summarise(places: dict[tuple[str, str], list[Floats]], report: Report) -> None:
     """Means over the shapes, and correlations with the asymmetry."""
     row = report.table(
         "summary",
@@ -285,19 +269,12 @@ def summarise(places: dict[tuple[str, str], list[tuple[float, Compared]]], repor
         "TV floor 6.3f | r 6.2f | from 6.2f | to 6.2f | p 8.1g",
     )
     for (table, models), found in places.items():
-        means = np.mean(
-            [
-                (one.wasserstein, one.wasserstein_floor, one.variation, one.variation_floor)
-                for _, one in found
-            ],
-            axis=0,
-        )
+        rho, *distances = np.transpose(found)
         correlated = (None, None, None, None)
         if len(found) > 3:
-            pearson = pearsonr([rho for rho, _ in found], [one.wasserstein for _, one in found])
-            interval = pearson.confidence_interval()
-            correlated = (pearson.statistic, *interval, pearson.pvalue)
-        row(table, models, len(found), *means.tolist(), *correlated)
+            pearson = pearsonr(rho, distances[0])
+            correlated = (pearson.statistic, *pearson.confidence_interval(), pearson.pvalue)
+        row(table, models, len(found), *np.mean(distances, axis=1).tolist(), *correlated)
 
 
 def read_published(path: Path) -> dict[str, Floats]:
@@ -314,17 +291,14 @@ def read_published(path: Path) -> dict[str, Floats]:
         ) from error
 
 
-def draw(
-    places: dict[tuple[str, str], list[tuple[float, Compared]]], published: dict[str, Floats]
-) -> Any:
+def draw(places: dict[tuple[str, str], list[Floats]], published: dict[str, Floats]) -> Any:
     """W of each two models against the asymmetry, a panel for each table, and one for the paper's
     own shapes where they are given."""
     figure, axes = panels(len(TABLES) + bool(published), len(TABLES) + bool(published))
     for axis, table in zip(axes, TABLES, strict=False):
         for (on, models), found in places.items():
             if on == table:
-                distances = [one.wasserstein for _, one in found]
-                axis.scatter([rho for rho, _ in found], distances, s=9, label=models)
+                axis.scatter(*np.transpose(found)[:2], s=9, label=models)
         axis.set(title=f"table {table}")
     if published:
         for column, (models, _, _) in PUBLISHED.items():

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.frame import Report, Work, add_recipes, continue_to, make_die, read_recipes
+from benchmarks.frame import Report, Work, add_recipes, make_die, read_recipes
 from dicedesign import EngravingError, Recipe, checked_recipe
 from dicedesign.fabricate.print_tolerances import (
     ROLLS,
@@ -28,6 +28,7 @@ from dicedesign.fabricate.print_tolerances import (
     print_tolerances,
 )
 from dicedesign.fabricate.printers import PrintErrors
+from dicedesign.recipe.pipeline import run_stages
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chi_square
 from tests.reference.perturbed_dice import PrintedDie, only
@@ -118,7 +119,7 @@ def finish(plain: Work, recipe: Recipe, way: str) -> tuple[Any, ...]:
     work.recipe = checked_recipe({**entries, **changes, "engrave": engrave})
     start = time.perf_counter()
     try:
-        continue_to(work, "engrave", after="check")
+        run_stages(work, after="check", last="engrave")
     except EngravingError:
         return ("no room", None, None, None, None, None, time.perf_counter() - start)
     seconds = time.perf_counter() - start

@@ -31,9 +31,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dicedesign import DiceError, InputError, Recipe, Step, read_recipe
-from dicedesign.recipe.pipeline import Listeners, Work, run_stages
-from dicedesign.starts import Start
+from dicedesign import DiceError, Recipe, read_recipe
+from dicedesign.recipe.pipeline import Work, run_stages
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -260,35 +259,12 @@ def _repeat(action: Callable[[], Any], row: float) -> list[float]:
     return times
 
 
-def begin(recipe: Recipe, on_step: Callable[[Step], None] | None = None) -> Work:
-    """The work of a recipe whose start, or surface, is made; nothing will be written."""
-    work = Work(recipe, None, Listeners() if on_step is None else Listeners(on_step=on_step))
-    run_stages(work, last="start")
-    return work
-
-
-def continue_to(work: Work, last: str, after: str) -> None:
-    """Run the stages behind one, up to another."""
-    run_stages(work, after=after, last=last)
-
-
 def make_die(recipe: Recipe, last: str = "check") -> Work:
-    """The work of a recipe up to and with a stage. Raises NoStartError where nothing leads there,
-    InputError where the start does not suit the target."""
-    work = Work(recipe, None, Listeners())
+    """The work of a recipe up to and with a stage; nothing is written. Raises NoStartError where
+    nothing leads there, InputError where the start does not suit the target."""
+    work = Work(recipe)
     run_stages(work, last=last)
     return work
-
-
-def start_of(recipe: Recipe) -> Start:
-    """The start that all methods share. Raises InputError where shapes are searched."""
-    start = begin(recipe).start
-    if start is None:
-        raise InputError(
-            f"{recipe.name}: expected a start that all methods can share, got a search or a "
-            "surface; give it another start, or leave it out"
-        )
-    return start
 
 
 def with_method(recipe: Recipe, **options: Any) -> Recipe:

@@ -89,12 +89,10 @@ def run_case(name: str, turns: int) -> Outcome:
     problem = case.build()
     if not isinstance(problem, DesignProblem):
         return _judge(_measure(problem, turns), problem.rests, problem.facets)
-    watched = watch_design(problem)
-    found = Outcome(OK)
-    if watched.measurement is not None:
-        found = _judge([watched.measurement], None, None)
-    said = watched.faults[0] if watched.faults else found.verdict
-    return replace(found, seconds=watched.seconds, verdict=said, ending=watched.ending)
+    measurement, faults, seconds, ending = watch_design(problem)
+    found = Outcome(OK) if measurement is None else _judge([measurement], None, None)
+    said = faults[0] if faults else found.verdict
+    return replace(found, seconds=seconds, verdict=said, ending=ending)
 
 
 def _measure(problem: Problem, turns: int) -> list[Measurement]:

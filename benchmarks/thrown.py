@@ -33,7 +33,6 @@ from scipy.sparse.csgraph import connected_components
 from benchmarks.frame import (
     Report,
     add_recipes,
-    continue_to,
     make_die,
     panels,
     processes,
@@ -62,6 +61,7 @@ from dicedesign import (
 )
 from dicedesign.extensions import ENGINES
 from dicedesign.gradient.odds_model import ThrownOdds
+from dicedesign.recipe.pipeline import run_stages
 from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.bias import OFTEN
 from dicedesign.throws.distances import measure_variation, total_variation
@@ -149,7 +149,7 @@ def throw_recipes(
             work = make_die(with_method(recipe, exact=method))
             seconds = time.perf_counter() - start
             with suppress(EngravingError):
-                continue_to(work, "engrave", after="check")
+                run_stages(work, after="check", last="engrave")
             finished = work.plain if work.engraved is None else work.engraved.assessment
             center, directions = work.solid.center_of_mass, work.die.directions
             die = DieOnTable.of(finished.body, center, directions, table)

@@ -140,7 +140,7 @@ def save(picture: Image.Image, path: Path, colors: int = 96) -> None:
 if __name__ == "__main__":
     root = Path(sys.argv[1])
     results = [json.loads(path.read_text()) for path in sorted(root.glob("*/result.json"))]
-    concave = [result for result in results if "displacement" in result]
+    concave = [result for result in results if "concave" in result]
     resting = [result for result in results if result not in concave and "thrown" not in result]
     print("\n".join(map(row, resting)))
     print("\n".join(map(concave_row, concave)))

@@ -47,7 +47,7 @@ class DesignProblem:
     ----------
     start: shape and outcome directions.
     target: (k,) wanted probability of each direction.
-    method: one of `tests.reference.watched_design.METHODS`.
+    method: see `tests.reference.watched_design.run_method`.
     coordinates: what it varies; those of the paper are vertices.
     center_of_mass: (3,) in the coordinates of `start.points`, or None for the uniform solid.
     tolerance: largest |p - q| wanted.

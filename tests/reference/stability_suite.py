@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
 from tests.reference import extremes, monostatic, solids, stiff, stiff_designs
-from tests.reference.problem import Case, Problem
+from tests.reference.problem import Case
 from tests.reference.solids import ARCHIMEDEAN, PLATONIC
 
 TURNS = 20
@@ -73,18 +73,14 @@ def _degenerate() -> Iterator[Case]:
             )
             yield Case(f"dent 1e-{power}{how}", partial(stiff.dented_cube, 10.0**-power, tolerance))
     for name, height in (("needle 1e6", 1e6), ("plate 1e-6", 1e-6)):
-        box = partial(solids.box, 1.0, 1.0, height)
-        yield Case(f"box {name}", box, TURNS)
-        yield Case(f"uniform box {name}", partial(_uniform_body, box), TURNS)
+        box = solids.box(1.0, 1.0, height)
+        yield Case(f"box {name}", partial(replace, box), TURNS)
+        yield Case(f"uniform box {name}", partial(replace, box, center=None), TURNS)
         for seed in range(4):
             stretched = partial(stiff.stretched, seed, (1.0, 1.0, height))
             yield Case(f"random {name} ({seed})", stretched, TURNS)
     for power in range(2, 15):
         yield Case(f"glancing crossing 1e-{power}", partial(stiff.glancing, 10.0**-power))
-
-
-def _uniform_body(build: Callable[[], Problem]) -> Problem:
-    return replace(build(), center=None)
 
 
 def _balanced() -> Iterator[Case]:
@@ -112,23 +108,17 @@ def _balanced() -> Iterator[Case]:
 
 
 def _placed() -> Iterator[Case]:
-    bodies = {
-        "dodecahedron": partial(solids.platonic, "dodecahedron"),
-        "box 1 x 2 x 3": partial(solids.box, 1.0, 2.0, 3.0),
-        "random body": partial(stiff.random_body, 0),
-    }
-    places = {
-        "at 1e-9": (1e-9, 0.0),
-        "at 1e9": (1e9, 0.0),
-        "1e7 sizes away": (1.0, 1e7),
-    }
-    for body, build in bodies.items():
-        for place, (size, distance) in places.items():
-            yield Case(f"{body} {place}", partial(_placed_body, build, size, distance))
-
-
-def _placed_body(build: Callable[[], Problem], size: float, distance: float) -> Problem:
-    return stiff.placed(build(), size, distance)
+    for name, body in {
+        "dodecahedron": solids.platonic("dodecahedron"),
+        "box 1 x 2 x 3": solids.box(1.0, 2.0, 3.0),
+        "random body": stiff.random_body(0),
+    }.items():
+        for place, size, distance in (
+            ("at 1e-9", 1e-9, 0.0),
+            ("at 1e9", 1e9, 0.0),
+            ("1e7 sizes away", 1.0, 1e7),
+        ):
+            yield Case(f"{name} {place}", partial(stiff.placed, body, size, distance))
 
 
 def _few_rests() -> Iterator[Case]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -28,39 +28,29 @@ from tests.reference.measurement import Measurement, measure
 from tests.reference.oracle import exact_outcome_error
 from tests.reference.problem import DesignProblem, Problem
 
-OnDie = Callable[[RestEvaluation, Floats], None]
-"""Called before `on_step` with the die of a step, and the derivatives that its next direction is
-made of: a gradient (n,) or a Jacobian (k, n)."""
 
-OnStep = Callable[[DesignStep], None]
+def run_method(
+    design: DesignProblem,
+    on_die: Callable[[RestEvaluation, Floats], None],
+    on_step: Callable[[DesignStep], None],
+) -> DesignResult:
+    """A design by its method, limited by the design's steps and never by the clock.
 
-
-class WatchedMethod(Protocol):
-    """A method on a stiff design, limited by the design's steps and never by the clock."""
-
-    def __call__(self, design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResult:
-        """Both are called with every accepted step, the start included.
-
-        Raises NoStartError where the method finds no shape to begin with.
-        """
-
-
-def _exact(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResult:
-    options = ExactOptions(
-        coordinates=design.coordinates, tolerance=design.tolerance, evaluations=design.steps
-    )
-    return solve_exactly(
-        shapes_like(design.start, 0),
-        design.target,
-        options,
-        center_of_mass=design.center_of_mass,
-        on_step=on_step,
-        on_candidate=lambda candidate: on_die(candidate.rests, candidate.odds_jacobian),
-    )
-
-
-def _paper(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResult:
-    options = PaperOptions(
+    on_die: called before `on_step` with the die of every accepted step, the start included, and the
+    derivatives that its next direction is made of: a gradient (n,) or a Jacobian (k, n).
+    Raises NoStartError where the method finds no shape to begin with.
+    """
+    watched: dict[str, Any] = {
+        "center_of_mass": design.center_of_mass,
+        "on_step": on_step,
+        "on_candidate": lambda candidate: on_die(candidate.rests, candidate.odds_jacobian),
+    }
+    if design.method == "exact":
+        exact = ExactOptions(
+            coordinates=design.coordinates, tolerance=design.tolerance, evaluations=design.steps
+        )
+        return solve_exactly(shapes_like(design.start, 0), design.target, exact, **watched)
+    paper = PaperOptions(
         step="line_search" if design.method == "line search" else "momentum",
         steps=design.steps,
         perturbation=design.perturbation,
@@ -70,21 +60,10 @@ def _paper(design: DesignProblem, on_die: OnDie, on_step: OnStep) -> DesignResul
     return descend_as_paper(
         design.start,
         design.target,
-        options,
-        center_of_mass=design.center_of_mass,
-        on_step=on_step,
+        paper,
+        **watched,
         on_evaluation=lambda evaluation: on_die(evaluation.rests, evaluation.gradient),
-        on_candidate=lambda candidate: on_die(candidate.rests, candidate.odds_jacobian),
     )
-
-
-METHODS = {
-    "exact": _exact,
-    "line search": _paper,
-    "paper": _paper,
-    "paper with finish": _paper,
-}
-"""By the names that `DesignProblem.method` takes."""
 
 
 SUM_LIMIT = 1e-12
@@ -95,60 +74,28 @@ ERROR_LIMIT = 1e-14
 digits; more where its probabilities magnify the rounding of its coordinates."""
 
 
-@dataclass(frozen=True)
-class WatchedDesign:
-    """What became of a design.
+def watch_design(design: DesignProblem) -> tuple[Measurement | None, list[str], float, str]:
+    """Run a design by its method. Raises as that, but for NoStartError.
 
-    Attributes
-    ----------
-    result: of the method, or None where it found no shape to begin with.
-    measurement: of the designed hull, against the oracle; None without one.
-    error: largest |p - q| of the designed hull in 60 digits, each rest counted for the nearest
-        outcome; NaN without one.
-    faults: what must not happen and did, with the step at which it did first.
-    steps: how many were accepted, the start included.
-    largest_derivative: largest entry of a gradient or Jacobian on the way.
-    seconds: wall-clock time of the design.
-    ending: how it ended, in a few words with the error.
+    Returns the measurement of the designed hull against the oracle, None where there was no shape
+    to begin with; what must not happen and did, with the step at which it did first; wall-clock
+    seconds of the design; and how it ended, in a few words with the error.
     """
-
-    result: DesignResult | None
-    measurement: Measurement | None
-    error: float
-    faults: tuple[str, ...]
-    steps: int
-    largest_derivative: float
-    seconds: float
-    ending: str
-
-
-def watch_design(design: DesignProblem) -> WatchedDesign:
-    """Run a design by its method. Raises as that, but for NoStartError."""
-    watch, result, refusal = _Watch(), None, ""
+    watch, result, ending = _Watch(), None, ""
     started = time.perf_counter()
     with one_tensor_thread():
         try:
-            result = METHODS[design.method](design, watch.on_die, watch.on_step)
+            result = run_method(design, watch.on_die, watch.on_step)
         except NoStartError as refused:
-            refusal = str(refused).partition(";")[0]
-    seconds = time.perf_counter() - started
-    measurement, error, ending = None, float("nan"), refusal
+            ending = str(refused).partition(";")[0]
+    seconds, measurement = time.perf_counter() - started, None
     if result is not None:
         measurement = measure(Problem(result.hull.vertices, design.center_of_mass))
         error = _end(design, result, measurement, watch.faults)
         converged = result.status is Status.CONVERGED
         words = "converged" if converged else result.status.value.partition(";")[0]
         ending = f"{words}, max |p - q| {error:.0e}"
-    return WatchedDesign(
-        result,
-        measurement,
-        error,
-        tuple(watch.faults),
-        watch.steps,
-        watch.largest_derivative,
-        seconds,
-        ending,
-    )
+    return measurement, watch.faults, seconds, ending
 
 
 def _end(
@@ -206,7 +153,6 @@ class _Watch:
     """Called with every accepted step."""
 
     faults: list[str] = field(default_factory=list)
-    largest_derivative: float = 0.0
     steps: int = 0
     _last: tuple[RestEvaluation, Floats] | None = None
 
@@ -214,13 +160,10 @@ class _Watch:
         self._last = rests, derivatives
 
     def on_step(self, step: DesignStep) -> None:
-        assert self._last is not None
         rests, derivatives = self._last
         found = step_faults(rests, derivatives, {**step.terms, "whole": step.energy})
         if not np.isfinite(step.error):
             found.append(f"error {step.error}")
         if found and not self.faults:
             self.faults = [f"{fault} at step {self.steps}" for fault in found]
-        largest = float(np.abs(derivatives).max())
-        self.largest_derivative = max(self.largest_derivative, largest)
         self.steps += 1
