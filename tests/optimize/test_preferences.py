@@ -16,7 +16,6 @@ from dicedesign.gradient.odds_model import USUAL_SWING, TableSensitivity, Thrown
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.preferences import (
-    CIRCLE_POWER,
     USUAL_CIRCLE,
     USUAL_HELPERS,
     USUAL_INEQUALITY,
@@ -85,16 +84,6 @@ def test_a_cube_has_nothing_to_improve_but_its_circles() -> None:
     power = 2.0 * SOFTNESS
     diameter = (4 * 12 ** (power / 2) + 12 * 8 ** (power / 2) + 12 * 2**power) ** (1 / power)
     assert total(rests, "circles") == pytest.approx((USUAL_CIRCLE * diameter) ** 2 / 6)
-
-
-def test_the_smallest_circle_counts_most() -> None:
-    """The term is the squared mean, of power twice `CIRCLE_POWER`, of inverse radii."""
-    candidate = die(3)
-    facets = candidate.outcome_facets
-    alone = [total(candidate.rests, "circles", facets[i : i + 1]) for i in range(len(facets))]
-    inverse = np.sqrt(np.array(alone) / len(facets))
-    mean = (inverse ** (2 * CIRCLE_POWER)).mean() ** (1 / CIRCLE_POWER)
-    assert total(candidate.rests, "circles", facets) == pytest.approx(mean)
 
 
 def test_the_asymmetry_of_a_box() -> None:

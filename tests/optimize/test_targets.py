@@ -38,11 +38,6 @@ def test_sum_of_dice_counts_totals(sides: list[int]) -> None:
     np.testing.assert_allclose(target.probabilities, odds, rtol=1e-14)
 
 
-def test_two_six_sided_dice_are_equation_22() -> None:
-    expected = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0
-    np.testing.assert_allclose(sum_of_dice([6, 6]).probabilities, expected, rtol=1e-14)
-
-
 @pytest.mark.parametrize("outcomes", [2, 3, 7, 100])
 def test_fair_counts_each_face_once(outcomes: int) -> None:
     labels, odds = enumerated(list(range(1, outcomes + 1)))

@@ -8,10 +8,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from common.kernels import compiled_only
 from common.slow_machine import slow_machine
 
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
+from dicedesign.geometry.hulls import hull as hulls
+from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.preferences import Preferences
@@ -101,21 +104,12 @@ def test_preferences_make_the_finished_die_better() -> None:
     options = PaperOptions(prefer=Preferences(circles=1.0))
     better = descend_as_paper(start, target.probabilities, options)
     assert better.error <= 1e-12
-    radii = [
-        min(
-            _largest_circle(result, facet)
-            for facet in rest_poses(result.hull.vertices).facets.tolist()
-        )
-        / result.hull.diameter
-        for result in (designed("binomial4", "exact"), better)
-    ]
+    radii = []
+    for result in (designed("binomial4", "exact"), better):
+        poses = rest_poses(result.hull.vertices)
+        smallest = min(facet_inradius(poses.hull, facet) for facet in poses.facets.tolist())
+        radii.append(smallest / result.hull.diameter)
     assert radii[1] > 1.2 * radii[0]
-
-
-def _largest_circle(result: DesignResult, facet: int) -> float:
-    from dicedesign.geometry.hulls.polygons import facet_inradius
-
-    return facet_inradius(rest_poses(result.hull.vertices).hull, facet)
 
 
 @pytest.mark.parametrize("step", ["momentum", "line_search"])
@@ -258,3 +252,18 @@ def test_bad_bodies_are_refused() -> None:
     flat = Start(np.eye(4, 3) * [1.0, 1.0, 0.0], start.directions)
     with pytest.raises(DegenerateBodyError):
         descend_as_paper(flat, target.probabilities, PaperOptions())
+
+
+@compiled_only
+def test_a_design_is_the_same_without_reuse_of_hulls(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = designed("d6", "exact")
+    monkeypatch.setattr(hulls, "same_connectivity", lambda hull, points: None)
+    plain = designed.__wrapped__("d6", "exact")
+    assert plain.hulls_reused == 0
+    assert result.hulls_built + result.hulls_reused == plain.hulls_built
+    assert result.hulls_reused > 100
+    for ours, theirs in zip(result.history, plain.history, strict=True):
+        assert (ours.energy, ours.terms, ours.error) == (theirs.energy, theirs.terms, theirs.error)
+    assert (result.status, result.evaluations) == (plain.status, plain.evaluations)
+    for part in ("vertices", "source", "facet_start", "tail", "twin"):
+        np.testing.assert_array_equal(getattr(result.hull, part), getattr(plain.hull, part))

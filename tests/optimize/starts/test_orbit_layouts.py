@@ -11,7 +11,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.coordinates import orbits_of_directions
-from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts, fitting_groups, group_names
+from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts, fitting_groups
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.optimize.targets import binomial, fair, sum_of_dice
 
@@ -105,12 +105,6 @@ def test_odds_that_fill_no_orbits_are_refused_in_words(
 ) -> None:
     with pytest.raises(InputError, match=text):
         OrbitLayouts(target_of(classes), point_group(name))
-
-
-def test_all_groups_are_known_and_named_once() -> None:
-    names = group_names()
-    assert len(set(names)) == len(names)
-    assert sorted(len(point_group(name)) for name in names)[-1] == 120
 
 
 @pytest.mark.parametrize(

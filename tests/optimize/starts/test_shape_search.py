@@ -148,15 +148,6 @@ def test_the_pool_proposes_the_nearest_of_all_that_were_drawn() -> None:
     assert pool.scales(Pool.uneven, len(expected)) == expected
 
 
-@pytest.mark.parametrize(("outcomes", "drawn"), [(2, 30), (50, 30), (200, 10), (3000, 1)])
-def test_a_turn_that_finds_nothing_draws_so_many_and_gives_none(outcomes: int, drawn: int) -> None:
-    target = np.zeros(outcomes)
-    target[0] = 1.0
-    pool = Pool([], [])
-    assert pool.scales(target, 4) == [None] * 4
-    assert pool.drawn == 4 * drawn
-
-
 HALF = np.full(20, 1 / 19)
 HALF[[0, 19]] = 0.5 / 19
 CASES = {
