@@ -211,12 +211,14 @@ def released(
     numbers: Integers,
     orientations: Orientations,
     rng: np.random.Generator,
+    down: Floats | None = None,
 ) -> Floats:
     """States (n, 13) of a body as it is let go: position (m), quaternion w, x, y, z from principal
     axes to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
 
     numbers: (n,) of the drops, which say the paper's direction. Of those the body is turned about
-    the vertical at random. Nothing is drawn for a height, speed or spin that is one number.
+    the vertical at random, as of throws that begin with one direction `down` (3,) of the body's
+    frame, unit, downward. Nothing is drawn for a height, speed or spin that is one number.
     """
     count = len(numbers)
     states = np.zeros((count, 13))
@@ -226,23 +228,19 @@ def released(
         yaw = np.arctan2(turns[:, 1], turns[:, 0])
         turns = _standing(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
     axes = rng.normal(size=(count, 3))
-    states[:, 3:7] = turns
     spins = np.reshape(drawn(table.spin, count, rng), (-1, 1))
     states[:, 10:13] = spins * axes / np.linalg.norm(axes, axis=1)[:, None]
     states[:, 7] = drawn(table.speed, count, rng)
-    states[:, 2] = drawn(table.height, count, rng) - _lowest(body, table, turns)
-    return states
-
-
-def released_on(
-    body: RigidBody, table: Table, count: int, down: Floats, rng: np.random.Generator
-) -> Floats:
-    """The same of throws that begin with one direction (3,) of the body's frame, unit, downward,
-    turned about the vertical at random."""
-    states = released(body, table, np.arange(count), "uniform", rng)
-    yaw = rng.uniform(-np.pi, np.pi, count)
-    states[:, 3:7] = _standing(np.tile(-down @ body.axes, (count, 1)), yaw)
-    states[:, 2] = drawn(table.height, count, rng) - _lowest(body, table, states[:, 3:7])
+    heights = drawn(table.height, count, rng)
+    if down is not None:
+        yaw = rng.uniform(-np.pi, np.pi, count)
+        turns = _standing(np.tile(-down @ body.axes, (count, 1)), yaw)
+        # Each seed's throws stay those that they were.
+        heights = drawn(table.height, count, rng)
+    states[:, 3:7] = turns
+    # Of the lowest point over the center of mass.
+    lowest = (vertical(turns) @ body.vertices.T).min(axis=1) * table.size / 2.0
+    states[:, 2] = heights - lowest
     return states
 
 
@@ -251,13 +249,6 @@ def vertical(turns: Floats) -> Floats:
     w, x, y, z = turns.T
     up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
     return np.stack(up, axis=-1)
-
-
-def _lowest(body: RigidBody, table: Table, turns: Floats) -> Floats:
-    """(n,) of the lowest point over the center of mass in m; turns: (n, 4) quaternions."""
-    up = vertical(turns)
-    lowest: Floats = (up @ body.vertices.T).min(axis=1) * table.size / 2.0
-    return lowest
 
 
 def _standing(up: Floats, yaw: Floats) -> Floats:
@@ -269,13 +260,5 @@ def _standing(up: Floats, yaw: Floats) -> Floats:
     turn[real < UPSIDE_DOWN] = (0.0, 1.0, 0.0, 0.0)
     turn /= np.linalg.norm(turn, axis=1)[:, None]
     cosine, sine = np.cos(yaw / 2.0), np.sin(yaw / 2.0)
-    w, x, y, z = turn.T
-    return np.stack(
-        [
-            cosine * w - sine * z,
-            cosine * x - sine * y,
-            cosine * y + sine * x,
-            cosine * z + sine * w,
-        ],
-        axis=1,
-    )
+    w, x, y, _ = turn.T
+    return np.stack([cosine * w, cosine * x - sine * y, cosine * y + sine * x, sine * w], axis=1)

@@ -35,7 +35,6 @@ from dicedesign.throws.rigid_body import (
     RigidBody,
     drop_weights,
     released,
-    released_on,
     rigid_body,
     vertical,
 )
@@ -378,10 +377,7 @@ def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None
     """
     contact = contact_of(table)
     rng = np.random.default_rng(seed)
-    if down is None:
-        states = released(body, table, np.arange(CANDIDATES), "uniform", rng)
-    else:
-        states = released_on(body, table, CANDIDATES, down, rng)
+    states = released(body, table, np.arange(CANDIDATES), "uniform", rng, down)
     _, steps = advance(body, table, states.copy(), round(contact.seconds / contact.step))
     state = states[[np.argsort(steps, kind="stable")[CANDIDATES // 2]]]
     # Whole steps to a frame.

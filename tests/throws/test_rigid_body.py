@@ -27,7 +27,6 @@ from dicedesign.throws.rigid_body import (
     PAPER_DIRECTIONS,
     Orientations,
     released,
-    released_on,
     rigid_body,
     up_directions,
 )
@@ -137,10 +136,8 @@ SPREAD = replace(BOARD, height=(0.05, 0.2), speed=(0.0, 0.6), spin=(5.0, 25.0))
 def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
     body, count = random_body(2)[0], 4000
     rng = np.random.default_rng(5)
-    if aimed:
-        states = released_on(body, SPREAD, count, np.array([0.0, 0.0, 1.0]), rng)
-    else:
-        states = released(body, SPREAD, np.arange(count), "uniform", rng)
+    down = np.array([0.0, 0.0, 1.0]) if aimed else None
+    states = released(body, SPREAD, np.arange(count), "uniform", rng, down)
     # Heights of the lowest points, speeds and spins.
     lowest = (turns_of(states)[:, 2] @ body.vertices.T).min(axis=1) * SPREAD.size / 2.0
     motions = (np.linalg.norm(states[:, i : i + 3], axis=1) for i in (7, 10))
