@@ -43,33 +43,39 @@ LAST_SEARCH: Final = 1e-5
 AXES: Final = np.concatenate([np.eye(3), -np.eye(3)])
 
 
+@dataclass(frozen=True)
 class Descent:
     """Descents of one objective for one hull.
 
+    Attributes
+    ----------
+    within: where the center of mass may be.
     share: how much it counts that little is left to other poses.
+    steps: most of each kind.
     """
 
-    def __init__(
-        self, hull: ConvexHull, objective: Objective, within: Halfspaces, share: float
-    ) -> None:
-        self.hull, self.objective, self.within, self.share = hull, objective, within, share
+    hull: ConvexHull
+    objective: Objective
+    within: Halfspaces
+    share: float
+    steps: int
 
     def value(self, center: Floats) -> float:
         """The sum of squares, infinite where the center of mass (3,) is not allowed."""
         return self._served(center)[0]
 
-    def from_center(self, center: Floats, steps: int) -> tuple[Floats, float]:
-        """The center of mass that is reached, and the sum of squares there.
+    def from_center(self, center: Floats) -> Floats:
+        """The center of mass that is reached.
 
         Steps are those of Levenberg and Marquardt, each the least of its quadratic model within the
         half-spaces; where no such step leads down, as the odds jump or have a kink, steps along the
-        axes are tried, of smaller and smaller length. steps: most of each.
+        axes are tried, of smaller and smaller length.
         """
         value = self.value(center)
         for _ in range(3):
-            center, now = self.by_squares(center, value, steps)
+            center, now = self.by_squares(center)
             length = FIRST_SEARCH * self.hull.diameter
-            for _ in range(steps):
+            for _ in range(self.steps):
                 if now <= ENOUGH**2 or length < LAST_SEARCH * self.hull.diameter:
                     break
                 values = [self.value(center + length * axis) for axis in AXES]
@@ -79,16 +85,15 @@ class Descent:
                 else:
                     length *= 0.5
             if now <= ENOUGH**2 or now >= (1.0 - 1e-6) * value:
-                return center, now
+                break
             value = now
-        return center, value
+        return center
 
-    def by_squares(self, center: Floats, value: float, steps: int) -> tuple[Floats, float]:
-        """The same by steps of Levenberg and Marquardt alone; value: the sum of squares at the
-        start."""
+    def by_squares(self, center: Floats) -> tuple[Floats, float]:
+        """The same by steps of Levenberg and Marquardt alone, and the sum of squares there."""
         damping, factor_less, factor_more, most = DAMPING
         found = self._served(center)
-        for _ in range(steps):
+        for _ in range(self.steps):
             value, rests, served = found
             if rests is None or served is None or value <= ENOUGH**2:
                 break
@@ -124,11 +129,8 @@ NOTHING: Final = 1e-9
 """Distance over the size of the body that a center of mass has to be beyond a side by."""
 
 
-def fewest_rests(
-    stability: Stability, within: Halfspaces, centers: Floats, steps: int
-) -> tuple[Floats, int]:
-    """The center of mass with fewest rests that is found from some (n, 3), and how many facets the
-    body rests on then.
+def fewest_rests(stability: Stability, within: Halfspaces, centers: Floats, steps: int) -> Floats:
+    """The center of mass with fewest rests that is found from some (n, 3).
 
     From each, one facet after the other is left: over one of its edges, while the center of mass
     stays beyond a side of each facet that the body does not rest on. That is a linear program for
@@ -149,7 +151,7 @@ def fewest_rests(
             best, fewest = center, count
         if fewest == 1:
             break
-    return steadiest(stability, within, best), fewest
+    return steadiest(stability, within, best)
 
 
 def steadiest(stability: Stability, within: Halfspaces, center: Floats) -> Floats:
@@ -266,7 +268,7 @@ def best_center(
     hull, stability, within = poses.hull, search.stability, search.within
     if isinstance(goal, FewestRests):
         starts = search.apart(stability.counts(search.samples).astype(np.float64))
-        center, _ = fewest_rests(stability, within, starts, search.options.steps)
+        center = fewest_rests(stability, within, starts, search.options.steps)
         now, wanted = analyse(hull, center), None
         directions = now.normals
         reached = len(now.facets) < len(poses.facets) or len(now.facets) == 1
@@ -320,16 +322,15 @@ class _Search:
         shared: whether little is to be left to other poses, as far as that costs nothing.
         """
         descents = [
-            Descent(self.hull, objective, self.within, share)
+            Descent(self.hull, objective, self.within, share, self.options.steps)
             for share in (SHARES if shared else (0.0,))
         ]
         values = np.array([descents[0].value(center) for center in self.samples])
         ends = []
         for center in self.apart(values):
             for descent in descents[:-1]:
-                center, _ = descent.by_squares(center, descent.value(center), self.options.steps)
-            center, _ = descents[-1].from_center(center, self.options.steps)
-            ends.append(self._cleared(center, objective))
+                center, _ = descent.by_squares(center)
+            ends.append(self._cleared(descents[-1].from_center(center), objective))
         good = (GOOD * tolerance) ** 2
 
         def rank(end: Floats) -> tuple[float, bool, float]:
@@ -363,6 +364,5 @@ class _Search:
         clear = min(clear, 0.5 * depth)
         cell = self.stability.cell(center, clear).and_within(self.within)
         step = least_within(np.eye(3), np.zeros(3), cell.normals, cell.heights(center))
-        return Descent(self.hull, objective, cell, 0.0).from_center(
-            center + step, self.options.steps
-        )[0]
+        descent = Descent(self.hull, objective, cell, 0.0, self.options.steps)
+        return descent.from_center(center + step)

@@ -299,9 +299,9 @@ class ThrownDie:
             unresolved=throws.unresolved,
             counts=tuple(counts[:-1].tolist()),
             frequencies=tuple((counts[:-1] / resolved).tolist()),
-            intervals=tuple((float(low), float(high)) for low, high in intervals),
+            intervals=tuple((low, high) for low, high in intervals.tolist()),
             total_variation=variation.value,
-            interval=(float(variation.interval[0]), float(variation.interval[1])),
+            interval=variation.interval,
             noise_floor=variation.noise_floor,
         )
 

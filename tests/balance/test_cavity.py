@@ -11,14 +11,12 @@ from dicedesign.balance.cavity import (
     least_wall,
     measured_cavities,
     reach,
-    with_cavity,
 )
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface, joined
-from dicedesign.rest.poses import rest_poses
 
 
 def test_none_takes_less_than_a_slab_at_the_far_side() -> None:
@@ -88,13 +86,3 @@ def test_a_body_without_any() -> None:
     cube = dented_cube(0.0)
     with pytest.raises(InputError, match="expected one surface with cavities inside, got 1 orient"):
         measured_cavities(make_body(cube.points, cube.triangles))
-
-
-def test_a_solid_with_one_rests_as_its_center_of_mass_says() -> None:
-    center = np.array([0.01, 0.0, -0.03])
-    whole = with_cavity(dented_cube(), 0.3, center)
-    poses = rest_poses(make_body(whole.points, whole.triangles))
-    np.testing.assert_allclose(poses.center_of_mass, center, atol=1e-12)
-    assert poses.center_of_mass_source == "uniform solid"
-    given = rest_poses(make_body(dented_cube().points), center)
-    np.testing.assert_allclose(poses.probabilities, given.probabilities, atol=1e-9)

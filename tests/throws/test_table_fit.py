@@ -19,7 +19,6 @@ from dicedesign.throws.odds_surrogate import (
     LEVEL,
     LogOddsProcess,
     OddsSurrogate,
-    WeightedPoints,
     effective,
     weighted_points,
 )
@@ -40,44 +39,6 @@ from dicedesign.throws.table_fit import (
 from dicedesign.throws.tables import Table, least_of, table_named
 from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
 
-CENTERS = np.array([[0.3, 0.6], [0.4, 0.5]])
-
-SPREADS = np.array([[0.05, 0.1], [0.02, 0.3]])
-"""Of two counts, whose likelihood is normal in each of two parameters."""
-
-
-def normal(points: np.ndarray) -> np.ndarray:
-    return np.stack(
-        [
-            -0.5 * (((points - c) / s) ** 2).sum(axis=1)
-            for c, s in zip(CENTERS, SPREADS, strict=True)
-        ],
-        axis=1,
-    )
-
-
-@pytest.fixture(scope="module")
-def found() -> WeightedPoints:
-    return weighted_points(normal, 2, 2048, np.random.default_rng(1), leave_one_out=True)
-
-
-@pytest.mark.parametrize("without", [None, 0, 1])
-def test_moments(found: WeightedPoints, without: int | None) -> None:
-    """Against quadrature, within the limits of the cube."""
-    axis = (np.arange(1000) + 0.5) / 1000
-    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    kept = [i for i in (0, 1) if i != without]
-    exact = np.exp(normal(grid)[:, kept].sum(axis=1))
-    exact /= exact.sum()
-    weights = found.weights(without)
-    assert weights.sum() == pytest.approx(1.0)
-    mean = exact @ grid
-    deviation = np.sqrt(exact @ (grid - mean) ** 2)
-    assert (np.abs(weights @ found.points - mean) < 0.1 * deviation).all()
-    of_points = np.sqrt(weights @ (found.points - mean) ** 2)
-    assert of_points == pytest.approx(deviation, rel=0.08)
-    assert effective(weights) > 500
-
 
 def test_a_posterior_that_is_narrow_beside_the_prior() -> None:
     """As of a million throws, of which the prior's points are too far off to have any weight."""
@@ -97,23 +58,6 @@ def test_a_posterior_that_is_narrow_beside_the_prior() -> None:
 
 def curve(points: np.ndarray) -> np.ndarray:
     return np.asarray(np.sin(4.0 * points[:, 0]) + 0.5 * points[:, 1] ** 2)
-
-
-@pytest.fixture(scope="module")
-def process() -> LogOddsProcess:
-    rng = np.random.default_rng(1)
-    points = rng.random((120, 3))
-    noise = rng.uniform(0.002, 0.02, 120)
-    return LogOddsProcess(points, curve(points) + rng.normal(size=120) * np.sqrt(noise), noise)
-
-
-def test_it_finds_the_curve_and_its_own_error(process: LogOddsProcess) -> None:
-    points = np.random.default_rng(2).random((2000, 3))
-    errors = process.means(points) - curve(points)
-    deviations = np.sqrt(process.variances(points))
-    assert np.abs(errors).mean() < 0.04
-    assert 0.7 < np.sqrt(np.mean((errors / deviations) ** 2)) < 1.4
-    assert 0.8 < np.sqrt(np.mean(process.surprises() ** 2)) < 1.2
 
 
 def test_prediction_is_the_conditional_distribution() -> None:

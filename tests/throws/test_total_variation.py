@@ -97,17 +97,6 @@ def distribution(seed: int, count: int, spread: float = 1.0) -> tuple[np.ndarray
     return unit_vectors(rng.normal(size=(count, 3))), weights / weights.sum()
 
 
-def test_along_a_great_circle_it_is_the_distance_of_distribution_functions() -> None:
-    """On an arc shorter than pi the problem is that on a line."""
-    rng = np.random.default_rng(3)
-    angles, weights = np.sort(rng.uniform(0, 3, 9)), rng.dirichlet(np.ones(9))
-    other = rng.dirichlet(np.ones(9))
-    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(9)], axis=1)
-    expected = np.abs(np.cumsum(weights - other))[:-1] @ np.diff(angles)
-    found = wasserstein_distance(directions, weights, directions, other)
-    assert found == pytest.approx(expected, abs=1e-9)
-
-
 @pytest.mark.parametrize("spread", [1.0, 0.03])
 @pytest.mark.parametrize("count", [2, 11, 60])
 def test_against_another_library(count: int, spread: float) -> None:
