@@ -54,9 +54,8 @@ def dimensionless(table: Table) -> Floats:
 def table_terms(table: Table) -> Floats:
     """(`TABLE_TERMS`,) what a model's numbers are linear in: 1, the `scaled` numbers of a table and
     their products by twos. Its friction and height are above 0."""
-    numbers = scaled(dimensionless(table))
-    first, second = np.triu_indices(len(numbers))
-    return np.concatenate([[1.0], numbers, numbers[first] * numbers[second]])
+    numbers = np.array([1.0, *scaled(dimensionless(table))])
+    return np.outer(numbers, numbers)[np.triu_indices(len(numbers))]
 
 
 def scaled(numbers: Floats) -> Floats:

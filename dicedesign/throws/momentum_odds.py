@@ -65,11 +65,10 @@ def landing_odds(
     going_on = model.carries(features.carries, xp)
     stretch = xp.exp(MOST_STRETCH * xp.tanh(going[:, 3] / MOST_STRETCH))
     # One of no height may come out below 0 by rounding.
-    rounding = 0.0 * known + ROUNDING
-    barriers = xp.where(known > ROUNDING, known, rounding)
+    barriers = xp.where(known > ROUNDING, known, ROUNDING)
     free = -xp.log(-xp.expm1(-barriers / NO_BARRIER))
     rates = _bounded((going[:, :3] @ terms).T - stretch * known / temperature + free, xp)
-    barred = ((0.0 * known + model.carry_barrier) / temperature)[:, first]
+    barred = (model.carry_barrier / temperature)[:, first]
     weights = _bounded((going_on @ terms).T - barred * features.exits, xp)
     odds = features.odds
     for rate, weight in zip(rates, weights, strict=True):

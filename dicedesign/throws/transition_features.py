@@ -189,7 +189,7 @@ def body_features(
     coming, going = (_unit(_across(saddle[way], normals[j[a]]), xp) for way in (a, b))
     exits, drop = height[b] - heights[j[a]], height[a] - heights[j[a]]
     lacking = exits / (energy + ENERGY_SOFTENING) - drop
-    lacking = xp.where(lacking < MOST_LACKING, lacking, 0.0 * lacking + MOST_LACKING)
+    lacking = xp.where(lacking < MOST_LACKING, lacking, MOST_LACKING)
     of_carries = [
         kept,
         energy,
@@ -225,7 +225,7 @@ def _measure_rests(
     edge = xp.where(real[..., None], b - a, a[:, :1] - b[:, :1])
     length = _norm(edge, xp)
     edge = edge / length[..., None]
-    outward = xp.linalg.cross(edge, normal + 0.0 * edge)
+    outward = xp.linalg.cross(edge, normal)
     distance = _dot(outward, a)
     inner = _values(xp.where(real, distance, distance[:, :1]).min(-1))
     outer = _values(_norm(a - normal * heights[:, None, None], xp).max(-1))
@@ -238,7 +238,7 @@ def _measure_rests(
     far = feet - outward * depth[..., None]
     about = _dot(edge, edge @ inertia)
     kept = (about + _dot(feet, far)) / (about + _dot(far, far))
-    weight = xp.where(real, length, 0.0 * length)
+    weight = xp.where(real, length, 0.0)
     rocking = (kept * weight).sum(-1) / weight.sum(-1)
     spinning = _dot(normals, normals @ inertia)
     columns = (xp.log(odds), area, xp.log(polar), inner, outer, rocking, spinning)
