@@ -219,17 +219,18 @@ class Room:
 
     def plain(self) -> dict[str, Any]:
         """All there is to know, as plain data."""
+        bodies = [(body, self.models[body.model]) for body in self.bodies]
         return {
             "floor": self.floor,
             "bodies": [
                 {
-                    "file": self.models[body.model].name,
+                    "file": model.name,
                     "pose": body.rest + 1,
-                    "probability": float(self.models[body.model].poses.probabilities[body.rest]),
-                    "scale": self.models[body.model].scale,
+                    "probability": float(model.poses.probabilities[body.rest]),
+                    "scale": model.scale,
                     "transform": body.transform.tolist(),
                 }
-                for body in self.bodies
+                for body, model in bodies
             ],
         }
 
@@ -292,17 +293,14 @@ def scattered(
             f"{small.size:.3g} of {small.name} and {large.size:.3g} of {large.name}; scale all to "
             "one size with --size"
         )
-    lying = []
+    lying, footprints = [], []
     for k in range(count):
-        number = k % len(models)
-        model = models[number]
+        model = models[k % len(models)]
         transforms, rests = model.poses.sample(1, draws)
         transform = np.diag([model.scale] * 3 + [1.0]) @ transforms[0]
-        lying.append(Lying(number, int(rests[0]), transform))
-    footprints = [
-        Footprint.under(body.placed(models[body.model].poses.hull.vertices)[:, :2])
-        for body in lying
-    ]
+        body = Lying(k % len(models), int(rests[0]), transform)
+        lying.append(body)
+        footprints.append(Footprint.under(body.placed(model.poses.hull.vertices)[:, :2]))
     if floor is None:
         floor, shifts = fitting_floor(footprints, places)
     else:
