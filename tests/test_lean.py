@@ -19,13 +19,12 @@ import torch
 import trimesh
 from common.blade import blade
 from common.dented_cube import write_cube
-from common.kernels import compiled_only
 
 from dicedesign import rest_poses
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient import rest_odds as differentiable
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.energy import Evaluation, Objective
+from dicedesign.optimize.energy import Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.descent import LineSearch
@@ -35,17 +34,16 @@ from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import sum_of_dice
 from dicedesign.optimize.terms import TERMS
 from dicedesign.rest import morse, poses
-from dicedesign.rest.equilibria import Equilibria, ExactSigns, classify
+from dicedesign.rest.equilibria import ExactSigns, classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.roll import roll_steps
-from tests.reference.extremes import large, weighted_sphere
+from tests.reference.extremes import large
 
 SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highspy", "qpsolvers"}
 """Modules that solve quadratic programs."""
 
 
-PAPER_TERMS = ("dice", "coplanar", "barycenter", "neighbor")
-REGULARIZERS = (*PAPER_TERMS[1:], "stability", "apart")
+REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
 
 
 def modules_after(arguments: list[str], folder: Path) -> set[str]:
@@ -156,10 +154,11 @@ def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -
     assert loaded & {"torch", "manifold3d", "trimesh"} == set()
 
 
-@pytest.fixture(scope="module")
-def bladed() -> tuple[Equilibria, np.ndarray, np.ndarray]:
-    """A body, its saddles, and whether each divides two basins: which do is told by bodies that are
-    let go on both sides of each saddle and rolled."""
+def test_saddles_that_divide_nothing_are_not_traced(
+    monkeypatch: pytest.MonkeyPatch,
+    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+) -> None:
+    """Which do is told by bodies that are let go on both sides of each saddle and rolled."""
     hull = blade(40, 100)
     equilibria = classify(hull, np.zeros(3))
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
@@ -169,33 +168,11 @@ def bladed() -> tuple[Equilibria, np.ndarray, np.ndarray]:
     )
     apart = np.abs(ends[:, 0] - ends[:, 1]).max(axis=1) > 1e-9
     assert 10 < apart.sum() < len(saddles) - 10
-    return equilibria, saddles, apart
-
-
-def test_saddles_that_divide_nothing_are_not_traced(
-    monkeypatch: pytest.MonkeyPatch,
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
-    bladed: tuple[Equilibria, np.ndarray, np.ndarray],
-) -> None:
-    equilibria, saddles, apart = bladed
     calls = counted(morse, "ascend")
+    np.testing.assert_array_equal(separatrices(equilibria).saddles, saddles[apart])
     monkeypatch.setattr(kernels, "compiled", None)
     separatrices(equilibria)
-    assert len(calls) == 1
-    np.testing.assert_array_equal(calls[0][1], np.repeat(saddles[apart], 2))
-
-
-@compiled_only
-def test_kernels_return_the_saddles_that_divide(
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
-    bladed: tuple[Equilibria, np.ndarray, np.ndarray],
-) -> None:
-    equilibria, saddles, apart = bladed
-    calls = counted(morse, "ascend")
-    paths = separatrices(equilibria)
-    assert not calls
-    np.testing.assert_array_equal(paths.saddles, saddles[apart])
-    assert len(paths.lengths) == 2 * apart.sum()
+    np.testing.assert_array_equal(calls[-1][1], np.repeat(saddles[apart], 2))
 
 
 def test_odds_make_no_transforms_and_no_polylines(
@@ -207,21 +184,6 @@ def test_odds_make_no_transforms_and_no_polylines(
     assert "polylines" not in vars(answer.morse)
     assert len(answer.transforms) == len(calls) == len(answer.probabilities)
     assert len(answer.morse.polylines) == len(answer.morse.saddles)
-
-
-def test_a_body_with_one_rest_has_nothing_rolled_or_traced(
-    monkeypatch: pytest.MonkeyPatch,
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
-) -> None:
-    monkeypatch.setattr(kernels, "compiled", None)
-    works = [counted(morse, "destined_facets"), counted(morse, "ascend")]
-    body = weighted_sphere()
-    assert rest_poses(body.points, body.center).probabilities.tolist() == [1.0]
-    for calls in works:
-        assert calls
-        for equilibria, elements, *_ in calls:
-            assert equilibria.saddle.any()
-            assert len(elements) == 0
 
 
 def test_exact_arithmetic_is_for_what_rounding_leaves_open(
@@ -251,55 +213,11 @@ def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, te
         descend(weights=PaperWeights(**{term: 0.1}))
 
 
-@compiled_only
-@pytest.mark.parametrize("term", REGULARIZERS)
-def test_kernels_leave_out_a_term_without_weight(
-    monkeypatch: pytest.MonkeyPatch, term: str
-) -> None:
-    """They are not told to evaluate it, and return 0; some are in Python."""
-    in_python = term in ("stability", "apart")
-    if in_python:
-        replaced(monkeypatch, term, value_and_gradient=forbidden)
-    made_by_kernels = kernels.energies
-    values: list[list[float]] = []
-    asked: list[list[bool]] = []
-
-    def recorded(*arguments: Any, **options: Any) -> Any:
-        made = made_by_kernels(*arguments, **options)
-        values.append(made.values())
-        asked.append(options["wanted"])
-        return made
-
-    monkeypatch.setattr(kernels, "energies", recorded)
-    result = descend(weights=PaperWeights(**{term: 0.0}))
-    assert term not in result.terms
-    assert len(asked) >= 5
-    expected = [name != term for name in PAPER_TERMS]
-    assert asked == [expected] * len(asked)
-    assert not any(
-        v for row in values for v, wanted in zip(row, expected, strict=True) if not wanted
-    )
-    if in_python:
-        with pytest.raises(AssertionError, match="not asked for"):
-            descend(weights=PaperWeights(**{term: 0.1}))
-
-
 def test_a_fixed_center_of_mass_takes_no_mass_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("hull_centroid", "centroid_gradient"):
         monkeypatch.setattr(differentiable, name, forbidden)
-    following = []
-    original = Objective.evaluate
-
-    def spy(self: Objective, parameters: np.ndarray, directions: np.ndarray) -> Evaluation:
-        evaluation = original(self, parameters, directions)
-        following.append(evaluation.rests.center.requires_grad)
-        return evaluation
-
-    monkeypatch.setattr(Objective, "evaluate", spy)
     result = descend(center_of_mass=np.array([0.01, 0.0, 0.02]))
     assert len(result.history) >= 5
-    assert following
-    assert not any(following)
     with pytest.raises(AssertionError, match="not asked for"):
         descend()
 
