@@ -91,7 +91,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     row = report.table(
         "recipes",
         "recipe 26s | method 7s | verdict 12s | outcomes 8d | rests 5d | max |p - q| 9.1e | "
-        "odds s 7.3f | s 7.3f | circle mm 7.2f | border deg 7.1f",
+        "odds s 7.3f | s 7.3f",
     )
     for recipe in read_recipes(options):
         if recipe.method.concave is None and not recipe.method.thrown:
@@ -143,22 +143,12 @@ def design_recipe(recipe: Recipe) -> tuple[object, ...]:
     try:
         run_stages(work, after="start", last="design")
     except NoStartError:
-        seconds = time.perf_counter() - start
-        return (*head, "no die", len(labels), None, None, None, seconds, None, None)
+        return (*head, "no die", len(labels), None, None, None, time.perf_counter() - start)
     seconds = time.perf_counter() - start
     run_stages(work, after="design", last="check")
     die = work.result()
     met = (step.seconds for step in die.history if (step.max_abs_error or 0.0) <= tolerance)
     is_whole = sorted(facet.label or "" for facet in die.facets) == sorted(labels)
     verdict = "solved" if is_whole and die.status == "converged" else die.status.replace("_", " ")
-    return (
-        *(
-            *head,
-            verdict,
-            len(labels),
-            len(die.facets),
-            die.design.max_abs_error if is_whole else None,
-        ),
-        *(next(met, None), seconds, min(facet.inradius_mm for facet in die.facets)),
-        min(facet.border_deg for facet in die.facets),
-    )
+    error = die.design.max_abs_error if is_whole else None
+    return (*head, verdict, len(labels), len(die.facets), error, next(met, None), seconds)

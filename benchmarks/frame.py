@@ -9,7 +9,6 @@ whether all is as it should be, and may have `add_options(parser)` for options b
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import gc
 import json
 import os
@@ -27,15 +26,12 @@ from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dicedesign import DiceError, Recipe, read_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 BENCHES = (
     "accuracy",
@@ -61,12 +57,12 @@ class Report:
     Attributes
     ----------
     record: what JSON will have, tables as lists of rows.
-    figure: a picture to be saved beside it, if a bench sets one.
+    figure: of matplotlib, to be saved beside it, if a bench sets one.
     """
 
     def __init__(self, *, show: bool) -> None:
         self.record: dict[str, Any] = {}
-        self.figure: Figure | None = None
+        self.figure: Any = None
         self._show = show
         self._last = ""
 
@@ -173,15 +169,11 @@ def _description() -> dict[str, str]:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON has no form for: arrays as lists, dataclasses as objects, others as text."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-    return str(value)
+    """What JSON has no form for: arrays as lists, others as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def panels(count: int, columns: int, size: tuple[float, float] = (5.0, 3.8)) -> tuple[Figure, Any]:
+def panels(count: int, columns: int, size: tuple[float, float] = (5.0, 3.8)) -> tuple[Any, Any]:
     """A figure and its axes, one after the other; those beyond the count are blank."""
     from matplotlib.figure import Figure
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -15,7 +15,7 @@ from dicedesign.view.application import View
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-PATIENCE: Final = 60_000.0
+PATIENCE = 60_000.0
 """Milliseconds that a page on a busy machine without a graphics card may take."""
 
 

@@ -7,17 +7,17 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-MISSING_BROWSER: Final = "no browser: "
+MISSING_BROWSER = "no browser: "
 """Reasons for skipping tests that need one begin so."""
 
-PROGRAMS: Final = ("chromium", "chromium-browser", "google-chrome")
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 
-ARGUMENTS: Final = (
+ARGUMENTS = (
     "--no-sandbox",
     "--lang=en-US",
     "--use-gl=angle",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import pytest
 
@@ -13,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
 """Public models and published results, where they lie beside the checkout."""
 
-MISSING_DATA: Final = "no public data: "
+MISSING_DATA = "no public data: "
 """Reasons for skipping tests that need them begin so; a run ends with the list of these tests."""
 
 

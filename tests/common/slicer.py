@@ -7,13 +7,12 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import pytest
 
-PROGRAM: Final = "prusa-slicer"
+PROGRAM = "prusa-slicer"
 
-MISSING_SLICER: Final = "no slicer: "
+MISSING_SLICER = "no slicer: "
 """Reasons for skipping tests that need it begin so."""
 
 
