@@ -145,55 +145,37 @@ class ExactOptions:
         if not FINEST_TOLERANCE <= self.tolerance < 1.0:
             expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
             raise refused("tolerance", expected, self.tolerance, "1e-12")
-        _check_coordinates(self.coordinates, self.sobolev)
+        require_choice("coordinates", self.coordinates, "facets", "vertices")
+        if self.sobolev is not None and self.coordinates != "vertices":
+            raise InputError(
+                'sobolev: expected coordinates "vertices", whose gradient lives on the surface, '
+                f"got {self.coordinates!r}; leave sobolev out or change coordinates"
+            )
         if self.refine is not None and self.odds != "thrown":
             raise InputError(
                 'refine: expected odds "thrown" with it, got "resting"; leave refine out, or write '
                 "odds: thrown"
             )
         if self.hand is not None:
-            _check_hand(self.hand, self.odds)
+            if self.odds != "thrown":
+                raise InputError(
+                    f'hand: expected odds "thrown" with it, got {self.odds!r}; leave hand out, or '
+                    "write odds: thrown"
+                )
+            # Raises where there is no such way.
+            hand_named(self.hand)
         if self.starts < 1:
             raise refused("starts", "a whole number above 0", self.starts, "60")
         if self.evaluations is not None and self.evaluations < 1:
             default = f"{MOST_WORK} over the number of outcomes"
             raise refused("evaluations", "a whole number above 0", self.evaluations, default)
-        _check_seconds(self.seconds)
+        if self.seconds is not None and not 0.0 < self.seconds < np.inf:
+            raise refused("seconds", "a positive number", self.seconds, "no limit")
 
     @property
     def thrown_onto(self) -> str:
         """Name of the table with the way to throw, for `table_named`."""
         return with_hand(self.table, self.hand)
-
-
-def _check_coordinates(coordinates: str, sobolev: SobolevOptions | None) -> None:
-    """Raise InputError unless coordinates are "facets" or "vertices", with the operator for the
-    latter only."""
-    if coordinates not in ("facets", "vertices"):
-        raise InputError(
-            f'coordinates: expected "facets" or "vertices", got {coordinates!r}; choose one of the '
-            "two"
-        )
-    if sobolev is not None and coordinates != "vertices":
-        raise InputError(
-            'sobolev: expected coordinates "vertices", whose gradient lives on the surface, got '
-            f"{coordinates!r}; leave sobolev out or change coordinates"
-        )
-
-
-def _check_hand(hand: str, odds: str) -> None:
-    if odds != "thrown":
-        raise InputError(
-            f'hand: expected odds "thrown" with it, got {odds!r}; leave hand out, or write odds: '
-            "thrown"
-        )
-    # Raises where there is no such way.
-    hand_named(hand)
-
-
-def _check_seconds(seconds: float | None) -> None:
-    if seconds is not None and not 0.0 < seconds < np.inf:
-        raise refused("seconds", "a positive number", seconds, "no limit")
 
 
 def require_choice(name: str, value: str, *choices: str) -> None:

@@ -55,72 +55,6 @@ BY_SHAPE: Final = ((0.2, 0.02), (0.2, 0.05), (0.8, 0.02), (0.8, 0.1))
 """The same of its change with each measure of the die, and of what is each die's own: guesses."""
 
 
-@dataclass(frozen=True)
-class KnownOdds:
-    """What is known.
-
-    Attributes
-    ----------
-    target: (k,) wanted odds. orbits: (k,) a number for each outcome, the same within an orbit.
-    bias: of the orbits.
-    first: (f,) measures of the first die. meant: (d,) of the table that is meant, all 0.
-    dice: most dice that are thrown.
-    """
-
-    target: Floats
-    orbits: Integers
-    bias: Bias
-    first: Floats
-    meant: Floats
-    dice: int
-
-    @classmethod
-    def nothing(
-        cls, target: Floats, orbits: Integers, first: Floats, tables: int, dice: int
-    ) -> KnownOdds:
-        """Nothing yet, of so many dice at most, with measures as those of the first (f,), and of
-        tables with so many measures."""
-        deviations = [
-            np.repeat([COMMON, by_table, by_shape, own], [1, tables, len(first), dice])
-            for by_table in BY_TABLE
-            for by_shape, own in BY_SHAPE
-        ]
-        return cls(target, orbits, Bias(np.array(deviations)), first, np.zeros(tables), dice)
-
-    def learn(
-        self, shape: Floats, number: int, table: Floats, odds: Floats, counts: Integers
-    ) -> None:
-        """Take note of counts (k,) of the die of a number, with measures (f,), on a table with
-        measures (d,), and odds (k,) in the model."""
-        pooled = np.rint(self._by_orbit(counts)).astype(np.int64)
-        self.bias.learn(self._features(shape, number, table), self._by_orbit(odds), pooled)
-
-    def logarithms(self, shape: Floats, number: int | None, table: Floats) -> Floats:
-        """(..., k) of the outcomes' odds over those in the model on tables (..., d); of a die that
-        was thrown, or of another for None."""
-        return self.bias.logarithms(self._features(shape, number, table))[..., self.orbits]
-
-    def variation(self, shape: Floats, number: int, table: Floats, odds: Floats) -> float:
-        """Total variation from the target that is to be expected of a die that was thrown, with
-        odds (k,) in the model."""
-        belief = self.bias.belief(self._features(shape, number, table), self._by_orbit(odds))
-        return expected_variation(belief, self._by_orbit(self.target))
-
-    def _by_orbit(self, values: Floats | Integers) -> Floats:
-        sums: Floats = np.bincount(self.orbits, values).astype(np.float64)
-        return sums
-
-    def _features(self, shape: Floats, number: int | None, table: Floats) -> Floats:
-        """(..., 1 + d + f + n) what the bias depends on."""
-        own = np.zeros(self.dice)
-        if number is not None:
-            own[number] = 1.0
-        of_die = np.concatenate([shape - self.first, own])
-        ones = np.ones((*table.shape[:-1], 1))
-        rows = np.broadcast_to(of_die, (*table.shape[:-1], len(of_die)))
-        return np.concatenate([ones, table, rows], axis=-1)
-
-
 ON_TABLES: Final = 0.5
 """Throws onto the other tables, all together, over those onto the one that is meant."""
 
@@ -210,21 +144,31 @@ class Refinement:
         makes a die right."""
         if len(np.unique(self.orbits)) == 1:
             return die, ()
-        known = KnownOdds.nothing(
-            self.target, self.orbits, self.measures(die), self.tables.shape[1], self.rounds
-        )
+        known = _KnownOdds(self, self.measures(die), self.rounds)
         asked, dice, seen, own, least = self.target, list[_Seen](), 0, 0, self.drops
+
+        def best_of_all() -> _Seen:
+            return min(dice, key=lambda one: self._shortfall(known, one))
+
         for number in range(self.rounds):
-            drops = min(max(least, min(seen, self._lacking(seen))), MOST_DROPS)
-            found = self._thrown(known, die, asked, drops, number, own)
+            # What is needed, were all throws of one die, until what is not known of it is below
+            # what ends the rounds; at least a part of those so far, as they are not.
+            floor = noise_floor(np.bincount(self.orbits, self.target), max(seen, 1))
+            enough = seen * (floor / (AIM * self.within)) ** 2
+            lacking = math.ceil(max(enough - seen, LEAST_GROWTH * seen))
+            drops = min(max(least, min(seen, lacking)), MOST_DROPS)
+            each = math.ceil(ON_TABLES * drops / max(len(self.tables), 1))
+            thrown = self._thrown(die, drops, each, number)
+            found = _Seen(die, asked, self.measures(die), own, thrown)
+            known.learn(found)
             dice.append(found)
             seen += drops
             if self.on_round is not None:
                 self.on_round(self._round(known, found))
-            is_right = self._here(known, found) <= AIM
+            is_right = known.variations(found)[0] / self.within <= AIM
             is_steady = number > 0 or self._shortfall(known, found) <= ENOUGH
-            best = min(dice, key=lambda one: self._shortfall(known, one))
-            tried = sum(one.thrown.counts.sum() for one in dice if one.number == best.number)
+            best = best_of_all()
+            tried = sum(one.thrown[0].counts.sum() for one in dice if one.number == best.number)
             is_over, enough = is_right and is_steady, TRIED * self.drops
             if (is_over and tried >= enough) or number == self.rounds - 1:
                 break
@@ -235,89 +179,62 @@ class Refinement:
             if improved is None:
                 break
             (die, asked), own, least = improved, number + 1, self.drops
-        best = min(dice, key=lambda one: self._shortfall(known, one))
+        best = best_of_all()
         return best.die, tuple(self._round(known, one, one is best) for one in dice)
 
     def swing(self, die: DesignResult, place: int) -> float:
         """Total variation between the odds of a die on the table that is meant and on the others,
         for all but one in ten of these, by throws that have the number `place` after those of all
         rounds."""
-        shape = self.measures(die)
-        known = KnownOdds.nothing(self.target, self.orbits, shape, self.tables.shape[1], 1)
-        series, each = self.rounds + place, math.ceil(TELLING * self.drops / len(self.tables))
-        meant = self.throw(die, math.ceil(self.drops / 2), series)
-        others = self.throw_on_tables(die, each, series)
-        thrown = list(zip([known.meant, *self.tables], [meant, *others], strict=True))
-        for table, one in thrown:
-            known.learn(shape, 0, table, one.odds, one.counts[:-1])
-        odds = [one.odds * np.exp(known.logarithms(shape, 0, table)) for table, one in thrown]
+        shape, drops = self.measures(die), math.ceil(self.drops / 2)
+        each = math.ceil(TELLING * self.drops / len(self.tables))
+        thrown = self._thrown(die, drops, each, self.rounds + place)
+        known = _KnownOdds(self, shape, 1)
+        known.learn(_Seen(die, self.target, shape, 0, thrown))
+        logarithms = known.logarithms(shape, 0, self.places)
+        odds = [one.odds * np.exp(row) for one, row in zip(thrown, logarithms, strict=True)]
         own, *changed = (row / row.sum() for row in odds)
         return float(np.quantile([total_variation(row, own) for row in changed], OFTEN))
 
-    def _lacking(self, seen: int) -> int:
-        """Throws that are needed beside those so far, were all of one die, until what is not known
-        of it is below what ends the rounds; at least a part of those so far, as they are not."""
-        floor = noise_floor(np.bincount(self.orbits, self.target), max(seen, 1))
-        enough = seen * (floor / (AIM * self.within)) ** 2
-        return math.ceil(max(enough - seen, LEAST_GROWTH * seen))
+    @property
+    def places(self) -> Floats:
+        """(1 + t, d) measures of the table that is meant, all 0, and of the others."""
+        return np.pad(self.tables, ((1, 0), (0, 0)))
 
-    def _thrown(
-        self,
-        known: KnownOdds,
-        die: DesignResult,
-        asked: Floats,
-        drops: int,
-        number: int,
-        own: int,
-    ) -> _Seen:
-        """A die thrown onto all tables, of which note is taken. number: of the round; own: that in
-        which the die was thrown first."""
-        shape = self.measures(die)
-        thrown, others = self.throw(die, drops, number), list[Thrown]()
-        known.learn(shape, own, known.meant, thrown.odds, thrown.counts[:-1])
-        if len(self.tables):
-            each = math.ceil(ON_TABLES * drops / len(self.tables))
-            others = self.throw_on_tables(die, each, number)
-            for table, one in zip(self.tables, others, strict=True):
-                known.learn(shape, own, table, one.odds, one.counts[:-1])
-        return _Seen(die, asked, shape, own, thrown, tuple(others))
+    def _thrown(self, die: DesignResult, drops: int, each: int, number: int) -> list[Thrown]:
+        """A die thrown so often onto the table that is meant, and onto each of the others."""
+        others = self.throw_on_tables(die, each, number) if len(self.tables) else []
+        return [self.throw(die, drops, number), *others]
 
-    def _round(self, known: KnownOdds, seen: _Seen, is_kept: bool = False) -> RoundOfThrows:
-        counts = seen.thrown.counts
-        drops = int(counts.sum())
+    def _round(self, known: _KnownOdds, seen: _Seen, is_kept: bool = False) -> RoundOfThrows:
+        counts, *others = (one.counts for one in seen.thrown)
+        drops, (here, elsewhere) = int(counts.sum()), self._expected(known, seen)
         return RoundOfThrows(
             drops=drops,
             deviation=total_variation(counts / drops, np.append(self.target, 0.0)),
             noise_floor=noise_floor(self.target, drops),
-            expected=known.variation(seen.shape, seen.number, known.meant, seen.thrown.odds),
-            elsewhere_drops=sum(int(one.counts.sum()) for one in seen.others),
-            elsewhere=self._elsewhere(known, seen),
+            expected=here,
+            elsewhere_drops=sum(int(one.sum()) for one in others),
+            elsewhere=elsewhere,
             is_kept=is_kept,
             asked=tuple(seen.asked.tolist()),
             frequencies=tuple((counts[:-1] / drops).tolist()),
         )
 
-    def _elsewhere(self, known: KnownOdds, seen: _Seen) -> float | None:
-        """See `RoundOfThrows`."""
-        found = [
-            known.variation(seen.shape, seen.number, table, one.odds)
-            for table, one in zip(self.tables, seen.others, strict=True)
-        ]
-        return float(np.quantile(found, OFTEN)) if found else None
+    def _expected(self, known: _KnownOdds, seen: _Seen) -> tuple[float, float | None]:
+        """See `RoundOfThrows`: on the table that is meant, and elsewhere."""
+        here, *others = known.variations(seen)
+        return here, float(np.quantile(others, OFTEN)) if others else None
 
-    def _shortfall(self, known: KnownOdds, seen: _Seen) -> float:
+    def _shortfall(self, known: _KnownOdds, seen: _Seen) -> float:
         """The expected deviation of a die over what counts as reached: that on the table that is
         meant, or the mean of that and of that on the others."""
-        here, elsewhere = self._here(known, seen), self._elsewhere(known, seen)
+        here, elsewhere = self._expected(known, seen)
+        here /= self.within
         return here if elsewhere is None else (here + elsewhere / (LOOSER * self.within)) / 2.0
 
-    def _here(self, known: KnownOdds, seen: _Seen) -> float:
-        """The same on the table that is meant alone."""
-        odds = seen.thrown.odds
-        return known.variation(seen.shape, seen.number, known.meant, odds) / self.within
-
     def _corrected(
-        self, known: KnownOdds, seen: _Seen, is_making: bool
+        self, known: _KnownOdds, seen: _Seen, is_making: bool
     ) -> tuple[DesignResult, Floats] | None:
         """A die that makes up for what is known, and its odds in the model.
 
@@ -328,41 +245,29 @@ class Refinement:
         found, shape = None, seen.shape
         number: int | None = seen.number
         for turn in range(MOST_TURNS):
-            wanted = np.log(self.target) - known.logarithms(shape, number, known.meant)
+            wanted = np.log(self.target) - known.logarithms(shape, number, self.places[0])
             lacking.append(wanted - asked[-1])
             if turn > 0 and np.abs(self.target * lacking[-1]).sum() / 2.0 < EXACT * self.within:
                 break
-            is_first = turn == 0
-            sensitivity = (
-                known.logarithms(shape, number, self.tables) if is_making and is_first else None
-            )
-            die = seen.die if found is None else found[0]
-            again = self._near(die, asked[-1], _mixed(asked, lacking), sensitivity, is_first)
+            sensitivity = None
+            if is_making and turn == 0:
+                sensitivity = known.logarithms(shape, number, self.tables)
+            die, again = seen.die if found is None else found[0], None
+            wanted = _mixed(asked, lacking)
+            # Where none is found but one is needed, a die goes a part of the way.
+            for halving in range(MOST_HALVINGS if turn == 0 else 1):
+                part = 0.5**halving
+                odds = np.exp(part * wanted + (1.0 - part) * asked[-1])
+                odds /= odds.sum()
+                again = self.design(die, odds, sensitivity)
+                if again is not None:
+                    break
             if again is None:
                 break
-            found = again
-            asked.append(np.log(found[1]))
-            shape, number = self.measures(found[0]), None
+            found = again, odds
+            asked.append(np.log(odds))
+            shape, number = self.measures(again), None
         return found
-
-    def _near(
-        self,
-        die: DesignResult,
-        before: Floats,
-        wanted: Floats,
-        sensitivity: Floats | None,
-        is_needed: bool,
-    ) -> tuple[DesignResult, Floats] | None:
-        """A die near one whose odds in the model have logarithms (k,), with others (k,), and its
-        odds; where none is found but one is needed, one that goes a part of the way."""
-        for halving in range(MOST_HALVINGS if is_needed else 1):
-            part = 0.5**halving
-            odds = np.exp(part * wanted + (1.0 - part) * before)
-            odds /= odds.sum()
-            found = self.design(die, odds, sensitivity)
-            if found is not None:
-                return found, odds
-        return None
 
 
 def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
@@ -391,5 +296,58 @@ class _Seen:
     asked: Floats
     shape: Floats
     number: int
-    thrown: Thrown
-    others: tuple[Thrown, ...]
+    thrown: list[Thrown]
+
+
+class _KnownOdds:
+    """What throws say of the odds of dice over those in the model, by orbits of outcomes."""
+
+    def __init__(self, refinement: Refinement, first: Floats, dice: int) -> None:
+        """Nothing yet, of so many dice at most, with measures as those of the first (f,)."""
+        sizes = [1, refinement.tables.shape[1], len(first), dice]
+        deviations = [
+            np.repeat([COMMON, by_table, by_shape, own], sizes)
+            for by_table in BY_TABLE
+            for by_shape, own in BY_SHAPE
+        ]
+        self.bias = Bias(np.array(deviations))
+        self.first, self.dice = first, dice
+        self.target, self.orbits = refinement.target, refinement.orbits
+        self.places = refinement.places
+
+    def learn(self, seen: _Seen) -> None:
+        """Take note of throws."""
+        for place, one in zip(self.places, seen.thrown, strict=True):
+            counts = np.rint(self._by_orbit(one.counts[:-1])).astype(np.int64)
+            features = self._features(seen.shape, seen.number, place)
+            self.bias.learn(features, self._by_orbit(one.odds), counts)
+
+    def logarithms(self, shape: Floats, number: int | None, table: Floats) -> Floats:
+        """(..., k) of the outcomes' odds over those in the model on tables (..., d); of a die that
+        was thrown, or of another for None."""
+        return self.bias.logarithms(self._features(shape, number, table))[..., self.orbits]
+
+    def variations(self, seen: _Seen) -> list[float]:
+        """Total variation from the target that is to be expected of a die that was thrown, on each
+        table."""
+        return [
+            expected_variation(
+                self.bias.belief(
+                    self._features(seen.shape, seen.number, place), self._by_orbit(one.odds)
+                ),
+                self._by_orbit(self.target),
+            )
+            for place, one in zip(self.places, seen.thrown, strict=True)
+        ]
+
+    def _by_orbit(self, values: Floats | Integers) -> Floats:
+        sums: Floats = np.bincount(self.orbits, values).astype(np.float64)
+        return sums
+
+    def _features(self, shape: Floats, number: int | None, table: Floats) -> Floats:
+        """(..., 1 + d + f + n) what the bias depends on."""
+        own = np.arange(self.dice) == (-1 if number is None else number)
+        of_die = np.concatenate([shape - self.first, own])
+        ones = np.ones((*table.shape[:-1], 1))
+        rows = np.broadcast_to(of_die, (*table.shape[:-1], len(of_die)))
+        return np.concatenate([ones, table, rows], axis=-1)

@@ -36,7 +36,7 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
     place = np.argsort(np.argsort(-target, kind="stable"), kind="stable")
 
     def even(number: int) -> Start | None:
-        if outcomes < FEWEST_FACETS or helpers > 0:
+        if outcomes < FEWEST_FACETS:
             return None
         shape = repulsion(outcomes, seed + number)
         return replace(shape, directions=rng.permutation(shape.directions))
@@ -45,23 +45,13 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
         pebble = rng.random() < 0.5
         normals, distances = _pebble(outcomes + helpers, rng) if pebble else _bowl(outcomes, rng)
         made = start_with_odds(normals, distances, outcomes)
-        if made is None or not has_helpers(made[0], helpers):
+        if made is None:
             return None
         start, odds, _ = made
         order = np.argsort(-odds, kind="stable")[place]
         return replace(start, directions=start.directions[order]), odds[order]
 
-    def needle() -> Start | None:
-        found = needle_near(target, rng)
-        return found if found is not None and has_helpers(found, helpers) else None
-
-    return nearest_first(target, even, draw, needle)
-
-
-def has_helpers(start: Start, helpers: int) -> bool:
-    """Whether a shape has at least so many facets without an outcome."""
-    least = len(start.directions) + helpers
-    return helpers == 0 or len(convex_hull(start.points).normals) >= least
+    return nearest_first(target, helpers, even, draw, lambda: needle_near(target, rng))
 
 
 def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -134,6 +124,7 @@ STRETCH: Final = (-1.5, 1.0)
 
 def nearest_first(
     target: Floats,
+    helpers: int,
     even: Callable[[int], Start | None],
     draw: Callable[[], tuple[Start, Floats] | None],
     another: Callable[[], Start | None] = lambda: None,
@@ -145,24 +136,30 @@ def nearest_first(
     turn draws polyhedra into a pool. It proposes the nearest in odds of all in the pool, if they
     are near, then another shape, and the nearest of those far away if there was neither.
 
-    target: (k,) wanted probabilities; even: makes the shape of a number from 0; draw: makes a
+    target: (k,) wanted probabilities; helpers: least number of facets without an outcome, of which
+    even shapes have none; even: makes the shape of a number from 0; draw: makes a
     random polyhedron and its odds (k,), or None where what was drawn does not suit; another: makes
     a shape that is proposed in each turn, if not None.
     """
+
+    def suits(start: Start) -> bool:
+        least = outcomes + helpers
+        return helpers == 0 or len(convex_hull(start.points).normals) >= least
+
     outcomes = len(target)
     if np.linalg.norm(target - 1.0 / outcomes) < FAR:
         for number in range(EVEN_SHAPES):
-            yield even(number)
+            yield even(number) if helpers == 0 else None
     pool: list[tuple[float, Start]] = []
     while True:
         for _ in range(max(min(DRAWN, DRAWN_OUTCOMES // outcomes), 1)):
-            if (drawn := draw()) is not None:
+            if (drawn := draw()) is not None and suits(drawn[0]):
                 pool.append((float(np.linalg.norm(drawn[1] - target)), drawn[0]))
         pool.sort(key=lambda entry: -entry[0])
         near = sum(distance < FAR for distance, _ in pool[-PROPOSED:])
         for _ in range(near):
             yield pool.pop()[1]
-        if (other := another()) is not None:
+        if (other := another()) is not None and suits(other):
             yield other
         elif near == 0:
             yield pool.pop()[1] if pool else None

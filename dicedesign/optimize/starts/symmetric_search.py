@@ -17,7 +17,6 @@ from dicedesign.optimize.starts.search import (
     REPULSION_STEPS,
     STRETCH,
     UNEVENNESS,
-    has_helpers,
     nearest_first,
 )
 from dicedesign.optimize.starts.shapes import about_centroid, spread_orbits, start_with_odds
@@ -68,8 +67,6 @@ def symmetric_shapes_near(
     axes = np.flatnonzero((np.abs(np.diagonal(group, 0, 1, 2)) == 1.0).all(axis=0))
 
     def even(_: int) -> Start | None:
-        if helpers > 0:
-            return None
         layout = layouts.draw(rng)
         normals = spread_orbits([site for site, _ in layout], rng, EVEN_STEPS)
         distances = np.ones(len(layout))
@@ -84,10 +81,9 @@ def symmetric_shapes_near(
             polyhedron = _pebble(layouts, layout, axes.tolist(), helpers, rng)
         else:
             polyhedron = _bowl(layouts, layout, floor, rng)
-        made = _start(*polyhedron, layout, target)
-        return made if made is not None and has_helpers(made[0], helpers) else None
+        return _start(*polyhedron, layout, target)
 
-    return nearest_first(target, even, draw)
+    return nearest_first(target, helpers, even, draw)
 
 
 def _start(

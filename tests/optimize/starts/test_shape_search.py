@@ -135,7 +135,7 @@ class Pool:
         return self.start(0.0) if next(self.others, False) else None
 
     def scales(self, target: np.ndarray, count: int) -> list[float | None]:
-        found = nearest_first(target, lambda _: self.start(-1.0), self.draw, self.another)
+        found = nearest_first(target, 0, lambda _: self.start(-1.0), self.draw, self.another)
         return [None if start is None else start.scale for start in islice(found, count)]
 
 
