@@ -181,11 +181,7 @@ class FacetCoordinates(Coordinates):
             return (np.stack(slopes),)
 
         def formula(solid: int, parameters: Tensor) -> tuple[Tensor]:
-            normals = normals_of(parameters)
-            units = normals / torch.linalg.vector_norm(normals, dim=1, keepdim=True)
-            polar = units * torch.exp(-parameters[normals.numel() :, None])
-            planes = polar[torch.from_numpy(solids[solid][1])]
-            corners = torch.linalg.solve(planes, torch.ones((len(planes), 3), dtype=torch.float64))
+            corners = _corners(parameters, solids[solid][1])
             return (torch.from_numpy(self.origin) + corners[rows_of(solid)],)
 
         corners = BodyFunction(1, 1, formula, value, adjoint)(seen(find, given), given)[0]
@@ -216,31 +212,30 @@ class FacetCoordinates(Coordinates):
         def pulled_back(gradients: Floats) -> Floats:
             rows = gradients.reshape(len(gradients), corners.size)
             pulled = kernels.corner_gradients(normals, polar, facets, corners, rows)
-            if pulled is None:
-                return _corner_gradients(normals, polar, facets, corners, rows)
-            return pulled
+            return _corner_gradients(parameters, facets, rows) if pulled is None else pulled
 
         return Shape(self.origin + corners, pulled_back), facets
 
 
-def _corner_gradients(
-    normals: Floats, polar: Floats, facets: Integers, corners: Floats, rows: Floats
-) -> Floats:
-    """Gradients (r, 4 m) in normals (m, 3) and logarithms of distances for those (r, 3 t) in
-    corners (t, 3), each where the planes of three facets (t, 3) meet; polar: (m, 3) points."""
-    # Of the solution of three equations, in each of them.
-    right = rows.T.reshape(len(corners), 3, len(rows))
-    shares = np.linalg.solve(np.swapaxes(polar[facets], 1, 2), right)
-    by_plane = -shares[:, :, None, :] * corners[:, None, :, None]
-    by_polar = np.zeros((*polar.shape, len(rows)))
-    np.add.at(by_polar, facets, by_plane)
-    sizes, inverse = norms(normals), norms(polar)
-    units = normals / sizes[:, None]
-    along = (units[..., None] * by_polar).sum(axis=1)
-    across = by_polar - units[..., None] * along[:, None]
-    across *= (inverse / sizes)[:, None, None]
-    by_logarithm = -inverse[:, None] * along
-    return np.concatenate([across.reshape(normals.size, len(rows)), by_logarithm]).T
+def _corners(parameters: Tensor, facets: Integers) -> Tensor:
+    """(t, 3) corners about the origin where the planes of three facets (t, 3) meet."""
+    normals = normals_of(parameters)
+    units = normals / torch.linalg.vector_norm(normals, dim=1, keepdim=True)
+    polar = units * torch.exp(-parameters[normals.numel() :, None])
+    planes = polar[torch.from_numpy(facets)]
+    return torch.linalg.solve(planes, torch.ones((len(planes), 3), dtype=torch.float64))
+
+
+def _corner_gradients(parameters: Floats, facets: Integers, rows: Floats) -> Floats:
+    """Gradients (r, 4 m) in parameters for those (r, 3 t) in corners, see `_corners`."""
+    with torch.enable_grad():
+        leaf = torch.tensor(parameters, requires_grad=True)
+        corners = _corners(leaf, facets).ravel()
+        pulled = [
+            torch.autograd.grad(corners, leaf, torch.from_numpy(row), retain_graph=True)[0].numpy()
+            for row in rows
+        ]
+    return np.array(pulled).reshape(-1, len(parameters))
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,11 +98,8 @@ class SobolevGradient:
 
 
 def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:
-    return (
-        len(a.tail) == len(b.tail)
-        and len(a.vertices) == len(b.vertices)
-        and bool((a.tail == b.tail).all() and (a.twin == b.twin).all())
-    )
+    pairs = (a.tail, b.tail), (a.twin, b.twin)
+    return len(a.vertices) == len(b.vertices) and all(np.array_equal(*pair) for pair in pairs)
 
 
 FIRST_STEP: Final = 0.02
