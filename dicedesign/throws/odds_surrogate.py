@@ -98,20 +98,26 @@ class LogOddsProcess:
         return np.asarray(self._weights / np.sqrt(np.diag(inverse)))
 
 
+BLOCK: Final = 2**13
+"""Sets whose odds are found at a time, which bounds the memory."""
+
+
 @dataclass(frozen=True)
 class OddsSurrogate:
     """The odds of one die's g outcomes, each against those after it, as independent processes.
 
     Attributes
     ----------
+    die: what was thrown in a session, and what came up.
     processes: g - 1; number j is of the logarithm of the odds of outcome j over the sum of those
         after it.
     """
 
+    die: CountedDie
     processes: tuple[LogOddsProcess, ...]
 
     @classmethod
-    def through(cls, points: Floats, counts: Integers) -> OddsSurrogate:
+    def through(cls, die: CountedDie, points: Floats, counts: Integers) -> OddsSurrogate:
         """The surrogate of simulated counts (n, g) at points (n, d) of the unit cube.
 
         Source: empirical logits, Cox, Analysis of Binary Data, 1970, chapter 3. That such ratios of
@@ -120,9 +126,8 @@ class OddsSurrogate:
         after = counts.sum(axis=1, keepdims=True) - counts.cumsum(axis=1)
         came, others = counts[:, :-1] + 0.5, after[:, :-1] + 0.5
         values, noise = np.log(came / others), 1.0 / came + 1.0 / others
-        return cls(
-            tuple(LogOddsProcess(points, values[:, j], noise[:, j]) for j in range(len(values.T)))
-        )
+        each = zip(values.T, noise.T, strict=True)
+        return cls(die, tuple(LogOddsProcess(points, *process) for process in each))
 
     def odds(self, points: Floats, rng: np.random.Generator | None = None) -> Floats:
         """Expected odds (m, g) at points (m, d), or with random numbers odds as they may be, each
@@ -138,14 +143,15 @@ class OddsSurrogate:
             left = left * (1.0 - part)
         return np.stack([*odds, left], axis=1)
 
-    def log_likelihood(self, points: Floats, counts: Integers, exact: bool) -> Floats:
-        """Logarithm (m,) of the probability of real counts (g,) over that of the same counts if
-        their frequencies were the odds.
+    def log_likelihood(self, points: Floats, exact: bool) -> Floats:
+        """Logarithm (m,) of the probability of the die's real counts over that of the same
+        counts if their frequencies were the odds.
 
         exact: take the mean of the probability over what the odds may be, not that of the expected
         odds, which is cheaper.
         """
         nodes, weights = np.polynomial.hermite_e.hermegauss(NODES if exact else 1)
+        counts = self.die.counts
         after = counts.sum() - counts.cumsum()
         total = np.zeros(len(points))
         for j, process in enumerate(self.processes):
@@ -157,44 +163,26 @@ class OddsSurrogate:
             total += logsumexp(each, axis=1, b=weights / weights.sum()) - best
         return total
 
-
-BLOCK: Final = 2**13
-"""Sets whose odds are found at a time, which bounds the memory."""
-
-
-@dataclass(frozen=True)
-class ThrownSession:
-    """One die, thrown in one session.
-
-    Attributes
-    ----------
-    die: what was thrown, and what came up.
-    surrogate: its odds, by the simulated set.
-    """
-
-    die: CountedDie
-    surrogate: OddsSurrogate
-
     def by_session(self, points: Floats, offsets: Offsets, exact: bool) -> Floats:
         """Logarithms (n, k) of the likelihood of its counts in sessions (k, 4) at points (n, 5) of
-        the prior; exact: as of `OddsSurrogate.log_likelihood`."""
+        the prior; exact: as of `log_likelihood`."""
         at_once = max(1, BLOCK // len(offsets))
         parts = []
         for first in range(0, len(points), at_once):
             sets = session_points(points[first : first + at_once, None], offsets, self.die.size)
-            found = self.surrogate.log_likelihood(sets.reshape(-1, 5), self.die.counts, exact)
+            found = self.log_likelihood(sets.reshape(-1, 5), exact)
             parts.append(found.reshape(sets.shape[:2]))
         return np.concatenate(parts)
 
 
 def log_likelihoods(
-    sessions: Sequence[ThrownSession], points: Floats, offsets: Offsets, exact: bool
+    surrogates: Sequence[OddsSurrogate], points: Floats, offsets: Offsets, exact: bool
 ) -> Floats:
     """(n, dice) logarithms of the mean likelihood over equally likely sessions (k, 4), each die
     thrown in one of its own, at points (n, 5) of the prior."""
     means = [
-        logsumexp(session.by_session(points, offsets, exact), axis=1) - np.log(len(offsets))
-        for session in sessions
+        logsumexp(one.by_session(points, offsets, exact), axis=1) - np.log(len(offsets))
+        for one in surrogates
     ]
     return np.stack(means, axis=1)
 

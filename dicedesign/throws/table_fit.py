@@ -25,7 +25,6 @@ from dicedesign.throws.goodness_of_fit import (
 )
 from dicedesign.throws.odds_surrogate import (
     OddsSurrogate,
-    ThrownSession,
     WeightedPoints,
     effective,
     log_likelihoods,
@@ -345,16 +344,16 @@ def fit_table(
     sets = qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first]
     counts = set_counts(every, start, sets, drops, seed, 0, workers, kept, progress)
 
-    def sessions_of(dice: Sequence[CountedDie]) -> list[ThrownSession]:
+    def surrogates_of(dice: Sequence[CountedDie]) -> list[OddsSurrogate]:
         each = zip(dice, counts, strict=False)
-        return [ThrownSession(die, OddsSurrogate.through(sets, of_die)) for die, of_die in each]
+        return [OddsSurrogate.through(die, sets, of_die) for die, of_die in each]
 
     def weighted(
-        sessions: Sequence[ThrownSession], effort: tuple[int, int], is_final: bool
+        surrogates: Sequence[OddsSurrogate], effort: tuple[int, int], is_final: bool
     ) -> WeightedPoints:
         offsets = session_offsets(effort[1], rng)
         return weighted_points(
-            lambda points: log_likelihoods(sessions, points, offsets, is_final),
+            lambda points: log_likelihoods(surrogates, points, offsets, is_final),
             len(PARAMETERS),
             effort[0],
             rng,
@@ -364,14 +363,14 @@ def fit_table(
     for batch in np.array_split(np.arange(first, evaluations), ROUNDS):
         # Hands of sessions with unknown sizes spread the sets as far as any die's.
         offsets = session_offsets(2 ** (len(batch) - 1).bit_length(), rng)[: len(batch)]
-        pilot = weighted(sessions_of(dice), PILOT, False)
+        pilot = weighted(surrogates_of(dice), PILOT, False)
         drawn = _resampled(pilot.points, pilot.weights(), len(batch), rng)
         more = session_points(drawn, offsets, None)
         added = set_counts(every, start, more, drops, seed, len(sets), workers, kept, progress)
         sets = np.concatenate([sets, more])
         counts = [np.concatenate(pair) for pair in zip(counts, added, strict=True)]
-    sessions = sessions_of(every)
-    fitted_to = sessions[: len(dice)]
+    surrogates = surrogates_of(every)
+    fitted_to = surrogates[: len(dice)]
     found = weighted(fitted_to, FINAL, True)
     center = np.array([[0.0, 0.0, 0.0, 0.5]])
 
@@ -381,7 +380,7 @@ def fit_table(
 
     logarithms = found.log_priors + SHARPNESS * heights(found.points)
     best = np.exp(logarithms - logsumexp(logarithms)) @ found.points
-    surprises = [p.surprises() for session in sessions for p in session.surrogate.processes]
+    surprises = [process.surprises() for one in surrogates for process in one.processes]
     values = shared_values(best)
     parameters, correlations = _summary(found, values)
     drawn = _resampled(found.points, found.weights(), TABLES, rng)
@@ -392,8 +391,8 @@ def fit_table(
         parameters=parameters,
         correlations=correlations,
         dice=tuple(
-            _die_fit(session, found, i if i < len(dice) else None, rng)
-            for i, session in enumerate(sessions)
+            _die_fit(one, found, i if i < len(dice) else None, rng)
+            for i, one in enumerate(surrogates)
         ),
         evaluations=evaluations,
         drops=drops,
@@ -412,17 +411,17 @@ def _resampled(points: Floats, weights: Floats, count: int, rng: np.random.Gener
 
 
 def _die_fit(
-    session: ThrownSession, found: WeightedPoints, number: int | None, rng: np.random.Generator
+    surrogate: OddsSurrogate, found: WeightedPoints, number: int | None, rng: np.random.Generator
 ) -> DieFit:
     """The predictions of a die; number: its place in the likelihoods, None if it has none."""
-    die, surrogate = session.die, session.surrogate
+    die = surrogate.die
     points = _resampled(found.points, found.weights(), DRAWS, rng)
     fresh = session_points(points, session_offsets(DRAWS, rng), die.size)
     odds = surrogate.odds(fresh, rng)
     whole, left_out = None, predicted(die.counts, odds, rng) if die.counts.any() else None
     if number is not None:
         hands = session_offsets(FINAL[1], rng)
-        by_session = session.by_session(points, hands, True)
+        by_session = surrogate.by_session(points, hands, True)
         chances = np.exp(by_session - logsumexp(by_session, axis=1, keepdims=True))
         chosen = (chances.cumsum(axis=1) < rng.random((DRAWS, 1))).sum(axis=1)
         same = session_points(points, hands[chosen.clip(max=len(hands) - 1)], die.size)

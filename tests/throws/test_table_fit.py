@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,37 +85,11 @@ def test_prediction_is_the_conditional_distribution() -> None:
         assert process.surprises()[i] == pytest.approx(left / np.sqrt(spread), abs=1e-7)
 
 
-@pytest.fixture(scope="module")
-def surrogate() -> tuple[OddsSurrogate, np.ndarray]:
-    """Of three outcomes whose odds depend on the first of two parameters."""
-    rng = np.random.default_rng(4)
-    points = rng.random((100, 2))
-    counts = np.array([rng.multinomial(500, p) for p in true_odds(points)])
-    return OddsSurrogate.through(points, counts), points
-
-
 def true_odds(points: np.ndarray) -> np.ndarray:
+    """Of three outcomes, by the first of two parameters."""
     first = expit(2.0 * points[:, 0] - 2.0)
     second = (1.0 - first) * 0.3
     return np.stack([first, second, 1.0 - first - second], axis=1)
-
-
-def test_likelihood(surrogate: tuple[OddsSurrogate, np.ndarray]) -> None:
-    """Against the multinomial formula, and its mean over draws of the odds."""
-    points = np.array([[0.2, 0.5], [0.7, 0.9]])
-    counts = np.array([30, 0, 50])
-    of_odds = counts[[0, 2]] @ np.log(surrogate[0].odds(points)[:, [0, 2]].T)
-    best = 30 * np.log(30 / 80) + 50 * np.log(50 / 80)
-    plain = surrogate[0].log_likelihood(points, counts, False)
-    assert plain == pytest.approx(of_odds - best, abs=1e-10)
-    rng = np.random.default_rng(6)
-    first, second = (
-        expit(p.means(points) + np.sqrt(p.variances(points)) * rng.normal(size=(200_000, 2)))
-        for p in surrogate[0].processes
-    )
-    drawn = first**30 * ((1.0 - first) * (1.0 - second)) ** 50
-    exact = surrogate[0].log_likelihood(points, counts, True)
-    assert exact == pytest.approx(np.log(drawn.mean(axis=0)) - best, abs=0.01)
 
 
 START = Table("mine", 0.0, 0.0, 0.0, 0.0, 0.0, source="counts")
@@ -136,6 +111,29 @@ def die(name: str, counts: Sequence[int], size: float | None = SIZE) -> CountedD
     shows = (np.abs(poses.normals).argmax(axis=1) > 0).astype(np.int64)
     even = np.array([0.5, 0.5])
     return CountedDie(name, body, size, ("a", "b"), np.array(counts), even, shows, poses)
+
+
+def test_likelihood() -> None:
+    """Against the multinomial formula, and its mean over draws of the odds."""
+    points = np.array([[0.2, 0.5], [0.7, 0.9]])
+    counts = np.array([30, 0, 50])
+    rng = np.random.default_rng(4)
+    sets = rng.random((100, 2))
+    simulated_counts = np.array([rng.multinomial(500, p) for p in true_odds(sets)])
+    real = replace(die("three", [0, 0]), counts=counts)
+    surrogate = OddsSurrogate.through(real, sets, simulated_counts)
+    of_odds = counts[[0, 2]] @ np.log(surrogate.odds(points)[:, [0, 2]].T)
+    best = 30 * np.log(30 / 80) + 50 * np.log(50 / 80)
+    plain = surrogate.log_likelihood(points, False)
+    assert plain == pytest.approx(of_odds - best, abs=1e-10)
+    rng = np.random.default_rng(6)
+    first, second = (
+        expit(p.means(points) + np.sqrt(p.variances(points)) * rng.normal(size=(200_000, 2)))
+        for p in surrogate.processes
+    )
+    drawn = first**30 * ((1.0 - first) * (1.0 - second)) ** 50
+    exact = surrogate.log_likelihood(points, True)
+    assert exact == pytest.approx(np.log(drawn.mean(axis=0)) - best, abs=0.01)
 
 
 def by_restitution(restitution: np.ndarray) -> np.ndarray:
