@@ -1,30 +1,37 @@
-"""Pages by jinja2, each one HTML file that needs nothing else: a die's report, a search's best; and
-what they say of throws in words."""
+"""Pages by jinja2, each one HTML file that needs nothing else: a die's report, with what it needs
+to show a die that turns, linked with its facets and its Gauss map, and a search's best."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
-import math
+import zipfile
 from base64 import b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from dicedesign.fabricate.die import FinishedDie
+from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part, glb
 from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.report.discs import MAP_SIZE, RADIUS
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES
-from dicedesign.report.live_die import LiveDie, three_script
+from dicedesign.report.palette import BASINS
 from dicedesign.report.raster import Camera, encoded, lifted
 from dicedesign.report.renderer import Surface, render
-from dicedesign.results.parts import Draft, OtherTables, Search, SimulatedThrows, Status, ThrownOdds
-from dicedesign.results.result import Balance, Result
-from dicedesign.runtime.arrays import Floats
+from dicedesign.results.parts import Draft, Search, Status, ThrownOdds
+from dicedesign.results.result import Result
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import Spread, Table, most_of, scaled
 
@@ -46,6 +53,171 @@ FLAWS: Final = {
     Status.TOO_NEAR: "outcomes near",
     Status.TIPPY: "margin",
 }
+
+MOST_TRIANGLES: Final = 60_000
+"""A page of more would weigh megabytes more."""
+
+PAIRS_AT_ONCE: Final = 2_000_000
+"""Pairs of a triangle and a facet that are compared at a time, to bound the memory."""
+
+TOUCHES: Final = 3e-3
+"""Height above the table, over the largest extent, up to which a surface of any shape touches."""
+
+FACES_DOWN: Final = 0.9
+"""Cosine of the angle to straight down up to which it may slope there."""
+
+ALONG: Final = 0.999
+"""Cosine of the angle to a facet's normal up to which a label lies on the facet."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveDie:
+    """A die for a page.
+
+    Attributes
+    ----------
+    solid: GLB of the printed die, a node "facet-0" and so on for each rest, in the order of
+        `Result.facets`; None where the page has no 3D view.
+    left_out: why it has none, in a sentence; else empty.
+    colors: "#rrggbb" of each rest.
+    heights: (k,) of the center of mass over each rest, in mm.
+    upward: for each rest the direction (3,) that is upward on its label, or None.
+    center: (3,) center of mass, in mm.
+    stands: whether a rest is shown by the die standing on it, as one is that keeps the shape of a
+        surface; else its facet is turned to the viewer.
+    outlines: of each disc of the Gauss map its middle in pixels, and the basin of each rest as a
+        path of SVG, to a tenth of a pixel, see `basin_outlines`; none for a die without a map.
+    """
+
+    solid: bytes | None
+    left_out: str
+    colors: tuple[str, ...]
+    heights: tuple[float, ...]
+    upward: tuple[Floats | None, ...]
+    center: Floats
+    stands: bool
+    outlines: tuple[tuple[Floats, list[str]], ...]
+
+
+def live_die(die: FinishedDie, parts: Sequence[Part]) -> LiveDie:
+    """A finished die for its page.
+
+    parts: bodies of the printed die, the first being that of its STL.
+    """
+    solid, left_out = None, ""
+    triangles = sum(len(part.triangles) for part in parts)
+    if three_script() is None:
+        left_out = "The die cannot be turned here: trimesh is installed without its viewer."
+    elif triangles > MOST_TRIANGLES:
+        left_out = f"The die cannot be turned here: it has {triangles:,} triangles."
+    else:
+        solid = glb(Contents(die.result.name, facet_parts(parts, die)))
+    poses = die.plain.poses
+    heights = poses.hull.heights(poses.center_of_mass)[poses.facets]
+    upward: list[Floats | None] = [None for _ in heights]
+    for label in () if die.engraved is None else die.engraved.placements[::-1]:
+        for rest in np.flatnonzero(poses.normals @ label.frame[:3, 2] > ALONG):
+            upward[rest] = label.frame[:3, 1]
+    outlines = []
+    for disc, basins in () if die.reshaped is not None else basin_outlines(poses):
+        texts = [
+            [" ".join(f"{x:.1f},{y:.1f}" for x, y in ring.tolist()) for ring in own]
+            for own in basins
+        ]
+        outlines.append((disc.middle, ["".join(f"M{ring}Z" for ring in own) for own in texts]))
+    return LiveDie(
+        solid=solid,
+        left_out=left_out,
+        colors=tuple(rest_colors(die)),
+        heights=tuple(heights.tolist()),
+        upward=tuple(upward),
+        center=poses.center_of_mass,
+        stands=die.reshaped is not None,
+        outlines=tuple(outlines),
+    )
+
+
+def rest_colors(die: FinishedDie) -> list[str]:
+    """A colour for each rest, "#rrggbb": that of its basin on the Gauss map, and of its outcome
+    where a die keeps the shape of a surface, as in the figures of either."""
+    rests = range(len(die.plain.poses.facets))
+    if die.reshaped is None:
+        return [BASINS[rest % len(BASINS)] for rest in rests]
+    outcomes = die.plain.outcomes.outcome_of_rest.tolist()
+    return [BODY_COLOR if k < 0 else BASINS[k % len(BASINS)] for k in outcomes]
+
+
+def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
+    """The same triangles in a part for each rest, "facet-0" for the most probable, and one for
+    those of no rest, "body". Inlays are named "labels-0" and so on.
+
+    parts: of the printed die; the first is its body, others are inlays.
+    """
+    colors, made = rest_colors(die), []
+    for part in parts:
+        is_body = part is parts[0]
+        rests = rests_of_triangles(part.points, part.triangles, die)
+        for rest in np.unique(rests).tolist():
+            own = rests == rest
+            color, labels = part.color, None if part.labels is None else part.labels[own]
+            name = "body" if is_body else "labels"
+            if rest >= 0:
+                name = f"facet-{rest}" if is_body else f"labels-{rest}"
+            if is_body:
+                color = BODY_COLOR if rest < 0 else colors[rest]
+            # The body of a facet that is all label would have no triangle.
+            if labels is not None and labels.all():
+                name, color, labels = name.replace("facet", "labels"), part.color, None
+            triangles = part.triangles[own]
+            made.append(replace(part, name=name, color=color, triangles=triangles, labels=labels))
+    return made
+
+
+def rests_of_triangles(points: Floats, triangles: Integers, die: FinishedDie) -> Integers:
+    """(t,) the rest whose facet each triangle of a printed die belongs to, or -1.
+
+    Labels, and edges that were rounded, belong to the facet whose plane is nearest. A die that
+    keeps the shape of a surface has no facets; there it is what touches the table.
+    """
+    poses, middles = die.plain.poses, points[triangles].mean(axis=1)
+    whole = die.plain.body.points if die.engraved is None else die.engraved.points
+    normals = poses.hull.normals if die.reshaped is None else poses.normals
+    support = np.array([(whole @ normal).max() for normal in normals])
+    count = 1 + len(middles) * len(normals) // PAIRS_AT_ONCE
+    parts = np.array_split(middles, count)
+    nearest = np.concatenate([np.argmin(support - some @ normals.T, axis=1) for some in parts])
+    if die.reshaped is None:
+        of_facet = np.full(len(normals), -1, dtype=np.int64)
+        of_facet[poses.facets] = np.arange(len(poses.facets))
+        return of_facet[nearest]
+    down, areas = normals[nearest], doubled_area_vectors(points, triangles)
+    heights = support[nearest] - (middles * down).sum(axis=1)
+    flat = (areas * down).sum(axis=1) >= FACES_DOWN * norms(areas)
+    touches = flat & (heights <= TOUCHES * np.ptp(whole, axis=0).max())
+    return np.where(touches, nearest, -1)
+
+
+@lru_cache(maxsize=1)
+def three_script() -> str | None:
+    """The library that draws the 3D view of a page: three.js as trimesh brings it, without
+    trimesh's own viewer; None where no trimesh with one is installed.
+
+    It is under the MIT licence, whose notice is its first line.
+    """
+    found = find_spec("trimesh")
+    if found is None or found.origin is None:
+        return None
+    viewer = Path(found.origin).parent / "resources/templates/viewer.zip"
+    try:
+        with zipfile.ZipFile(viewer) as archive:
+            page = archive.read("viewer.html.template").decode("utf-8")
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+        return None
+    # Where trimesh's own viewer follows.
+    script, ends, _ = page.partition("var camera,controls,scene,renderer,tracklight;")
+    _, begins, script = script.partition("<script>")
+    needed = ("THREE.GLTFLoader", "WebGLRenderer", "Raycaster")
+    return script if begins and ends and all(name in script for name in needed) else None
 
 
 def _is_moving(image: bytes) -> bool:
@@ -77,6 +249,10 @@ def _environment() -> Environment:
         # By a level of gzip above which next to nothing is gained.
         "packed": lambda data: b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii"),
         "recipe_lines": _recipe_lines,
+        "most": most_of,
+        "lengths": _lengths,
+        "ends": _ends,
+        "scaled": scaled,
     }
     return environment
 
@@ -109,8 +285,8 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
             scripts.append(three)
         sums = [b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
         policy += "; script-src " + " ".join(f"'sha256-{found}'" for found in sums)
-    balance = None if result.engraved is None else result.engraved.balance
     found, search = result.printability, result.search
+    simulated = None if result.thrown is None else result.thrown.simulated
     return (
         _environment()
         .get_template("die.html.j2")
@@ -129,37 +305,14 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
             map_size=MAP_SIZE,
             map_radius=RADIUS,
             center=", ".join(f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass),
-            throws=[] if result.thrown is None else throws_told(result.thrown),
+            tabletop=None if result.thrown is None else Table(**result.thrown.table),
+            engine=None if simulated is None else ENGINES[simulated.engine],
             advice=throwing_advice(result.thrown, result.prior),
-            balance_told="" if balance is None else _describe_balance(result, balance),
-            # Those of the engraved die before its shape was moved.
-            unbalanced=balance.unbalanced
-            if result.thrown is None and balance is not None and len(balance.errors) > 1
-            else None,
             drafts=[] if search is None else _best_drafts(search),
             flaws=partial(_flaws, search),
             material=None if found is None else MATERIALS[found.material].title,
         )
     )
-
-
-def _describe_balance(result: Result, balance: Balance) -> str:
-    """How labels and edges were made up for, in words."""
-    model = "" if result.thrown is None else " by the momentum model"
-    plain = f"The plain shape is off by {result.max_abs_error:.1e}. " if not model else ""
-    first = f"{plain}With its labels and edges it would be off by {balance.errors[0]:.1e}{model}."
-    if len(balance.errors) < 2:
-        return f"{first} Nothing was moved."
-    how = f"Its facets were moved by up to {balance.moved_mm:.2g} mm"
-    if balance.stretch is not None:
-        how = f"It was stretched by {100.0 * balance.stretch:.2g} %"
-    rounds = len(balance.errors) - 1
-    last = f"{min(balance.errors):.1e}{model}"
-    error = None if result.engraved is None else result.engraved.max_abs_error
-    if not model and error is not None:
-        last += f", and {error:.1e} in the file as it was read back"
-    times = f"{rounds} round{'' if rounds == 1 else 's'}"
-    return f"{first} {how} in {times}, until it was off by {last}."
 
 
 def _best_drafts(search: Search) -> list[Draft]:
@@ -250,20 +403,6 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
     return encoded(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, 220))
 
 
-def throws_told(thrown: ThrownOdds) -> list[str]:
-    """Paragraphs: how the die is thrown, and what it does then, there and on other tables."""
-    verdict = (
-        "No throws of it were simulated: what it does on the table is what the momentum model "
-        "expects."
-    )
-    if thrown.simulated is not None:
-        verdict = " ".join(_verdict(thrown.simulated))
-    told = [_manner(Table(**thrown.table)), verdict]
-    if thrown.elsewhere is not None:
-        told.append(_elsewhere(thrown.elsewhere))
-    return told
-
-
 def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
     """How to throw a die by hand, perhaps one that was designed for a table, or under a prior."""
     if prior is not None:
@@ -293,78 +432,9 @@ def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
 
 def _lengths(metres: Spread) -> str:
     in_cm = most_of(metres) < 1.0
-    return f"{_numbers(scaled(metres, 100.0 if in_cm else 1.0), 3)} {'cm' if in_cm else 'm'}"
+    return f"{_ends(scaled(metres, 100.0 if in_cm else 1.0), 3)} {'cm' if in_cm else 'm'}"
 
 
-def _numbers(spread: Spread, digits: int) -> str:
+def _ends(spread: Spread, digits: int) -> str:
     ends = spread if isinstance(spread, tuple) else (spread,)
     return " to ".join(f"{end:.{digits}g}" for end in ends)
-
-
-def _manner(table: Table) -> str:
-    """What throws the odds are for."""
-    fall = (
-        f"falls from {_lengths(table.height)} above the table, turned at random"
-        if most_of(table.height) > 0.0
-        else "is set down on the table, turned at random"
-    )
-    motion = []
-    if most_of(table.speed) > 0.0:
-        motion.append(f"moves sideways at {_lengths(table.speed)} a second")
-    if most_of(table.spin) > 0.0:
-        turns = scaled(table.spin, 0.5 / math.pi)
-        motion.append(f"spins {_numbers(turns, 2)} times a second")
-    when = f"; when it is let go it {' and '.join(motion)}" if motion else ""
-    way = "" if table.hand is None else f"{table.hand.phrase}, "
-    ranges = (table.height, table.speed, table.spin)
-    differ = any(isinstance(value, tuple) for value in ranges)
-    each = "; of a range, each throw has a value of its own" if differ else ""
-    bounce = (
-        f"A corner that hits the table bounces off with {100.0 * table.restitution:.3g} % of "
-        "its speed"
-        if table.restitution > 0.0
-        else "It does not bounce"
-    )
-    drag = ", and it turns as slowly as in honey" if table.drag > 0.0 else ""
-    return (
-        f"The odds of this die are for throws {way}in which it {fall}{when}{each}. {bounce}; the "
-        f"coefficient of friction is {table.friction:.3g}{drag}. The die is "
-        f'{1000.0 * table.size:.3g} mm across. This is the table "{table.name}": '
-        f"{table.source}."
-    )
-
-
-def _verdict(simulated: SimulatedThrows) -> Iterator[str]:
-    low, high = simulated.interval
-    engine = ENGINES[simulated.engine]
-    yield (
-        f"In {simulated.drops:,} throws that the design had not seen, simulated by "
-        f"{engine.phrase or engine.title}, the outcomes' frequencies differ from the target by a "
-        f"total variation of {simulated.total_variation:.4f}: no bet on these throws was won "
-        "more or less often than it should be by more than that. A perfect die would show "
-        f"{simulated.noise_floor:.4f} on the mean in as many throws, by chance alone."
-    )
-    if low > 0.0:
-        yield f"So its odds are off by {low:.4f} to {high:.4f}, with a confidence of 95 %."
-    else:
-        yield (
-            "So the throws do not tell it from a perfect one; with a confidence of 95 % its odds "
-            f"are off by at most {high:.4f}."
-        )
-    if simulated.unresolved:
-        yield f"{simulated.unresolved:,} throws did not come to rest on a facet in time."
-    elsewhere = simulated.drops - simulated.unresolved - sum(simulated.counts)
-    if elsewhere > 0:
-        yield f"{elsewhere:,} came to rest on a facet without a label."
-
-
-def _elsewhere(others: OtherTables) -> str:
-    """What the die does on what the table may be instead."""
-    return (
-        f"Tables are known from throws of real dice, so not for certain: {len(others.values)} "
-        "others explain them as well. On nine in ten of these the total variation is at most "
-        f"{others.often:.4f}, on the worst {others.worst:.4f}, by {others.drops:,} throws onto all "
-        "together, from which the odds on each are fitted. Of a perfect die, which has the same "
-        f"odds on all of them, so many throws would show {others.chance_often:.4f} and "
-        f"{others.chance_worst:.4f}."
-    )

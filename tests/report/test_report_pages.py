@@ -14,7 +14,7 @@ from common.parsed_html import Checker, parsed
 from dicedesign.errors import InputError
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.report.figures import FIGURES
-from dicedesign.report.pages import die_page, throwing_advice, throws_told
+from dicedesign.report.pages import die_page, throwing_advice
 from dicedesign.results.parts import (
     Draft,
     PrintedLabel,
@@ -159,11 +159,11 @@ def test_throws_of_many_heights_and_spins() -> None:
     table = {**THROWN.table, "height": [0.05, 0.2], "speed": [0.0, 1.2], "spin": [2 * pi, 9 * pi]}
     thrown = replace(THROWN, table=table)
     assert "let it fall from 5 to 20 cm above" in throwing_advice(thrown)
-    manner, _ = throws_told(thrown)
+    manner = page_of(thrown=thrown).text
     assert "falls from 5 to 20 cm above the table, turned at random" in manner
     assert "moves sideways at 0 to 1.2 m a second and spins 1 to 4.5 times a second" in manner
     assert "of a range, each throw has a value of its own" in manner
-    assert "of a range" not in throws_told(THROWN)[0]
+    assert "of a range" not in page_of(thrown=THROWN).text
 
 
 @pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])
