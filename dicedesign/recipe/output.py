@@ -263,8 +263,7 @@ def write_data_sheet(work: Work) -> None:
 
 def write_page(work: Work) -> None:
     """Make report.html of the result, the printed die and the figures."""
-    from dicedesign.report.pages import live_die
-    from dicedesign.report.pages import die_page
+    from dicedesign.report.pages import die_page, live_die
 
     die = finished_die(work)
     live = live_die(die, die_contents(work).parts)

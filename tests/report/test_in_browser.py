@@ -17,8 +17,7 @@ from PIL import Image
 from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.discs import MAP_SIZE, placed_discs
-from dicedesign.report.pages import live_die
-from dicedesign.report.pages import die_page
+from dicedesign.report.pages import die_page, live_die
 from dicedesign.rest.poses import rest_poses
 
 SHOWN = "() => [...document.querySelectorAll('.shown')].map((x) => [x.tagName, x.dataset.facet])"

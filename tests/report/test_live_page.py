@@ -28,8 +28,13 @@ from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report import pages as live_module
-from dicedesign.report.pages import facet_parts, live_die, rests_of_triangles, three_script
-from dicedesign.report.pages import die_page
+from dicedesign.report.pages import (
+    die_page,
+    facet_parts,
+    live_die,
+    rests_of_triangles,
+    three_script,
+)
 from dicedesign.report.palette import BASINS
 
 EXTENTS = np.array([14.0, 16.0, 20.0])
