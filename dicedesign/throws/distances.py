@@ -138,6 +138,14 @@ def noise_floor(odds: ArrayLike, throws: float) -> float:
     return float(halves.sum() / n)
 
 
+def event_error(odds: Floats, throws: float, confidence: float) -> float:
+    """What chance adds to the frequency of one event at most, with `confidence` in (0, 1), by the
+    normal limit: z sqrt(m (1 - m) / n), where m is the probability of the most probable outcome
+    (k,), but at least 1/2."""
+    most = max(0.5, float(odds.max()))
+    return -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
+
+
 def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> MeasuredDistance:
     """The total variation between given odds and those of a die that was thrown.
 
@@ -149,8 +157,7 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
       a fixed seed.
     - It is the largest difference in the probability of an event, so that the frequencies show at
       least what they show in the event that differs most for the die. The upper limit is more by
-      what chance allows in one event, by the normal limit: z sqrt(m (1 - m) / n), where m is the
-      probability of the most probable outcome, but at least 1/2.
+      what chance allows in one event, `event_error`.
 
     The odds of the die are taken there as `jeffreys_means`. Where many labels
     deviate a little the lower limit is a cautious one.
@@ -165,14 +172,15 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
     throws = float(came.sum())
     value = total_variation(came / throws, odds)
     estimate = jeffreys_means(came)
-    most = max(0.5, float(estimate.max()))
-    chance = -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
     distances = [
         np.abs(drawn / math.floor(throws) - estimate).sum(axis=1) / 2.0
         for drawn in drawn_counts(estimate, math.floor(throws), DRAWS, SEED)
     ]
     scatter = float(np.quantile(np.concatenate(distances), (1.0 + confidence) / 2.0))
-    limits = (max(0.0, value - scatter), min(1.0, value + chance))
+    limits = (
+        max(0.0, value - scatter),
+        min(1.0, value + event_error(estimate, throws, confidence)),
+    )
     return MeasuredDistance(value, limits, noise_floor(odds, throws))
 
 

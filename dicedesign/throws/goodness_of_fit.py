@@ -9,13 +9,14 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtr, chdtrc, chdtri, chndtr, chndtrinc, gammaln, ndtri, xlogy
+from scipy.special import chdtr, chdtrc, chdtri, chndtr, chndtrinc, gammaln, xlogy
 
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.throws.distances import (
     MeasuredDistance,
     Posterior,
     drawn_counts,
+    event_error,
     jeffreys_posterior,
     measure_variation,
 )
@@ -339,6 +340,4 @@ def throws_to_confirm(odds: ArrayLike, within: float, confidence: float) -> int:
     """
     q = np.asarray(odds, dtype=np.float64)
     floor = float(np.sqrt(q * (1.0 - q) * 2.0 / math.pi).sum()) / 2.0
-    most = max(0.5, float(q.max()))
-    chance = -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most))
-    return math.ceil(((floor + chance) / within) ** 2)
+    return math.ceil(((floor + event_error(q, 1.0, confidence)) / within) ** 2)
