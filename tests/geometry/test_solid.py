@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 from common.bumpy import bumpy_sphere
-from common.paths import public_data
 from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.meshes.orientation import consistent_winding
 from dicedesign.geometry.triangles import is_closed, solid_properties
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-
-
-def box(sides: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
-    mesh = trimesh.creation.box(sides)
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
 
 
 def sphere() -> tuple[np.ndarray, np.ndarray]:
@@ -51,24 +45,6 @@ def hollow() -> tuple[np.ndarray, np.ndarray]:
     return both, np.concatenate([faces, faces[:, ::-1] + len(points)])
 
 
-def test_a_tetrahedron_has_the_mean_of_its_corners() -> None:
-    corners = np.random.default_rng(3).normal(size=(4, 3))
-    volume, centroid = solid_properties(corners, TETRAHEDRON)
-    expected = np.linalg.det(corners[1:] - corners[0]) / 6
-    assert volume == pytest.approx(expected, rel=1e-14)
-    np.testing.assert_allclose(centroid, corners.mean(axis=0), rtol=0, atol=1e-15)
-
-
-def test_a_cavity_counts_against_the_solid() -> None:
-    points, faces = box((2.0, 2.0, 2.0))
-    hole = points / 2 + np.array([0.25, 0.0, 0.0])
-    both = np.vstack((faces, faces[:, ::-1] + len(points)))
-    volume, centroid = solid_properties(np.vstack((points, hole)), both)
-    assert is_closed(both)
-    assert volume == pytest.approx(7.0)
-    np.testing.assert_allclose(centroid, [-0.25 / 7, 0, 0], atol=1e-15)
-
-
 @pytest.mark.parametrize("body", [sphere, hollow])
 @pytest.mark.parametrize("aspect", [1e3, 1e6, 1e9])
 @pytest.mark.parametrize("kind", ["needle", "blade", "plate"])
@@ -93,16 +69,6 @@ def test_no_volume_has_no_centroid() -> None:
         volume, centroid = solid_properties(points, faces)
         assert volume == 0.0
         assert np.isnan(centroid).all()
-
-
-@pytest.mark.parametrize("name", ["spot", "bunny", "koala", "penguin", "armadillo"])
-def test_models_agree_with_trimesh(name: str) -> None:
-    path = public_data(f"models/{name}.obj")
-    mesh = trimesh.load_mesh(path, process=False)
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    volume, centroid = solid_properties(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    assert volume == pytest.approx(mesh.volume, rel=1e-12)
-    np.testing.assert_allclose(centroid, mesh.center_mass, rtol=0, atol=1e-12 * mesh.extents.max())
 
 
 def test_closed_surfaces_are_closed() -> None:

@@ -11,7 +11,7 @@ import torch
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rest_odds import evaluate_rests
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -25,34 +25,6 @@ def inside(points: np.ndarray, seed: int) -> np.ndarray:
     """A point of the hull's middle, away from its centroid."""
     weights = np.random.default_rng(seed).dirichlet(np.full(len(points), 3.0))
     return 0.6 * rest_poses(points).center_of_mass + 0.4 * weights @ points
-
-
-def structure(rests: RestEvaluation) -> tuple[object, ...]:
-    """All integers that the probabilities depend on, by vertex number and free of order."""
-    hull, paths = rests.hull, rests.paths
-    name = hull.source
-    facets = [
-        frozenset(name[hull.tail[start:end]].tolist())
-        for start, end in zip(hull.facet_start[:-1], hull.facet_start[1:], strict=True)
-    ]
-    stable = [facets[facet] for facet in paths.rests]
-    branches = set()
-    for branch in range(len(paths.maxima)):
-        ends = paths.saddle_ends[branch // 2]
-        start = name[ends[1 - branch % 2]]
-        crossed = tuple(map(tuple, name[paths.crossed[branch, : paths.lengths[branch]]].tolist()))
-        sides = frozenset(stable[basin] for basin in paths.basins[branch // 2])
-        branches.add((int(start), crossed, int(name[paths.maxima[branch]]), sides))
-    return frozenset(facets), frozenset(stable), frozenset(branches)
-
-
-def by_facet(rests: RestEvaluation) -> dict[frozenset[int], torch.Tensor]:
-    hull = rests.hull
-    corners = [
-        frozenset(hull.source[hull.tail[hull.facet_start[f] : hull.facet_start[f + 1]]].tolist())
-        for f in rests.paths.rests
-    ]
-    return dict(zip(corners, rests.probabilities, strict=True))
 
 
 @pytest.mark.parametrize("count", [4, 6, 9, 14, 20])
@@ -70,45 +42,6 @@ def test_gradcheck_of_the_uniform_solid(random_points, count: int) -> None:
     assert torch.autograd.gradcheck(
         differentiable_rest, (leaf(points),), eps=1e-6, atol=1e-7, rtol=1e-5
     )
-
-
-def test_gradients_are_differences_within_a_cell(random_points) -> None:
-    """Directional derivatives of 30 hulls, where both displaced hulls have the same structure."""
-    errors = []
-    for seed in range(30):
-        points = random_points(seed, SIZES[seed % len(SIZES)])
-        center = inside(points, seed) if seed % 2 else None
-        rng = np.random.default_rng(1000 + seed)
-        step = 1e-5
-        along, along_center = rng.normal(size=points.shape), rng.normal(size=3)
-        vertices = leaf(points)
-        middle = leaf(center) if center is not None else None
-        here = evaluate_rests(vertices, middle)
-        cell = structure(here)
-        while True:
-            sides = []
-            for sign in (1.0, -1.0):
-                moved = torch.tensor(points + sign * step * along)
-                c = None if center is None else torch.tensor(center + sign * step * along_center)
-                sides.append(evaluate_rests(moved, c))
-            if all(structure(side) == cell for side in sides):
-                break
-            step *= 0.5
-            assert step > 1e-7, f"hull {seed} lies on the border of its cell"
-        above, below = (by_facet(side) for side in sides)
-        difference, exact = [], []
-        for facet, probability in by_facet(here).items():
-            inputs = [vertices] if middle is None else [vertices, middle]
-            gradient = torch.autograd.grad(probability, inputs, retain_graph=True)
-            slope = float((gradient[0].numpy() * along).sum())
-            if middle is not None:
-                slope += float(gradient[1].numpy() @ along_center)
-            exact.append(slope)
-            difference.append(float((above[facet] - below[facet]) / (2.0 * step)))
-        largest = np.abs(exact).max()
-        errors.append(np.abs(np.subtract(difference, exact)).max() / largest)
-    assert np.median(errors) < 1e-8
-    assert max(errors) < 1e-6
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -90,27 +90,26 @@ def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
 AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [-1.0, 0, 0]])
 
 
-def test_outcomes_take_the_rests_of_their_rank() -> None:
-    groups = match_by_odds("die", AXES, np.array([0.4, 0.3, 0.2, 0.1]), [0.101, 0.4, 0.199, 0.3])
-    assert groups.members == ((1,), (3,), (2,), (0,))
-    assert groups.group_of_rest.tolist() == [0, 1, 2, 3]
+BROKEN = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0.01, 0], [-1.0, -0.01, 0]])
+"""Directions of rests of which the last two are on one facet that broke."""
 
 
-def test_equal_odds_are_one_group() -> None:
-    groups = match_by_odds(
-        "die", AXES, np.array([0.38, 0.36, 0.13, 0.13]), [0.13, 0.37, 0.37, 0.13]
-    )
-    assert groups.members == ((1, 2), (0, 3))
-    assert groups.group_of_rest.tolist() == [0, 0, 1, 1]
-
-
-def test_a_facet_in_two_is_one_outcome() -> None:
-    normals = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0.01, 0], [-1.0, -0.01, 0]])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    odds = np.array([0.26, 0.24, 0.255, 0.245])
-    groups = match_by_odds("die", normals, odds, [0.25, 0.5, 0.25])
-    assert groups.members == ((1,), (0, 2))
-    assert groups.group_of_rest.tolist() == [1, 1, 0, 0]
+@pytest.mark.parametrize(
+    ("normals", "odds", "wanted", "members", "group_of_rest"),
+    [
+        (AXES, [0.4, 0.3, 0.2, 0.1], [0.101, 0.4, 0.199, 0.3], [1, 3, 2, 0], [0, 1, 2, 3]),
+        (AXES, [0.38, 0.36, 0.13, 0.13], [0.13, 0.37, 0.37, 0.13], [(1, 2), (0, 3)], [0, 0, 1, 1]),
+        (BROKEN, [0.26, 0.24, 0.255, 0.245], [0.25, 0.5, 0.25], [1, (0, 2)], [1, 1, 0, 0]),
+    ],
+)
+def test_outcomes_take_the_rests_of_their_rank(
+    normals: Floats, odds: list[float], wanted: list[float], members: list, group_of_rest: list[int]
+) -> None:
+    """Equal odds are one group, and a facet in two is one outcome."""
+    units = normals / np.linalg.norm(normals, axis=1)[:, None]
+    groups = match_by_odds("die", units, np.array(odds), wanted)
+    assert groups.members == tuple(m if isinstance(m, tuple) else (m,) for m in members)
+    assert groups.group_of_rest.tolist() == group_of_rest
 
 
 @pytest.mark.parametrize(

@@ -179,21 +179,6 @@ def test_points_that_span_no_solid_are_refused(points: np.ndarray, message: str)
         convex_hull(points)
 
 
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        (np.empty((0, 3)), r"^points: expected points as .*, got shape \(0, 3\); pass one row"),
-        (CUBE[:, :2], r"expected points as an \(n, 3\) array .*, got shape \(8, 2\); pass one row"),
-        (CUBE + 1j, "array of real numbers, got dtype complex128"),
-        ([["a", "b", "c"]] * 4, "array of real numbers, got dtype <U1"),
-        ([[1, 2, 3], [1, 2]], "got rows of different lengths"),
-    ],
-)
-def test_what_is_no_array_of_points_is_refused(points: object, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        convex_hull(points)
-
-
 @pytest.mark.parametrize("tolerance", [-1.0, 1.0, np.nan, "a", "0.1", [0.1], 0.1j])
 def test_a_tolerance_out_of_range_is_refused(tolerance: Any) -> None:
     for ask in (convex_hull, rest_poses):

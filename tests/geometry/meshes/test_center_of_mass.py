@@ -21,13 +21,6 @@ def cone() -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(mesh.vertices), np.asarray(mesh.faces)
 
 
-def test_a_closed_mesh_is_a_uniform_solid() -> None:
-    center, source, notes = resolve_center_of_mass(make_body(*cone()), HULL_CENTROID)
-    np.testing.assert_allclose(center, [0, 0, 0.5], atol=1e-14)
-    assert source == "uniform solid"
-    assert notes == ()
-
-
 def test_mixed_windings_are_repaired_with_a_note() -> None:
     points, faces = cone()
     mixed = faces.copy()
@@ -50,15 +43,6 @@ def test_an_open_mesh_and_points_take_the_hull() -> None:
         np.testing.assert_array_equal(center, HULL_CENTROID)
         assert source == "uniform solid hull"
         assert notes == (note,)
-
-
-@pytest.mark.parametrize("request_", [np.array([1.0, 2.0, 3.0]), [1, 2, 3], (1.0, 2.0, 3.0)])
-def test_a_given_center_is_taken_as_it_is(request_: object) -> None:
-    center, source, notes = resolve_center_of_mass(make_body(*cone()), HULL_CENTROID, request_)
-    assert center.dtype == np.float64
-    np.testing.assert_array_equal(center, [1.0, 2.0, 3.0])
-    assert source == "given"
-    assert notes == ()
 
 
 @pytest.mark.parametrize(

@@ -5,18 +5,15 @@ from __future__ import annotations
 import io
 import re
 import struct
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from common.paths import ROOT
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
-from dicedesign.geometry.meshes.reading import OWN_ENDINGS, read_body, stl_bytes
+from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.geometry.triangles import is_closed, solid_properties
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
@@ -148,38 +145,26 @@ GARBAGE = np.random.default_rng(0).bytes(3000)
     ("name", "content", "message"),
     [
         ("a.stl", b"", "got an empty one; export it again as STL, PLY or OBJ"),
-        ("a.xyz", b"", "got an empty one; export it again as STL, PLY or OBJ"),
         ("a.obj", "# nothing\n", "expected a mesh or points, found neither; export it again"),
         ("a.stl", "hello world\n", "expected a .stl file, text that begins with"),
         ("a.stl", "solid\nendsolid\n", "expected a mesh or points, found neither; export it again"),
-        ("a.stl", bytes(84), "expected a mesh or points, found neither; export it again"),
         ("a.stl", b"solid" + bytes(80), "got 85 bytes; export it again as STL, PLY or OBJ"),
-        ("a.stl", GARBAGE, "begins with solid or binary of 84 + 50"),
         ("a.stl", "solid\nfacet\nvertex 1 2\n", "line 3: expected three coordinates, got '1 2'"),
-        ("a.stl", "solid\nvertex 1 2 x\n", "line 2: expected three coordinates, got '1 2 x'"),
         ("a.stl", "solid\nvertex 1 2 3 4\n", "line 2: expected three coordinates, got '1 2 3 4'"),
         ("a.stl", "solid\nvertex 1 2 3\nfacet\n", "line 3: expected three corners before the"),
         ("a.stl", "solid\nvertex 1 2 3\n", "got a file that ends within one; export it again"),
         ("a.ply", GARBAGE, "expected a .ply file, got one that cannot be read; export"),
-        ("a.glb", GARBAGE, "expected a .glb file, got one that cannot be read; export"),
         ("a.obj", GARBAGE, "expected a mesh or points, found neither"),
-        ("a.off", GARBAGE, "expected an ASCII OFF file, whose first line is OFF"),
-        ("a.xyz", GARBAGE, "line 1: expected three coordinates, got "),
         ("a.foo", "hello", "got '.foo'; export it again as STL, PLY or OBJ"),
-        ("a", "hello", "expected a file ending out of .3"),
-        ("a.xyz", "0 0 0\n1 2\n", "line 2: expected three coordinates, got '1 2'; cor"),
         ("a.xyz", "0 0 0\n1 2 x\n", "line 2: expected three coordinates, got '1 2 x'"),
         ("a.obj", "v 0 0 0\nv 1 1\n", "line 2: expected three coordinates, got '1 1'"),
         ("a.obj", CUBE + "f 1 2\n", "line 9: expected a face of at least 3 vertices, got 'f 1 2'"),
         ("a.obj", CUBE + "f 1 2 0\n", "line 9: expected vertex numbers other than 0,"),
-        ("a.obj", CUBE + "f 1 2 b\n", "line 9: expected whole numbers, got '1 2 b'"),
         ("a.obj", CUBE + "f 1 2 3_0\n", "line 9: expected whole numbers, got '1 2 3_0'"),
-        ("a.obj", CUBE + f"f 1 2 {10**20}\n", "line 9: expected whole numbers, got '1 2 1000"),
         ("a.obj", CUBE + f"f 1 2 {'9' * 5000}\n", "line 9: expected whole numbers, got '1 2 999"),
         ("a.obj", "v 1_0 0 0\n", "line 1: expected three coordinates, got '1_0 0 0'"),
         ("a.off", f"OFF\n1 {10**20}\n0 0 0\n", "line 2: expected whole numbers"),
         ("a.obj", CUBE + "f 1 2 9\n", "points 0 to 7, got point 8 in triangle 0"),
-        ("a.obj", CUBE + "f 1 2 -9\n", "points 0 to 7, got point -1 in triangle 0"),
         ("a.off", "OFF\n", "expected the numbers of vertices and faces and then as many lines"),
         ("a.off", "OFF\n4 1 0\n0 0 0\n", "got [4, 1] and 1 lines; export the file again"),
         ("a.off", "OFF\n1 1\n0 0 0\n4 0 0 0\n", "line 4: expected 4 vertex numbers, got '4 0 0 0'"),
@@ -226,30 +211,6 @@ def test_missing_files_and_directories_are_refused(tmp_path: Path) -> None:
         read_body(below)
 
 
-@pytest.mark.parametrize("name", ["a.obj", "a.off", "a.xyz", "a.stl", "a.ply", "a.glb"])
-def test_reading_imports_no_more_than_it_needs(tmp_path: Path, name: str) -> None:
-    mesh = asymmetric()
-    if name == "a.xyz":
-        np.savetxt(tmp_path / name, mesh.vertices)
-    else:
-        mesh.export(tmp_path / name)
-    heavy = {"torch", "matplotlib"}
-    if Path(name).suffix in OWN_ENDINGS:  # trimesh itself imports manifold3d where it is there
-        heavy |= {"trimesh", "manifold3d"}
-    code = (
-        "import sys; from dicedesign.geometry.meshes.reading import read_body; "
-        f"read_body({str(tmp_path / name)!r}); print(sorted({heavy!r} & set(sys.modules)))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "")
-
-
 def test_decimal_commas_are_not_taken_for_separators(tmp_path: Path) -> None:
     path = write(tmp_path, "a.xyz", "1,234 2,345 3,456\n" * 4)
     with pytest.raises(MeshFileError, match="line 1: expected decimal points, got '1,234 2,345"):
@@ -286,10 +247,6 @@ def test_a_signalling_nan_is_told_without_a_warning(tmp_path: Path, ending: str)
         read_body(path)
 
 
-def load(data: bytes) -> trimesh.Trimesh:
-    return trimesh.load(io.BytesIO(data), file_type="stl")
-
-
 def test_stl_layout():
     box = trimesh.creation.box((4.0, 2.0, 1.0))
     data = stl_bytes(box.vertices, box.faces)
@@ -308,7 +265,7 @@ def test_triangles_that_vanish_in_float32_leave_the_solid_closed():
     triangles = np.array([(0, 2, 4), (2, 1, 4), (1, 0, 4), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
     data = stl_bytes(vertices, triangles)
     assert struct.unpack("<I", data[80:84]) == (4,)
-    mesh = load(data)
+    mesh = trimesh.load(io.BytesIO(data), file_type="stl")
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.volume == pytest.approx(20 * 30 * 40 / 6)
