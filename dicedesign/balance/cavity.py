@@ -15,9 +15,8 @@ from manifold3d import Manifold, OpType
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.body import Body, shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
-from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.sphere import even_directions, norms
 from dicedesign.geometry.surfaces.grid_surface import (
     DepthGrid,

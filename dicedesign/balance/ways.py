@@ -27,9 +27,8 @@ from dicedesign.balance.options import Material
 from dicedesign.balance.regions import is_shifted
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.body import Body, make_body, shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
-from dicedesign.geometry.meshes.orientation import shells_of
 from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
 from dicedesign.geometry.sphere import norms, rotation_between, unit_vectors
 from dicedesign.geometry.surfaces.grid_surface import closest_points

@@ -37,8 +37,7 @@ from dicedesign.concave.result import (
 from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.procrustes import best_similarity
-from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.sphere import best_similarity, norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_odds

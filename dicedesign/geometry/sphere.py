@@ -1,11 +1,13 @@
-"""Formulas on the Gauss sphere, written once for NumPy arrays and torch tensors alike.
+"""Directions on the Gauss sphere, rotations and similarities.
 
-Functions that differ between the two libraries take the module as `xp` (`numpy` or `torch`).
+Formulas are written once for NumPy arrays and torch tensors alike: functions that differ between
+the two libraries take the module as `xp` (`numpy` or `torch`).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
@@ -112,3 +114,37 @@ def rotation_between(a: Floats, b: Floats) -> Floats:
     reflect_a = np.eye(3) - 2.0 * np.outer(a, a)
     reflect_bisector = np.eye(3) - 2.0 * np.outer(bisector, bisector)
     return reflect_bisector @ reflect_a
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """`scale * rotation @ x + shift`.
+
+    Attributes
+    ----------
+    scale: positive; rotation: (3, 3), proper; shift: (3,).
+    """
+
+    scale: float
+    rotation: Floats
+    shift: Floats
+
+    def __call__(self, points: Floats) -> Floats:
+        """(n, 3) images of points (n, 3), or (3,) that of one."""
+        return self.scale * (points @ self.rotation.T) + self.shift
+
+
+def best_similarity(points: Floats, onto: Floats, weights: Floats) -> Similarity:
+    """That with the least weighted sum of squared distances of the images of points (n, 3) from
+    others (n, 3); weights: (n,) not negative.
+
+    Source: Umeyama, IEEE Trans. Pattern Anal. Mach. Intell. 13(4), 1991.
+    """
+    parts = weights / weights.sum()
+    middle, goal = parts @ points, parts @ onto
+    offsets, wanted = points - middle, onto - goal
+    left, sizes, right = np.linalg.svd((parts[:, None] * wanted).T @ offsets)
+    proper = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    rotation = left @ np.diag(proper) @ right
+    scale = float((sizes * proper).sum() / (parts @ (offsets * offsets).sum(-1)))
+    return Similarity(scale, rotation, goal - scale * rotation @ middle)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -63,21 +63,6 @@ def rested(
     return normals, odds
 
 
-class _Record(NamedTuple):
-    """Rests of one body that autograd can differentiate.
-
-    Attributes
-    ----------
-    inputs: its points (n, 3), and its center (3,) of mass if that was given.
-    facets, normals, odds: (k,), (k, 3) and (k,) of the rests.
-    """
-
-    inputs: tuple[Tensor, ...]
-    facets: Integers
-    normals: Tensor
-    odds: Tensor
-
-
 class _RestedBodies:
     """The bodies of one call: what is found from numbers, and the function of the rest."""
 
@@ -90,8 +75,9 @@ class _RestedBodies:
     ) -> None:
         self._has_centers, self._has_counts = has_centers, has_counts
         self._single_precision, self._model = single_precision, model
+        # Basins of a body, or of those beside it where it is tied.
         self._sides: dict[int, tuple[Basins, ...]] = {}
-        self._records: dict[int, _Record] = {}
+        self._records: dict[int, tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]] = {}
 
     @property
     def function(self) -> BodyFunction:
@@ -148,13 +134,14 @@ class _RestedBodies:
             self._odds[body, : len(odds)] = odds.detach().numpy()
         return np.arange(bodies).reshape(lead)
 
-    def _recorded(self, body: int) -> _Record:
-        """The rests of a body, as functions of inputs that autograd knows."""
+    def _recorded(self, body: int) -> tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]:
+        """Inputs of a body: its points (n, 3), and its center (3,) of mass if that was given; and
+        facets (k,), normals (k, 3) and odds (k,) of its rests, which autograd can differentiate."""
         if body not in self._records:
             points, center = self._numbers(body)
             with torch.enable_grad():
                 inputs = tuple(torch.tensor(part, requires_grad=True) for part in (points, *center))
-                self._records[body] = _Record(inputs, *self._rests(body, *inputs))
+                self._records[body] = (inputs, *self._rests(body, *inputs))
         return self._records[body]
 
     def _numbers(self, body: int) -> tuple[Floats, tuple[Floats, ...]]:
@@ -162,20 +149,16 @@ class _RestedBodies:
         points = self._points[body, : self._counts[body]]
         return points, () if self._centers is None else (self._centers[body],)
 
-    def _sides_of(self, body: int) -> tuple[Basins, ...]:
-        """Basins of a body, or of those beside it where it is tied."""
-        if body not in self._sides:
-            points, center = self._numbers(body)
-            hull = convex_hull(points, single_precision=self._single_precision)
-            middle = classify(hull, center[0] if center else hull.centroid).center_of_mass
-            self._sides[body] = find_basins(hull, middle)
-        return self._sides[body]
-
     def _rests(
         self, body: int, points: Tensor, given: Tensor | None = None
     ) -> tuple[Integers, Tensor, Tensor]:
         """Facets (k,), normals (k, 3) and odds (k,) of a body's rests by operations of torch."""
-        sides = self._sides_of(body)
+        if body not in self._sides:
+            numbers, center_of_mass = self._numbers(body)
+            hull = convex_hull(numbers, single_precision=self._single_precision)
+            middle = classify(hull, *(center_of_mass or (hull.centroid,))).center_of_mass
+            self._sides[body] = find_basins(hull, middle)
+        sides = self._sides[body]
         hull = sides[0].equilibria.hull
         corners = points[torch.from_numpy(hull.source)]
         center = hull.centroid if self._centers is None else self._centers[body]
@@ -220,12 +203,11 @@ class _RestedBodies:
             slopes = self._handle.pull_back(which, by_normals, by_odds, size, threads)
             *found, known = slopes if self._has_centers else (slopes[0], slopes[2])
         for row in np.flatnonzero(known == 0):
-            record = self._recorded(int(which[row]))
-            count = len(record.odds)
+            leaves, _, normals, odds = self._recorded(int(which[row]))
             parts = torch.autograd.grad(
-                (record.normals, record.odds),
-                record.inputs,
-                [torch.from_numpy(column[row, :count]) for column in (by_normals, by_odds)],
+                (normals, odds),
+                leaves,
+                [torch.from_numpy(column[row, : len(odds)]) for column in (by_normals, by_odds)],
                 retain_graph=True,
                 allow_unused=True,
                 materialize_grads=True,

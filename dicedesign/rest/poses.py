@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import MOST_COUNT, DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, body_of
-from dicedesign.geometry.meshes.orientation import resolve_center_of_mass
+from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import Equilibria

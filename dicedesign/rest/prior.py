@@ -241,15 +241,9 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _read(text: str) -> SampledDirections:
-    if not text:
-        raise ValueError
-    return SampledDirections.read(Path(text))
-
-
 SAMPLES = PriorKind(
     name="samples",
     line="the directions of a CSV file, three numbers a line, each as likely as any other",
     form="samples:FILE.csv",
-    read=_read,
+    read=lambda text: SampledDirections.read(Path(text)),
 )

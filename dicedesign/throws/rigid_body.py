@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.orientation import solid_triangles
+from dicedesign.geometry.meshes.body import Body, solid_triangles
 from dicedesign.geometry.triangles import solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers

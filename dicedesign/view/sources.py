@@ -12,8 +12,7 @@ import numpy as np
 from dicedesign.batch.batch import list_folder
 from dicedesign.errors import MeshFileError, printable
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.orientation import resolve_center_of_mass
+from dicedesign.geometry.meshes.body import Body, make_body, resolve_center_of_mass
 from dicedesign.geometry.meshes.reading import read_body, without_solids
 from dicedesign.rest.poses import analyse
 from dicedesign.results.folder import read_result

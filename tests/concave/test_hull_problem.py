@@ -20,7 +20,7 @@ from dicedesign.concave.hull_problem import (
     coarse_corners,
 )
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.procrustes import best_similarity
+from dicedesign.geometry.sphere import best_similarity
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 

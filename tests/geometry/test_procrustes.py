@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.procrustes import Similarity, best_similarity
+from dicedesign.geometry.sphere import Similarity, best_similarity
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import trimesh
 from common.bumpy import bumpy_sphere
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.meshes.orientation import consistent_winding
+from dicedesign.geometry.meshes.body import consistent_winding
 from dicedesign.geometry.triangles import is_closed, solid_properties
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

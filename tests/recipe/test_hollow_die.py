@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dicedesign.geometry.meshes.orientation import shells_of
+from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, solid_properties

@@ -12,8 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.orientation import consistent_winding
+from dicedesign.geometry.meshes.body import Body, consistent_winding, make_body
 from dicedesign.geometry.sphere import norms
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses

@@ -19,7 +19,7 @@ from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial import QhullError, cKDTree
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.meshes.orientation import consistent_winding
+from dicedesign.geometry.meshes.body import consistent_winding
 from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import (

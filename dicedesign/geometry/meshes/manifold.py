@@ -13,8 +13,13 @@ import numpy as np
 from manifold3d import Error, Manifold, Mesh64
 
 from dicedesign.errors import InputError, is_finite_number
-from dicedesign.geometry.meshes.body import Body, MassProperties, body_of, make_body
-from dicedesign.geometry.meshes.orientation import solid_triangles
+from dicedesign.geometry.meshes.body import (
+    Body,
+    MassProperties,
+    body_of,
+    make_body,
+    solid_triangles,
+)
 from dicedesign.geometry.triangles import second_moments, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 

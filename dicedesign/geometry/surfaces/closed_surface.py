@@ -9,8 +9,7 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, missing_extra
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.orientation import closed_triangles, distinct_triangles, shells_of
+from dicedesign.geometry.meshes.body import Body, closed_triangles, distinct_triangles, shells_of
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import (

@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, missing_extra
-from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.orientation import distinct_triangles, outward_patches, shells_of
+from dicedesign.geometry.meshes.body import Body, distinct_triangles, outward_patches, shells_of
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.closed_surface import decimated, make_surface, one_shell, thinned
 from dicedesign.geometry.surfaces.grid_surface import (

@@ -1,5 +1,5 @@
 // Which triangles of a surface meet at edges: `is_closed` in dicedesign/geometry/triangles.py and the
-// shells of dicedesign/geometry/meshes/orientation.py.
+// shells of dicedesign/geometry/meshes/body.py.
 #pragma once
 
 #include <vector>

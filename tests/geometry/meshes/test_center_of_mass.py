@@ -9,8 +9,7 @@ import pytest
 import trimesh
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.orientation import resolve_center_of_mass
+from dicedesign.geometry.meshes.body import make_body, resolve_center_of_mass
 
 HULL_CENTROID = np.array([0.1, 0.2, 0.3])
 

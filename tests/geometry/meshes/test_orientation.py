@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from common.kernels import compiled_only
 
-from dicedesign.geometry.meshes.orientation import distinct_triangles, outward_patches, shells_of
+from dicedesign.geometry.meshes.body import distinct_triangles, outward_patches, shells_of
 from dicedesign.geometry.triangles import is_closed
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Integers
