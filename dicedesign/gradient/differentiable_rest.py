@@ -156,8 +156,8 @@ class _RestedBodies:
         if body not in self._sides:
             numbers, center_of_mass = self._numbers(body)
             hull = convex_hull(numbers, single_precision=self._single_precision)
-            middle = classify(hull, *(center_of_mass or (hull.centroid,))).center_of_mass
-            self._sides[body] = find_basins(hull, middle)
+            checked = classify(hull, center_of_mass[0] if center_of_mass else hull.centroid)
+            self._sides[body] = find_basins(hull, checked.center_of_mass)
         sides = self._sides[body]
         hull = sides[0].equilibria.hull
         corners = points[torch.from_numpy(hull.source)]
