@@ -171,20 +171,11 @@ class FacetCoordinates(Coordinates):
         def value(which: Integers, parameters: Floats) -> tuple[Floats]:
             return (np.stack([solids[solid][0].points[rows_of(solid)] for solid in which]),)
 
-        def adjoint(which: Integers, parameters: Floats, gradients: Floats) -> tuple[Floats]:
-            slopes = []
-            for solid, gradient in zip(which, gradients, strict=True):
-                shape = solids[solid][0]
-                by_corner = np.zeros_like(shape.points)
-                np.add.at(by_corner, rows_of(solid), gradient)
-                slopes.append(shape.pulled_back(by_corner[None])[0])
-            return (np.stack(slopes),)
-
         def formula(solid: int, parameters: Tensor) -> tuple[Tensor]:
             corners = _corners(parameters, solids[solid][1])
             return (torch.from_numpy(self.origin) + corners[rows_of(solid)],)
 
-        corners = BodyFunction(1, 1, formula, value, adjoint)(seen(find, given), given)[0]
+        corners = BodyFunction(1, 1, formula, value)(seen(find, given), given)[0]
         return corners.to(parameters)
 
     def half_spaces(self, parameters: Floats) -> Floats:

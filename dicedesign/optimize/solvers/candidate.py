@@ -20,7 +20,7 @@ from torch import Tensor
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMemory, convex_hull
-from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges
+from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges, circle_radii
 from dicedesign.gradient.odds_model import OddsModel
 from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
 from dicedesign.kernels.ops import Tie
@@ -120,6 +120,12 @@ class Candidate:
         sign = np.full(len(self.rests.hull.normals), -1.0)
         sign[self.outcome_facets] = 1.0
         return torch.as_tensor(sign) * self.rests.facet_depths
+
+    @cached_property
+    def least_circle(self) -> float:
+        """Radius, over the diameter, of the smallest of the largest circles in the outcomes'
+        facets."""
+        return float(circle_radii(self.rests, self.outcome_facets).detach().min())
 
     def error(self, target: Floats) -> float:
         """Largest |p - q| for target probabilities (k,)."""

@@ -13,7 +13,6 @@ from typing import Final
 
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.facet_measures import circle_radii
 from dicedesign.gradient.odds_model import OddsUnderPrior, TableSensitivity
 from dicedesign.optimize.coordinates import Coordinates, VertexCoordinates, coordinates_of
 from dicedesign.optimize.options import MOST_WORK, ExactOptions
@@ -257,8 +256,7 @@ class _Search:
             return error, 0.0
         if self.least_circle == 0.0:
             return 0.0, 0.0
-        radii = circle_radii(candidate.rests, candidate.outcome_facets).detach()
-        return 0.0, max(self.least_circle - float(radii.min()), 0.0)
+        return 0.0, max(self.least_circle - candidate.least_circle, 0.0)
 
     def _record(self, candidate: Candidate, value: float | None = None) -> None:
         """Take note of a candidate: on the way to the target, or one that is better by preference

@@ -191,13 +191,11 @@ class _Point:
     def merit(self) -> float:
         return self._squares.item() + float(self.away @ self.away)
 
-    @cached_property
+    @property
     def is_short(self) -> bool:
         """True where a circle is too small."""
-        if self.goal.least_circle == 0.0:
-            return False
-        radii = circle_radii(self.candidate.rests, self.candidate.outcome_facets)
-        return bool(radii.detach().min() < self.goal.least_circle)
+        least = self.goal.least_circle
+        return least > 0.0 and self.candidate.least_circle < least
 
     @property
     def is_open(self) -> bool:
