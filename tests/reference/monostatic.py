@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import HalfspaceIntersection
 
 from tests.reference.problem import Problem
@@ -13,45 +14,45 @@ OFFSET = 100_000
 """The half-spaces of `HALF_SPACES` are a x + b y + c z <= OFFSET."""
 
 HALF_SPACES = {
-    18: (
-        (0, -99969, -2482),
-        (-38225, -80282, 1911),
-        (41727, -75112, -6074),
-        (-58408, -58156, 4589),
-        (61156, -48726, -7522),
-        (-68711, -35556, 6337),
-        (-71657, -13398, 7687),
-        (68576, -22269, -8297),
-        (-68484, 7094, 8226),
-        (66644, 2364, -9067),
-        (-60325, 25017, 3229),
-        (57456, 23350, -6503),
-        (-47301, 37672, 11043),
-        (-31676, 47153, 11123),
-        (42959, 37718, 3487),
-        (40813, 38825, -9818),
-        (27101, 45860, 6112),
-        (-18375, 49732, -4798),
-    ),
-    14: (
-        (0, -99983, -1832),
-        (43817, -73120, -4125),
-        (-44757, -71364, 1541),
-        (63222, -45346, -4854),
-        (-63632, -41894, 3287),
-        (69919, -18093, -4816),
-        (-68697, -12993, 4249),
-        (66826, 7318, -4589),
-        (-62931, 13208, 3358),
-        (55832, 28427, -1814),
-        (-48321, 33474, 5385),
-        (38571, 43293, -3525),
-        (-31384, 45027, 646),
-        (20892, 50175, 1843),
-    ),
+    18: """
+           0  -99969   -2482
+      -38225  -80282    1911
+       41727  -75112   -6074
+      -58408  -58156    4589
+       61156  -48726   -7522
+      -68711  -35556    6337
+      -71657  -13398    7687
+       68576  -22269   -8297
+      -68484    7094    8226
+       66644    2364   -9067
+      -60325   25017    3229
+       57456   23350   -6503
+      -47301   37672   11043
+      -31676   47153   11123
+       42959   37718    3487
+       40813   38825   -9818
+       27101   45860    6112
+      -18375   49732   -4798
+    """,
+    14: """
+           0  -99983   -1832
+       43817  -73120   -4125
+      -44757  -71364    1541
+       63222  -45346   -4854
+      -63632  -41894    3287
+       69919  -18093   -4816
+      -68697  -12993    4249
+       66826    7318   -4589
+      -62931   13208    3358
+       55832   28427   -1814
+      -48321   33474    5385
+       38571   43293   -3525
+      -31384   45027     646
+       20892   50175    1843
+    """,
 }
-"""Rows a, b, c of the polyhedra of `unistable` by their number of facets. The first is the rest,
-the others rise in distance from the centroid.
+"""Rows a, b, c of the polyhedra of `unistable` by their number of facets, see `half_spaces`. The first
+is the rest, the others rise in distance from the centroid.
 
 Derived here: a facet does not hold the body if the foot of the centroid on its plane lies beyond
 the plane of another facet. Its lead is the largest such excess, over that plane's distance from the
@@ -59,6 +60,11 @@ centroid. Linear programs, each a small step in a, b, c that keeps the centroid,
 lead of all facets but one; they began with `conway_guy`, and again after leaving out a facet. The
 least lead is 1.4 % with 18 facets and 0.5 % with 14, at 13 and 44 times as long as wide.
 """
+
+
+def half_spaces(facets: int) -> NDArray[np.int64]:
+    """(facets, 3) numbers a, b, c of a x + b y + c z <= OFFSET."""
+    return np.array(HALF_SPACES[facets].split(), dtype=np.int64).reshape(-1, 3)
 
 
 def conway_guy(sides: int = 17, slope: float = 12.0) -> Problem:
@@ -87,7 +93,6 @@ def unistable(facets: Literal[14, 18]) -> Problem:
     Computational Geometry and Applications 24 (2014), doi 10.1142/S0218195914500022. These are
     others of their kind.
     """
-    normals = np.array(HALF_SPACES[facets], dtype=np.float64)
-    planes = np.column_stack([normals, np.full(facets, -float(OFFSET))])
+    planes = np.column_stack([half_spaces(facets), np.full(facets, -float(OFFSET))])
     corners = HalfspaceIntersection(planes, np.zeros(3)).intersections
     return Problem(corners, shares=np.ones(1), rests=1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.reference.measurement import OK, measure, verdict
-from tests.reference.monostatic import HALF_SPACES, OFFSET, conway_guy, unistable
+from tests.reference.monostatic import HALF_SPACES, OFFSET, conway_guy, half_spaces, unistable
 from tests.reference.problem import turned
 
 BODIES = {19: conway_guy(), 18: unistable(18), 14: unistable(14)}
@@ -49,7 +49,7 @@ def centroid(planes: Any) -> Any:
 
 @pytest.mark.parametrize("facets", HALF_SPACES)
 def test_one_rest_in_rational_arithmetic(facets: int) -> None:
-    planes = np.array(HALF_SPACES[facets], dtype=object)
+    planes = half_spaces(facets).astype(object)
     assert len({plane for triple, *_ in cones(planes) for plane in triple}) == facets
     heights = OFFSET - planes @ centroid(planes)
     assert heights.min() > 0
