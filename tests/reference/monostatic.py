@@ -51,8 +51,8 @@ HALF_SPACES = {
        20892   50175    1843
     """,
 }
-"""Rows a, b, c of the polyhedra of `unistable` by their number of facets, see `half_spaces`. The first
-is the rest, the others rise in distance from the centroid.
+"""Rows a, b, c of the polyhedra of `unistable` by their number of facets, see `half_spaces`. The
+first is the rest, the others rise in distance from the centroid.
 
 Derived here: a facet does not hold the body if the foot of the centroid on its plane lies beyond
 the plane of another facet. Its lead is the largest such excess, over that plane's distance from the
