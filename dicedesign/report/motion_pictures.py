@@ -225,7 +225,7 @@ def drop_figure(
     cameras = [Camera(lifted(level, UP), UP)] * len(placed)
     cameras = framed(cameras, [with_shadow(points, UP) for points in placed])
     pictures = [
-        render_on_table(replace(surface, points=points), UP, own, 300, poses.hull.diameter / 2.0)
+        render_on_table(replace(surface, points=points), UP, own, 300)
         for points, own in zip(placed, cameras, strict=True)
     ]
     titles = [f"{k + 1}: {steps[k].contact}, {steps[k].height:.4g} high" for k in shown]

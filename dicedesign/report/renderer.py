@@ -62,8 +62,25 @@ class Surface:
 
     @cached_property
     def corner_normals(self) -> Floats:
-        """(t, 3, 3), see `corner_normals`."""
-        return corner_normals(self.points, self.triangles)
+        """(t, 3, 3) unit normals at the corners of triangles, to be interpolated within each.
+
+        The normal at a corner is the mean, by area, of those of the triangles at its vertex that
+        turn at most 35 degrees from the corner's own triangle: smooth parts are shaded smoothly,
+        and sharp edges stay sharp. Those of triangles without area are 0.
+        """
+        areas = doubled_area_vectors(self.points, self.triangles)
+        flat = _at_length_1(areas)
+        vertex = self.triangles.ravel()
+        by_vertex = np.argsort(vertex, kind="stable")
+        counts = np.bincount(vertex, minlength=len(self.points))
+        starts = np.cumsum(counts) - counts
+        # Each corner with each corner at the same vertex.
+        corner, place = ragged_ranges(starts[vertex], counts[vertex])
+        triangle, other = corner // 3, by_vertex[place] // 3
+        smooth = (flat[triangle] * flat[other]).sum(-1) >= np.cos(np.radians(SMOOTH_DEGREES))
+        corner, other = corner[smooth], other[smooth]
+        sums = [np.bincount(corner, areas[other, k], minlength=len(vertex)) for k in range(3)]
+        return _at_length_1(np.stack(sums, axis=1)).reshape(-1, 3, 3)
 
 
 def color_triangles(points: Floats, triangles: Integers, colors: Floats) -> Surface:
@@ -298,30 +315,6 @@ def _outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: floa
     return line
 
 
-def corner_normals(points: Floats, triangles: Integers) -> Floats:
-    """(t, 3, 3) unit normals at the corners of triangles, to be interpolated within each.
-
-    The normal at a corner is the mean, by area, of those of the triangles at its vertex that turn
-    at most 35 degrees from the corner's own triangle: smooth parts are shaded smoothly, and sharp
-    edges stay sharp. Those of triangles without area are 0.
-
-    points: (n, 3) in any length unit; triangles: (t, 3), oriented alike.
-    """
-    areas = doubled_area_vectors(points, triangles)
-    flat = _at_length_1(areas)
-    vertex = triangles.ravel()
-    by_vertex = np.argsort(vertex, kind="stable")
-    counts = np.bincount(vertex, minlength=len(points))
-    starts = np.cumsum(counts) - counts
-    # Each corner with each corner at the same vertex.
-    corner, place = ragged_ranges(starts[vertex], counts[vertex])
-    triangle, other = corner // 3, by_vertex[place] // 3
-    smooth = (flat[triangle] * flat[other]).sum(-1) >= np.cos(np.radians(SMOOTH_DEGREES))
-    corner, other = corner[smooth], other[smooth]
-    sums = [np.bincount(corner, areas[other, k], minlength=len(vertex)) for k in range(3)]
-    return _at_length_1(np.stack(sums, axis=1)).reshape(-1, 3, 3)
-
-
 def shadowed_table(
     points: Floats,
     triangles: Integers,
@@ -355,13 +348,10 @@ def with_shadow(points: Floats, up: Floats) -> Floats:
     return np.concatenate([points, points - (heights - heights.min())[:, None] * up])
 
 
-def render_on_table(
-    surface: Surface, up: Floats, camera: Camera, size: int, reach: float | None = None
-) -> Picture:
-    """Picture of a body that stands on a table; up: (3,) unit vector; reach: length over which
-    shadows fade, by default half the width of the picture."""
-    heights = surface.points @ up
+def render_on_table(surface: Surface, up: Floats, camera: Camera, size: int) -> Picture:
+    """Picture of a body that stands on a table; up: (3,) unit vector."""
+    points, heights = surface.points, surface.points @ up
     heights -= heights.min()
-    reach = camera.half_width if reach is None else reach
-    table = shadowed_table(surface.points, surface.triangles, heights, up, camera, size, reach)
+    reach = camera.half_width
+    table = shadowed_table(points, surface.triangles, heights, up, camera, size, reach)
     return render(surface, camera, size, backdrop=table)

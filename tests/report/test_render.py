@@ -14,7 +14,6 @@ from dicedesign.report.renderer import (
     Shell,
     Surface,
     brightness,
-    corner_normals,
     render,
     shadowed_table,
 )
@@ -101,7 +100,7 @@ HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 def test_two_triangles_share_a_normal_up_to_35_degrees(degrees: float, shared: bool) -> None:
     turn = np.radians(degrees)
     points = np.array([[0, 0, 0], [0, 1, 0], [-1, 0, 0], [np.cos(turn), 0, -np.sin(turn)]], float)
-    left, right = corner_normals(points, np.array([[0, 1, 2], [0, 3, 1]]))
+    left, right = Surface(points, np.array([[0, 1, 2], [0, 3, 1]])).corner_normals
     middle = np.array([np.sin(turn / 2), 0.0, np.cos(turn / 2)])
     np.testing.assert_allclose(left[2], [0, 0, 1], atol=1e-12)
     for corner in (left[0], left[1], right[0], right[2]):
