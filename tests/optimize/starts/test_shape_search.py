@@ -161,29 +161,11 @@ CASES = {
 }
 
 
-def symmetric_shapes(target: np.ndarray, group: np.ndarray, seed: int) -> Iterator[Start]:
-    """Starts alone, without the turns that found nothing."""
-    starts = symmetric_shapes_near(target, group, seed)
-    return (start for start in starts if start is not None)
-
-
-def odds_of(start: Start) -> np.ndarray:
-    """Odds of the outcomes of a start that has one rest for each."""
-    poses = rest_poses(start.points)
-    cosines = start.directions @ poses.normals.T
-    outcome = np.argmax(cosines, axis=0)
-    assert sorted(outcome) == list(range(len(start.directions)))
-    np.testing.assert_allclose(cosines.max(axis=0), 1.0, atol=1e-9)
-    odds = np.empty(len(outcome))
-    odds[outcome] = poses.probabilities
-    return odds
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_starts_are_symmetric_and_have_a_rest_for_each_outcome(name: str) -> None:
     target, group = CASES[name][0], point_group(CASES[name][1])
-    for start in islice(symmetric_shapes(target, group, 0), 4):
-        odds = odds_of(start)
+    for start in islice(filter(None, symmetric_shapes_near(target, group, 0)), 4):
+        odds = outcome_odds(start)
         hull = convex_hull(start.points)
         assert len(find_basins(hull, hull.centroid)) == 1
         extents = np.ptp(start.points, axis=0)
