@@ -20,9 +20,8 @@ from dicedesign.throws.simulation import Film, throw_film
 from dicedesign.throws.tables import TABLE_NAMES, table_named
 from dicedesign.view.dragging import Dragging
 from dicedesign.view.exhibit import Exhibit
-from dicedesign.view.html_parts import html_part
 from dicedesign.view.motion import filmed, let_go
-from dicedesign.view.page import Job, Page
+from dicedesign.view.page import Job, Page, html_part
 from dicedesign.view.sources import Source, Tell
 from dicedesign.view.viewed_body import ViewedBody
 

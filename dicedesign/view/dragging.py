@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.view.body_nodes import Gizmo
 from dicedesign.view.exhibit import Exhibit
 from dicedesign.view.motion import settled
+from dicedesign.view.nodes import Gizmo
 from dicedesign.view.page import Page
 from dicedesign.view.viewed_body import ViewedBody
 

@@ -13,10 +13,9 @@ from scipy.spatial.transform import Rotation
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.rest.poses import standing_transform
 from dicedesign.runtime.arrays import Floats
-from dicedesign.view.body_nodes import BodyNodes, met_facet, met_sphere
 from dicedesign.view.motion import SPHERE_AT, SPHERE_RADIUS, Motion, Place, turned
+from dicedesign.view.nodes import BodyNodes, Sphere, met_facet, met_sphere
 from dicedesign.view.page import Job, Page
-from dicedesign.view.sphere import Sphere
 from dicedesign.view.viewed_body import MOST_SHOWN, Solid, ViewedBody, thinned
 
 __all__ = ["Exhibit"]

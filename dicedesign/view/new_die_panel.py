@@ -1,27 +1,267 @@
-"""The tab "New die": odds become a die, step by step."""
+"""The tab "New die": odds become a die, step by step, and files to print it from."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.body import make_body
+from dicedesign.optimize.options import PaperWeights, legible
+from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.reading import typed_target, written_odds
-from dicedesign.view.design_run import PRESETS, DesignedShape, DieRequest
-from dicedesign.view.design_session import DesignSession
+from dicedesign.report.palette import BASINS
+from dicedesign.results.parts import Status
+from dicedesign.runtime.registry import Number
+from dicedesign.view.design_session import DesignedShape, DesignSession, DieRequest
 from dicedesign.view.exhibit import Exhibit
-from dicedesign.view.html_parts import html_part
-from dicedesign.view.new_die_parts import DieFiles, DieOptions, session_html
-from dicedesign.view.page import Job, Page, Stopped
-from dicedesign.view.printable_die import PrintableDie
+from dicedesign.view.page import Job, Page, Stopped, html_part
+from dicedesign.view.printable_die import PrintableDie, printable_die
 from dicedesign.view.viewed_body import Outcomes, ViewedBody
 
-__all__ = ["NewDiePanel"]
+if TYPE_CHECKING:
+    from viser import ClientHandle
+
+__all__ = ["PRESETS", "NewDiePanel"]
+
+PRESETS: Final = {
+    "Two dice in one (2d6)": ("sum_of_dice: [6, 6]", ""),
+    "Two small dice in one (2d4)": ("sum_of_dice: [4, 4]", ""),
+    "Fair, 3 sides": ("fair: 3", ""),
+    "Fair, 5 sides": ("fair: 5", ""),
+    "Fair, 7 sides": ("fair: 7", ""),
+    "Heads of 4 coins (binomial)": ("binomial: 4", ""),
+    "A coin that can stand": ("1/2, 1/3, 1/6", "heads, tails, edge"),
+    "Loaded: 6 twice as often": ("1/7, 1/7, 1/7, 1/7, 1/7, 2/7", ""),
+    "Yes, no, perhaps": ("0.45, 0.45, 0.1", "yes, no, perhaps"),
+}
+"""What goes into the fields of odds and of labels, which are those of the odds where it is empty,
+by what the page calls it."""
+
+METHODS: Final = {"exact": "exact", "the paper's descent": "paper"}
+
+BY_METHOD: Final = "as the method likes"
+"""The start of who does not care."""
+
+LEAST_LARGEST: Final = 2.0
+"""A slider goes at least so far, and to four times its number's default."""
+
+FASTEST: Final = 200
+"""Steps a second, from which on none is held back."""
 
 OFTEN: Final = 0.1
 """Seconds between two looks at whether a design was told to stop."""
+
+FORMATS: Final = ("stl", "3mf")
+
+
+class DieOptions:
+    """Fields of what a hobbyist need not know.
+
+    on_weights: called when a weight or the method has changed, in the page's thread.
+    """
+
+    def __init__(self, page: Page, on_weights: Callable[[], None], on_speed: Callable[[], None]):
+        gui = page.gui
+        self._starts: dict[str, Mapping[str, Any] | None] = {BY_METHOD: None} | {
+            kind.name: {kind.name: {}} for kind in STARTS if _is_plain(kind)
+        }
+        with gui.add_folder("More", expand_by_default=False):
+            self._seed = gui.add_text("Seed", "0", hint="another seed gives another shape")
+            self._method = gui.add_dropdown(
+                "Method",
+                tuple(METHODS),
+                hint="exact: odds to rounding, then the preferences below; the paper's: vertices "
+                "go down an energy, then an exact finish",
+            )
+            self._start = gui.add_dropdown(
+                "Start", tuple(self._starts), hint="the shape to begin with"
+            )
+            self._speed = gui.add_slider(
+                "Steps a second", 1, FASTEST, 1, 30, hint=f"{FASTEST}: as fast as they come"
+            )
+            with gui.add_folder("Preferences", expand_by_default=False):
+                self._prefer = _sliders(page, Preferences.declared(), legible(), on_weights)
+            self._energy = gui.add_folder(
+                "Weights of the paper's energy", expand_by_default=False, visible=False
+            )
+            with self._energy:
+                self._weights = _sliders(page, PaperWeights.declared(), PaperWeights(), on_weights)
+        self._on_weights = on_weights
+        self._method.on_update(lambda _: page.soon(self._take_method, "method"))
+        self._speed.on_update(lambda _: page.soon(on_speed, "speed"))
+
+    def _take_method(self) -> None:
+        self._energy.visible = METHODS[self._method.value] == "paper"
+        self._on_weights()
+
+    @property
+    def least_seconds(self) -> float:
+        """That a step takes."""
+        return 0.0 if self._speed.value >= FASTEST else 1.0 / self._speed.value
+
+    def request(self, target: Mapping[str, Any]) -> DieRequest:
+        """What the fields say. Raises InputError where a number cannot be."""
+        seed = self._seed.value.strip()
+        return DieRequest(
+            target=target,
+            # The recipe says what is wrong with another text.
+            seed=int(seed) if seed.isdecimal() else seed,  # type: ignore[arg-type]
+            method=METHODS[self._method.value],
+            start=self._starts[self._start.value],
+            prefer=Preferences(**{name: float(s.value) for name, s in self._prefer.items()}),
+            weights=PaperWeights(**{name: float(s.value) for name, s in self._weights.items()}),
+        )
+
+
+def _is_plain(kind: StartKind) -> bool:
+    """True for a kind of shape that needs nothing to be said of it."""
+    if kind.make is None and kind.search is None:
+        return False
+    try:
+        kind.options()
+    except TypeError:
+        return False
+    return True
+
+
+def _sliders(
+    page: Page, declared: Mapping[str, Number], now: Any, on_change: Callable[[], None]
+) -> dict[str, Any]:
+    """A slider for each number, by its name."""
+    sliders = {}
+    for name, number in declared.items():
+        value = float(getattr(now, name))
+        most = max(LEAST_LARGEST, 4.0 * value)
+        # No slider goes where a number is not allowed.
+        while not number.allows(most):
+            most /= 2.0
+        least = 0.0 if number.allows(0.0) else most / 100.0
+        slider = page.gui.add_slider(
+            name.replace("_", " "), least, most, most / 200.0, value, hint=number.line
+        )
+        slider.on_update(lambda _: page.soon(on_change, "weights"))
+        sliders[name] = slider
+    return sliders
+
+
+def session_html(session: DesignSession, chosen: int | None) -> str:
+    """Where a design is, in a sentence with its state as an attribute, and a row for each outcome:
+    label, bar with its target, odds, and whether its facet is pinned.
+
+    chosen: the outcome whose label is to change places with the next that is clicked.
+    """
+    shape, state = session.shape, session.state
+    said = {"running": "designing", "paused": "paused" if shape else "nothing designed yet"}
+    words = [said.get(state, ""), session.message]
+    longest = 1.0
+    if state == "running" and session.starts > 1:
+        words.append(f"starting shape {session.starts}")
+    if shape is not None:
+        words.append(f"step {len(session.shapes) - 1}")
+        words.append(f"farthest from the odds by {100.0 * shape.error:.3g} %")
+        longest = float(max(shape.outcomes.odds.max(), shape.target.max()))
+    wrong = state == "failed" or session.status not in (None, Status.CONVERGED)
+    said_words = [word for word in words if word]
+    return html_part("session", session, said_words, wrong, BASINS, longest, chosen)
+
+
+class DieFiles:
+    """Fields and buttons of the files; all methods are called in the page's thread.
+
+    session: gives the session whose die is wanted, or None; on_made: is given the die, once it is
+    made.
+    """
+
+    def __init__(
+        self,
+        page: Page,
+        session: Callable[[], DesignSession | None],
+        on_made: Callable[[PrintableDie], None],
+    ) -> None:
+        self._page, self._session, self._on_made = page, session, on_made
+        self._made: tuple[tuple[Any, ...], PrintableDie] | None = None
+        self._job: Job | None = None
+        gui = page.gui
+        with gui.add_folder("Print it"):
+            self._size = gui.add_text(
+                "Size in mm", "", hint="from corner to corner; empty: 30, or what the labels need"
+            )
+            self._labels = gui.add_checkbox("Cut the labels in", initial_value=True)
+            names = (*(ending.upper() for ending in FORMATS), "Recipe")
+            download = gui.add_button_group("Download", names, hint="the recipe makes it again")
+            download.on_click(
+                lambda event: page.soon(lambda: self._begin(event.client, event.target.value))
+            )
+            self._error, self._table = gui.add_html(""), gui.add_html("")
+
+    def refresh(self, session: DesignSession | None) -> None:
+        """Leave out what is of another shape."""
+        if self._made is not None and (session is None or session.shape is not self._made[0][0]):
+            self._made = None
+            self._table.content = ""
+
+    def _begin(self, client: ClientHandle | None, what: str) -> None:
+        session, size = self._session(), self._size.value.strip().removesuffix("mm").strip()
+        if self._job is not None:
+            return
+        self._error.content = ""
+        if session is None or session.shape is None or session.state == "running":
+            self._refuse(
+                "die: expected a design that is done or paused, got one that runs or none; wait, "
+                "press Pause, or press Design first"
+            )
+            return
+        try:
+            size_mm = float(size) if size else None
+        except ValueError:
+            self._refuse(
+                f"size: expected a number of millimetres, got {size!r}; correct it, or leave it "
+                "empty"
+            )
+            return
+        labels = bool(self._labels.value)
+        key = session.shape, session.designed, size_mm, labels
+
+        def work(job: Job) -> PrintableDie:
+            return printable_die(
+                session,
+                size_mm=size_mm,
+                engrave=labels,
+                on_stage=lambda stage: job.progress(f"making the file: {stage}"),
+            )
+
+        def done(made: PrintableDie) -> None:
+            self._made = key, made
+            self._table.content = html_part("printed", made)
+            self._on_made(made)
+            self._send(client, what, made)
+
+        def failed(error: Exception) -> None:
+            if not isinstance(error, DiceError):
+                raise error
+            self._refuse(str(error))
+
+        def ended() -> None:
+            self._job = None
+
+        if self._made is not None and self._made[0] == key:
+            self._send(client, what, self._made[1])
+        else:
+            self._job = self._page.start(work, done, ended, failed)
+
+    def _send(self, client: ClientHandle | None, what: str, die: PrintableDie) -> None:
+        try:
+            file = die.recipe_file() if what == "Recipe" else die.file(what.lower())
+        except DiceError as error:
+            self._refuse(str(error))
+        else:
+            self._page.download(client, *file)
+
+    def _refuse(self, text: str) -> None:
+        self._error.content = html_part("sentence", "file-error", text, True)
 
 
 class NewDiePanel:
@@ -41,13 +281,13 @@ class NewDiePanel:
     def build(self, page: Page) -> None:
         """Add the GUI elements; called once, within the tab."""
         self._page, gui = page, page.gui
-        first = next(iter(PRESETS.values()))
+        odds, labels = next(iter(PRESETS.values()))
         preset = gui.add_dropdown("Die", tuple(PRESETS))
         self._odds: Any = gui.add_text(
-            "Odds", first.odds, hint="1/2, 1/3, 1/6; or fair: 7, binomial: 4, sum_of_dice: [6, 6]"
+            "Odds", odds, hint="1/2, 1/3, 1/6; or fair: 7, binomial: 4, sum_of_dice: [6, 6]"
         )
         self._labels: Any = gui.add_text(
-            "Labels", first.labels, hint="one for each, commas between them; empty: 1, 2, ..."
+            "Labels", labels, hint="one for each, commas between them; empty: 1, 2, ..."
         )
         self._wrong = gui.add_html("")
         design = gui.add_button("Design", color="blue", hint="begin, or go on after a pause")
@@ -57,7 +297,7 @@ class NewDiePanel:
         self._options = DieOptions(page, self._weigh, self._set_speed)
         preset.on_update(lambda event: page.soon(lambda: self._take(event.target.value), "preset"))
         for text in (self._odds, self._labels):
-            text.on_update(lambda _: page.soon(self._check, "target"))
+            text.on_update(lambda _: page.soon(self._asked, "target"))
         design.on_click(lambda _: page.soon(lambda: self._go(DesignSession.run)))
         acts = {
             "Pause": lambda: self._with_session(DesignSession.pause),
@@ -71,9 +311,8 @@ class NewDiePanel:
         page.on_action("label", self._click_label)
 
     def _take(self, name: str) -> None:
-        preset = PRESETS[name]
-        self._odds.value, self._labels.value = preset.odds, preset.labels
-        self._check()
+        self._odds.value, self._labels.value = PRESETS[name]
+        self._asked()
 
     def _take_over(self, viewed: ViewedBody) -> None:
         """Offer the odds of another die that is on show, to design one like it."""
@@ -82,7 +321,7 @@ class NewDiePanel:
             return
         self._odds.value = written_odds(shown.target.tolist())
         self._labels.value = ", ".join(shown.labels)
-        self._check()
+        self._asked()
 
     def _asked(self) -> DieRequest | None:
         """What the fields ask for, or None where they cannot; then the page says why."""
@@ -96,9 +335,6 @@ class NewDiePanel:
             return None
         self._wrong.content = ""
         return asked
-
-    def _check(self) -> None:
-        self._asked()
 
     def _go(self, act: Callable[[DesignSession], None]) -> None:
         """Begin, or go on with the present die where that is still what is asked for."""

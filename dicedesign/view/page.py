@@ -8,14 +8,30 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from contextlib import suppress
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
 from dicedesign.errors import DiceError, printable
-from dicedesign.view.html_parts import html_part
 from dicedesign.view.serving import Gate, start_server, stop_server
 
 if TYPE_CHECKING:
     import viser
+
+
+@cache
+def _macros() -> Any:
+    environment = Environment(
+        loader=PackageLoader("dicedesign.view"), autoescape=True, undefined=StrictUndefined
+    )
+    return environment.get_template("parts.html.j2").module
+
+
+def html_part(name: str, *values: object) -> str:
+    """The element that a macro of `templates/parts.html.j2` makes of its values; texts are
+    escaped."""
+    return str(getattr(_macros(), name)(*values))
 
 
 class Changes:
@@ -27,14 +43,14 @@ class Changes:
 
     def __init__(self, on_error: Callable[[Exception], None]) -> None:
         self._on_error = on_error
-        self._waiting: OrderedDict[Hashable, Callable[[], None]] = OrderedDict()
+        self._waiting: OrderedDict[Hashable, Callable[[], object]] = OrderedDict()
         self._news = threading.Condition()
         self._open = True
         self._busy = False
         self._thread = threading.Thread(target=self._work, name="changes", daemon=True)
         self._thread.start()
 
-    def soon(self, change: Callable[[], None], kind: Hashable = None) -> None:
+    def soon(self, change: Callable[[], object], kind: Hashable = None) -> None:
         """Make a change after those that wait. kind: of which only the newest is made; None for
         one that is always made. Nothing happens once this is closed."""
         with self._news:
@@ -181,7 +197,7 @@ class Page:
             with tabs.add_tab(panel.title):
                 panel.build(self)
 
-    def soon(self, change: Callable[[], None], kind: Hashable = None) -> None:
+    def soon(self, change: Callable[[], object], kind: Hashable = None) -> None:
         """Make a change in the page's own thread; of each kind only the newest that waits."""
         self._changes.soon(change, kind)
 

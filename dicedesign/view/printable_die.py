@@ -23,8 +23,7 @@ from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
-from dicedesign.view.design_run import SHAPE_FILE, DesignedShape
-from dicedesign.view.design_session import DesignSession
+from dicedesign.view.design_session import SHAPE_FILE, DesignedShape, DesignSession
 
 __all__ = ["PrintableDie", "printable_die"]
 

@@ -14,8 +14,7 @@ from dicedesign.optimize.options import PaperWeights
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
-from dicedesign.view.design_run import DesignedShape, DieRequest
-from dicedesign.view.design_session import DesignSession
+from dicedesign.view.design_session import DesignedShape, DesignSession, DieRequest
 
 COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]}
 

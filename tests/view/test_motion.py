@@ -9,8 +9,8 @@ from common.kernels import compiled_only
 import dicedesign as dd
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.throws.simulation import throw_film
-from dicedesign.view.body_nodes import met_facet, met_sphere
 from dicedesign.view.motion import Motion, Place, filmed, let_go, settled, turned
+from dicedesign.view.nodes import met_facet, met_sphere
 from dicedesign.view.viewed_body import ViewedBody
 
 

@@ -18,8 +18,7 @@ import dicedesign as dd
 from dicedesign.optimize.options import legible
 from dicedesign.optimize.preferences import PREFERENCES, Preference
 from dicedesign.view.application import View
-from dicedesign.view.design_run import DieRequest
-from dicedesign.view.design_session import DesignSession
+from dicedesign.view.design_session import DesignSession, DieRequest
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -18,8 +18,8 @@ from dicedesign.recipe.reading import typed_target
 from dicedesign.rest.outcomes import outcome_odds
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.result import Result
-from dicedesign.view.design_run import PRESETS, DieRequest
-from dicedesign.view.design_session import DesignSession
+from dicedesign.view.design_session import DesignSession, DieRequest
+from dicedesign.view.new_die_panel import PRESETS
 from dicedesign.view.printable_die import PrintableDie, printable_die
 
 COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]}
