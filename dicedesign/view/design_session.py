@@ -96,14 +96,6 @@ class DieRequest:
         }
 
 
-class Outdated(BaseException):
-    """What a thread works on has changed: it begins again."""
-
-
-class Abandoned(BaseException):
-    """Nobody waits for what a thread works on: it ends."""
-
-
 SAME: Final = 1e-9
 """Largest difference of coordinates, whose extent is about 1, of corners that count as the same."""
 
@@ -117,13 +109,12 @@ class DesignedShape:
     hull: the shape, of uniform density.
     directions: (k, 3) down in the outcomes, in the order of the target.
     target: (k,) wanted odds.
-    energy: what the step to it has lowered; terms: its weighted terms by name.
+    terms: weighted terms by name of the energy that the step to it has lowered.
     """
 
     hull: ConvexHull
     directions: Floats
     target: Floats
-    energy: float = 0.0
     terms: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
@@ -365,9 +356,7 @@ class DesignSession:
                 self.message, self.status, self.designed = message, status, die
                 if die is not None:
                     # The best die may be none of the last steps.
-                    terms = die.terms or {}
-                    energy = sum(terms.values())
-                    end = DesignedShape(die.hull, die.directions, self.target, energy, terms)
+                    end = DesignedShape(die.hull, die.directions, self.target, die.terms or {})
                     if not end.is_like(self.shapes[-1]):
                         self.shapes = (*self.shapes, end)
                 self._thread = None
@@ -398,7 +387,7 @@ class DesignSession:
             if reported is None:
                 # Back to a shape that was reported before; the die at the end has it.
                 return
-            shape = DesignedShape(*reported, target.probabilities, step.energy, step.terms)
+            shape = DesignedShape(*reported, target.probabilities, step.terms)
             first, before, reported = before, None, None
             if first is None or not shape.is_like(first):
                 with self._turn:
