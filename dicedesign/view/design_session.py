@@ -16,9 +16,8 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.optimize.options import PaperWeights, legible
-from dicedesign.optimize.preferences.preference import Preferences
-from dicedesign.optimize.starts.half_space_odds import FEWEST_FACETS
-from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.preferences import Preferences
+from dicedesign.optimize.starts.start import FEWEST_FACETS, Start
 from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe

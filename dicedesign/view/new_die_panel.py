@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.options import PaperWeights, legible
-from dicedesign.optimize.preferences.preference import Preferences
+from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.reading import typed_target, written_odds
 from dicedesign.report.palette import BASINS
