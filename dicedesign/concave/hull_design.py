@@ -333,38 +333,27 @@ def nearer_draft(
     """A hull that is as good and nearer to the original: steps to the least displacement among
     hulls with these odds, of all corners and then of those about one place after the other. Each
     goes as far as it makes nothing worse that will do."""
-    for _ in range(ROUNDS):
-        nearer = _nearer(problem, draft, slopes, metric)
-        before, after = (
-            problem.displacement(hull.corners - problem.hull.vertices) for hull in (draft, nearer)
-        )
-        if after < before:
-            draft = nearer
-        if after >= WORTH * before:
-            break
-    return draft
-
-
-def _nearer(
-    problem: HullProblem, draft: HullDraft, slopes: SlopeOptions, metric: HullMetric
-) -> HullDraft:
-    """A draft after one round."""
-    compliance, memory = problem.compliance(metric), SlopeMemory(slopes)
-    original = problem.hull.vertices
+    compliance, original = problem.compliance(metric), problem.hull.vertices
     centers = original[spread_points(original, PLACES)]
     widths = PLACE_WIDTH / np.sqrt(len(centers))
     squares = cdist(centers, original, "sqeuclidean")
     about = np.exp(-squares / (2.0 * widths**2))[:, :, None]
-    missing = draft.shortfall(problem)
-    for sweep in range(SWEEPS):
-        first = draft
-        goal = draft.corners + change_of_least_work(
-            problem, draft, compliance, memory, draft.normals, sweep
-        )
-        for part in (np.ones((1, 1)), *about):
-            change = part * (goal - draft.corners)
-            draft = _moved(problem, draft, change, missing) or draft
-        if draft is first:
+    for _ in range(ROUNDS):
+        nearer, memory, missing = draft, SlopeMemory(slopes), draft.shortfall(problem)
+        for sweep in range(SWEEPS):
+            first = nearer
+            goal = nearer.corners + change_of_least_work(
+                problem, nearer, compliance, memory, nearer.normals, sweep
+            )
+            for part in (np.ones((1, 1)), *about):
+                change = part * (goal - nearer.corners)
+                nearer = _moved(problem, nearer, change, missing) or nearer
+            if nearer is first:
+                break
+        before, after = (problem.displacement(hull.corners - original) for hull in (draft, nearer))
+        if after < before:
+            draft = nearer
+        if after >= WORTH * before:
             break
     return draft
 

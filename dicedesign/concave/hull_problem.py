@@ -310,10 +310,6 @@ class HullProblem:
         return hull.source[coarse_corners(hull)] if self.coarse else hull.source
 
     @cached_property
-    def _laplacian(self) -> Floats:
-        return np.asarray(graph_laplacian(self.hull).toarray(), dtype=np.float64)
-
-    @cached_property
     def elasticity(self) -> Elasticity:
         """Of the surface."""
         return Elasticity(self.surface)
@@ -326,7 +322,7 @@ class HullProblem:
     @cached_property
     def squared_displacement(self) -> Floats:
         """(n, 3, n, 3) see `squared_displacement`, for displacements of the corners."""
-        return squared_displacement(self.held, self.relative[0])
+        return squared_displacement(self.held, self.held.relative[0])
 
     def shift(self, moved: Floats) -> Floats:
         """(3,) from the center of mass of the uniform solid to where cavities are to bring it, so
@@ -347,11 +343,6 @@ class HullProblem:
         moved = moved + self.shift(moved)
         square = np.tensordot(np.tensordot(self.squared_displacement, moved, 2), moved, 2)
         return float(np.sqrt(square)) / self.surface.diagonal
-
-    @cached_property
-    def relative(self) -> tuple[Floats, Floats]:
-        """See `HeldCorners.relative`, for the corners of the hull."""
-        return self.held.relative
 
     @cached_property
     def _compliances(self) -> dict[tuple[HullMetric, bool], Floats]:
@@ -375,16 +366,17 @@ class HullProblem:
         hull that each of them was; moved: see `shift`; directions, error: see `DesignedHull`.
         """
         shift = self.shift(moved)
-        center = np.tensordot(moved + shift, self.relative[1], 2)
+        center = np.tensordot(moved + shift, self.held.relative[1], 2)
         hull = convex_hull(vertices + (center + shift))
         corners = self.source[source[hull.source]]
         return DesignedHull(hull, corners, center, shift, directions, error, moved)
 
     def _compliance(self, metric: HullMetric) -> Floats:
         count = len(self.hull.vertices)
-        root = metric.tether * np.eye(count) + metric.smoothing * self._laplacian
+        laplacian = np.asarray(graph_laplacian(self.hull).toarray(), dtype=np.float64)
+        root = metric.tether * np.eye(count) + metric.smoothing * laplacian
         smooth = root @ root / count
-        stiffness = metric.elastic * self.relative[0]
+        stiffness = metric.elastic * self.held.relative[0]
         for axis in range(3):
             stiffness[:, axis, :, axis] += smooth
         if metric.displaced > 0.0:

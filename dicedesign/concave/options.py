@@ -40,11 +40,6 @@ class HullWeights(PaperWeights):
         }
 
 
-def _default_sobolev() -> SobolevOptions:
-    """Keeps most corners of a dense hull."""
-    return SobolevOptions(smoothing=5.0, power=2)
-
-
 @dataclass(frozen=True)
 class ConcavePaperOptions:
     """Options of `hull: paper` and `fill: paper`.
@@ -58,7 +53,8 @@ class ConcavePaperOptions:
     ----------
     weights: of the terms beside the dice energy, in the published unit, of the first of the hulls
         that are tried; the others have them times seeded factors.
-    sobolev: preconditioning of the gradient in the hull's corners, lambda and p.
+    sobolev: preconditioning of the gradient in the hull's corners, lambda and p; by default such
+        that most corners of a dense hull are kept.
     drift: whether its steps may shift the hull as a whole, as the paper's do: that changes the odds
         most cheaply, and leaves the center of mass far from where the fill has to take it.
     step: "momentum", over jumps of the energy, or "line_search", the paper's.
@@ -77,7 +73,7 @@ class ConcavePaperOptions:
     __pydantic_config__ = STRICT
 
     weights: HullWeights = field(default_factory=HullWeights)
-    sobolev: SobolevOptions = field(default_factory=_default_sobolev)
+    sobolev: SobolevOptions = field(default_factory=lambda: SobolevOptions(smoothing=5.0, power=2))
     drift: bool = False
     step: Literal["momentum", "line_search"] = "momentum"
     steps: int = 600

@@ -11,12 +11,11 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.concave.hull_design import HullDraft, exact_draft
 from dicedesign.concave.hull_problem import DesignedHull, HullProblem
-from dicedesign.concave.options import ConcavePaperOptions, HullWeights
+from dicedesign.concave.options import ConcavePaperOptions
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.optimize.options import PaperOptions
-from dicedesign.optimize.solvers.candidate import DesignStep
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.outcomes import outcome_odds
@@ -34,6 +33,9 @@ SHAKES = 8
 
 SHAKE = 1e-3
 """Standard deviation of that in each coordinate, over the circumscribed radius."""
+
+SCALED = ("coplanar", "barycenter", "neighbor", "apart")
+"""Weights that are multiplied by them."""
 
 CHOICE_SCALE = 1.0
 """Mean place, among the choices, of the one that a trial is made with."""
@@ -71,7 +73,11 @@ def searched_hull(
         own, chosen = options, choices[0]
         if trial > 0 or not plain:
             chosen = choices[int(random.exponential(CHOICE_SCALE)) % len(choices)]
-            own = replace(options, weights=_scaled(options.weights, random))
+            # Those of the paper's regularizers and of apart, each times a factor of its own.
+            factors = np.exp(random.uniform(-np.log(SPREAD), np.log(SPREAD), len(SCALED)))
+            given = options.weights.as_dict()
+            scaled = {n: given[n] * f for n, f in zip(SCALED, factors.tolist(), strict=True)}
+            own = replace(options, weights=options.weights.changed(**scaled))
         designs.append(descend_hull(problem, chosen, own, on_step))
     return min(designs, key=cost)
 
@@ -89,9 +95,6 @@ def descend_hull(
     """
     original = problem.hull.vertices
 
-    def told(step: DesignStep) -> None:
-        on_step(step.energy, step.error)
-
     design = descend_as_paper(
         Start(original, directions),
         problem.target,
@@ -105,7 +108,7 @@ def descend_hull(
         ),
         center_of_mass=np.zeros(3),
         drift=options.drift,
-        on_step=told,
+        on_step=lambda step: on_step(step.energy, step.error),
     )
     vertices, normals = design.hull.vertices, design.directions
     source = linear_sum_assignment(cdist(vertices, original, "sqeuclidean"))[1]
@@ -133,11 +136,3 @@ def _shaken_error(problem: HullProblem, design: DesignedHull) -> float:
             continue
         errors.append(outcome_odds(poses, design.directions).error(problem.target))
     return float(np.mean(errors))
-
-
-def _scaled(weights: HullWeights, random: np.random.Generator) -> HullWeights:
-    """Those of the paper's regularizers and of apart, each times a factor of its own."""
-    names = ("coplanar", "barycenter", "neighbor", "apart")
-    factors = np.exp(random.uniform(-np.log(SPREAD), np.log(SPREAD), len(names)))
-    given = weights.as_dict()
-    return weights.changed(**{n: given[n] * float(f) for n, f in zip(names, factors, strict=True)})

@@ -149,7 +149,8 @@ class SlopeMemory:
             tangents.append(along[at])
             corners.append(corner)
             least.append(np.full(len(at), slope))
-        facets = self._nearly_stable(rests, outcomes)
+        apart = (hull.normals @ outcomes.T).max(axis=1) < math.cos(self.options.circle)
+        facets = np.flatnonzero((rests.depths > -NEARLY_STABLE) & apart)
         if len(facets) > 0:
             normals = hull.normals[facets]
             ends = outcomes[np.argmin(climbs(hull.vertices, normals, outcomes), axis=1)]
@@ -159,7 +160,12 @@ class SlopeMemory:
             corners.append(hull.tail[half_edges])
             least.append(np.full(len(half_edges), self.options.fall))
         along, at, asked = np.concatenate(tangents), np.concatenate(corners), np.concatenate(least)
-        kept = _worth_asking(along, at, asked, hull.vertices)
+        # Those that fail or nearly; of those that are alike, the one that asks for most.
+        near = np.flatnonzero((along * hull.vertices[at]).sum(-1) + asked > -FARTHEST)
+        near = near[np.argsort(-asked[near], kind="stable")]
+        x, y, z = np.round(along[near] / ALIKE).astype(np.int64).T + ALIKE_PLACES // 2
+        alike = ((at[near] * ALIKE_PLACES + x) * ALIKE_PLACES + y) * ALIKE_PLACES + z
+        kept = np.sort(near[np.unique(alike, return_index=True)[1]])
         return SlopeConditions(along[kept], hull.source[at[kept]], asked[kept])
 
     def _remember(
@@ -187,20 +193,6 @@ class SlopeMemory:
         around = np.concatenate(directions)
         ends = np.repeat(outcomes, 2 * RING, axis=0)
         return around, _tangents(around, ends), self.options.rise
-
-    def _nearly_stable(self, rests: RestEvaluation, outcomes: Floats) -> Integers:
-        apart = (rests.hull.normals @ outcomes.T).max(axis=1) < math.cos(self.options.circle)
-        return np.flatnonzero((rests.depths > -NEARLY_STABLE) & apart)
-
-
-def _worth_asking(along: Floats, at: Integers, wanted: Floats, vertices: Floats) -> Integers:
-    """The rising places of conditions, with tangents (s, 3) at vertices (s,), that fail or nearly;
-    of those that are alike, the one that asks for most."""
-    near = np.flatnonzero((along * vertices[at]).sum(-1) + wanted > -FARTHEST)
-    near = near[np.argsort(-wanted[near], kind="stable")]
-    x, y, z = np.round(along[near] / ALIKE).astype(np.int64).T + ALIKE_PLACES // 2
-    alike = ((at[near] * ALIKE_PLACES + x) * ALIKE_PLACES + y) * ALIKE_PLACES + z
-    return np.sort(near[np.unique(alike, return_index=True)[1]])
 
 
 def _tangents(directions: Floats, ends: Floats) -> Floats:

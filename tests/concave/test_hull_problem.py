@@ -129,7 +129,7 @@ def test_the_metric_is_smoothness_and_work_and_displacement() -> None:
         flat = metric_problem.compliance(metric).reshape(3 * count, 3 * count)
         costs.append(float(u.ravel() @ np.linalg.solve(flat, u.ravel())))
     assert costs[0] == pytest.approx(((0.5 * u + 2.0 * rough) ** 2).sum() / count, rel=1e-7)
-    work = np.tensordot(np.tensordot(u, metric_problem.relative[0], 2), u, 2)
+    work = np.tensordot(np.tensordot(u, metric_problem.held.relative[0], 2), u, 2)
     assert costs[1] - costs[0] == pytest.approx(3.0 * float(work), rel=1e-4)
     square = (metric_problem.displacement(u) * metric_problem.surface.diagonal) ** 2
     assert costs[2] - costs[0] == pytest.approx(3.0 * square, rel=1e-4)
