@@ -241,9 +241,15 @@ def _number(cell: str) -> float | None:
         return None
 
 
+def _read_samples(text: str) -> SampledDirections:
+    if not text:
+        raise ValueError
+    return SampledDirections.read(Path(text))
+
+
 SAMPLES = PriorKind(
     name="samples",
     line="the directions of a CSV file, three numbers a line, each as likely as any other",
     form="samples:FILE.csv",
-    read=lambda text: SampledDirections.read(Path(text)),
+    read=_read_samples,
 )
