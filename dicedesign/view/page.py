@@ -46,7 +46,6 @@ class Changes:
         self._waiting: OrderedDict[Hashable, Callable[[], object]] = OrderedDict()
         self._news = threading.Condition()
         self._open = True
-        self._busy = False
         self._thread = threading.Thread(target=self._work, name="changes", daemon=True)
         self._thread.start()
 

@@ -8,12 +8,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import ClassVar, Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.starts.start import FEWEST_FACETS, Start, StartKind, Task, check_prism
+from dicedesign.optimize.starts.start import (
+    FEWEST_FACETS,
+    Start,
+    StartKind,
+    StartSurface,
+    Task,
+    check_prism,
+)
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.registry import STRICT
+
+if TYPE_CHECKING:
+    from dicedesign.geometry.meshes.body import Body
 
 
 @dataclass(frozen=True)
@@ -132,8 +142,19 @@ def _make_mesh(options: MeshOptions, task: Task) -> Start:
             "start.mesh.repair: expected method concave, which keeps the mesh, got one that takes "
             "its convex hull, with nothing to repair; leave it out"
         )
-    body = _shapes().read_body(Path(options.path))
-    return _shapes().mesh_start(body, task.outcomes, task.center_of_mass)
+    return _shapes().mesh_start(_read_mesh(options), task.outcomes, task.center_of_mass)
+
+
+def _mesh_surface(options: MeshOptions, points: int) -> StartSurface:
+    from dicedesign.geometry.surfaces.repair import input_surface
+
+    return StartSurface(*input_surface(_read_mesh(options), points, repair=options.repair))
+
+
+def _read_mesh(options: MeshOptions) -> Body:
+    from dicedesign.geometry.meshes.reading import read_body
+
+    return read_body(Path(options.path))
 
 
 def _check_search(options: SearchOptions, outcomes: int) -> None:
@@ -187,7 +208,7 @@ MESH: Final = StartKind(
     "surface, with method concave",
     options=MeshOptions,
     make=_make_mesh,
-    surface=lambda mesh, points: _shapes().mesh_surface(mesh.path, points, mesh.repair),
+    surface=_mesh_surface,
 )
 
 SEARCH: Final = StartKind(

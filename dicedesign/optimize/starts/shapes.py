@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,14 +13,11 @@ import numpy as np
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.geometry.surfaces.repair import input_surface
 from dicedesign.optimize.starts.orbit_layouts import OrbitSite
 from dicedesign.optimize.starts.start import (
     FEWEST_FACETS,
     Start,
-    StartSurface,
     check_prism,
     normalised_start,
 )
@@ -178,11 +174,6 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
     heights = np.add.reduceat(offsets, hull.facet_start[:-1]) / np.diff(hull.facet_start)
     corners = polyhedron_corners(hull.normals, heights) + hull.centroid
     return normalised_start(corners, poses.normals[:outcomes], poses.notes)
-
-
-def mesh_surface(path: str, points: int, repair: bool) -> StartSurface:
-    """The closed surface of a mesh file, see `MeshOptions`, of at least so many points."""
-    return StartSurface(*input_surface(read_body(Path(path)), points, repair=repair))
 
 
 def about_centroid(start: Start) -> Start:
