@@ -264,6 +264,8 @@ METHODS: Final = {
 
 def _load_method(work: Work) -> Callable[[Work], Any]:
     """The function of the recipe's method; its module brings torch along."""
+    # Searches meet bodies whose hulls need it, and the time of a design is not that of loading.
+    import_module("dicedesign.geometry.hulls.numpy_hull")
     method = work.recipe.method
     return _load(METHODS["thrown" if method.thrown else method.name])
 
