@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dicedesign.runtime.workers import Workers
 
 MISSING_KERNELS: Final = (
-    "note: without the compiled kernels this takes many times as long; install the package where "
+    "without the compiled kernels this takes many times as long; install the package where "
     "there is a C++ compiler"
 )
 
@@ -59,7 +59,7 @@ def note_missing_kernels() -> None:
     """Say on stderr that a command takes long as there are no kernels, if so."""
     if not kernels.available():
         with suppress(OSError):
-            print_note(MISSING_KERNELS.removeprefix("note: "))
+            print_note(MISSING_KERNELS)
 
 
 def print_note(text: str) -> None:

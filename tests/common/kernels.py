@@ -20,7 +20,7 @@ compiled_only = pytest.mark.skipif(not ops.available(), reason="no compiled kern
 
 def usual_notes() -> str:
     """What a long command says on stderr that has nothing to say."""
-    return "" if ops.available() else f"{MISSING_KERNELS}\n"
+    return "" if ops.available() else f"note: {MISSING_KERNELS}\n"
 
 
 @contextmanager
