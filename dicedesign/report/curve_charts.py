@@ -86,7 +86,9 @@ def course_of(history: Sequence[Step], tolerance: float) -> Sheet:
         axes.grid()
         values = np.array([y for curve in curves for _, y in curve] + level)
         least, low = values.max() * ZERO_BELOW, 0.0
-        if level or values.max() > WIDE_RATIO * max(values.min(), least):
+        is_wide = values.max() > WIDE_RATIO * max(values.min(), least)
+        # Energies of several stages do not compare.
+        if level or is_wide or (stages and values.max() > 0.0):
             low = _set_log_heights(axes, values, least)
         for curve in curves:
             x, y = np.reshape(curve, (-1, 2)).T
