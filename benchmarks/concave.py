@@ -1,9 +1,10 @@
 """concave dice of many models: how many are as wanted, time, displacement
 
 Make each model into a die for each target, with the options of a recipe that gives none, and
-measure what the STL file of the die holds. As wanted is one with odds and odds elsewhere within
-0.005, nothing that meets, outcomes 45 degrees apart and margins of 10, in 60 s. Exits 1 where fewer
-models become dice than the goal of the target: 90 % for fair:2 and fair:3, 75 % for 1/2,1/3,1/6,
+measure what the STL file of the die holds. As wanted is one with probabilities and probabilities
+elsewhere within 0.005, nothing that meets, outcomes 45 degrees apart and margins of 10, in 60 s.
+Exits 1 where fewer models become dice than the goal of the target: 90 % for fair:2 and fair:3, 75 %
+    for 1/2,1/3,1/6,
 40 % for fair:4, or half of fewer than ten. With --fill paper all of the paper's method makes them,
 decimated to 2,000 points (250 with --quick).
 """
@@ -214,9 +215,9 @@ def measure(die: Result) -> dict[str, Any]:
 def shortfalls(found: dict[str, Any], tolerance: float) -> Iterator[str]:
     """Why a die is not as wanted."""
     if found["|p - q|"] > tolerance:
-        yield f"odds off by {found['|p - q|']:.1e}"
+        yield f"probabilities off by {found['|p - q|']:.1e}"
     if found["elsewhere"] > tolerance:
-        yield f"odds of {found['elsewhere']:.1e} elsewhere"
+        yield f"probabilities of {found['elsewhere']:.1e} elsewhere"
     if found["meet"]:
         yield f"{found['meet']} pairs of triangles meet"
     if found["apart"] < LEAST_APART - ANGLE_SLACK:

@@ -33,7 +33,7 @@ from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, descend_as_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finished
-from dicedesign.recipe.convex import normalised_center, wanted_odds
+from dicedesign.recipe.convex import normalised_center, wanted_probabilities
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import Start
@@ -219,7 +219,7 @@ class Ending:
 
     @classmethod
     def of(cls, result: DesignResult, target: Floats, center: Floats | None) -> Ending:
-        """Of a design for (k,) odds, with a center of mass (3,) or that of the solid."""
+        """Of a design for (k,) probabilities, with a center of mass (3,) or that of the solid."""
         hull = result.hull
         poses = analyse(hull, hull.centroid if center is None else center)
         of_rest = cluster(poses.normals, result.directions).of_rest
@@ -253,7 +253,7 @@ class PaperProblem:
     def __init__(self, recipe: Recipe, start: Start) -> None:
         self.recipe, self.start = recipe, start
         self.options = replace(recipe.method.paper, prefer=Preferences(), tolerance=None)
-        self.target = wanted_odds(recipe)
+        self.target = wanted_probabilities(recipe)
         self.center = normalised_center(recipe, start)
 
     def descend(self, seed: int, options: PaperOptions) -> DesignResult:

@@ -3,8 +3,8 @@
 Design dice for random targets of 4 to 12 outcomes, the smallest at least 0.01, by the exact method
 from searched shapes, without preferences, and by the paper's without a finish from as many evenly
 spread shapes. Then run recipes of convex dice as they are. A die is solved where the forward model
-finds one rest for each outcome and no other, and odds within 1e-12 or the recipe's tolerance.
-Seconds are on the wall. Exits 1 where a target is not solved.
+finds one rest for each outcome and no other, and probabilities within 1e-12 or the recipe's
+tolerance. Seconds are on the wall. Exits 1 where a target is not solved.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Attempt:
 
     @property
     def is_solved(self) -> bool:
-        """Whether the die has the wanted rests and odds."""
+        """Whether the die has the wanted rests and probabilities."""
         return self.error <= TOLERANCE
 
 
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     row = report.table(
         "recipes",
         "recipe 26s | method 7s | verdict 12s | outcomes 8d | rests 5d | max |p - q| 9.1e | "
-        "odds s 7.3f | s 7.3f",
+        "probabilities s 7.3f | s 7.3f",
     )
     for recipe in read_recipes(options):
         if recipe.method.concave is None and not recipe.method.thrown:
@@ -134,8 +134,8 @@ def paper_error(target: Floats, seed: int) -> float:
 
 
 def design_recipe(recipe: Recipe) -> tuple[object, ...]:
-    """A row: what the die is, the seconds until its odds were met first, and those of the whole
-    design, with the search of shapes and the improvement by preference."""
+    """A row: what the die is, the seconds until its probabilities were met first, and those of the
+    whole design, with the search of shapes and the improvement by preference."""
     labels, tolerance = recipe.target.target().labels, recipe.method.tolerance
     head = (recipe.name, recipe.method.name)
     work = make_die(recipe, "start")

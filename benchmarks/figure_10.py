@@ -1,8 +1,9 @@
-"""geometric odds of many shapes against simulated throws, as in the paper's figure 10
+"""geometric probabilities of many shapes against simulated throws, as in the paper's figure 10
 
 Cut boxes, spheres and models into pieces by planes and Voronoi cells, throw each piece onto two
 tables, without momentum (carpet) and as in a board game, in the package's own simulator and in
-others that are installed, and compare all odds with each other: W, the Wasserstein distance on the
+others that are installed, and compare all probabilities with each other: W, the Wasserstein
+    distance on the
 sphere in radians, and TV, total variation, as means over the shapes; the floor is the mean of two
 right predictions at these numbers of drops, as if the drops were independent. r is Pearson's
 correlation of W with the asymmetry rho of equation 20. The package's own simulator throws each
@@ -211,7 +212,7 @@ def compare_shape(
     thrown = rigid_body(body, poses)
     found = []
     for place, table in enumerate(TABLES):
-        # Odds, and the drops that each was counted in, 0 for exact ones.
+        # Probabilities, and the drops that each was counted in, 0 for exact ones.
         said: dict[str, tuple[Floats, int]] = {GEOMETRIC: (poses.probabilities, 0)}
         for engine in engines:
             count = PAPER_DIRECTIONS if engine == "native" else drops

@@ -4,8 +4,9 @@ Finish the dice of recipes in several ways: labels cut in or raised, edges round
 balanced by shape, by a hidden ball or by filled labels. Each row has the largest |p - q| of the
 plain shape finished as it is, of the balanced one, and of its file read back; of thrown dice the
 first two are by the momentum model. Dice are 1.5 times as large as their recipes say, so that their
-labels fit. Then predict the standard deviations of the odds of prints from derivatives, and compare
-them with prints that are made one by one: facets moved, axes stretched, density graded, a bubble
+labels fit. Then predict the standard deviations of the probabilities of prints from derivatives,
+and compare them with prints that are made one by one: facets moved, axes stretched, density graded,
+    a bubble
 put in; roll prints that are as bad as is allowed; and make dice better by the preference
 `tolerance`. Exits 1 where a file is off by more than 1e-6, a thrown die by 1e-3, or a prediction by
 more than 5 % and chance.
@@ -24,7 +25,7 @@ from benchmarks.frame import Report, Work, add_recipes, make_die, read_recipes
 from dicedesign import EngravingError, Recipe, checked_recipe
 from dicedesign.fabricate.print_tolerances import (
     ROLLS,
-    OddsSpread,
+    ProbabilitySpread,
     print_tolerances,
 )
 from dicedesign.fabricate.printers import PrintErrors
@@ -176,14 +177,14 @@ def make_print(entries: dict[str, Any], prefer: dict[str, float]) -> Work:
     return make_die(checked_recipe({"name": "die", "engrave": False, "method": method, **entries}))
 
 
-def spread_of(work: Work, errors: PrintErrors) -> OddsSpread:
-    """Prediction of what errors do to the odds."""
-    return OddsSpread.of(work.plain.body, work.plain.poses, work.die.directions, errors)
+def spread_of(work: Work, errors: PrintErrors) -> ProbabilitySpread:
+    """Prediction of what errors do to the probabilities."""
+    return ProbabilitySpread.of(work.plain.body, work.plain.poses, work.die.directions, errors)
 
 
 def print_one_by_one(work: Work, errors: PrintErrors, prints: int) -> Floats:
-    """(prints, k) odds, NaN where a print has become no die."""
-    return PrintedDie(work.solid.poses.hull, work.die.directions).odds(errors, prints, 0)
+    """(prints, k) probabilities, NaN where a print has become no die."""
+    return PrintedDie(work.solid.poses.hull, work.die.directions).probabilities(errors, prints, 0)
 
 
 def deviations(covariance: Floats, printed: Floats) -> tuple[float, float, int]:
@@ -202,8 +203,8 @@ def roll_allowed(work: Work, prints: int) -> tuple[float, float, float]:
     predicted = chance_noticed(target, ROLLS, allowed**2 * spread.by_unit_offset, still)
     random = np.random.default_rng(0)
     noticed = []
-    for odds in print_one_by_one(work, PrintErrors(allowed, 0.0, 0.0, 0.0), prints):
-        if np.isfinite(odds).all():
-            counts = random.multinomial(ROLLS, odds / odds.sum(), size=TESTS)
+    for probabilities in print_one_by_one(work, PrintErrors(allowed, 0.0, 0.0, 0.0), prints):
+        if np.isfinite(probabilities).all():
+            counts = random.multinomial(ROLLS, probabilities / probabilities.sum(), size=TESTS)
             noticed += [chi_square(row, target).p_value < LEVEL for row in counts]
     return allowed, predicted, float(np.mean(noticed))

@@ -341,7 +341,8 @@ def compare_events(bodies: int, report: Report) -> bool:
     events = [event for number in EVENT_BODIES[:bodies] for event in Walk(number).events()]
     row = report.table(
         "events",
-        "event 34s | met 5d | odds jump 5d | only slope 5d | slope 9.1e | error 9.1e | not ok 6d",
+        "event 34s | met 5d | probabilities jump 5d | only slope 5d | slope 9.1e | error 9.1e | "
+        "not ok 6d",
     )
     all_wrong = 0
     for kind in EVENTS:
@@ -456,7 +457,7 @@ def time_derivatives(seconds: float, report: Report) -> None:
     """Times of derivatives, as multiples of that of the hull, which all include."""
     row = report.table(
         "times",
-        "times hull 28s | rests 5d | hull ms 9.4f | odds 9.2f | gradient 9.2f | "
+        "times hull 28s | rests 5d | hull ms 9.4f | probabilities 9.2f | gradient 9.2f | "
         "Jacobian 9.2f | 1 by 1 9.2f | half-spaces 9.2f",
     )
     for name, points in {
@@ -466,13 +467,13 @@ def time_derivatives(seconds: float, report: Report) -> None:
         "ellipsoid of 1,000 points": large(1000).points,
     }.items():
         hull, *others = time_in_turn(works_of(points), seconds)
-        rests = len(evaluate_rests(torch.tensor(points)).odds)
+        rests = len(evaluate_rests(torch.tensor(points)).probabilities)
         row(name, rests, 1e3 * hull, *(taken / hull for taken in others))
 
 
 def works_of(points: Floats) -> list[Callable[[], Any]]:
-    """The hull, the odds, the gradient of one weighted sum of them, those of all at once, one by
-    one, and from half-spaces and in these."""
+    """The hull, the probabilities, the gradient of one weighted sum of them, those of all at once,
+    one by one, and from half-spaces and in these."""
     rests = evaluate_rests(torch.tensor(points))
     coordinates, parameters = FacetCoordinates.of(rests.hull.vertices, rests.hull.centroid)
 
@@ -497,7 +498,7 @@ def works_of(points: Floats) -> list[Callable[[], Any]]:
 
     return [
         lambda: convex_hull(points),
-        lambda: evaluated().odds,
+        lambda: evaluated().probability_values,
         gradient,
         lambda: evaluated().jacobian,
         one_by_one,

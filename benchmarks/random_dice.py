@@ -1,7 +1,8 @@
 """Random dice and their simulated throws: what the momentum model is fitted to and judged by.
 
 Most are random polyhedra of several kinds, some of them with a center of mass beside the centroid.
-The others are designed exactly for random odds, some of them with a symmetry: what somebody designs
+The others are designed exactly for random probabilities, some of them with a symmetry: what
+    somebody designs
 has facets where random polyhedra seldom have them.
 """
 
@@ -27,7 +28,7 @@ from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.distances import noise_floor, total_variation
 from dicedesign.throws.momentum_model import MomentumModel
-from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody
 
 GOLDEN = (1.0 + 5.0**0.5) / 2.0
@@ -191,12 +192,12 @@ def _drawn(rng: np.random.Generator, rests: tuple[int, int]) -> tuple[str, Float
 def _designed(
     rng: np.random.Generator, rests: tuple[int, int]
 ) -> tuple[str, Floats, RestPoses] | None:
-    """A die that was designed for random odds, two in five with a symmetry; None where no start led
-    to them."""
+    """A die that was designed for random probabilities, two in five with a symmetry; None where no
+    start led to them."""
     group: Floats | None = None
     if rng.random() < 0.4:
         kind = "designed with symmetry"
-        target, name = _symmetric_odds(rng)
+        target, name = _symmetric_probabilities(rng)
         group = point_group(name)
     else:
         kind = "designed"
@@ -219,8 +220,9 @@ def _designed(
     return kind, points, rest_poses(points, "hull")
 
 
-def _symmetric_odds(rng: np.random.Generator) -> tuple[Floats, str]:
-    """(k,) odds whose equal ones a point group may map onto each other, and the group's name."""
+def _symmetric_probabilities(rng: np.random.Generator) -> tuple[Floats, str]:
+    """(k,) probabilities whose equal ones a point group may map onto each other, and the group's
+    name."""
     order = int(rng.integers(2, 8))
     first, second = rng.uniform(0.3, 2.5, size=2)
     if rng.random() < 0.5:
@@ -229,8 +231,8 @@ def _symmetric_odds(rng: np.random.Generator) -> tuple[Floats, str]:
         name, others = "D2h", [first, first, second, second]
     else:
         name, others = f"D{order}h", [first, first] if rng.random() < 0.8 else []
-    odds = np.array([1.0] * order + others)
-    return odds / odds.sum(), name
+    probabilities = np.array([1.0] * order + others)
+    return probabilities / probabilities.sum(), name
 
 
 @dataclass(frozen=True)
@@ -263,14 +265,14 @@ def throw_random_die(
 def deviations(
     thrown: Sequence[ThrownRandomDie], model: MomentumModel | None
 ) -> list[tuple[float, float, float]]:
-    """Total variation between each die's simulated frequencies and its odds, without momentum and
-    by the momentum model, in NumPy, and the mean of right odds."""
+    """Total variation between each die's simulated frequencies and its probabilities, without
+    momentum and by the momentum model, in NumPy, and the mean of right probabilities."""
     # Dice are judged side by side, one on each core.
     torch.set_num_threads(1)
     found = []
     for one in thrown:
         frequencies, poses = one.counts / one.counts.sum(), one.die.poses
-        by_model = momentum_odds(poses, one.die.body, model)
+        by_model = momentum_probabilities(poses, one.die.body, model)
         found.append(
             (
                 total_variation(frequencies, poses.probabilities),
@@ -283,7 +285,7 @@ def deviations(
 
 DEVIATIONS = (
     "dice 5d | without momentum 7.4f | worst 7.3f | momentum model 7.4f | worst by it 7.3f | "
-    "right odds 7.4f"
+    "right probabilities 7.4f"
 )
 """Columns of a table of `summary`, with their formats."""
 

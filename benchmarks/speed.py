@@ -178,10 +178,10 @@ def design_parts() -> Iterator[tuple[str, Floats, dict[str, Callable[[], Any]]]]
     works = {
         **trial_steps(die, places, start.directions),
         "trial of the exact method": lambda: (
-            maker.attempt(facets, next(there), start.directions).odds
+            maker.attempt(facets, next(there), start.directions).probabilities
         ),
-        "trial and Jacobian of all odds": lambda: (
-            maker.attempt(facets, next(there), start.directions).odds_jacobian
+        "trial and Jacobian of all probabilities": lambda: (
+            maker.attempt(facets, next(there), start.directions).probability_jacobian
         ),
     }
     yield "2d6 die of 11 facets", facets.shape(places[0]).points, works

@@ -1,15 +1,15 @@
 """dice for a table, the momentum model and the simulators, all against simulated throws
 
-Three parts, or one by --part. `dice`: design the die of each recipe twice, for odds without
-momentum and by the recipe's own method, for throws with refinement; throw both, as they are
+Three parts, or one by --part. `dice`: design the die of each recipe twice, for probabilities
+without momentum and by the recipe's own method, for throws with refinement; throw both, as they are
 printed, with random numbers that no design has used, and the latter also onto what its table may be
 instead. `momentum`: throw random dice that the momentum model was not fitted to, three quarters
-random polyhedra and a quarter designed, and compare how often each rest comes up with its odds
-without momentum and by the model. `simulators`:
+random polyhedra and a quarter designed, and compare how often each rest comes up with its
+probabilities without momentum and by the model. `simulators`:
 throw dice in the package's own simulator, with a half and a quarter of its time step, with contacts
 half and twice as stiff, and in others that are installed. Numbers are total variations; the floor
-is the mean of right odds. Exits 1 where a design does not converge, or its throws are further from
-the target than the recipe's refine.within and chance is not the reason.
+is the mean of right probabilities. Exits 1 where a design does not converge, or its throws are
+further from the target than the recipe's refine.within and chance is not the reason.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ from dicedesign import (
     table_named,
 )
 from dicedesign.extensions import ENGINES
-from dicedesign.gradient.odds_model import ThrownOdds
+from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.bias import OFTEN
 from dicedesign.throws.distances import measure_variation, total_variation
 from dicedesign.throws.engines import ThrowStates, throw_states
 from dicedesign.throws.momentum_model import momentum_model, other_tables
-from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody, released
 from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.tables import posterior_tables
@@ -132,7 +132,8 @@ def throw_recipes(
         exact = recipe.method.exact
         if exact is None or exact.refine is None:
             raise InputError(
-                f"{recipe.name}: expected method: {{exact: {{odds: thrown, refine: {{}}}}}}, got "
+                f"{recipe.name}: expected method: "
+                f"{{exact: {{probabilities: thrown, refine: {{}}}}}}, got "
                 "none that is refined; change the method, or leave the recipe out"
             )
         if options.quick:
@@ -142,7 +143,7 @@ def throw_recipes(
         table = table_named(exact.thrown_onto)
         others = posterior_tables(exact.thrown_onto) or other_tables(table)
         for name, method in {
-            "resting": replace(exact, odds="resting", refine=None),
+            "resting": replace(exact, probabilities="resting", refine=None),
             "thrown": exact,
         }.items():
             start = time.perf_counter()
@@ -200,21 +201,23 @@ def judge_model(options: argparse.Namespace, workers: Executor, report: Report) 
         center = None if is_uniform else torch.from_numpy(poses.center_of_mass)
         rests = evaluate_rests(torch.from_numpy(poses.hull.vertices), center)
         # It keeps what it has computed.
-        rests.odds.sum()
+        rests.probability_values.sum()
         works: list[Callable[[], Any]] = [
-            partial(momentum_odds, poses, one.die.body, model),
-            partial(ThrownOdds.on(options.table).jacobian, rests),
+            partial(momentum_probabilities, poses, one.die.body, model),
+            partial(ThrowProbabilities.on(options.table).jacobian, rests),
         ]
         times.append(time_in_turn(works, 0.0, rounds=3, row=2e-3))
-    odds, jacobian = (median(column) for column in zip(*times, strict=True))
-    report.record["seconds"] = {"odds": odds, "jacobian": jacobian}
-    report.line(f"\nmedians: odds {1e3 * odds:.3f} ms, Jacobian {1e3 * jacobian:.3f} ms")
+    probabilities, jacobian = (median(column) for column in zip(*times, strict=True))
+    report.record["seconds"] = {"probabilities": probabilities, "jacobian": jacobian}
+    report.line(
+        f"\nmedians: probabilities {1e3 * probabilities:.3f} ms, Jacobian {1e3 * jacobian:.3f} ms"
+    )
     if options.out is not None:
         report.figure, (axis,) = panels(1, 1, (8.0, 4.5))
         geometric, momentum, floor = np.transpose(sorted(found))
         axis.bar(range(count), geometric, label="without momentum")
         axis.bar(range(count), momentum, label="momentum model")
-        axis.plot(range(count), floor, color="black", label="right odds")
+        axis.plot(range(count), floor, color="black", label="right probabilities")
         axis.set(xlabel="random dice", ylabel="total variation to simulated throws")
         axis.legend()
 
@@ -295,11 +298,11 @@ def throw_part(task: tuple[RigidBody, Table, ThrowStates, int, tuple[int, ...]])
 
 def against(first: Integers, second: Integers) -> tuple[float, float, float]:
     """Total variation of the frequencies of two samples, its mean and its 99 % quantile where both
-    have the same odds."""
+    have the same probabilities."""
     sizes = int(first[:-1].sum()), int(second[:-1].sum())
-    odds = (first + second)[:-1] / sum(sizes)
+    probabilities = (first + second)[:-1] / sum(sizes)
     rng = np.random.default_rng(0)
-    drawn = [rng.multinomial(size, odds, 4_000) / size for size in sizes]
+    drawn = [rng.multinomial(size, probabilities, 4_000) / size for size in sizes]
     chance = np.abs(drawn[0] - drawn[1]).sum(axis=1) / 2.0
     value = total_variation(first[:-1] / sizes[0], second[:-1] / sizes[1])
     return value, float(chance.mean()), float(np.quantile(chance, 0.99))

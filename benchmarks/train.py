@@ -56,7 +56,7 @@ from dicedesign.throws.momentum_model import (
     scaled,
     table_terms,
 )
-from dicedesign.throws.momentum_odds import landing_odds
+from dicedesign.throws.momentum_probabilities import landing_probabilities
 from dicedesign.throws.tables import posterior_tables, table_entries
 from dicedesign.throws.transition_features import Features, Transitions, body_features
 
@@ -133,7 +133,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     if table.drag > 0.0:
         raise InputError(
             f"table {table.name}: expected one without drag, on which dice have momentum, got a "
-            f"drag of {table.drag:g}; its odds are those of `dicedesign rest`"
+            f"drag of {table.drag:g}; its probabilities are those of `dicedesign rest`"
         )
     WIDEST.require(table, "take another")
     dice = options.dice or (20 if options.quick else 600)
@@ -221,8 +221,8 @@ def training_dice(thrown: Sequence[ThrownRandomDie]) -> list[TrainingDie]:
     side = poses.basins[0]
     hull, center = side.equilibria.hull, side.equilibria.center_of_mass
     transitions = Transitions.of(hull, side.paths)
-    odds = side.areas / (4.0 * math.pi)
-    features = body_features(transitions, hull.vertices, center, body.inertia, odds, np)
+    probabilities = side.areas / (4.0 * math.pi)
+    features = body_features(transitions, hull.vertices, center, body.inertia, probabilities, np)
     dice = []
     for one in thrown:
         of_facet = np.zeros(len(hull.normals))
@@ -233,8 +233,8 @@ def training_dice(thrown: Sequence[ThrownRandomDie]) -> list[TrainingDie]:
 
 
 def divergence(dice: Sequence[TrainingDie], general: GeneralModel) -> Tensor:
-    """Mean Kullback-Leibler divergence of the model's odds from the frequencies, of dice as one
-    body whose parts know nothing of each other."""
+    """Mean Kullback-Leibler divergence of the model's probabilities from the frequencies, of dice
+    as one body whose parts know nothing of each other."""
     rests = [die.transitions.rests for die in dice]
     ways = [len(die.transitions.source) for die in dice]
 
@@ -267,8 +267,10 @@ def divergence(dice: Sequence[TrainingDie], general: GeneralModel) -> Tensor:
         for network, of in ((general.transitions, of_transition), (general.carries, of_carry))
     ]
     model = MomentumModel(*(terms @ general.numbers)[of_transition].T, *networks, general)
-    odds = landing_odds(features, transitions, model, torch).clamp(min=SMALLEST_SHARE)
-    logarithm = (frequencies.clamp(min=SMALLEST_SHARE) / odds).log()
+    probabilities = landing_probabilities(features, transitions, model, torch).clamp(
+        min=SMALLEST_SHARE
+    )
+    logarithm = (frequencies.clamp(min=SMALLEST_SHARE) / probabilities).log()
     return (frequencies * logarithm).sum() / len(dice)
 
 

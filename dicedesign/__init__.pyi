@@ -6,9 +6,9 @@ from dicedesign import methods as methods
 from dicedesign import starts as starts
 from dicedesign.balance.balanced import balanced as balanced
 from dicedesign.balance.best_center import best_center as best_center
-from dicedesign.balance.goals import EqualOdds as EqualOdds
+from dicedesign.balance.goals import EqualProbabilities as EqualProbabilities
 from dicedesign.balance.goals import FewestRests as FewestRests
-from dicedesign.balance.goals import GivenOdds as GivenOdds
+from dicedesign.balance.goals import GivenProbabilities as GivenProbabilities
 from dicedesign.balance.goals import Standing as Standing
 from dicedesign.balance.options import BalanceOptions as BalanceOptions
 from dicedesign.errors import DegenerateBodyError as DegenerateBodyError
@@ -27,8 +27,8 @@ from dicedesign.gradient.differentiable_rest import (
     differentiable_rest_batch as differentiable_rest_batch,
 )
 from dicedesign.gradient.height import height as height
-from dicedesign.gradient.rest_odds import RestEvaluation as RestEvaluation
-from dicedesign.gradient.rest_odds import evaluate_rests as evaluate_rests
+from dicedesign.gradient.rest_probabilities import RestEvaluation as RestEvaluation
+from dicedesign.gradient.rest_probabilities import evaluate_rests as evaluate_rests
 from dicedesign.optimize.targets import Target as Target
 from dicedesign.optimize.targets import binomial as binomial
 from dicedesign.optimize.targets import fair as fair
@@ -53,7 +53,7 @@ from dicedesign.results.folder import read_result as read_result
 from dicedesign.results.parts import Status as Status
 from dicedesign.results.result import Result as Result
 from dicedesign.results.result import Step as Step
-from dicedesign.throws.momentum_odds import thrown_odds as thrown_odds
+from dicedesign.throws.momentum_probabilities import throw_probabilities as throw_probabilities
 from dicedesign.throws.rigid_body import rigid_body as rigid_body
 from dicedesign.throws.simulation import Throws as Throws
 from dicedesign.throws.simulation import simulate as simulate

@@ -38,8 +38,8 @@ def compute_stable_poses(
     center_mass: (3,) in the mesh's unit, strictly inside the hull; None for the mesh's own where it
         bounds a volume, and else as in `rest_poses`.
     sigma: variance of a Gaussian error of the center of mass along each axis, in squared length
-        units, at least 0. The odds are the mean over `n_samples` centers drawn from it that are
-        inside the hull, each with its exact odds.
+        units, at least 0. The probabilities are the mean over `n_samples` centers drawn from it
+        that are inside the hull, each with its exact probabilities.
     n_samples: how many, above 0; of no effect where sigma is 0.
     threshold: poses of no larger probability are left out; the others are not scaled.
     seed: of the centers drawn.

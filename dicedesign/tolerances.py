@@ -54,9 +54,9 @@ FLATNESS_TOLERANCE: Final = 1e-12
 """Where a hull is refused, singular values of the points below this part of the largest count as
 none: the error then says "on one plane" or "on one line". It decides about the wording only."""
 
-BALANCED_ODDS: Final = 1e-11
-"""An object is led to its target until its odds differ by no more than this: files of all digits
-hold a hundred times as much, those of single precision a hundred thousand times."""
+BALANCED_PROBABILITIES: Final = 1e-11
+"""An object is led to its target until its probabilities differ by no more than this: files of all
+digits hold a hundred times as much, those of single precision a hundred thousand times."""
 
 BOUNDARY_TOLERANCE: Final = 1e-13
 """A center of mass nearer than this to a facet's plane, relative to the largest offset of a vertex
@@ -68,7 +68,7 @@ CLOSURE_TOLERANCE: Final = 1e-9
 PROBABILITY_SUM_TOLERANCE: Final = 1e-9
 """Target probabilities must sum to 1 within this."""
 
-EQUAL_ODDS: Final = 1e-12
+EQUAL_PROBABILITIES: Final = 1e-12
 """Relative difference up to which two outcomes of a target count as equally probable."""
 
 EQUAL_LIKELIHOOD: Final = 1e-14
@@ -93,9 +93,9 @@ FILE_WALL: Final = 1e-4
 """Part of the least thickness of walls around cavities that they may be thinner by in a file, whose
 coordinates are rounded."""
 
-FILE_ODDS: Final = 1e-6
-"""Odds may change by this, and the die's tolerance be exceeded up to it, where coordinates are
-rounded to the single precision of an STL file."""
+FILE_PROBABILITIES: Final = 1e-6
+"""Probabilities may change by this, and the die's tolerance be exceeded up to it, where coordinates
+are rounded to the single precision of an STL file."""
 
 FILLED_GAP: Final = 1e-4
 """A surface fills a hull when the two are no farther apart than this, relative to the diagonal of
@@ -122,9 +122,9 @@ LEAST_MM: Final = 1e-3
 MOST_MM: Final = 1000.0
 """Largest distance, in millimetres, between two corners of a solid that can be made."""
 
-MATCHED_ODDS: Final = 0.02
-"""Outcomes whose odds without momentum are told belong to the rests of a mesh that have these to
-within this: files of printed dice differ from what was published about them."""
+MATCHED_PROBABILITIES: Final = 0.02
+"""Outcomes whose probabilities without momentum are told belong to the rests of a mesh that have
+these to within this: files of printed dice differ from what was published about them."""
 
 NEAR_ANTIPODE: Final = 0.05
 """The area of a basin is measured from its rest's normal unless its border comes nearer to the

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from dicedesign.throws.tables import Table
 
 STEP: Final = 1.0 / 128.0
-"""Of time, in units of the square root of radius over gravity. Halving it changes odds by less than
-sampling 6,000 drops does."""
+"""Of time, in units of the square root of radius over gravity. Halving it changes probabilities by
+less than sampling 6,000 drops does."""
 
 STEPS_PER_CHECK: Final = 16
 

@@ -1,5 +1,5 @@
-"""An energy of one's own, lowered by `torch.optim.LBFGS` in the facets of a die: the odds that are
-asked for, and rests that take a long way to leave.
+"""An energy of one's own, lowered by `torch.optim.LBFGS` in the facets of a die: the probabilities
+that are asked for, and rests that take a long way to leave.
 
     python examples/lbfgs.py
 """

@@ -30,11 +30,11 @@ def spindle(parameters: torch.Tensor) -> torch.Tensor:
     return torch.cat([torch.hstack([corners, high]), torch.hstack([corners, -high]), tips])
 
 
-def odds_by_side(parameters: torch.Tensor) -> torch.Tensor:
-    """(SIDES,) odds of the sides, in their order around the axis."""
-    normals, odds = dd.differentiable_rest(spindle(parameters))
+def probabilities_by_side(parameters: torch.Tensor) -> torch.Tensor:
+    """(SIDES,) probabilities of the sides, in their order around the axis."""
+    normals, probabilities = dd.differentiable_rest(spindle(parameters))
     around = torch.atan2(normals[:, 1], normals[:, 0]).detach() % (2.0 * torch.pi)
-    sides = odds[torch.argsort(around)]
+    sides = probabilities[torch.argsort(around)]
     if len(sides) != SIDES:
         raise RuntimeError(f"expected a rest on each of {SIDES} sides, got {len(sides)} rests")
     return sides
@@ -43,9 +43,9 @@ def odds_by_side(parameters: torch.Tensor) -> torch.Tensor:
 def main() -> None:
     """Newton's method, with the Jacobian of `torch.func` and of all steps the shortest."""
     parameters = torch.zeros(2 * SIDES, dtype=torch.float64)
-    jacobian = torch.func.jacrev(odds_by_side)
+    jacobian = torch.func.jacrev(probabilities_by_side)
     for step in range(6):
-        misses = odds_by_side(parameters) - TARGET
+        misses = probabilities_by_side(parameters) - TARGET
         print(f"step {step}: largest |p - q| {misses.abs().max():.1e}")
         move = torch.linalg.lstsq(jacobian(parameters), misses, driver="gelsd").solution
         parameters = parameters - move / max(1.0, 5.0 * float(move.abs().max()))

@@ -1,6 +1,7 @@
 """An energy of one's own: run by the built-in method, and by an optimiser of torch.
 
-A term sees the shape as it is now: the hull, its rests with their odds, the clusters of rests that
+A term sees the shape as it is now: the hull, its rests with their probabilities, the clusters of
+    rests that
 count for each outcome, the saddles and maxima between them, and vertices that autograd knows.
 """
 

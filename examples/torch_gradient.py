@@ -12,7 +12,8 @@ import dicedesign as dd
 
 
 def unevenness(corners: torch.Tensor) -> tuple[torch.Tensor, int]:
-    """Sum of the squared odds, which is least where all are equal, and how many rests there are."""
+    """Sum of the squared probabilities, which is least where all are equal, and how many rests
+    there are."""
     _, probabilities = dd.differentiable_rest(corners)
     return (probabilities**2).sum(), len(probabilities)
 

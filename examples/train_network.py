@@ -1,5 +1,5 @@
-"""Train a small network whose outputs are dice: asked for odds, it answers with the corners of a
-tetrahedron that comes to rest with them.
+"""Train a small network whose outputs are dice: asked for probabilities, it answers with the
+corners of a tetrahedron that comes to rest with them.
 
     python examples/train_network.py
 """
@@ -14,17 +14,17 @@ REGULAR = torch.tensor([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype
 
 
 def asked(dice: int) -> torch.Tensor:
-    """(dice, 4) random odds, the largest first."""
+    """(dice, 4) random probabilities, the largest first."""
     uneven = torch.softmax(0.35 * torch.randn(dice, 4, dtype=torch.float64), dim=1)
     return uneven.sort(dim=1, descending=True).values
 
 
 def misses(network: torch.nn.Module, wanted: torch.Tensor) -> torch.Tensor:
-    """(dice, 4) differences of the odds of a network's dice from those wanted."""
+    """(dice, 4) differences of the probabilities of a network's dice from those wanted."""
     corners = REGULAR + network(wanted).reshape(-1, 4, 3)
-    _, odds = dd.differentiable_rest_batch(corners)
+    _, probabilities = dd.differentiable_rest_batch(corners)
     # A tetrahedron has at most four rests, and one that has fewer misses by all of a missing one's.
-    return torch.nn.functional.pad(odds, (0, 4 - odds.shape[1])) - wanted
+    return torch.nn.functional.pad(probabilities, (0, 4 - probabilities.shape[1])) - wanted
 
 
 def main() -> None:

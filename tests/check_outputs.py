@@ -74,9 +74,9 @@ def check(folder: Path) -> dict[str, object]:
     size = yaml.safe_load((folder / "recipe.yaml").read_text())["size_mm"]
     assert abs(span - size) < 1e-4 * size, (span, size)
 
-    labels, odds = result["labels"], np.array(result["probabilities"])
+    labels, probabilities = result["labels"], np.array(result["probabilities"])
     target = np.array(result["target"])
-    assert abs(odds - target).max() == result["max_abs_error"]
+    assert abs(probabilities - target).max() == result["max_abs_error"]
     assert abs(sum(f["probability"] for f in result["facets"]) - 1.0) < 1e-12
     normals = np.array([facet["normal"] for facet in result["facets"]])
     # A hull of many corners has valleys along which little is won by each step.
@@ -86,7 +86,7 @@ def check(folder: Path) -> dict[str, object]:
         # Rests of one outcome may be too near to each other to tell them apart by rolling.
         outcomes = [facet["outcome"] for facet in result["facets"]]
         names = [*labels, None]
-        expected = [*odds, result["elsewhere"]]
+        expected = [*probabilities, result["elsewhere"]]
         of_name = [[outcome == name for outcome in outcomes] for name in names]
         frequencies = np.array([frequencies[counted].sum() for counted in of_name])
     else:

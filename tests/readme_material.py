@@ -104,7 +104,7 @@ def page(folder: Path, target: Path) -> None:
     with headless_browser() as browser, TemporaryDirectory() as name:
         opened = browser.new_page(viewport={"width": 1200, "height": 760})
         opened.goto(shown.page.gate.address)
-        opened.wait_for_selector("#odds")
+        opened.wait_for_selector("#probabilities")
         # What says that there is no graphics card.
         opened.add_style_tag(content=".mantine-Notification-root { display: none; }")
         opened.wait_for_timeout(10_000.0)

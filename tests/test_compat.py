@@ -30,7 +30,7 @@ def blob(seed: int, count: int = 20) -> trimesh.Trimesh:
 
 
 def by_normal(transforms: np.ndarray, probabilities: np.ndarray) -> dict[tuple[float, ...], float]:
-    """Odds by the direction of the mesh that is up."""
+    """Probabilities by the direction of the mesh that is up."""
     keys = [tuple(np.round(transform[2, :3], 5) + 0.0) for transform in transforms]
     return dict(zip(keys, probabilities.tolist(), strict=True))
 
@@ -84,9 +84,9 @@ def test_a_threshold_leaves_poses_out_and_scales_none() -> None:
     fewer, likely = compute_stable_poses(mesh, threshold=limit)
     np.testing.assert_array_equal(likely, probabilities[probabilities > limit])
     np.testing.assert_array_equal(fewer, transforms[: len(fewer)])
-    none, odds = compute_stable_poses(mesh, threshold=1.0)
+    none, probabilities = compute_stable_poses(mesh, threshold=1.0)
     assert none.shape == (0, 4, 4)
-    assert odds.shape == (0,)
+    assert probabilities.shape == (0,)
 
 
 def test_sigma_is_the_mean_over_centers_of_mass() -> None:

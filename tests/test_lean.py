@@ -22,7 +22,7 @@ from common.dented_cube import write_cube
 
 from dicedesign import rest_poses
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient import rest_odds as differentiable
+from dicedesign.gradient import rest_probabilities as differentiable
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.energy import Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
@@ -175,7 +175,7 @@ def test_saddles_that_divide_nothing_are_not_traced(
     np.testing.assert_array_equal(calls[-1][1], np.repeat(saddles[apart], 2))
 
 
-def test_odds_make_no_transforms_and_no_polylines(
+def test_probabilities_make_no_transforms_and_no_polylines(
     counted: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
     calls = counted(poses, "standing_transform")

@@ -9,7 +9,7 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from dicedesign.balance.best_center import BestCenter, best_center, whole_hull
-from dicedesign.balance.goals import FewestRests, Goal, Standing, objective_of, pose_odds
+from dicedesign.balance.goals import FewestRests, Goal, Standing, objective_of, pose_probabilities
 from dicedesign.balance.options import BalanceOptions, WayName
 from dicedesign.balance.regions import Halfspaces, box_region
 from dicedesign.balance.ways import Made, move_center, reachable_shifts
@@ -21,7 +21,7 @@ from dicedesign.geometry.surfaces.repair import FINEST, input_surface
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
-from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM, SAME_REST_ANGLE
+from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MM, MOST_MM, SAME_REST_ANGLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,8 @@ class Balanced:
     by: the way in which it was made.
     directions: (c, 3) down in the poses that the goal is about, of fewest rests in all that are
         left, in the file.
-    before: (c,) odds of these poses as the body came; odds: (c,) by the files read back.
+    before: (c,) probabilities of these poses as the body came; probabilities: (c,) by the files
+        read back.
     wanted: (c,) or None where the goal is no number.
     rests: by the files read back; rests_before.
     center_before, center_wanted, center: (3,) of mass; the last by the files read back.
@@ -48,7 +49,7 @@ class Balanced:
     by: str
     directions: Floats
     before: Floats
-    odds: Floats
+    probabilities: Floats
     wanted: Floats | None
     rests: int
     rests_before: int
@@ -63,8 +64,10 @@ class Balanced:
 
     @property
     def error(self) -> float | None:
-        """Largest difference of odds from what is wanted; None where that is no number."""
-        return None if self.wanted is None else float(np.abs(self.odds - self.wanted).max())
+        """Largest difference of probabilities from what is wanted; None where that is no number."""
+        return (
+            None if self.wanted is None else float(np.abs(self.probabilities - self.wanted).max())
+        )
 
     @property
     def numbers(self) -> tuple[int | None, ...]:
@@ -86,14 +89,14 @@ class Balanced:
                     "normal": normal.tolist(),
                     "before": float(before),
                     "wanted": None if wanted is None else float(wanted),
-                    "odds": float(odds),
+                    "probabilities": float(probabilities),
                 }
-                for number, normal, before, wanted, odds in zip(
+                for number, normal, before, wanted, probabilities in zip(
                     self.numbers,
                     self.directions,
                     self.before,
-                    [None] * len(self.odds) if self.wanted is None else self.wanted,
-                    self.odds,
+                    [None] * len(self.probabilities) if self.wanted is None else self.wanted,
+                    self.probabilities,
                     strict=True,
                 )
             ],
@@ -127,7 +130,8 @@ def balanced(
     Parameters
     ----------
     body: a closed mesh of one solid, in mm unless a size is given.
-    goal: what is wanted of its odds, which are those of a solid of uniform density to begin with.
+    goal: what is wanted of its probabilities, which are those of a solid of uniform density to
+        begin with.
     options: where the center of mass may be, and how it gets there.
     on_way: called with the name of each way before it is tried, which takes some seconds.
 
@@ -160,7 +164,7 @@ def balanced(
         """How far from its goal a body is."""
         if isinstance(goal, FewestRests):
             return float(one.rests)
-        return 1.0 - float(one.odds[0]) if one.error is None else one.error
+        return 1.0 - float(one.probabilities[0]) if one.error is None else one.error
 
     return min(found, key=missing)
 
@@ -203,18 +207,19 @@ def _by(
     # By the files.
     now = rest_poses(made.body, made.center)
     directions = now.normals if isinstance(goal, FewestRests) else best.directions
-    odds = pose_odds(now, directions)
-    most = max(options.tolerance, FILE_ODDS)
+    probabilities = pose_probabilities(now, directions)
+    most = max(options.tolerance, FILE_PROBABILITIES)
     if best.wanted is not None:
-        kept = bool(np.abs(odds - best.wanted).max() <= most)
+        kept = bool(np.abs(probabilities - best.wanted).max() <= most)
     elif isinstance(goal, Standing):
-        kept = bool(odds[0] >= best.odds[0] - most)
+        kept = bool(probabilities[0] >= best.probabilities[0] - most)
     else:
         kept = len(now.facets) <= best.rests
     more = [*notes, *made.notes]
     if best.reached and not kept:
         more.append(
-            "the file has other odds than its center of mass was chosen for: an edge of a basin is "
+            "the file has other probabilities than its center of mass was chosen for: an edge of "
+            "a basin is "
             f"{best.clearance:.2g} mm away; allow more tolerance, or take another way"
         )
     elif not best.reached:
@@ -223,8 +228,8 @@ def _by(
         reached=best.reached and kept,
         by=way,
         directions=directions,
-        before=pose_odds(poses, directions),
-        odds=odds,
+        before=pose_probabilities(poses, directions),
+        probabilities=probabilities,
         wanted=best.wanted,
         rests=len(now.facets),
         rests_before=len(poses.facets),
@@ -278,6 +283,7 @@ def _remedy(goal: Goal, best: BestCenter, way: str) -> str:
     if isinstance(goal, Standing):
         return f"another pose stays more probable; {farther}"
     return (
-        f"odds are off by up to {best.error:.3g}; {farther}, and three coordinates lead three "
-        "odds at most: ask for fewer, or allow more tolerance"
+        f"probabilities are off by up to {best.error:.3g}; {farther}, and three coordinates lead "
+        "three "
+        "probabilities at most: ask for fewer, or allow more tolerance"
     )

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.balance.goals import (
-    EqualOdds,
+    EqualProbabilities,
     FewestRests,
     Goal,
     Objective,
@@ -16,7 +16,7 @@ from dicedesign.balance.goals import (
     ServedGoal,
     Standing,
     objective_of,
-    pose_odds,
+    pose_probabilities,
     rests_at,
 )
 from dicedesign.balance.options import CenterSearch
@@ -28,7 +28,7 @@ from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.runtime.arrays import Floats
 
 ENOUGH: Final = 1e-12
-"""Root of the sum of squares at which odds are as wanted."""
+"""Root of the sum of squares at which probabilities are as wanted."""
 
 DAMPING: Final = (1e-3, 0.2, 8.0, 1e12)
 """Of the first step, relative to the largest squared slope; its factors after a step that was taken
@@ -68,8 +68,8 @@ class Descent:
         """The center of mass that is reached.
 
         Steps are those of Levenberg and Marquardt, each the least of its quadratic model within the
-        half-spaces; where no such step leads down, as the odds jump or have a kink, steps along the
-        axes are tried, of smaller and smaller length.
+        half-spaces; where no such step leads down, as the probabilities jump or have a kink, steps
+        along the axes are tried, of smaller and smaller length.
         """
         value = self.value(center)
         for _ in range(3):
@@ -193,12 +193,12 @@ SHARES: Final = (1.0, 0.1, 0.0)
 """How much it counts in turn that little is left to poses that a goal is not about."""
 
 GOOD: Final = 0.5
-"""Part of the tolerance within which ends are told apart by how near odds jump, and by what is left
-to other poses."""
+"""Part of the tolerance within which ends are told apart by how near probabilities jump, and by
+what is left to other poses."""
 
 CLEAR: Final = 2e-3
 """Distance over the size of the body that a center of mass is to keep from where a rest appears or
-vanishes, and its odds jump: a print of 50 mm is off by as much as that, 0.1 mm."""
+vanishes, and its probabilities jump: a print of 50 mm is off by as much as that, 0.1 mm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +209,8 @@ class BestCenter:
     ----------
     center: (3,) in the body's unit.
     directions: (c, 3) down in the poses that the goal is about, of fewest rests of all poses.
-    before: (c,) odds of these poses with the center of mass that the body has; odds: (c,) now.
+    before: (c,) probabilities of these poses with the center of mass that the body has;
+        probabilities: (c,) now.
     wanted: (c,) or None where the goal is no number.
     rests: facets that the body rests on; rests_before: those as it is.
     reached: whether the goal is.
@@ -220,7 +221,7 @@ class BestCenter:
     center: Floats
     directions: Floats
     before: Floats
-    odds: Floats
+    probabilities: Floats
     wanted: Floats | None
     rests: int
     rests_before: int
@@ -229,8 +230,10 @@ class BestCenter:
 
     @property
     def error(self) -> float | None:
-        """Largest difference of odds from what is wanted; None where that is no number."""
-        return None if self.wanted is None else float(np.abs(self.odds - self.wanted).max())
+        """Largest difference of probabilities from what is wanted; None where that is no number."""
+        return (
+            None if self.wanted is None else float(np.abs(self.probabilities - self.wanted).max())
+        )
 
 
 def whole_hull(hull: ConvexHull) -> ConvexHull:
@@ -249,8 +252,9 @@ def best_center(
     """The center of mass in a region that serves a goal best.
 
     Points that fill the region are tried, and descents start at the best: Levenberg and Marquardt's
-    steps by the gradient of the odds in the center of mass, and steps along the axes where the odds
-    jump. Few rests are found by linear programs (`fewest_rests`). The same for the same body.
+    steps by the gradient of the probabilities in the center of mass, and steps along the axes where
+    the probabilities jump. Few rests are found by linear programs (`fewest_rests`). The same for
+    the same body.
 
     Parameters
     ----------
@@ -258,7 +262,7 @@ def best_center(
     goal: what is wanted.
     region: where the center of mass may be, inside of the body's hull; None for all of that, but
         for what is next to its surface.
-    tolerance: largest difference of odds with which a goal is reached.
+    tolerance: largest difference of probabilities with which a goal is reached.
 
     Raises
     ------
@@ -274,7 +278,7 @@ def best_center(
         reached = len(now.facets) < len(poses.facets) or len(now.facets) == 1
     else:
         objective = objective_of(goal, poses)
-        center = search.serving(objective, isinstance(goal, EqualOdds), tolerance)
+        center = search.serving(objective, isinstance(goal, EqualProbabilities), tolerance)
         if isinstance(goal, Standing) and stability.counts(center[None])[0] == 1:
             center = steadiest(stability, within, center)
         rests = rests_at(hull, center)
@@ -286,17 +290,19 @@ def best_center(
         directions = served.directions
         if isinstance(goal, Standing):
             wanted = None
-            odds, top = (pose_odds(now, down)[0] for down in (directions, now.normals[:1]))
-            reached = bool(odds >= top)
+            probabilities, top = (
+                pose_probabilities(now, down)[0] for down in (directions, now.normals[:1])
+            )
+            reached = bool(probabilities >= top)
         else:
             wanted = served.wanted[: len(directions)]
-            error = np.abs(served.odds - served.wanted).max()
+            error = np.abs(served.probabilities - served.wanted).max()
             reached = len(wanted) == len(served.wanted) and bool(error <= tolerance)
     return BestCenter(
         center=center,
         directions=directions,
-        before=pose_odds(poses, directions),
-        odds=pose_odds(now, directions),
+        before=pose_probabilities(poses, directions),
+        probabilities=pose_probabilities(now, directions),
         wanted=wanted,
         rests=len(now.facets),
         rests_before=len(poses.facets),
@@ -352,8 +358,8 @@ class _Search:
         return np.array(chosen)
 
     def _cleared(self, center: Floats, objective: Objective) -> Floats:
-        """The best near a center of mass (3,) that keeps clear of where odds jump, as far as there
-        is room."""
+        """The best near a center of mass (3,) that keeps clear of where probabilities jump, as far
+        as there is room."""
         clear = CLEAR * self.hull.diameter
         if self.stability.clearance(center) >= clear:
             return center

@@ -1,5 +1,6 @@
-"""What a center of mass is to do for the odds of a body: goals, the odds as functions of the center
-of mass, and goals as residuals that are to be zero, linear in the odds."""
+"""What a center of mass is to do for the probabilities of a body: goals, the probabilities as
+functions of the center of mass, and goals as residuals that are to be zero, linear in the
+probabilities."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ import torch
 from dicedesign.errors import InputError, is_finite_number
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, unit_vectors
-from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.rest.basins import Basins, basin_areas
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
@@ -23,12 +24,12 @@ from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE, SAME_REST_ANGLE
 
 MOST_POSES: Final = 100
-"""That a goal is about: three coordinates do not lead many odds."""
+"""That a goal is about: three coordinates do not lead many probabilities."""
 
 
 @dataclass(frozen=True)
-class EqualOdds:
-    """Equal odds of the most probable poses, whichever these are then (Figure 12).
+class EqualProbabilities:
+    """Equal probabilities of the most probable poses, whichever these are then (Figure 12).
 
     `count`: of these poses, from 2 to `MOST_POSES`. Raises InputError for another.
     """
@@ -45,7 +46,7 @@ class EqualOdds:
 
 @dataclass(frozen=True)
 class Standing:
-    """The largest odds of one pose.
+    """The largest probabilities of one pose.
 
     Give one of `pose`, its number as `dicedesign rest` lists it, 1 for the most probable, and
     `down`, (x, y, z), the direction that points down then, to within 5 degrees. Raises InputError
@@ -83,39 +84,44 @@ class FewestRests:
 
 
 @dataclass(frozen=True)
-class GivenOdds:
-    """Odds of some poses; all others are left what remains.
+class GivenProbabilities:
+    """Probabilities of some poses; all others are left what remains.
 
     Attributes
     ----------
-    odds: above 0, with a sum of at most 1.
+    probabilities: above 0, with a sum of at most 1.
     poses: as many numbers of poses, as `dicedesign rest` lists them, from 1; None for the most
-        probable ones, whichever these are then, in the order of their odds.
+        probable ones, whichever these are then, in the order of their probabilities.
 
     Raises InputError for what is none.
     """
 
-    odds: tuple[float, ...]
+    probabilities: tuple[float, ...]
     poses: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        odds = self.odds
-        if not 1 <= len(odds) <= MOST_POSES or not all(map(is_finite_number, odds)):
+        probabilities = self.probabilities
+        if not 1 <= len(probabilities) <= MOST_POSES or not all(
+            map(is_finite_number, probabilities)
+        ):
             raise InputError(
-                f"target: expected from 1 to {MOST_POSES} probabilities, got {odds}; give some "
+                f"target: expected from 1 to {MOST_POSES} probabilities, got {probabilities}; "
+                "give some "
                 "numbers"
             )
-        if min(odds) <= 0.0 or sum(odds) > 1.0 + PROBABILITY_SUM_TOLERANCE:
+        if min(probabilities) <= 0.0 or sum(probabilities) > 1.0 + PROBABILITY_SUM_TOLERANCE:
             raise InputError(
                 "target: expected probabilities above 0 with a sum of at most 1, got "
-                f"{', '.join(f'{p:g}' for p in odds)} with a sum of {sum(odds):.6g}; what they "
+                f"{', '.join(f'{p:g}' for p in probabilities)} with a sum of "
+                f"{sum(probabilities):.6g}; what they "
                 "leave is for all other poses"
             )
         if self.poses is None:
             return
-        if len(self.poses) != len(self.odds) or len(set(self.poses)) < len(self.poses):
+        if len(self.poses) != len(self.probabilities) or len(set(self.poses)) < len(self.poses):
             raise InputError(
-                f"poses: expected {len(self.odds)} numbers of poses, each once, as there are odds, "
+                f"poses: expected {len(self.probabilities)} numbers of poses, each once, as there "
+                "are probabilities, "
                 f"got {self.poses}; give one for each"
             )
         if any(pose != int(pose) or pose < 1 for pose in self.poses):
@@ -125,7 +131,7 @@ class GivenOdds:
             )
 
 
-Goal: TypeAlias = EqualOdds | Standing | FewestRests | GivenOdds
+Goal: TypeAlias = EqualProbabilities | Standing | FewestRests | GivenProbabilities
 """What a center of mass is to do."""
 
 
@@ -135,22 +141,25 @@ class Rests:
 
     Attributes
     ----------
-    basins: of the body; facets: (k,) of the hull; normals: (k, 3) theirs; odds: (k,).
+    basins: of the body; facets: (k,) of the hull; normals: (k, 3) theirs; probabilities: (k,).
     """
 
     basins: Basins
     facets: Integers
     normals: Floats
-    odds: Floats
+    probabilities: Floats
 
     def slopes(self, weights: Floats) -> Floats:
-        """(r, 3) gradients in the center of mass of sums of the odds times weights (r, k)."""
+        """(r, 3) gradients in the center of mass of sums of the probabilities times weights (r,
+        k)."""
         equilibria = self.basins.equilibria
         center = torch.tensor(equilibria.center_of_mass, requires_grad=True)
         vertices = torch.from_numpy(equilibria.hull.vertices)
-        odds = RestEvaluation(equilibria, vertices, center, self.basins).probabilities
+        probabilities = RestEvaluation(equilibria, vertices, center, self.basins).probabilities
         found = [
-            torch.autograd.grad(odds, center, torch.from_numpy(row), retain_graph=True)[0].numpy()
+            torch.autograd.grad(probabilities, center, torch.from_numpy(row), retain_graph=True)[
+                0
+            ].numpy()
             for row in np.ascontiguousarray(weights)
         ]
         return np.stack(found)
@@ -161,7 +170,8 @@ def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
     not inside, or facets are too uneven for it.
 
     A body that is tied to within rounding is taken for one beside it, unlike by `rest_poses`: a
-    search does not end where odds jump, and looking for ties takes up to a hundred times as long.
+    search does not end where probabilities jump, and looking for ties takes up to a hundred times
+    as long.
     """
     try:
         equilibria = classify(hull, center)
@@ -174,27 +184,28 @@ def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
 
 def top_directions(rests: Rests, count: int) -> Floats:
     """(c, 3) down in the most probable poses, c at most `count`, each a rest with all that are
-    within `SAME_REST_ANGLE` of it and not of a more probable one; by odds."""
-    order = np.argsort(-rests.odds, kind="stable")
+    within `SAME_REST_ANGLE` of it and not of a more probable one; by probabilities."""
+    order = np.argsort(-rests.probabilities, kind="stable")
     left, own = rests.normals[order], []
     while len(left) > 0:
         own.append(left[0])
         left = left[angle_between(left, left[0]) > SAME_REST_ANGLE]
     directions = np.array(own)
-    odds = gathered(rests.normals, rests.odds, directions).odds
-    return directions[np.argsort(-odds, kind="stable")[:count]]
+    probabilities = gathered(rests.normals, rests.probabilities, directions).probabilities
+    return directions[np.argsort(-probabilities, kind="stable")[:count]]
 
 
-def pose_odds(poses: RestPoses, directions: Floats) -> Floats:
-    """(c,) odds of poses with directions (c, 3): those of the rests that count for each, as by
-    `outcome_odds`, but for poses that have no rest within `SAME_REST_ANGLE`, which have none."""
+def pose_probabilities(poses: RestPoses, directions: Floats) -> Floats:
+    """(c,) probabilities of poses with directions (c, 3): those of the rests that count for each,
+    as by `outcome_probabilities`, but for poses that have no rest within `SAME_REST_ANGLE`, which
+    have none."""
     counted = _counted(poses.normals, poses.probabilities, directions)
     return np.asarray(counted @ poses.probabilities)
 
 
-def _counted(normals: Floats, odds: Floats, directions: Floats) -> Booleans:
+def _counted(normals: Floats, probabilities: Floats, directions: Floats) -> Booleans:
     """(c, k) whether each rest counts for each of the poses."""
-    found = gathered(normals, odds, directions)
+    found = gathered(normals, probabilities, directions)
     counted = found.outcome_of_rest == np.arange(len(directions))[:, None]
     near = angle_between(normals[found.main], directions) <= SAME_REST_ANGLE
     return np.asarray(counted & (near & (found.main >= 0))[:, None])
@@ -207,13 +218,13 @@ class ServedGoal:
     Attributes
     ----------
     directions: (c, 3) down in the poses that the goal is about.
-    odds: (c,) theirs; wanted: (c,).
+    probabilities: (c,) theirs; wanted: (c,).
     residuals: (r,), of which the sum of squares is to be least.
-    weights: (r, k) derivatives of the residuals by the odds of the rests.
+    weights: (r, k) derivatives of the residuals by the probabilities of the rests.
     """
 
     directions: Floats
-    odds: Floats
+    probabilities: Floats
     wanted: Floats
     residuals: Floats
     weights: Floats
@@ -223,7 +234,9 @@ Objective: TypeAlias = Callable[[Rests, float], ServedGoal]
 """From rests, and how much it counts that little is left to other poses, to residuals."""
 
 
-def objective_of(goal: EqualOdds | Standing | GivenOdds, poses: RestPoses) -> Objective:
+def objective_of(
+    goal: EqualProbabilities | Standing | GivenProbabilities, poses: RestPoses
+) -> Objective:
     """The residuals of a goal.
 
     poses: of the body as it is, whose numbers the goal has.
@@ -231,14 +244,14 @@ def objective_of(goal: EqualOdds | Standing | GivenOdds, poses: RestPoses) -> Ob
     Raises InputError: no such pose.
     """
     directions = wanted = None
-    if isinstance(goal, EqualOdds):
+    if isinstance(goal, EqualProbabilities):
         count = goal.count
     elif isinstance(goal, Standing):
         count, directions, wanted = 1, pose_direction(goal, poses)[None], np.ones(1)
     else:
-        count, wanted = len(goal.odds), np.sort(goal.odds)[::-1]
+        count, wanted = len(goal.probabilities), np.sort(goal.probabilities)[::-1]
         if goal.poses is not None:
-            wanted = np.array(goal.odds)
+            wanted = np.array(goal.probabilities)
             directions = np.stack([_numbered("poses", pose, poses) for pose in goal.poses])
             angles = angle_between(directions[:, None], directions[None])
             angles[np.tril_indices(count)] = np.pi
@@ -252,17 +265,17 @@ def objective_of(goal: EqualOdds | Standing | GivenOdds, poses: RestPoses) -> Ob
 
     def serve(rests: Rests, share: float) -> ServedGoal:
         chosen = top_directions(rests, count) if directions is None else directions
-        # Poses that are missing have no odds, and no direction.
-        counted = np.zeros((count, len(rests.odds)))
-        counted[: len(chosen)] = _counted(rests.normals, rests.odds, chosen)
-        odds = counted @ rests.odds
+        # Poses that are missing have no probabilities, and no direction.
+        counted = np.zeros((count, len(rests.probabilities)))
+        counted[: len(chosen)] = _counted(rests.normals, rests.probabilities, chosen)
+        probabilities = counted @ rests.probabilities
         if wanted is not None:
-            return ServedGoal(chosen, odds, wanted, odds - wanted, counted)
-        mean = odds.mean()
+            return ServedGoal(chosen, probabilities, wanted, probabilities - wanted, counted)
+        mean = probabilities.mean()
         # Their differences from the mean, and what all together lack of 1.
         rows = np.vstack([counted - counted.mean(axis=0), share * counted.sum(axis=0)[None]])
-        residuals = np.append(odds - mean, share * (odds.sum() - 1.0))
-        return ServedGoal(chosen, odds, np.full(count, mean), residuals, rows)
+        residuals = np.append(probabilities - mean, share * (probabilities.sum() - 1.0))
+        return ServedGoal(chosen, probabilities, np.full(count, mean), residuals, rows)
 
     return serve
 

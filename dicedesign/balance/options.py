@@ -7,7 +7,7 @@ from typing import Final, Literal, get_args
 
 from dicedesign.errors import InputError, is_finite_number
 from dicedesign.runtime.registry import STRICT
-from dicedesign.tolerances import FILE_ODDS, LEAST_MM, MOST_MM
+from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MM, MOST_MM
 
 WayName = Literal["cavity", "infill"]
 """Ways to put a center of mass where it is wanted, in the order in which they are tried."""
@@ -102,7 +102,7 @@ class BalanceOptions(Material):
     by: "cavity" or "infill"; None for the first of these that reaches the goal, or else that which
         comes nearest.
     size_mm: largest distance between two points of the body; None for a body that is in mm.
-    tolerance: largest difference of odds with which a goal is reached.
+    tolerance: largest difference of probabilities with which a goal is reached.
     search: how long is looked for a center of mass.
 
     Raises InputError for a value out of its range.
@@ -136,8 +136,9 @@ class BalanceOptions(Material):
         if self.size_mm is not None:
             remedy = "it is the largest distance between two points"
             _check("size_mm", self.size_mm, LEAST_MM, MOST_MM, remedy)
-        if not is_finite_number(self.tolerance) or not FILE_ODDS <= self.tolerance < 1.0:
+        if not is_finite_number(self.tolerance) or not FILE_PROBABILITIES <= self.tolerance < 1.0:
             raise InputError(
-                f"tolerance: expected a number from {FILE_ODDS:g} to 1, got {self.tolerance!r}; "
+                f"tolerance: expected a number from {FILE_PROBABILITIES:g} to 1, got "
+                f"{self.tolerance!r}; "
                 "0.005 is half a percent"
             )

@@ -1,7 +1,7 @@
 """Where a center of mass may be, as half-spaces, and those that say which facets a body rests on.
 
 A body rests on a facet where its center of mass is above it: inside of a plane through each edge,
-upright on the facet. Where odds jump, the center of mass crosses such a plane.
+upright on the facet. Where probabilities jump, the center of mass crosses such a plane.
 """
 
 from __future__ import annotations

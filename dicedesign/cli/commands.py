@@ -161,12 +161,12 @@ class Rest(WithBody, WithWorkers):
     rests go to the table --out, and the same command goes on where an earlier one ended.
 
     Options:
-    table (NAME|FILE.json): of a mesh: also the odds when it is thrown onto a table, by the momentum
-        model: board-game, hard-wood, paper, carpet, or the file of a table; with another way to
-        throw after a colon, as in board-game:cup
-    prior (PRIOR): of a mesh: its odds where not all sides are equally likely to be down at first:
-        vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:ANGLE in degrees, or samples:FILE.csv; x,y,z
-        point down, in the mesh's frame
+    table (NAME|FILE.json): of a mesh: also the probabilities when it is thrown onto a table, by the
+        momentum model: board-game, hard-wood, paper, carpet, or the file of a table; with another
+        way to throw after a colon, as in board-game:cup
+    prior (PRIOR): of a mesh: its probabilities where not all sides are equally likely to be down at
+        first: vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:ANGLE in degrees, or samples:FILE.csv;
+        x,y,z point down, in the mesh's frame
     figure (FILE.png): draw the Morse-Smale complex
     heights (FILE.png): draw how high the center of mass is over the directions that may point down
     out (TABLE): of a folder: the table to write or go on, ending in .csv or .parquet, which needs
@@ -215,7 +215,7 @@ class Pose(WithRests, WithJson, WithWorkers):
         here); of several or a folder: the folder for their files, which keep their names (default:
         posed)
     pose (N): the N-th most probable (default: 1)
-    random: one drawn by the odds, turned about the vertical by any angle
+    random: one drawn by the probabilities, turned about the vertical by any angle
     seed (S): of what --random draws (default: 0)
     format (NAME): of a folder's files: stl, obj, ply, off, glb, 3mf, ... (default: each mesh's)
     up: stand on z = 0, or on y = 0 as programs that show GLB files want (default: z)
@@ -234,7 +234,7 @@ class Pose(WithRests, WithJson, WithWorkers):
 
 @dataclass
 class Scatter(WithJson):
-    """Fill a floor with meshes of a folder in poses drawn by their odds.
+    """Fill a floor with meshes of a folder in poses drawn by their probabilities.
 
     Each is turned by any angle, such that what they cover on the floor, their convex hulls seen
     from above, does not overlap. The meshes take turns.
@@ -310,11 +310,11 @@ class Balance(WithJson):
 
     Options:
     mesh (MESH): closed surface of one solid: STL, OBJ, ...
-    equal (N): equal odds of the N most probable poses
-    stand (K): the largest odds of pose K, numbered from 1 as `dicedesign rest` lists them
+    equal (N): equal probabilities of the N most probable poses
+    stand (K): the largest probabilities of pose K, numbered from 1 as `dicedesign rest` lists them
     stand_down (x,y,z): the same of the pose in which this direction of the mesh points down
     fewest: as few resting poses as can be
-    target (p,q,...): these odds, fractions or decimals, for the most probable poses, or for --poses
+    target (p,q,...): these probabilities of the most probable poses, or of --poses
     poses (K,L,...): numbers of the poses that --target is for
     region (hull|hollow|x,y,z,x,y,z): where the center of mass may be: anywhere, where cavities can
         bring it, or in a box of a least and a largest corner in mm (default: hull)
@@ -323,7 +323,7 @@ class Balance(WithJson):
     wall_mm (W): least thickness of walls (default: 1.2)
     drain_mm (D): drain the cavity by a hole of this diameter
     infill (p,q): two infills from 0 to 1 (default: 0.1,0.6)
-    tolerance (T): largest difference of odds (default: 0.005)
+    tolerance (T): largest difference of probabilities (default: 0.005)
     out (FILE.stl|FOLDER): where the body goes, with what belongs to it beside it
     """
 
@@ -350,7 +350,7 @@ class Balance(WithJson):
 class Throw(WithJson, WithWorkers):
     """Throw a die onto a simulated table many times.
 
-    How often each rest comes up is compared with its geometric odds, those without momentum.
+    How often each rest comes up is compared with its probability without momentum.
 
     Options:
     die (DIE): mesh, or folder that `dicedesign run` left
@@ -390,19 +390,19 @@ class Throw(WithJson, WithWorkers):
 class Rolls(WithJson):
     """Judge your own throws of a die.
 
-    Compare counts of throws with the odds that a die should have: exact intervals, a test, the
-    total variation, and how many more throws would settle it. With --log type what comes up, one
-    label or several on a line; every line is saved as it ends. `undo` takes the last throw back, an
-    empty line shows the table so far, and `done`, Ctrl-D or Ctrl-C ends.
+    Compare counts of throws with the probabilities that a die should have: exact intervals, a test,
+    the total variation, and how many more throws would settle it. With --log type what comes up,
+    one label or several on a line; every line is saved as it ends. `undo` takes the last throw
+    back, an empty line shows the table so far, and `done`, Ctrl-D or Ctrl-C ends.
 
     Options:
     die (DIE): folder that `dicedesign run` left, whose target is tested; or a mesh, whose labels
-        are the numbers that `dicedesign rest` gives its rests, and whose geometric odds are tested
+        are the numbers that `dicedesign rest` gives its rests
     counts (COUNTS.csv): columns label,count; or the column label alone, with one throw on each line
-    log (ROLLS.csv): type in throws as they come, and write them here, one on each line; those that
-        are there already are gone on from
+    log (ROLLS.csv): type in throws as they come, and write them here, one on each line; a file that
+        exists is continued
     confidence (C): of intervals; the test's level is 1 - C (default: 0.95)
-    figure (FILE.png): draw the frequencies beside the odds
+    figure (FILE.png): draw the frequencies beside the probabilities
     """
 
     die: Path
@@ -429,7 +429,7 @@ class Table(WithJson, WithWorkers):
     action: the word fit
     throws (CSV): a line for each outcome: columns die, mesh (a file, or a folder that `dicedesign
         run` left, as seen from the CSV), outcome and throws; for mesh files also geometric, the
-        outcome's odds without momentum; perhaps com (x y z) and size_mm (else 15 to 35)
+        outcome's probabilities without momentum; perhaps com (x y z) and size_mm (else 15 to 35)
     rolls (FOLDER ROLLS.csv): a die of a folder that `dicedesign run` left, and its throws, a file
         as of `dicedesign rolls`; with or without --throws, and for several dice
     dice (NAME,...): fit to these dice of the file (default: to all)

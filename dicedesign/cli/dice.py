@@ -44,7 +44,7 @@ def run_recipe(options: Run) -> int:
 
 
 def design(options: Design) -> int:
-    """Make the die of some odds."""
+    """Make the die of some probabilities."""
     with _named_options():
         target = typed_target(options.target, options.labels)
     if options.repair and options.mesh is None:
@@ -146,26 +146,34 @@ def _with_options(recipe: Recipe, options: WithResults) -> Recipe:
 
 
 def _print_result(result: Result) -> None:
-    """Print target and odds by label, of a thrown die those that it was designed for and seen with,
-    of one that keeps the shape of a surface those of all other rests too; and what was written."""
+    """Print target and probabilities by label, of a thrown die those that it was designed for and
+    seen with, of one that keeps the shape of a surface those of all other rests too; and what was
+    written."""
     print(f"{result.name}: {result.status} ({result.message})")
-    odds: dict[str, Sequence[float]] = {"target": result.target, "achieved": result.probabilities}
+    probabilities: dict[str, Sequence[float]] = {
+        "target": result.target,
+        "achieved": result.probabilities,
+    }
     if result.thrown is not None:
-        odds = {
+        probabilities = {
             "target": result.target,
             "set down": result.probabilities,
             "model": result.thrown.momentum,
         }
         if result.thrown.simulated is not None:
-            odds["thrown"] = result.thrown.simulated.frequencies
+            probabilities["thrown"] = result.thrown.simulated.frequencies
     labels = list(result.labels)
     if result.concave is not None:
         labels.append("other")
-        odds = {
+        probabilities = {
             "target": (*result.target, 0.0),
             "achieved": (*result.probabilities, result.elsewhere),
         }
-    print(text_table(("label", ">", labels), *((name, "#.5g", p) for name, p in odds.items())))
+    print(
+        text_table(
+            ("label", ">", labels), *((name, "#.5g", p) for name, p in probabilities.items())
+        )
+    )
     if result.concave is not None:
         moved = result.concave.displacement
         print(

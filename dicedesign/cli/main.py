@@ -127,7 +127,7 @@ def make_parser(word: str) -> argparse.ArgumentParser:
     only the one of that name has its options."""
     parser = argparse.ArgumentParser(
         prog="dicedesign",
-        description="Design solid objects by the odds with which they come to rest.",
+        description="Design solid objects by the probabilities with which they come to rest.",
     )
     version = ""
     if word == "--version":

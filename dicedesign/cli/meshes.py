@@ -305,12 +305,17 @@ def balance(options: Balance) -> int:
 
 
 def _goal(options: Balance) -> Goal:
-    from dicedesign.balance.goals import EqualOdds, FewestRests, GivenOdds, Standing
+    from dicedesign.balance.goals import (
+        EqualProbabilities,
+        FewestRests,
+        GivenProbabilities,
+        Standing,
+    )
 
     if options.poses is not None and options.target is None:
         raise InputError("--poses: expected --target p,q,... with it, got none; add it")
     if options.equal is not None:
-        return EqualOdds(options.equal)
+        return EqualProbabilities(options.equal)
     if options.stand is not None:
         return Standing(pose=options.stand)
     if options.stand_down is not None:
@@ -326,7 +331,7 @@ def _goal(options: Balance) -> Goal:
                 f"--poses: expected numbers of poses such as 1,2, got {options.poses!r}; "
                 "dicedesign rest lists them"
             ) from error
-    return GivenOdds(_numbers("--target", options.target), poses)
+    return GivenProbabilities(_numbers("--target", options.target), poses)
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:
@@ -358,7 +363,7 @@ def _print_balanced(mesh: Path, found: Balanced) -> None:
         ("facet normal (down)", "", map(direction, found.directions)),
         ("before", ">", percents(found.before, ".4f")),
         ("goal", ">", percents(found.wanted, ".4f")),
-        ("now", ">", percents(found.odds, ".4f")),
+        ("now", ">", percents(found.probabilities, ".4f")),
     )
     print(f"\n{table}")
 

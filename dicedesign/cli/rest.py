@@ -47,12 +47,12 @@ def list_rests(options: Rest) -> int:
     thrown = None
     if options.table is not None:
         from dicedesign.throws.momentum_model import momentum_model
-        from dicedesign.throws.momentum_odds import momentum_odds
+        from dicedesign.throws.momentum_probabilities import momentum_probabilities
         from dicedesign.throws.rigid_body import rigid_body
 
         with named("--table"):
             model = momentum_model(options.table)
-        thrown = momentum_odds(poses, rigid_body(body, poses), model)
+        thrown = momentum_probabilities(poses, rigid_body(body, poses), model)
     if options.figure is not None or options.heights is not None:
         from dicedesign.report.gauss_map import gauss_map_figure, heights_figure
 
@@ -86,7 +86,8 @@ def list_rests(options: Rest) -> int:
 
 
 def rest_summary(poses: RestPoses, thrown: Floats | None = None) -> dict[str, Any]:
-    """The answer as plain data. thrown: (k,) odds of a thrown body, where they were asked for."""
+    """The answer as plain data. thrown: (k,) probabilities of a thrown body, where they were asked
+    for."""
     columns = {
         "normal": poses.normals,
         "probability": poses.probabilities,
@@ -106,7 +107,7 @@ def rest_summary(poses: RestPoses, thrown: Floats | None = None) -> dict[str, An
 
 
 def _under_prior(options: Rest, text: str, poses: RestPoses) -> RestPoses:
-    """The rests with the odds that `--prior` asks for."""
+    """The rests with the probabilities that `--prior` asks for."""
     from dicedesign.rest.density_priors import VonMisesFisher
     from dicedesign.rest.prior import SampledDirections, read_prior
 

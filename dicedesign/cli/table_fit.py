@@ -77,7 +77,7 @@ class DieAtHand:
     ----------
     fit: what the posterior says of it.
     simulated: (g,) what came up in fresh drops on the fitted table.
-    target: (g,) odds that it was designed for.
+    target: (g,) probabilities that it was designed for.
     """
 
     fit: DieFit
@@ -236,11 +236,11 @@ def _describe(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | No
         counted, others = die.die, die.left_out
         throws = counted.counts.sum()
         assert others is not None
-        expected = zip(throws * others.odds, throws * others.deviation, strict=True)
+        expected = zip(throws * others.probabilities, throws * others.deviation, strict=True)
         table = text_table(
             ("outcome", "", counted.labels),
             ("throws", "d", counted.counts),
-            ("fitted", ".1f", throws * check.odds),
+            ("fitted", ".1f", throws * check.probabilities),
             ("other dice", ">", [f"{mean:.1f} +- {off:.1f}" for mean, off in expected]),
             ("geometric", ".1f", throws * counted.geometric),
         )
@@ -257,15 +257,15 @@ def _p_value(prediction: Prediction | None) -> str:
 
 
 def _describe_at_hand(die: DieAtHand) -> list[str]:
-    fit, odds = die.fit, jeffreys_means(die.simulated)
+    fit, probabilities = die.fit, jeffreys_means(die.simulated)
     found, (half, most) = die.on_fitted, die.by_posterior
     low, high = found.interval
     table = text_table(
         ("outcome", "", fit.die.labels),
         ("target", ".4f", die.target),
-        ("fitted", ".4f", odds),
-        ("+-", ".4f", np.sqrt(odds * (1.0 - odds) / die.simulated.sum())),
-        ("posterior", ".4f", fit.odds),
+        ("fitted", ".4f", probabilities),
+        ("+-", ".4f", np.sqrt(probabilities * (1.0 - probabilities) / die.simulated.sum())),
+        ("posterior", ".4f", fit.probabilities),
         ("+-", ".4f", fit.deviation),
     )
     more = text_table(
@@ -288,7 +288,7 @@ def _sentences(fit: TableFit, checks: Sequence[DieCheck]) -> list[str]:
     verdict = "no die rejects" if not rejecting else ", ".join(rejecting) + " rejects"
     lines = [
         f"{fit.evaluations} sets of parameters, {fit.drops} drops of each die for each; "
-        f"log likelihood {fit.log_likelihood:.2f}, of odds equal to all frequencies 0",
+        f"log likelihood {fit.log_likelihood:.2f}, of probabilities equal to all frequencies 0",
         f"the surrogate's predictions were {fit.surprise:.2f} of its standard deviations off",
         f"with {drops} fresh drops {verdict} the fitted set at the level {LEVEL:g}",
     ]
@@ -344,7 +344,7 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None)
                 "die": die.die.name,
                 "outcomes": die.die.labels,
                 "throws": die.die.counts.tolist(),
-                "geometric_odds": die.die.geometric.tolist(),
+                "geometric_probabilities": die.die.geometric.tolist(),
                 "simulated": check.simulated.tolist(),
                 "unresolved": check.unresolved,
                 "degrees": check.chi_square.degrees,
@@ -369,7 +369,7 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None)
             "total_variation": variation.value,
             "interval": variation.interval,
             "noise_floor": variation.noise_floor,
-            "posterior_odds": die.odds.tolist(),
+            "posterior_probabilities": die.probabilities.tolist(),
             "posterior_standard_deviations": die.deviation.tolist(),
             "posterior_total_variation": {"median": half, f"quantile_{BELIEF:g}": most},
             "after_more_throws": {
@@ -384,7 +384,7 @@ def _plain_prediction(die: DieFit, prediction: Prediction | None) -> dict[str, A
     if prediction is None:
         return None
     return {
-        "odds": prediction.odds.tolist(),
+        "probabilities": prediction.probabilities.tolist(),
         "standard_deviations": prediction.deviation.tolist(),
         "p_value": prediction.p_value,
         "standard_error": prediction.standard_error,

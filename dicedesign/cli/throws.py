@@ -49,7 +49,7 @@ MM_PER_METRE: Final = 1e3
 def throw(options: Throw) -> int:
     """Print how often each rest comes up."""
     from dicedesign.throws.momentum_model import momentum_model
-    from dicedesign.throws.momentum_odds import momentum_odds
+    from dicedesign.throws.momentum_probabilities import momentum_probabilities
     from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, rigid_body
     from dicedesign.throws.simulation import check_throws, simulate
     from dicedesign.throws.tables import table_named, with_hand
@@ -62,7 +62,7 @@ def throw(options: Throw) -> int:
     try:
         model = momentum_model(name)
     except InputError as error:
-        print_note(f"without odds by the momentum model, as {printable(error)}")
+        print_note(f"without probabilities by the momentum model, as {printable(error)}")
     table = table.sized(size)
     orientations: Any = options.orientations or ("icosahedron" if name == "paper" else "uniform")
     drops = options.drops
@@ -83,7 +83,7 @@ def throw(options: Throw) -> int:
         # Its files are in millimetres.
         table = table.sized(2.0 * body.radius / MM_PER_METRE)
     started = time.perf_counter()
-    momentum = None if model is None else momentum_odds(poses, body, model)
+    momentum = None if model is None else momentum_probabilities(poses, body, model)
     with workers_of(options, "drops", drops) as workers:
         throws = simulate(
             body,
@@ -142,14 +142,14 @@ def _judge_throws(throws: Throws, poses: RestPoses, columns: dict[str, Any]) -> 
     from dicedesign.throws.goodness_of_fit import chi_square
 
     landed = throws.outcomes >= 0
-    came, odds = np.zeros(throws.rests), poses.probabilities
+    came, probabilities = np.zeros(throws.rests), poses.probabilities
     variation = transport = test = None
     if landed.any():
         came = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
-        variation = asdict(measure_variation(came, odds, CONFIDENCE))
-        transport = asdict(measure_transport(poses.normals, came, odds, CONFIDENCE))
+        variation = asdict(measure_variation(came, probabilities, CONFIDENCE))
+        transport = asdict(measure_transport(poses.normals, came, probabilities, CONFIDENCE))
         if throws.rests > 1:
-            test = asdict(chi_square(came, odds))
+            test = asdict(chi_square(came, probabilities))
     else:
         columns["frequency"] = [None] * throws.rests
     columns["interval"] = exact_intervals(came, float(came.sum()), CONFIDENCE)
@@ -187,7 +187,7 @@ def _text(columns: dict[str, Any], summary: dict[str, Any]) -> list[str]:
     if summary["unresolved"]:
         lines.append(f"unresolved: {summary['unresolved']} drops ended on no facet in time")
     for name, what in (
-        ("total_variation", "total variation from the odds without momentum"),
+        ("total_variation", "total variation from the probabilities without momentum"),
         ("wasserstein", "Wasserstein distance from them, in radians,"),
     ):
         distance = summary[name]
@@ -224,13 +224,15 @@ def judge_rolls(options: Rolls) -> int:
             f"--confidence: expected at least {LEAST_CONFIDENCE:g} and less than 1, got "
             f"{options.confidence:g}; 0.95 is usual"
         )
-    labels, odds, source = _read_odds(options.die)
+    labels, probabilities, source = _read_probabilities(options.die)
     if len(labels) < 2:
         raise InputError(
             f"{options.die}: expected a die with at least 2 outcomes, got {len(labels)}; "
             "there is nothing to test"
         )
-    judge = partial(goodness_of_fit.judge_rolls, odds=odds, confidence=options.confidence)
+    judge = partial(
+        goodness_of_fit.judge_rolls, probabilities=probabilities, confidence=options.confidence
+    )
     if options.log is None:
         assert options.counts is not None
         counts = read_counts(options.counts, labels)
@@ -247,20 +249,20 @@ def judge_rolls(options: Rolls) -> int:
 
         atomic_write(options.figure, rolls_chart(labels, verdict).png())
     if options.json:
-        print_json({"odds_source": source, **_summarize(labels, verdict)})
+        print_json({"probabilities_source": source, **_summarize(labels, verdict)})
     else:
         print(f"{printable(options.die)}: {verdict.throws} throws, tested for the {source}\n")
         print(_describe(labels, verdict))
     return 0
 
 
-def _read_odds(path: Path) -> tuple[list[str], list[float], str]:
+def _read_probabilities(path: Path) -> tuple[list[str], list[float], str]:
     """The outcomes of a die that was designed here with its target, or the numbers of a mesh's
-    rests with their odds without momentum; and what these odds are, in words."""
+    rests with their probabilities without momentum; and what these probabilities are, in words."""
     if not os.path.isdir(path):
         _, poses = read_poses(path)
         known = [str(i + 1) for i in range(len(poses.probabilities))]
-        return known, poses.probabilities.tolist(), "geometric odds of its rests"
+        return known, poses.probabilities.tolist(), "geometric probabilities of its rests"
     from dicedesign.results.folder import read_result
 
     die = read_result(path)
@@ -329,7 +331,7 @@ def _answer(log: RollLog, done: str, judge: Callable[[Integers], RollVerdict]) -
     known = f"{done}: {verdict.throws} throws, p = {verdict.p_value:.2g}"
     more = max(0, verdict.to_confirm - verdict.throws)
     if verdict.rejected:
-        return f"{known}, which rejects the odds"
+        return f"{known}, which rejects the probabilities"
     return f"{known}, {more} more to settle it" if more else f"{known}, enough to settle it"
 
 
@@ -340,7 +342,7 @@ def _summarize(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
         "count": verdict.counts,
         "frequency": verdict.frequencies,
         "interval": verdict.intervals,
-        "odds": verdict.odds,
+        "probabilities": verdict.probabilities,
         "posterior_mean": verdict.posterior.means,
         "posterior_interval": verdict.posterior.intervals,
     }
@@ -366,7 +368,7 @@ def _describe(labels: Sequence[str], verdict: RollVerdict) -> str:
     table = text_table(
         ("label", "", labels),
         ("count", "d", verdict.counts),
-        ("odds %", ".3f", 100 * verdict.odds),
+        ("probabilities %", ".3f", 100 * verdict.probabilities),
         ("frequency %", ".3f", 100 * verdict.frequencies),
         (f"{level} interval", ">", percent_intervals(verdict.intervals)),
         ("posterior %", ".3f", 100 * posterior.means),
@@ -393,19 +395,22 @@ def _describe(labels: Sequence[str], verdict: RollVerdict) -> str:
     significance = f"{1.0 - verdict.confidence:.3g}"
     if verdict.rejected:
         lines.append(
-            f"The throws reject these odds at the level {significance}; no more are needed."
+            f"The throws reject these probabilities at the level {significance}; no more are "
+            "needed."
         )
         return "\n".join(lines)
-    lines.append(f"The throws do not reject these odds at the level {significance}.")
+    lines.append(f"The throws do not reject these probabilities at the level {significance}.")
     if verdict.to_reject is not None:
         more = max(0, verdict.to_reject - verdict.throws)
         lines.append(
-            f"If the die's odds are the frequencies seen, {more} more throws would reject these "
-            f"odds with probability {POWER:g}."
+            f"If the die's probabilities are the frequencies seen, {more} more throws would "
+            "reject these "
+            f"probabilities with probability {POWER:g}."
         )
     more = max(0, verdict.to_confirm - verdict.throws)
     lines.append(
-        f"If the die's odds are these, {more} more throws would show that they are, to within a "
+        f"If the die's probabilities are these, {more} more throws would show that they are, to "
+        "within a "
         f"total variation of {WITHIN:g}."
     )
     return "\n".join(lines)

@@ -1,1 +1,1 @@
-"""Concave dice: closed surfaces deformed until their convex hull has wanted odds."""
+"""Concave dice: closed surfaces deformed until their convex hull has wanted probabilities."""

@@ -40,7 +40,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import best_similarity, norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
-from dicedesign.rest.outcomes import outcome_margins, outcome_odds
+from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 
@@ -327,7 +327,7 @@ class Attempts:
         shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
         poses = analyse(reached, rounded.centroid + shift)
         directions = design.directions @ back.rotation.T
-        outcomes = outcome_odds(poses, directions)
+        outcomes = outcome_probabilities(poses, directions)
         error = outcomes.error(self.target)
         self.on_step(number, "fill", filled.energy, error)
         return FilledHull(

@@ -29,7 +29,7 @@ from dicedesign.concave.result import shortfall
 from dicedesign.concave.slopes import SlopeMemory, SlopeOptions, climbs, least_displacement
 from dicedesign.errors import DiceError
 from dicedesign.geometry.sphere import angle_between, foot_on_line, norms, unit_vectors
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import CandidateMaker, LevenbergMarquardt
@@ -37,7 +37,7 @@ from dicedesign.rest.outcomes import gathered
 from dicedesign.runtime.arrays import Floats, Integers
 
 LARGEST_GAIN = 0.05
-"""Most by which odds are to change in one step."""
+"""Most by which probabilities are to change in one step."""
 
 EXACT = 1e-12
 """Largest |p - q| of an exact draft."""
@@ -67,7 +67,7 @@ class HullDraft:
         try:
             rests = evaluate_rests(torch.from_numpy(corners), torch.zeros(3, dtype=torch.float64))
             draft = cls(corners, rests, directions)
-            return draft if np.isfinite(rests.odds).all() else None
+            return draft if np.isfinite(rests.probability_values).all() else None
         except DiceError:
             return None
 
@@ -94,7 +94,7 @@ class HullDraft:
     @property
     def alone(self) -> bool:
         """True if each outcome has a rest of its own and there is no other."""
-        return len(self.rests.odds) == len(self.main) == len(np.unique(self.main))
+        return len(self.rests.probability_values) == len(self.main) == len(np.unique(self.main))
 
     @property
     def normals(self) -> Floats:
@@ -102,9 +102,9 @@ class HullDraft:
         return self.rest_normals[self.main]
 
     @cached_property
-    def odds(self) -> Floats:
+    def probabilities(self) -> Floats:
         """(k,) of the outcomes."""
-        sums = np.bincount(self.of_rest, self.rests.odds, minlength=len(self.main))
+        sums = np.bincount(self.of_rest, self.rests.probability_values, minlength=len(self.main))
         return np.asarray(sums, dtype=np.float64)
 
     @cached_property
@@ -127,24 +127,27 @@ class HullDraft:
 
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""
-        return gathered(self.rest_normals, self.rests.odds, self.normals).error(target)
+        return gathered(self.rest_normals, self.rests.probability_values, self.normals).error(
+            target
+        )
 
     def lacks_at_most(self, problem: HullProblem, missing: float) -> bool:
-        """Whether the shortfall is no more than so much, which the odds alone often tell."""
+        """Whether the shortfall is no more than so much, which the probabilities alone often
+        tell."""
         error = self.error(problem.target)
         if error > (1.0 + missing) * problem.tolerance:
             return False
         return self.shortfall(problem) <= missing
 
     def shortfall(self, problem: HullProblem) -> float:
-        """How far odds, angles between outcomes and margin are from what will do, over what will
-        do, summed; 0 where nothing is missing."""
+        """How far probabilities, angles between outcomes and margin are from what will do, over
+        what will do, summed; 0 where nothing is missing."""
         apart, margin = (self.apart, problem.apart), (self.margin, problem.margin)
         return shortfall(self.error(problem.target), problem.tolerance, apart, margin)
 
     @property
     def jacobian(self) -> Floats:
-        """(k, n, 3) of the odds in the corners."""
+        """(k, n, 3) of the probabilities in the corners."""
         rests = self.rests
         sums = np.zeros((len(self.main), *self.corners.shape))
         by_corner = rests.jacobian.reshape(len(self.of_rest), -1, 3)
@@ -162,11 +165,11 @@ def change_of_least_work(
     directions: Floats,
     step: int,
 ) -> Floats:
-    """(n, 3) from a draft to the displacement of least work with the target's odds."""
+    """(n, 3) from a draft to the displacement of least work with the target's probabilities."""
     displacement = draft.corners - problem.hull.vertices
     displacement = displacement + problem.shift(displacement)
     conditions = memory.conditions(draft.rests, directions, draft.of_rest, step)
-    gains = np.clip(problem.target - draft.odds, -LARGEST_GAIN, LARGEST_GAIN)
+    gains = np.clip(problem.target - draft.probabilities, -LARGEST_GAIN, LARGEST_GAIN)
     # The last of the equations follows from the others.
     following = least_displacement(
         compliance,
@@ -194,8 +197,8 @@ class _AllCorners(VertexCoordinates):
 
 
 def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
-    """The hull with the odds of the target to rounding to which steps lead from a draft with no
-    rests but the wanted ones; None where they lead to none."""
+    """The hull with the probabilities of the target to rounding to which steps lead from a draft
+    with no rests but the wanted ones; None where they lead to none."""
     if not draft.alone:
         return None
     maker = CandidateMaker(np.zeros(3))
@@ -245,8 +248,8 @@ def design_hull(
     slopes: SlopeOptions,
     on_step: Callable[[float, float], None],
 ) -> HullDraft | None:
-    """A hull with the wanted odds and no other rests; where this way leads to none, the one on it
-    that was off by least, or None where there was no hull at all.
+    """A hull with the wanted probabilities and no other rests; where this way leads to none, the
+    one on it that was off by least, or None where there was no hull at all.
 
     directions: (k, 3) unit directions of the outcomes, of rests of the original or not; on_step:
     called with the energy and the largest |p - q| of every step.
@@ -258,7 +261,7 @@ def design_hull(
         if draft is None:
             break
         error = draft.error(problem.target)
-        on_step(float(((problem.target - draft.odds) ** 2).sum()), error)
+        on_step(float(((problem.target - draft.probabilities) ** 2).sum()), error)
         if draft.alone and error < NEAR:
             exact = exact_draft(problem, draft)
             if exact is not None and exact.shortfall(problem) == 0.0:
@@ -312,7 +315,7 @@ HALVINGS = 3
 """Tries of half the length each."""
 
 CORRECTIONS = 6
-"""Newton steps to the odds, at the end."""
+"""Newton steps to the probabilities, at the end."""
 
 EASED = 16
 """Most groups of corners that are eased at a time."""
@@ -331,8 +334,8 @@ def nearer_draft(
     metric: HullMetric = NEAREST,
 ) -> HullDraft:
     """A hull that is as good and nearer to the original: steps to the least displacement among
-    hulls with these odds, of all corners and then of those about one place after the other. Each
-    goes as far as it makes nothing worse that will do."""
+    hulls with these probabilities, of all corners and then of those about one place after the
+    other. Each goes as far as it makes nothing worse that will do."""
     compliance, original = problem.compliance(metric), problem.hull.vertices
     centers = original[spread_points(original, PLACES)]
     widths = PLACE_WIDTH / np.sqrt(len(centers))
@@ -371,7 +374,7 @@ def _moved(
 
 
 def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
-    """The hull whose odds are met as well as can be, next to one where they nearly are."""
+    """The hull whose probabilities are met as well as can be, next to one where they nearly are."""
     exact = exact_draft(problem, draft)
     if exact is not None:
         return exact
@@ -381,7 +384,7 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
         jacobian = draft.jacobian[:-1]
         raised = np.tensordot(jacobian, compliance, 2)
         square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
-        misses = (problem.target - draft.odds)[:-1]
+        misses = (problem.target - draft.probabilities)[:-1]
         step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
         following = HullDraft.of(draft.corners + step, draft.normals)
         if following is None or not following.error(problem.target) < draft.error(problem.target):

@@ -260,12 +260,12 @@ class HullMetric:
 
 @dataclass(frozen=True)
 class HullProblem:
-    """A surface whose hull is to have wanted odds.
+    """A surface whose hull is to have wanted probabilities.
 
     Attributes
     ----------
     surface: its center of mass at the origin, its circumscribed radius 1.
-    target: (k,) the odds.
+    target: (k,) the probabilities.
     tolerance: largest error (`DesignedHull.error`) that will do.
     apart: least angle between two outcomes that will do, in radians.
     margin: least angle of tipping that leaves an outcome that will do, in radians.
@@ -391,7 +391,7 @@ class HullProblem:
 
 @dataclass(frozen=True)
 class DesignedHull:
-    """A hull with the wanted odds.
+    """A hull with the wanted probabilities.
 
     Attributes
     ----------
@@ -399,10 +399,10 @@ class DesignedHull:
         of them.
     corners: (v,) number of the surface's point of each corner.
     center_of_mass: (3,) that of the uniform solid that is to fill it.
-    shift: (3,) from there to the place for which its odds are the wanted ones.
+    shift: (3,) from there to the place for which its probabilities are the wanted ones.
     directions: (k, 3) normals of the outcomes' rests.
-    error: largest of |p - q| over clusters of rests within `SAME_REST_ANGLE` of those, and the odds
-        of all other rests together.
+    error: largest of |p - q| over clusters of rests within `SAME_REST_ANGLE` of those, and the
+        probabilities of all other rests together.
     moved: (n, 3) displacement of all corners of the original hull, relative to that place.
     """
 

@@ -23,9 +23,9 @@ from dicedesign.runtime.registry import STRICT, Number
 class HullWeights(PaperWeights):
     """Weights beside the dice energy of a dense hull, in the published unit; see `TERMS`.
 
-    With those of figure 15 (coplanar, barycenter and neighbor 0.01 to 0.3) clusters reach the odds,
-    but most keep several rests far apart. The defaults leave one rest each. Raises InputError for a
-    number out of range.
+    With those of figure 15 (coplanar, barycenter and neighbor 0.01 to 0.3) clusters reach the
+    probabilities, but most keep several rests far apart. The defaults leave one rest each. Raises
+    InputError for a number out of range.
     """
 
     __slots__ = ()
@@ -55,12 +55,13 @@ class ConcavePaperOptions:
         that are tried; the others have them times seeded factors.
     sobolev: preconditioning of the gradient in the hull's corners, lambda and p; by default such
         that most corners of a dense hull are kept.
-    drift: whether its steps may shift the hull as a whole, as the paper's do: that changes the odds
-        most cheaply, and leaves the center of mass far from where the fill has to take it.
+    drift: whether its steps may shift the hull as a whole, as the paper's do: that changes the
+        probabilities most cheaply, and leaves the center of mass far from where the fill has to
+        take it.
     step: "momentum", over jumps of the energy, or "line_search", the paper's.
     steps: most steps, at least 1.
-    finish: "exact" goes on to the very odds where each outcome has one rest and there is no other;
-        "none" ends where the paper does.
+    finish: "exact" goes on to the very probabilities where each outcome has one rest and there is
+        no other; "none" ends where the paper does.
     closest_point: lambda_CP of the first program, positive.
     membrane: lambda_m, positive.
     bending: lambda_b, positive.
@@ -128,8 +129,8 @@ class ConcaveOptions:
 
     Attributes
     ----------
-    tolerance: largest |p - q| wanted, over clusters of rests within 5 degrees, and largest odds of
-        all other rests together; above 0 and below 1.
+    tolerance: largest |p - q| wanted, over clusters of rests within 5 degrees, and largest
+        probabilities of all other rests together; above 0 and below 1.
     hull: how the hull is designed: "gauss_newton", or "paper": by descent on the clustered energy
         with its regularizers.
     fill: how the surface is made to fill it: "correspondence", or "paper": by quadratic programs

@@ -79,7 +79,7 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
     Parameters
     ----------
     hull: about the center of mass at the origin, of circumscribed radius about 1.
-    target: (k,) the odds.
+    target: (k,) the probabilities.
     apart: least angle between two directions of a choice, in radians, where there are any so far
         apart.
     seed: of the candidates that are spread over the sphere, and of sets where there are too many.

@@ -18,7 +18,7 @@ from dicedesign.geometry.sphere import norms
 from dicedesign.optimize.options import PaperOptions
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.start import Start
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyse
 from dicedesign.runtime.arrays import Floats
 
@@ -29,7 +29,7 @@ SPREAD = 4.0
 """Largest factor on a weight, or part of it, in that search."""
 
 SHAKES = 8
-"""Times that a hull is shaken to see whether its odds stand what a fill leaves open."""
+"""Times that a hull is shaken to see whether its probabilities stand what a fill leaves open."""
 
 SHAKE = 1e-3
 """Standard deviation of that in each coordinate, over the circumscribed radius."""
@@ -50,8 +50,8 @@ def searched_hull(
     *,
     plain: bool,
 ) -> DesignedHull:
-    """The hull of `TRIALS` that has the odds, keeps them best when it is shaken and is nearest to
-    the original's; the one that misses them by least, where none has them.
+    """The hull of `TRIALS` that has the probabilities, keeps them best when it is shaken and is
+    nearest to the original's; the one that misses them by least, where none has them.
 
     Parameters
     ----------
@@ -119,8 +119,10 @@ def descend_hull(
         vertices, source = hull.vertices, source[hull.source]
     moved = np.zeros_like(original)
     moved[source] = vertices - original[source]
-    odds = outcome_odds(analyse(convex_hull(vertices), np.zeros(3), "given"), normals)
-    return problem.designed(vertices, source, moved, normals, odds.error(problem.target))
+    probabilities = outcome_probabilities(
+        analyse(convex_hull(vertices), np.zeros(3), "given"), normals
+    )
+    return problem.designed(vertices, source, moved, normals, probabilities.error(problem.target))
 
 
 def _shaken_error(problem: HullProblem, design: DesignedHull) -> float:
@@ -134,5 +136,5 @@ def _shaken_error(problem: HullProblem, design: DesignedHull) -> float:
             # The center of mass is outside then.
             errors.append(1.0)
             continue
-        errors.append(outcome_odds(poses, design.directions).error(problem.target))
+        errors.append(outcome_probabilities(poses, design.directions).error(problem.target))
     return float(np.mean(errors))

@@ -76,10 +76,10 @@ class FilledHull:
     attempt: the one that led there.
     points: (n, 3) of the surface, laid onto the original as well as a similarity can.
     hull_points: (v, 3) corners of the designed hull, the same way.
-    center_of_mass: (3,) for which the odds are meant: that of the uniform solid, or where cavities
-        are to bring it.
+    center_of_mass: (3,) for which the probabilities are meant: that of the uniform solid, or where
+        cavities are to bring it.
     directions: (k, 3) unit directions that are down in the outcomes.
-    error: largest of |p - q| over the clusters and the odds of all other rests together.
+    error: largest of |p - q| over the clusters and the probabilities of all other rests together.
     displacement: mean over the points, over the diagonal of the original.
     apart_deg, margin_deg, self_intersections: as in `Draft`.
     """
@@ -180,8 +180,8 @@ MOST_EASED = 400
 """Pairs of triangles that meet, beyond which there is no hope to part them."""
 
 MEETING = 0.5
-"""What is missing from a die that meets itself, beside its odds and angles; each pair of triangles
-adds its part of `MOST_EASED`."""
+"""What is missing from a die that meets itself, beside its probabilities and angles; each pair of
+triangles adds its part of `MOST_EASED`."""
 
 PREFERRED_APART = 1.5
 """Angle between outcomes, in units of the least one that is wanted, beyond which more is worth
@@ -192,8 +192,8 @@ PREFERRED_MARGIN = 2.0
 
 
 def missing(die: FilledHull | Draft, options: ConcaveOptions) -> float:
-    """How far odds, angles and surface are from what will do, over what will do, summed; 0 for a
-    die as wanted."""
+    """How far probabilities, angles and surface are from what will do, over what will do, summed; 0
+    for a die as wanted."""
     apart = die.apart_deg, options.apart_deg
     margin = die.margin_deg, options.margin_deg
     missing = shortfall(die.error, options.tolerance, apart, margin)

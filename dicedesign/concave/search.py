@@ -90,7 +90,7 @@ def make_concave_die(
     on_step: Callable[[ConcaveStep], None] | None = None,
     on_attempt: Callable[[ConcaveProgress], None] | None = None,
 ) -> ConcaveDie:
-    """Deform a surface until its convex hull and its center of mass have the wanted odds.
+    """Deform a surface until its convex hull and its center of mass have the wanted probabilities.
 
     Each attempt designs the hull with the center of mass held, for one choice of outcomes, and lets
     the surface follow. The best is one with nothing missing (`missing`), of least
@@ -100,7 +100,7 @@ def make_concave_die(
     Parameters
     ----------
     surface: closed, of one component, without self-intersections (see `make_surface`).
-    target: (k,) the odds.
+    target: (k,) the probabilities.
     options: see `ConcaveOptions`.
     wall: least thickness around cavities, over the largest distance of two points of the die, above
         0; None for a solid die.

@@ -18,7 +18,7 @@ from scipy.linalg import solve
 from scipy.sparse import csr_array
 
 from dicedesign.geometry.sphere import angle_between, norms, unit_vectors
-from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.runtime.arrays import Floats, Integers
 
 STRIDE = math.radians(1.0)

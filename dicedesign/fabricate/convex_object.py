@@ -3,7 +3,7 @@ go along with their facets, and a hidden hollow that balances them.
 
 A ball is rolled over a core: the rounded solid is the hull of points at the radius from the core's
 corners. Height over the table is then that of the core plus the radius, so that a perfectly round
-solid has the odds of its core. Lengths are in millimetres.
+solid has the probabilities of its core. Lengths are in millimetres.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from dicedesign.geometry.sphere import foot_on_line, norms, rotation_between, un
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, joined, solid_properties
 from dicedesign.optimize.solvers.reshaping import Measured
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
@@ -152,7 +152,7 @@ def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
 def measure_resting(
     prior: Prior | None, offset: Floats | None = None
 ) -> Callable[[Surface, Floats], Measured]:
-    """Odds without momentum, under a prior if there is one, of a solid whose outcomes have
+    """Probabilities without momentum, under a prior if there is one, of a solid whose outcomes have
     directions (k, 3).
 
     offset: (3,) of a center of mass that was given, from the centroid of the hull; None for that of
@@ -165,8 +165,8 @@ def measure_resting(
         else:
             hull = convex_hull(surface.points)
             poses = analyse(hull, hull.centroid + offset)
-        odds = outcome_odds(poses.under(prior), directions).odds
-        return Measured(poses.center_of_mass, odds)
+        probabilities = outcome_probabilities(poses.under(prior), directions).probabilities
+        return Measured(poses.center_of_mass, probabilities)
 
     return measure
 
@@ -174,7 +174,8 @@ def measure_resting(
 def measure_thrown(
     table: Table, model: MomentumModel | None
 ) -> Callable[[Surface, Floats], Measured]:
-    """The same with odds by the momentum model of a table, which knows the solid's inertia."""
+    """The same with probabilities by the momentum model of a table, which knows the solid's
+    inertia."""
 
     def measure(surface: Surface, directions: Floats) -> Measured:
         body = make_body(surface.points, surface.triangles)

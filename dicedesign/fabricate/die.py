@@ -17,18 +17,18 @@ from dicedesign.geometry.meshes.reading import parsed_stl
 from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.targets import Target
 from dicedesign.rest.outcomes import (
-    OutcomeOdds,
+    OutcomeProbabilities,
     asymmetry,
     border_margins,
     outcome_margins,
-    outcome_odds,
+    outcome_probabilities,
 )
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Numbers, RoundOfThrows, Status
 from dicedesign.results.result import FacetOfDie, HullsMade, Result, Step
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import FILE_ODDS, LEAST_MARGIN, SAME_REST_ANGLE
+from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MARGIN, SAME_REST_ANGLE
 
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
@@ -47,14 +47,14 @@ class Design:
     status: why the method stopped.
     hull: the designed convex hull.
     directions: (k, 3) down in the outcomes, in the order of the target.
-    error: largest |p - q| by the odds that the method is about.
+    error: largest |p - q| by the probabilities that the method is about.
     steps: every accepted one, the first being the start.
     center_of_mass: (3,) that was given, or None for the uniform solid.
     terms: of the energy at the end, by name.
     starts: starting shapes that were tried; evaluations: dice; hulls: computed for them.
     rounds: of throws and new designs.
     reshaped: the surface before and after, of a die that keeps the shape of one; else None.
-    prior: that the odds are under, or None where any side is down alike at first.
+    prior: that the probabilities are under, or None where any side is down alike at first.
     """
 
     status: Status
@@ -98,13 +98,13 @@ class Assessment:
 
     body: Body
     poses: RestPoses
-    outcomes: OutcomeOdds
+    outcomes: OutcomeProbabilities
     target: Target
 
     @property
     def probabilities(self) -> Floats:
         """(k,) of the outcomes; what is missing to 1 lies on rests of no outcome."""
-        return self.outcomes.odds
+        return self.outcomes.probabilities
 
     @property
     def max_abs_error(self) -> float:
@@ -124,11 +124,11 @@ class Assessment:
     def flaws(self, tolerance: float | None) -> Iterator[Status]:
         """What is wrong with the die, the worst first.
 
-        tolerance: largest |p - q| and odds elsewhere; None for a die whose odds without momentum
-            are not meant to be the target.
+        tolerance: largest |p - q| and probabilities elsewhere; None for a die whose probabilities
+            without momentum are not meant to be the target.
         """
         if tolerance is not None:
-            most = max(tolerance, FILE_ODDS)
+            most = max(tolerance, FILE_PROBABILITIES)
             if self.max_abs_error > most:
                 yield Status.OFF_TARGET
             if self.outcomes.elsewhere > most:
@@ -163,7 +163,7 @@ class Assessment:
     def as_fields(self) -> dict[str, Any]:
         """Probabilities, those elsewhere, and error, as fields of `Result` and `Engraved`."""
         return {
-            "probabilities": tuple(self.outcomes.odds.tolist()),
+            "probabilities": tuple(self.outcomes.probabilities.tolist()),
             "elsewhere": self.outcomes.elsewhere,
             "max_abs_error": self.max_abs_error,
         }
@@ -192,7 +192,7 @@ class Solid:
     points: Floats
     triangles: Integers
     poses: RestPoses
-    outcomes: OutcomeOdds
+    outcomes: OutcomeProbabilities
     center_of_mass: Floats | None
     hull_points: Floats
     changes: tuple[str, ...] = ()
@@ -247,7 +247,7 @@ def make_solid(die: Design, size_mm: float) -> Solid:
         points=hull.vertices,
         triangles=hull.triangles,
         poses=poses,
-        outcomes=outcome_odds(poses, die.directions),
+        outcomes=outcome_probabilities(poses, die.directions),
         center_of_mass=None if given is None else np.zeros(3),
         hull_points=hull.vertices,
     )
@@ -268,8 +268,8 @@ def assess_file(
     directions: (k, 3) unit, down in the outcomes, in the order of the target.
     target: what is wanted.
     center_of_mass: (3,) in the file's coordinates, or None for that of the uniform solid.
-    prior: that its odds are under, in the file's coordinates, or None where any side is down alike
-        at first.
+    prior: that its probabilities are under, in the file's coordinates, or None where any side is
+        down alike at first.
 
     Raises
     ------
@@ -279,4 +279,4 @@ def assess_file(
     # The coordinates are those of the file, float32.
     body = make_body(points, triangles, "die.stl", single_precision=True)
     poses = rest_poses(body, center_of_mass).under(prior)
-    return Assessment(body, poses, outcome_odds(poses, directions), target)
+    return Assessment(body, poses, outcome_probabilities(poses, directions), target)

@@ -114,8 +114,9 @@ class FileFormat(Extension):
         return scale * np.array(turn[self.upward])
 
     @property
-    def same_odds(self) -> float:
-        """Largest difference of the odds of a solid by its file from those of the solid."""
+    def same_probabilities(self) -> float:
+        """Largest difference of the probabilities of a solid by its file from those of the
+        solid."""
         return {"float32": 1e-6, "float64": 1e-9}[self.precision]
 
     def read_back(self, path: Path) -> tuple[Floats, Integers]:
@@ -241,7 +242,7 @@ def _escape(text: str) -> str:
 THREE_MF: Final = FileFormat(
     name="3mf",
     line="3MF, the printers' own format, with labels in a colour of their own",
-    carries="name, parts, colours, target, odds, recipe, checksum",
+    carries="name, parts, colours, target, probabilities, recipe, checksum",
     write=three_mf,
 )
 
@@ -323,7 +324,7 @@ GLB: Final = FileFormat(
     unit="m",
     upward="y",
     precision="float32",
-    carries="name, parts, colours, target, odds, recipe, checksum",
+    carries="name, parts, colours, target, probabilities, recipe, checksum",
     write=glb,
 )
 

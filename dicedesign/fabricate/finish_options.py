@@ -82,9 +82,9 @@ class EngravingOptions:
     """Width of the border around a sunk field, above 0."""
     balance: Balancing = "shape"
     """What makes up for the material that labels take away: `shape` moves the facets until the
-    finished die has the odds; `opposite` hollows a hidden ball opposite to them; `fill` makes
-    bodies that fill the labels in another color, equally dense; `none` leaves the odds as they
-    come out."""
+    finished die has the probabilities; `opposite` hollows a hidden ball opposite to them; `fill`
+    makes bodies that fill the labels in another color, equally dense; `none` leaves the
+    probabilities as they come out."""
     read: Read = "auto"
     """Where the label of an outcome lies: "down" on the facet that the die rests on; "up" on the
     level facet on top then, or around the corner on top where there is one; "both" below and on

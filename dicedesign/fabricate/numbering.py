@@ -1,8 +1,9 @@
 """Which of several equally probable outcomes is on which facet.
 
-Outcomes whose labels are numbers change places with those of the same odds, so that numbers on
-opposite facets have the same sum, or so that sums over opposite facets and around corners are as
-even as possible: by a search, and an integer program that proves its answer or betters it.
+Outcomes whose labels are numbers change places with those of the same probabilities, so that
+numbers on opposite facets have the same sum, or so that sums over opposite facets and around
+corners are as even as possible: by a search, and an integer program that proves its answer or
+    betters it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import EQUAL_ODDS, LEVEL_ANGLE
+from dicedesign.tolerances import EQUAL_PROBABILITIES, LEVEL_ANGLE
 
 NUMBER: Final = re.compile(r"[+-]?\d+([.]\d*)?")
 """Labels that count as numbers."""
@@ -58,7 +59,7 @@ def opposite_facets(hull: ConvexHull, facets: Integers) -> Integers:
 
 
 def numbered(
-    hull: ConvexHull, facets: Integers, labels: Sequence[str], odds: Floats, style: str
+    hull: ConvexHull, facets: Integers, labels: Sequence[str], probabilities: Floats, style: str
 ) -> tuple[Integers, str]:
     """The numbering of a die in a style: (k,) outcome that is on the facet of each outcome as it
     was, and what came of it, in a sentence.
@@ -68,18 +69,22 @@ def numbered(
     hull: of the die.
     facets: (k,) facet that it rests on in each outcome.
     labels: k texts; only those that are numbers change places.
-    odds: (k,) wanted; only outcomes of equal odds, to `EQUAL_ODDS`, change places with each other.
+    probabilities: (k,) wanted; only outcomes of equal probabilities, to `EQUAL_PROBABILITIES`,
+        change places with each other.
     style: "standard" for numbers on opposite facets that sum to twice the mean of all, or are as
         near to that as can be; "balanced" for sums over opposite facets and around the corners of
         the hull as near as can be to the mean times the number of their facets.
     """
     order = np.arange(len(labels))
     members = np.flatnonzero([NUMBER.fullmatch(label) is not None for label in labels])
-    odds, facets = odds[members], facets[members]
-    by_odds = np.argsort(odds, kind="stable")
-    apart = np.diff(odds[by_odds], prepend=-1.0) > EQUAL_ODDS * odds[by_odds]
+    probabilities, facets = probabilities[members], facets[members]
+    by_probabilities = np.argsort(probabilities, kind="stable")
+    apart = (
+        np.diff(probabilities[by_probabilities], prepend=-1.0)
+        > EQUAL_PROBABILITIES * probabilities[by_probabilities]
+    )
     kinds = np.empty(len(members), dtype=np.int64)
-    kinds[by_odds] = np.cumsum(apart) - 1
+    kinds[by_probabilities] = np.cumsum(apart) - 1
     if not len(members) or np.bincount(kinds).max() < 2:
         return order, "numbering: no two numbers are equally probable, so that they stay"
     is_across = opposite_facets(hull, facets)[:, None] == facets

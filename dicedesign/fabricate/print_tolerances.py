@@ -1,9 +1,10 @@
-"""How far the odds of prints are from those that were designed, to first order; and the odds of a
-print with infill, and how much of it is enough.
+"""How far the probabilities of prints are from those that were designed, to first order; and the
+probabilities of a print with infill, and how much of it is enough.
 
 A print differs from its file in the place of each facet, in its length along each axis of the
-printer, in its density from bottom to top and by a bubble. With the derivatives of the odds these
-give the covariance of the odds among prints; and Pearson's test says how large it may be.
+printer, in its density from bottom to top and by a bubble. With the derivatives of the
+probabilities these give the covariance of the probabilities among prints; and Pearson's test says
+how large it may be.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ from dicedesign.geometry.triangles import (
     solid_properties,
 )
 from dicedesign.gradient.facet_measures import offset_derivatives
-from dicedesign.gradient.odds_model import OddsModel
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
-from dicedesign.rest.outcomes import OutcomeOdds, gathered, outcome_odds
+from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
+from dicedesign.rest.outcomes import OutcomeProbabilities, gathered, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyse
-from dicedesign.results.result import InfillOdds, PrintTolerances
+from dicedesign.results.result import InfillProbabilities, PrintTolerances
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chances_noticed
 
@@ -72,15 +73,16 @@ NEVER: Final = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class OddsSpread:
-    """Derivatives of the odds of k outcomes at a body with n corners and m facets, and covariances
-    of the odds among its prints.
+class ProbabilitySpread:
+    """Derivatives of the probabilities of k outcomes at a body with n corners and m facets, and
+    covariances of the probabilities among its prints.
 
     Attributes
     ----------
     poses: the rests of the body; directions: (k, 3) down in the outcomes.
     errors: what differs from print to print.
-    model: of the odds, or None where these are without momentum and any side is down alike.
+    model: of the probabilities, or None where these are without momentum and any side is down
+        alike.
     has_planes: whether the places of whole facets differ; else, on a surface whose hull spans
         corners that have nothing to do with each other, those of the corners in all directions.
     axes: (3, 3) orthonormal axes of the printer in the die's coordinates, one a row, the last up.
@@ -93,7 +95,7 @@ class OddsSpread:
     poses: RestPoses
     directions: Floats
     errors: PrintErrors
-    model: OddsModel | None
+    model: ProbabilityModel | None
     has_planes: bool
     axes: Floats
     volume: float
@@ -108,14 +110,14 @@ class OddsSpread:
         poses: RestPoses,
         directions: Floats,
         errors: PrintErrors,
-        model: OddsModel | None = None,
+        model: ProbabilityModel | None = None,
         *,
         has_planes: bool = True,
         axes: Floats | None = None,
-    ) -> OddsSpread:
+    ) -> ProbabilitySpread:
         """That of a body and its rests; of a tied one the mean over the bodies beside it."""
         place = np.full(len(poses.hull.normals), -1)
-        place[poses.facets] = outcome_odds(poses, directions).outcome_of_rest
+        place[poses.facets] = outcome_probabilities(poses, directions).outcome_of_rest
         rows, planes = [], []
         for side in poses.basins:
             center = torch.from_numpy(side.equilibria.center_of_mass)
@@ -151,7 +153,7 @@ class OddsSpread:
 
     @cached_property
     def by_center(self) -> Floats:
-        """(k, 3) in the center of mass: a body that moves as a whole keeps its odds."""
+        """(k, 3) in the center of mass: a body that moves as a whole keeps its probabilities."""
         return -self.by_corners.sum(axis=1)
 
     @cached_property
@@ -227,7 +229,7 @@ class OddsSpread:
         that a test of `ROLLS` rolls notices; target, bias: (k,) as for `print_tolerances`. The same
         prints for all offsets; those that are no body are noticed."""
         hull, random = self.poses.hull, np.random.default_rng(0)
-        middle, right = hull.centroid, self._odds(hull.vertices)
+        middle, right = hull.centroid, self._probabilities(hull.vertices)
         biases = []
         for _ in range(PRINTS):
             with suppress(DiceError):
@@ -237,28 +239,33 @@ class OddsSpread:
                     corners = middle + polyhedron_corners(hull.normals, depths)
                 else:
                     corners = hull.vertices + offset * random.normal(size=hull.vertices.shape)
-                biases.append(bias + self._odds(corners) - right)
+                biases.append(bias + self._probabilities(corners) - right)
         lost = PRINTS - len(biases)
         chances = chances_noticed(target, ROLLS, np.reshape(biases, (-1, len(target))))
         return float(chances.sum() + lost) / PRINTS
 
-    def _odds(self, corners: Floats) -> Floats:
+    def _probabilities(self, corners: Floats) -> Floats:
         """(k,) of the outcomes of a body with these corners."""
         center = self.poses.center_of_mass
         if self.has_planes and self.is_uniform:
             # What labels take away stays as it is.
             center = center + convex_hull(corners).centroid - self.poses.hull.centroid
         rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
-        odds = rests.odds if self.model is None else self.model.odds(rests)
-        return gathered(rests.hull.normals[rests.facets], odds, self.directions).odds
+        probabilities = (
+            rests.probability_values if self.model is None else self.model.probabilities(rests)
+        )
+        return gathered(
+            rests.hull.normals[rests.facets], probabilities, self.directions
+        ).probabilities
 
 
 def print_tolerances(
-    spread: OddsSpread, target: Floats, bias: Floats, *, is_checked: bool = True
+    spread: ProbabilitySpread, target: Floats, bias: Floats, *, is_checked: bool = True
 ) -> PrintTolerances:
     """What is known of a die's prints.
 
-    target: (k,) wanted odds; bias: (k,) odds of the die that is printed without an error, less
+    target: (k,) wanted probabilities; bias: (k,) probabilities of the die that is printed without
+        an error, less
     those; is_checked: whether the allowed offset is held against prints that are made one by one,
     else the derivatives are trusted.
     """
@@ -279,7 +286,7 @@ def print_tolerances(
     if allowed is None:
         answer = (
             f"{ROLLS:,} rolls show nothing, however far each {what} is off: nearly all shapes of "
-            "this die have its odds."
+            "this die have its probabilities."
         )
     elif allowed == 0.0:
         answer = (
@@ -383,14 +390,14 @@ def weighed(volume: float, centroid: Floats, inside: Inside, infill: float) -> t
     return mass / volume, (volume * centroid - missing * inside.centroid) / mass
 
 
-def infill_odds(
+def infill_probabilities(
     verdict: Assessment,
     directions: Floats,
     volume: float,
     inside: Inside,
     infill: float,
     walls_mm: float,
-) -> InfillOdds:
+) -> InfillProbabilities:
     """What a die does when it is printed with infill.
 
     Parameters
@@ -401,14 +408,14 @@ def infill_odds(
     inside: what the walls leave of it.
     infill: part of the inside that is material, 0 to 1; walls_mm: thickness of the walls.
     """
-    poses, solid = verdict.poses, verdict.outcomes.odds
+    poses, solid = verdict.poses, verdict.outcomes.probabilities
     shown = solid > 0.0
 
-    def printed(part: float) -> tuple[float, Floats, OutcomeOdds, bool]:
-        """Mass, center of mass, odds, and whether the test notices them."""
+    def printed(part: float) -> tuple[float, Floats, OutcomeProbabilities, bool]:
+        """Mass, center of mass, probabilities, and whether the test notices them."""
         mass, center = weighed(volume, poses.center_of_mass, inside, part)
-        outcomes = outcome_odds(analyse(poses.hull, center).under(poses.prior), directions)
-        change = outcomes.odds[shown] - solid[shown]
+        outcomes = outcome_probabilities(analyse(poses.hull, center).under(poses.prior), directions)
+        change = outcomes.probabilities[shown] - solid[shown]
         chances = chances_noticed(solid[shown] / solid[shown].sum(), ROLLS, change[None])
         return mass, center, outcomes, bool(chances[0] > NOTICED)
 
@@ -420,11 +427,12 @@ def infill_odds(
         least -= 1
     mass, center, outcomes, is_noticed = printed(infill)
     shift = center - poses.center_of_mass
-    changes = np.abs(outcomes.odds - solid)
+    changes = np.abs(outcomes.probabilities - solid)
     advice = (
         f"At {100.0 * infill:.0f} % infill with walls of {walls_mm:g} mm the die has "
         f"{100.0 * mass:.0f} % of its mass, its center of mass moves by "
-        f"{norms(shift):.2g} mm, and the odds of {verdict.target.labels[int(changes.argmax())]} "
+        f"{norms(shift):.2g} mm, and the probabilities of "
+        f"{verdict.target.labels[int(changes.argmax())]} "
         f"change most, by {changes.max():.2g}: a chi-square test at {100.0 * LEVEL:.0f} % of "
         f"{ROLLS:,} rolls "
     )
@@ -433,11 +441,11 @@ def infill_odds(
         advice += f"notices. Print it solid, at 100 % infill{enough}."
     else:
         advice += "does not notice. Print it so, or solid."
-    return InfillOdds(
+    return InfillProbabilities(
         infill=infill,
         walls_mm=walls_mm,
         advice=advice,
-        probabilities=tuple(outcomes.odds.tolist()),
+        probabilities=tuple(outcomes.probabilities.tolist()),
         elsewhere=outcomes.elsewhere,
         max_abs_error=outcomes.max_abs_error(verdict.target.probabilities),
         mass=mass,

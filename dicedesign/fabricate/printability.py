@@ -289,7 +289,7 @@ def walls_under(
 
 def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
     """What is thinner than a wall, measured by rays straight inward from points spread at random
-    over a surface, with even odds for each bit of area.
+    over a surface, with equal probabilities for each bit of area.
 
     surface: closed, of positive volume; wall: least thickness, above 0. Returns None where nothing
     is thinner.
@@ -474,7 +474,8 @@ def _warnings(
             else "fdm, or no method.concave.hollow"
         )
         yield (
-            f"the hidden hollow stays full of what {printer.name} prints with, and the odds are "
+            f"the hidden hollow stays full of what {printer.name} prints with, and the "
+            "probabilities are "
             f"others: take {remedy}"
         )
     if not check.is_solid:

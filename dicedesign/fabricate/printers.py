@@ -266,7 +266,8 @@ class PrintOptions:
     oriented: bool = False
     """Whether die_oriented.stl is written, which lies on the print bed as is best."""
     infill: float = 1.0
-    """Part of the inside that is material, from 0, hollow, to 1, solid, which the odds are for."""
+    """Part of the inside that is material, from 0, hollow, to 1, solid, which the probabilities are
+    for."""
     walls_mm: float = 1.2
     """Thickness of the solid walls around the infill, floor and ceiling included, from
     `THINNEST` to `MOST_MM`."""

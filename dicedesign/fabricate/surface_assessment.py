@@ -26,7 +26,7 @@ from dicedesign.geometry.surfaces.self_intersections import (
     intersection_groups,
 )
 from dicedesign.geometry.triangles import Surface
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Concave, Displacement, HullOfSurface, Status, SurfaceSize
 from dicedesign.runtime.arrays import Floats, Integers
@@ -73,7 +73,7 @@ def solid_of_surface(die: Design, made: ConcaveDie, size_mm: float) -> Solid:
         points=points,
         triangles=triangles,
         poses=poses,
-        outcomes=outcome_odds(poses, die.directions),
+        outcomes=outcome_probabilities(poses, die.directions),
         center_of_mass=None,
         hull_points=(die.hull.vertices - center) * scale,
         changes=changes,
@@ -195,7 +195,7 @@ def assess_surface(
     inside = float(distances_from_surface(surface, solid.hull_points).max())
     gap = max(inside, outside, 0.0) / surface.diagonal
     crossings = len(intersecting_triangles(surface.points, surface.triangles))
-    before = outcome_odds(
+    before = outcome_probabilities(
         rest_poses(make_body(made.before.points, made.before.triangles)), made.directions
     )
     moved = norms(made.after.points - made.before.points) / made.before.diagonal
@@ -216,7 +216,7 @@ def assess_surface(
     if made.hollow is not None and solid.is_printable:
         cavities = measured_cavities(body)
     record = Concave(
-        probabilities_before=tuple(before.odds.tolist()),
+        probabilities_before=tuple(before.probabilities.tolist()),
         elsewhere_before=before.elsewhere,
         displacement=Displacement(float(moved.mean()), float(moved.max())),
         hull=HullOfSurface(*made.hull_corners, gap),

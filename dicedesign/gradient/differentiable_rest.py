@@ -1,8 +1,8 @@
-"""Rests of one hull, or of many at once, with their odds, as a differentiable function.
+"""Rests of one hull, or of many at once, with their probabilities, as a differentiable function.
 
 Bodies about which rounding can change nothing are done by compiled kernels, all in one call and on
-as many threads as torch has. The others, those with other odds, and derivatives that the kernels do
-not know are done body by body (`RestEvaluation`).
+as many threads as torch has. The others, those with other probabilities, and derivatives that the
+kernels do not know are done body by body (`RestEvaluation`).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from torch import Tensor
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
 from dicedesign.gradient.body_function import BodyFunction, double_tensor, seen
-from dicedesign.gradient.odds_model import OddsModel, odds_model
-from dicedesign.gradient.rest_odds import RestEvaluation, hull_centroid
+from dicedesign.gradient.probability_model import ProbabilityModel, probability_model
+from dicedesign.gradient.rest_probabilities import RestEvaluation, hull_centroid
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import classify
@@ -35,9 +35,10 @@ def rested(
     counts: Tensor | None = None,
     *,
     single_precision: bool = False,
-    model: OddsModel | None = None,
+    model: ProbabilityModel | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """Normals (*l, k, 3) and odds (*l, k) of the rests of bodies (*l), the most probable first.
+    """Normals (*l, k, 3) and probabilities (*l, k) of the rests of bodies (*l), the most probable
+    first.
 
     A body with fewer rests than the one with most has 0 in the rows that are left.
 
@@ -48,8 +49,8 @@ def rested(
     counts: (*l) how many of its points each body has, the others are left out of account; None for
         all.
     single_precision: see `convex_hull`.
-    model: of the odds, for bodies that are thrown or let go under a prior; None where they are let
-        go without momentum, with any side down alike.
+    model: of the probabilities, for bodies that are thrown or let go under a prior; None where they
+        are let go without momentum, with any side down alike.
 
     Raises
     ------
@@ -59,8 +60,8 @@ def rested(
     bodies = _RestedBodies(centers is not None, counts is not None, single_precision, model)
     inputs = (points,) if centers is None else (points, centers)
     which = seen(bodies.find, *inputs, *(() if counts is None else (counts,)))
-    normals, odds = bodies.function(which, *inputs)
-    return normals, odds
+    normals, probabilities = bodies.function(which, *inputs)
+    return normals, probabilities
 
 
 class _RestedBodies:
@@ -71,7 +72,7 @@ class _RestedBodies:
         has_centers: bool,
         has_counts: bool,
         single_precision: bool,
-        model: OddsModel | None,
+        model: ProbabilityModel | None,
     ) -> None:
         self._has_centers, self._has_counts = has_centers, has_counts
         self._single_precision, self._model = single_precision, model
@@ -81,12 +82,12 @@ class _RestedBodies:
 
     @property
     def function(self) -> BodyFunction:
-        """From points, and centers if they are given, to normals and odds."""
+        """From points, and centers if they are given, to normals and probabilities."""
         return BodyFunction(
             1 + self._has_centers,
             2,
             self._formula,
-            lambda which, *_: (self._normals[which], self._odds[which]),
+            lambda which, *_: (self._normals[which], self._probabilities[which]),
             self._adjoint,
         )
 
@@ -115,28 +116,29 @@ class _RestedBodies:
         if self._handle is kernels.UNDECIDED:
             found = np.zeros(bodies, dtype=np.int64)
             self._facets = np.zeros((bodies, 0), dtype=np.int64)
-            self._normals, self._odds = np.zeros((bodies, 0, 3)), np.zeros((bodies, 0))
+            self._normals, self._probabilities = np.zeros((bodies, 0, 3)), np.zeros((bodies, 0))
         else:
-            found, self._facets, self._normals, self._odds = self._handle.rests()
+            found, self._facets, self._normals, self._probabilities = self._handle.rests()
         for body in np.flatnonzero(found == 0).tolist():
             try:
-                _, facets, normals, odds = self._recorded(body)
+                _, facets, normals, probabilities = self._recorded(body)
             except InputError as error:
                 if not lead:
                     raise
                 raise type(error)(f"body {body}: {error}") from error
-            room = max(len(odds) - self._odds.shape[1], 0)
+            room = max(len(probabilities) - self._probabilities.shape[1], 0)
             self._facets = np.pad(self._facets, ((0, 0), (0, room)))
-            self._odds = np.pad(self._odds, ((0, 0), (0, room)))
+            self._probabilities = np.pad(self._probabilities, ((0, 0), (0, room)))
             self._normals = np.pad(self._normals, ((0, 0), (0, room), (0, 0)))
-            self._facets[body, : len(odds)] = facets
-            self._normals[body, : len(odds)] = normals.detach().numpy()
-            self._odds[body, : len(odds)] = odds.detach().numpy()
+            self._facets[body, : len(probabilities)] = facets
+            self._normals[body, : len(probabilities)] = normals.detach().numpy()
+            self._probabilities[body, : len(probabilities)] = probabilities.detach().numpy()
         return np.arange(bodies).reshape(lead)
 
     def _recorded(self, body: int) -> tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]:
         """Inputs of a body: its points (n, 3), and its center (3,) of mass if that was given; and
-        facets (k,), normals (k, 3) and odds (k,) of its rests, which autograd can differentiate."""
+        facets (k,), normals (k, 3) and probabilities (k,) of its rests, which autograd can
+        differentiate."""
         if body not in self._records:
             points, center = self._numbers(body)
             with torch.enable_grad():
@@ -152,7 +154,8 @@ class _RestedBodies:
     def _rests(
         self, body: int, points: Tensor, given: Tensor | None = None
     ) -> tuple[Integers, Tensor, Tensor]:
-        """Facets (k,), normals (k, 3) and odds (k,) of a body's rests by operations of torch."""
+        """Facets (k,), normals (k, 3) and probabilities (k,) of a body's rests by operations of
+        torch."""
         if body not in self._sides:
             numbers, center_of_mass = self._numbers(body)
             hull = convex_hull(numbers, single_precision=self._single_precision)
@@ -170,29 +173,31 @@ class _RestedBodies:
                 middle = hull_centroid(corners, hull) if given is None else given
                 at = middle + torch.from_numpy(aside)
             beside = RestEvaluation(side.equilibria, corners, at, side)
-            odds = beside.probabilities if self._model is None else self._model.tensor(beside)
-            of_facet = of_facet.index_add(0, torch.from_numpy(side.paths.rests), odds)
+            probabilities = (
+                beside.probabilities if self._model is None else self._model.tensor(beside)
+            )
+            of_facet = of_facet.index_add(0, torch.from_numpy(side.paths.rests), probabilities)
         facets = self._facets[body, : np.count_nonzero(self._normals[body].any(axis=1))]
         if len(facets) == 0:
             resting = np.unique(np.concatenate([side.paths.rests for side in sides]))
             # Stable, so that equal rests keep the order of their facets.
             order = np.argsort(-of_facet.detach().numpy()[resting], kind="stable")
             facets = resting[order]
-        odds = of_facet[torch.from_numpy(facets)] / len(sides)
-        return facets, beside.facet_normals(facets), odds
+        probabilities = of_facet[torch.from_numpy(facets)] / len(sides)
+        return facets, beside.facet_normals(facets), probabilities
 
     def _formula(
         self, body: int, points: Tensor, center: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
-        _, normals, odds = self._rests(body, points, center)
-        left = self._odds.shape[1] - len(odds)
+        _, normals, probabilities = self._rests(body, points, center)
+        left = self._probabilities.shape[1] - len(probabilities)
         return (
             torch.nn.functional.pad(normals, (0, 0, 0, left)),
-            torch.nn.functional.pad(odds, (0, left)),
+            torch.nn.functional.pad(probabilities, (0, left)),
         )
 
     def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...]:
-        *inputs, by_normals, by_odds = given
+        *inputs, by_normals, by_probabilities = given
         if self._handle is kernels.UNDECIDED:
             found, known = (
                 [np.zeros_like(column) for column in inputs],
@@ -200,14 +205,17 @@ class _RestedBodies:
             )
         else:
             size, threads = self._points.shape[1], torch.get_num_threads()
-            slopes = self._handle.pull_back(which, by_normals, by_odds, size, threads)
+            slopes = self._handle.pull_back(which, by_normals, by_probabilities, size, threads)
             *found, known = slopes if self._has_centers else (slopes[0], slopes[2])
         for row in np.flatnonzero(known == 0):
-            leaves, _, normals, odds = self._recorded(int(which[row]))
+            leaves, _, normals, probabilities = self._recorded(int(which[row]))
             parts = torch.autograd.grad(
-                (normals, odds),
+                (normals, probabilities),
                 leaves,
-                [torch.from_numpy(column[row, : len(odds)]) for column in (by_normals, by_odds)],
+                [
+                    torch.from_numpy(column[row, : len(probabilities)])
+                    for column in (by_normals, by_probabilities)
+                ],
                 retain_graph=True,
                 allow_unused=True,
                 materialize_grads=True,
@@ -237,8 +245,8 @@ def differentiable_rest(
         count as rounded ones, see `convex_hull`.
     center_of_mass: (3,) such tensor, strictly inside the hull, or None for that of the uniform
         solid hull, whose own gradient is then included.
-    table: name or .json file of a table, for the odds of a body that is thrown onto it, by the
-        momentum model; None for a body that is let go without momentum. What is thrown has the
+    table: name or .json file of a table, for the probabilities of a body that is thrown onto it, by
+        the momentum model; None for a body that is let go without momentum. What is thrown has the
         inertia of the uniform solid hull.
     prior: where not all orientations are equally likely at first, such as "vmf:0,0,-1:5", see
         `RestPoses.under`; second derivatives are NaN then. Not with a table.
@@ -266,7 +274,7 @@ def differentiable_rest(
         points,
         center,
         single_precision=vertices.dtype == torch.float32,
-        model=odds_model(table, prior),
+        model=probability_model(table, prior),
     )
     return normals.to(vertices), probabilities.to(vertices)
 
@@ -321,7 +329,7 @@ def differentiable_rest_batch(
         centers,
         kept,
         single_precision=like.dtype == torch.float32,
-        model=odds_model(table, prior),
+        model=probability_model(table, prior),
     )
     return normals.to(like), probabilities.to(like)
 

@@ -1,4 +1,5 @@
-"""Facets of a die: odds as a function of where their planes lie, and the largest circles in them.
+"""Facets of a die: probabilities as a function of where their planes lie, and the largest circles
+in them.
 
 Each facet's plane is moved outward on its own, and the corners follow: where three facets meet, to
 the point where their planes then meet; where more do, to the one that is nearest to all of them,
@@ -19,8 +20,8 @@ from torch import Tensor
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
-from dicedesign.gradient.odds_model import OddsModel
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
 
@@ -33,21 +34,24 @@ def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
     return np.add.reduceat(along, hull.facet_start[:-1], axis=1)
 
 
-def offset_secants(rests: RestEvaluation, model: OddsModel | None, step: Tensor | float) -> Tensor:
-    """(k, m) changes of the odds of the rests, in the order of `rests.paths.rests`, when a facet
-    goes from `step` inside of its place to `step` outside, over that distance; with gradients in
-    the vertices.
+def offset_secants(
+    rests: RestEvaluation, model: ProbabilityModel | None, step: Tensor | float
+) -> Tensor:
+    """(k, m) changes of the probabilities of the rests, in the order of `rests.paths.rests`, when a
+    facet goes from `step` inside of its place to `step` outside, over that distance; with gradients
+    in the vertices.
 
-    Where separatrices run along an edge odds have a kink, which a derivative sees but one side of.
-    Where a facet breaks, the rests on its parts count together; one that is lost counts as 0. A
-    side on which the body is none is left out.
+    Where separatrices run along an edge probabilities have a kink, which a derivative sees but one
+    side of. Where a facet breaks, the rests on its parts count together; one that is lost counts as
+    0. A side on which the body is none is left out.
 
-    model: of the odds, where they are not those without momentum and with any side down alike;
+    model: of the probabilities, where they are not those without momentum and with any side down
+        alike;
     step: () positive, in the unit of the vertices.
     """
     hull, vertices = rests.hull, rests.vertices
     moves = _corner_moves(hull, rests.facet_normals(np.arange(len(hull.normals))))
-    here = _odds_by_rest(rests, rests, model)
+    here = _probabilities_by_rest(rests, rests, model)
     columns = []
     for facet, first in enumerate(hull.facet_start[:-1]):
         border = slice(int(first), int(hull.facet_start[facet + 1]))
@@ -57,7 +61,9 @@ def offset_secants(rests: RestEvaluation, model: OddsModel | None, step: Tensor 
         for side in (1, -1):
             try:
                 there = vertices + side * step * outward
-                moved = _odds_by_rest(evaluate_rests(there, rests.given_center), rests, model)
+                moved = _probabilities_by_rest(
+                    evaluate_rests(there, rests.given_center), rests, model
+                )
                 length += 1
             except DiceError:
                 moved = here
@@ -66,12 +72,14 @@ def offset_secants(rests: RestEvaluation, model: OddsModel | None, step: Tensor 
     return torch.stack(columns, dim=1)
 
 
-def _odds_by_rest(rests: RestEvaluation, named: RestEvaluation, model: OddsModel | None) -> Tensor:
-    """(k,) odds of rests by the nearest of those of another body, k."""
-    odds = rests.probabilities if model is None else model.tensor(rests)
+def _probabilities_by_rest(
+    rests: RestEvaluation, named: RestEvaluation, model: ProbabilityModel | None
+) -> Tensor:
+    """(k,) probabilities of rests by the nearest of those of another body, k."""
+    probabilities = rests.probabilities if model is None else model.tensor(rests)
     normals, names = rests.hull.normals[rests.facets], named.hull.normals[named.facets]
     nearest = torch.from_numpy(np.argmax(normals @ names.T, axis=1))
-    return torch.zeros(len(names), dtype=torch.float64).index_add(0, nearest, odds)
+    return torch.zeros(len(names), dtype=torch.float64).index_add(0, nearest, probabilities)
 
 
 def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:

@@ -85,7 +85,7 @@ def _of_tensors(points: Any, directions: Any, center_of_mass: Any) -> tuple[Tens
     import torch
 
     from dicedesign.gradient.body_function import double_tensor
-    from dicedesign.gradient.rest_odds import evaluate_rests
+    from dicedesign.gradient.rest_probabilities import evaluate_rests
 
     corners = double_tensor(points, "points", "n", 3)
     before = [f"d{place}" for place in range(getattr(directions, "ndim", 1) - 1)]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import dicedesign.tolerances as bounds
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-INTERFACE: Final = 6
+INTERFACE: Final = 7
 """Counts changes of what the kernels take and return; those of another number are not used."""
 
 UNDECIDED: Final = None
@@ -77,14 +77,20 @@ class Bodies(Protocol):
 
     def rests(self) -> tuple[Integers, Integers, Floats, Floats]:
         """How many rests each has (b,), 0 where rounding leaves anything open; then, the most
-        probable first, their facets (b, k), normals (b, k, 3) and odds (b, k), 0 in rows that one
-        has too many."""
+        probable first, their facets (b, k), normals (b, k, 3) and probabilities (b, k), 0 in rows
+        that one has too many."""
 
     def pull_back(
-        self, which: Integers, by_normals: Floats, by_odds: Floats, points: int, threads: int
+        self,
+        which: Integers,
+        by_normals: Floats,
+        by_probabilities: Floats,
+        points: int,
+        threads: int,
     ) -> tuple[Floats, Floats, Integers]:
-        """For gradients (r, k, 3) and (r, k) in normals and odds of bodies (r,) those in their
-        points (r, points, 3) and in given centers (r, 3); and (r,) 0 where these are left open."""
+        """For gradients (r, k, 3) and (r, k) in normals and probabilities of bodies (r,) those in
+        their points (r, points, 3) and in given centers (r, 3); and (r,) 0 where these are left
+        open."""
 
 
 class Energies(Protocol):
@@ -318,7 +324,7 @@ def energies(
     paths: Handled,
     center: Floats,
     *,
-    odds: Floats,
+    probabilities: Floats,
     of_rest: Integers,
     directions: Floats,
     target: Floats,
@@ -329,12 +335,13 @@ def energies(
 ) -> Energies:
     """The energies of a body.
 
-    odds: (r,) of the rests; of_rest: (r,) outcome that each counts for; directions: (k, 3) of the
-    outcomes; target: (k,) their odds; smallest_mean: length of the sum of a region's maxima below
-    which it is not stretched to 1; no_rest: what the barycenter term charges for an outcome without
-    a rest; wanted: (4,) terms to compute.
+    probabilities: (r,) of the rests; of_rest: (r,) outcome that each counts for; directions: (k, 3)
+        of the
+    outcomes; target: (k,) their probabilities; smallest_mean: length of the sum of a region's
+    maxima below which it is not stretched to 1; no_rest: what the barycenter term charges for an
+    outcome without a rest; wanted: (4,) terms to compute.
     """
-    arrays = center, odds, of_rest, directions, target
+    arrays = center, probabilities, of_rest, directions, target
     numbers = neighbor_radius, smallest_mean, no_rest
     return compiled.Energies(hull.handle, paths.handle, *arrays, *numbers, wanted)
 
@@ -343,25 +350,35 @@ def energies(
 
 
 @_kernel
-def thrown_odds(
-    hull: Handled, paths: Handled, model: Handled, center: Floats, inertia: Floats, odds: Floats
+def throw_probabilities(
+    hull: Handled,
+    paths: Handled,
+    model: Handled,
+    center: Floats,
+    inertia: Floats,
+    probabilities: Floats,
 ) -> Floats:
-    """Odds (k,) of the rests of a thrown body by the momentum model.
+    """Probabilities (k,) of the rests of a thrown body by the momentum model.
 
-    inertia: (3, 3) tensor about the center over the mass; odds: (k,) without momentum.
+    inertia: (3, 3) tensor about the center over the mass; probabilities: (k,) without momentum.
     """
     handles = hull.handle, paths.handle, model.handle
-    return compiled.thrown_odds(*handles, center, inertia, odds)
+    return compiled.throw_probabilities(*handles, center, inertia, probabilities)
 
 
 @_kernel
 def thrown_gradients(
-    hull: Handled, paths: Handled, model: Handled, center: Floats, odds: Floats, weights: Floats
+    hull: Handled,
+    paths: Handled,
+    model: Handled,
+    center: Floats,
+    probabilities: Floats,
+    weights: Floats,
 ) -> tuple[Floats, Floats, Floats]:
     """Gradients (r, 3 n), (r, 3) and (r, k) of weighted sums (r, k) of the same for a uniform
-    solid, in the vertices, in the center of mass and in the odds without momentum."""
+    solid, in the vertices, in the center of mass and in the probabilities without momentum."""
     handles = hull.handle, paths.handle, model.handle
-    return compiled.thrown_gradients(*handles, center, odds, weights)
+    return compiled.thrown_gradients(*handles, center, probabilities, weights)
 
 
 @_kernel

@@ -24,7 +24,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SYMMETRY_TOLERANCE
 
 if TYPE_CHECKING:
-    from dicedesign.gradient.rest_odds import RestEvaluation
+    from dicedesign.gradient.rest_probabilities import RestEvaluation
 
 
 @dataclass(frozen=True)

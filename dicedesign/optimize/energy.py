@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.hulls.hull import HullMemory
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.coordinates import Coordinates, Shape
 from dicedesign.optimize.terms import (
@@ -126,7 +126,7 @@ class Energy:
             rests.hull,
             rests.paths,
             rests.equilibria.center_of_mass,
-            odds=rests.odds,
+            probabilities=rests.probability_values,
             of_rest=clusters.of_rest,
             directions=clusters.directions,
             target=np.asarray(self.state.target, dtype=np.float64),
@@ -186,8 +186,8 @@ class Objective:
         self, parameters: Floats, directions: Floats, perturbation: float, seed: int
     ) -> Evaluation:
         """The evaluation that a descent begins with: at parameters (n,) that are shaken by normal
-        noise of a standard deviation, which is at least `SHAKE` where the odds cannot be told, and
-        less where so much leaves no solid with the center inside.
+        noise of a standard deviation, which is at least `SHAKE` where the probabilities cannot be
+        told, and less where so much leaves no solid with the center inside.
 
         Raises as `evaluate`.
         """
@@ -239,7 +239,9 @@ class Evaluation:
     def error(self) -> float:
         """Largest |p - q| over the clusters."""
         target = self.objective.target
-        sums = np.bincount(self.clusters.of_rest, self.rests.odds, minlength=len(target))
+        sums = np.bincount(
+            self.clusters.of_rest, self.rests.probability_values, minlength=len(target)
+        )
         return float(np.abs(sums - target).max())
 
     @cached_property

@@ -96,7 +96,7 @@ class RefineOptions:
 
 def legible() -> Preferences:
     """Room for labels first; then rests that are not left at a nudge, no needles or plates, and,
-    where the die is thrown, odds that do not change with the table."""
+    where the die is thrown, probabilities that do not change with the table."""
     return Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
 
 
@@ -111,15 +111,16 @@ class ExactOptions:
         so that facets become triangles.
     sobolev: the metric `(I + lambda L)^p` in which steps are shortest, of the graph Laplacian L; it
         needs `coordinates` "vertices". None for lengths as they are.
-    prefer: what the die is made better by once its odds are met, which are kept; legible labels and
-        firm rests unless given. What is given has all other weights at 0.
-    odds: "resting" for a die set down without momentum, "thrown" for one thrown onto a table, by
-        the momentum model.
+    prefer: what the die is made better by once its probabilities are met, which are kept; legible
+        labels and firm rests unless given. What is given has all other weights at 0.
+    probabilities: "resting" for a die set down without momentum, "thrown" for one thrown onto a
+        table, by the momentum model.
     table: of thrown dice, by name or as the path of a .json file.
     hand: another way to throw them than the table's own: cup, hand or tower.
-    refine: corrects the momentum model by simulated throws, or None to trust it; with thrown odds.
-    starts: most starting shapes that are tried, at least 1; fewer where a dozen lead to the odds,
-        but to circles below the recipe's `min_inradius_mm`.
+    refine: corrects the momentum model by simulated throws, or None to trust it; with thrown
+        probabilities.
+    starts: most starting shapes that are tried, at least 1; fewer where a dozen lead to the
+        probabilities, but to circles below the recipe's `min_inradius_mm`.
     evaluations: most dice that are computed on the way, at least 1; the first shape with the wanted
         rests is tried in any case. None for `MOST_WORK` over the number of outcomes, about a
         minute's.
@@ -133,7 +134,7 @@ class ExactOptions:
     coordinates: Literal["facets", "vertices"] = "facets"
     sobolev: SobolevOptions | None = None
     prefer: Preferences = field(default_factory=legible)
-    odds: Literal["resting", "thrown"] = "resting"
+    probabilities: Literal["resting", "thrown"] = "resting"
     table: str = "board-game"
     hand: str | None = None
     refine: RefineOptions | None = None
@@ -151,16 +152,16 @@ class ExactOptions:
                 'sobolev: expected coordinates "vertices", whose gradient lives on the surface, '
                 f"got {self.coordinates!r}; leave sobolev out or change coordinates"
             )
-        if self.refine is not None and self.odds != "thrown":
+        if self.refine is not None and self.probabilities != "thrown":
             raise InputError(
-                'refine: expected odds "thrown" with it, got "resting"; leave refine out, or write '
-                "odds: thrown"
+                'refine: expected probabilities "thrown" with it, got "resting"; leave refine out, '
+                "or write probabilities: thrown"
             )
         if self.hand is not None:
-            if self.odds != "thrown":
+            if self.probabilities != "thrown":
                 raise InputError(
-                    f'hand: expected odds "thrown" with it, got {self.odds!r}; leave hand out, or '
-                    "write odds: thrown"
+                    f'hand: expected probabilities "thrown" with it, got {self.probabilities!r}; '
+                    "leave hand out, or write probabilities: thrown"
                 )
             # Raises where there is no such way.
             hand_named(self.hand)
@@ -200,8 +201,8 @@ class PaperWeights(EnergyWeights):
     """Weights beside a dice energy in solid angles, `sum_i (A_i - 4 pi q_i)^2`, as published ones
     are; see `TERMS` for the terms.
 
-    The defaults lead every published target to its odds from most starts; "apart" is not in the
-    paper. Raises InputError for a number out of range.
+    The defaults lead every published target to its probabilities from most starts; "apart" is not
+    in the paper. Raises InputError for a number out of range.
     """
 
     __slots__ = ()

@@ -1,5 +1,5 @@
-"""Preferences among dice of the same odds, as residuals with weights, and those that come with the
-package."""
+"""Preferences among dice of the same probabilities, as residuals with weights, and those that come
+with the package."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dicedesign.gradient.odds_model import OddsModel, TableSensitivity
-    from dicedesign.gradient.rest_odds import RestEvaluation
+    from dicedesign.gradient.probability_model import ProbabilityModel, TableSensitivity
+    from dicedesign.gradient.rest_probabilities import RestEvaluation
     from dicedesign.runtime.arrays import Integers
 
 
@@ -28,16 +28,16 @@ class BearingFacets:
     ----------
     rests: hull and rests; coordinates in torch are functions of its `vertices` (n, 3).
     facets: (k,) facet of each outcome.
-    sensitivity: of its odds when thrown, or None for odds without momentum, the same on every
-        table.
-    model: of its odds, where it is thrown or let go under a prior; None for odds without momentum,
-        with any side down alike.
+    sensitivity: of its probabilities when thrown, or None for probabilities without momentum, the
+        same on every table.
+    model: of its probabilities, where it is thrown or let go under a prior; None for probabilities
+        without momentum, with any side down alike.
     """
 
     rests: RestEvaluation
     facets: Integers
     sensitivity: TableSensitivity | None = None
-    model: OddsModel | None = None
+    model: ProbabilityModel | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,8 @@ class Preference(Extension):
     ----------
     residuals: vector whose sum of squares, about 1 for an ordinary die whatever its size, is made
         small, differentiable in the vertices; or None where there is nothing to ask. Derivatives of
-        the odds without momentum may be left out: a die moves in directions that change none.
+        the probabilities without momentum may be left out: a die moves in directions that change
+            none.
     """
 
     residuals: Callable[[BearingFacets], Tensor | None]
@@ -106,7 +107,7 @@ def asymmetry_residuals(die: BearingFacets) -> Tensor:
     saddles = rests.saddle_directions[:, None]
     cross = torch.linalg.cross(normals, saddles.expand_as(normals))
     angles = torch.atan2(torch.linalg.vector_norm(cross, dim=-1), (normals * saddles).sum(-1))
-    weights = torch.as_tensor(rests.odds[basins].min(axis=1))
+    weights = torch.as_tensor(rests.probability_values[basins].min(axis=1))
     unequal = (angles[:, 0] - angles[:, 1]) / angles.sum(dim=1)
     return torch.sqrt(weights) * unequal / USUAL_INEQUALITY
 
@@ -152,7 +153,7 @@ def helper_residuals(die: BearingFacets) -> Tensor:
 
 
 def robustness_residuals(die: BearingFacets) -> Tensor | None:
-    """See `TableSensitivity.residuals`; None for odds without momentum."""
+    """See `TableSensitivity.residuals`; None for probabilities without momentum."""
     return None if die.sensitivity is None else die.sensitivity.residuals(die.rests, die.facets)
 
 
@@ -160,13 +161,14 @@ OFF: Final = 1.0 / 300.0
 """Distance over the diameter by which facets are off: 0.1 mm of an ordinary die."""
 
 USUAL_SLOPE: Final = 2.0
-"""Root of the summed squares of the slopes of an ordinary die's odds in the offsets of its facets,
-in units of the diameter."""
+"""Root of the summed squares of the slopes of an ordinary die's probabilities in the offsets of its
+facets, in units of the diameter."""
 
 
 def tolerance_residuals(die: BearingFacets) -> Tensor:
-    """(m,) slope of all odds in the offset of each facet. Where these are independent and of one
-    standard deviation, the sum of squares is in proportion to the summed variance of the odds."""
+    """(m,) slope of all probabilities in the offset of each facet. Where these are independent and
+    of one standard deviation, the sum of squares is in proportion to the summed variance of the
+    probabilities."""
     from dicedesign.gradient.facet_measures import offset_secants, soft_diameter
 
     diameter = soft_diameter(die.rests)
@@ -211,7 +213,8 @@ PREFERENCES: Final = Registry(
         ),
         Preference(
             name="robustness",
-            line="thrown odds that are the same on what the table may be instead; those without "
+            line="thrown probabilities that are the same on what the table may be instead; those "
+            "without "
             "momentum always are",
             residuals=robustness_residuals,
         ),
@@ -223,7 +226,8 @@ PREFERENCES: Final = Registry(
         ),
         Preference(
             name="tolerance",
-            line="odds that change little where facets come out of the printer a little off",
+            line="probabilities that change little where facets come out of the printer a little "
+            "off",
             residuals=tolerance_residuals,
         ),
     ),
@@ -235,9 +239,9 @@ LARGEST_WEIGHT: Final = 1e6
 
 
 class Preferences(Numbers):
-    """Weights of what is made better while the odds are kept; 0, unless given, leaves one out; see
-    `PREFERENCES`. Only their ratios matter. Each multiplies a sum of squares that is about 1 for an
-    ordinary die.
+    """Weights of what is made better while the probabilities are kept; 0, unless given, leaves one
+    out; see `PREFERENCES`. Only their ratios matter. Each multiplies a sum of squares that is about
+    1 for an ordinary die.
 
     Raises InputError for a weight out of range.
     """

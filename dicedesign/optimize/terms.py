@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.gradient.rest_odds import RestEvaluation
+    from dicedesign.gradient.rest_probabilities import RestEvaluation
     from dicedesign.runtime.arrays import Floats, Integers
 
 
@@ -301,7 +301,7 @@ TERMS: Final = Registry(
     builtin=(
         Term(
             name="dice",
-            line="squared differences of the outcomes' odds from the target (eq. 12)",
+            line="squared differences of the outcomes' probabilities from the target (eq. 12)",
             evaluate=dice_energy,
             weight=None,
         ),

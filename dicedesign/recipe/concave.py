@@ -1,4 +1,5 @@
-"""`method: concave`: a surface that is bent until its hull and its center of mass have the odds."""
+"""`method: concave`: a surface that is bent until its hull and its center of mass have the
+probabilities."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.parts import Search, Status, TradeOff
@@ -94,7 +95,7 @@ def design_concave(work: Work) -> Design:
         status=Status.UNCHANGED if best is None else Status.CONVERGED,
         hull=made.hull,
         directions=made.directions,
-        error=outcome_odds(poses, made.directions).error(target),
+        error=outcome_probabilities(poses, made.directions).error(target),
         steps=tuple(_step(number, step) for number, step in enumerate(progress.history)),
         reshaped=made,
     )

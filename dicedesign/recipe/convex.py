@@ -39,7 +39,7 @@ TURNS: Final = 40
 """Starting shapes of a group, or turns of a search for them, that are looked at."""
 
 TRIED: Final = 4
-"""How many of these are led to the odds."""
+"""How many of these are led to the probabilities."""
 
 
 def design_exactly(work: Work) -> Design:
@@ -47,7 +47,7 @@ def design_exactly(work: Work) -> Design:
 
     Raises InputError if no start suits the target.
     """
-    wanted = wanted_odds(work.recipe)
+    wanted = wanted_probabilities(work.recipe)
     return designed_die(work, solver(work)(starts_of(work, wanted), wanted))
 
 
@@ -62,7 +62,7 @@ def design_as_paper(work: Work) -> Design:
     assert recipe.method.paper is not None
     result = descend_as_paper(
         start,
-        wanted_odds(recipe),
+        wanted_probabilities(recipe),
         recipe.method.paper,
         center_of_mass=center,
         seed=recipe.seed,
@@ -86,7 +86,7 @@ def _own_directions(result: DesignResult, center: Floats | None) -> Floats:
 
 def choose_symmetry(work: Work) -> None:
     """Give the recipe the most helpful point group (`fitting_groups`) that the start has and that
-    leads to the odds, or none."""
+    leads to the probabilities, or none."""
     target, recipe = work.target, work.recipe
     with one_tensor_thread():
         for name in fitting_groups(target.probabilities):
@@ -103,8 +103,9 @@ def choose_symmetry(work: Work) -> None:
 
 def _leads_there(work: Work) -> bool:
     """Whether a start that is given has the recipe's symmetry, which carries outcomes to others as
-    probable; and one of a few starts with it leads to the odds, with no other preference."""
-    from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
+    probable; and one of a few starts with it leads to the probabilities, with no other
+    preference."""
+    from dicedesign.gradient.probability_model import TableSensitivity, ThrowProbabilities
 
     group, start, sensitivity = work.recipe.group(), work.start, None
     if start is not None and group is not None:
@@ -115,11 +116,11 @@ def _leads_there(work: Work) -> bool:
             return False
         if orbits_of_directions(start.directions, group).max() + 1 == len(start.directions):
             return False
-    wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
+    wanted, options = wanted_probabilities(work.recipe), exact_options(work.recipe)
     quick = replace(options, prefer=Preferences(), starts=TRIED)
-    if options.odds == "thrown":
+    if options.probabilities == "thrown":
         # Other tables do not matter for whether there is a die at all.
-        sensitivity = TableSensitivity(ThrownOdds.on(options.thrown_onto), (), wanted)
+        sensitivity = TableSensitivity(ThrowProbabilities.on(options.thrown_onto), (), wanted)
     starts = islice(starts_of(work, wanted), TURNS)
     try:
         result = solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)
@@ -128,7 +129,7 @@ def _leads_there(work: Work) -> bool:
     return result.status is Status.CONVERGED
 
 
-def wanted_odds(recipe: Recipe) -> Floats:
+def wanted_probabilities(recipe: Recipe) -> Floats:
     """(k,) target in the order of the start's directions."""
     return recipe.target.target().probabilities[recipe.outcome_of_direction()]
 
@@ -173,12 +174,12 @@ def starts_of(work: Work, wanted: Floats) -> Iterator[Start | None]:
 
 
 def _ranked(start: Start, wanted: Floats, prior: Prior) -> Start:
-    """A shape whose outcomes, with odds (k,), have changed places: the likelier ones have the rests
-    that are likelier under a prior."""
+    """A shape whose outcomes, with probabilities (k,), have changed places: the likelier ones have
+    the rests that are likelier under a prior."""
     poses = rest_poses(start.points, "hull").under(prior)
-    odds = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
+    probabilities = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
     directions = np.empty_like(start.directions)
-    order = np.argsort(-odds, kind="stable")
+    order = np.argsort(-probabilities, kind="stable")
     directions[np.argsort(-wanted, kind="stable")] = start.directions[order]
     return replace(start, directions=directions)
 

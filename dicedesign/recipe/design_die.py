@@ -1,4 +1,4 @@
-"""From odds to a die in Python."""
+"""From probabilities to a die in Python."""
 
 from __future__ import annotations
 
@@ -80,13 +80,13 @@ class Die:
 
     @property
     def target(self) -> Floats:
-        """(k,) wanted odds, summing to 1."""
+        """(k,) wanted probabilities, summing to 1."""
         return self._work.target.probabilities
 
     @property
     def probabilities(self) -> Floats:
         """(k,) of the outcomes, as designed; what is missing to 1 lies on rests of no outcome."""
-        return self._work.solid.outcomes.odds
+        return self._work.solid.outcomes.probabilities
 
     @property
     def max_abs_error(self) -> float:
@@ -188,8 +188,8 @@ def design(
 
     Parameters
     ----------
-    target: k odds above 0 that sum to 1, numbers or fractions such as "1/36"; a mapping such as
-        `{"sum_of_dice": [6, 6]}`, `{"binomial": 4}` or `{"fair": 7}`; or a `Target`.
+    target: k probabilities above 0 that sum to 1, numbers or fractions such as "1/36"; a mapping
+        such as `{"sum_of_dice": [6, 6]}`, `{"binomial": 4}` or `{"fair": 7}`; or a `Target`.
     labels: of the outcomes, at most 24 characters each; the target's own by default.
     start: of the recipe's starting shapes, a name or a mapping such as `{"prism": {"sides": 5}}`;
         by default shapes are searched.
@@ -256,7 +256,7 @@ def _target_entries(
         entries = dict(target)
     elif isinstance(target, str):
         raise InputError(
-            f"target: expected a list of odds or a mapping, got {target!r}; write such as "
+            f"target: expected a list of probabilities or a mapping, got {target!r}; write such as "
             '[1/2, 1/3, 1/6], or {"fair": 6}'
         )
     else:

@@ -24,7 +24,11 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, joined
-from dicedesign.gradient.odds_model import OddsModel, OddsUnderPrior, ThrownOdds
+from dicedesign.gradient.probability_model import (
+    ProbabilitiesUnderPrior,
+    ProbabilityModel,
+    ThrowProbabilities,
+)
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped, stretched
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
@@ -32,32 +36,33 @@ from dicedesign.results.result import Balance, Inside
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.tables import table_named
-from dicedesign.tolerances import FILE_ODDS
+from dicedesign.tolerances import FILE_PROBABILITIES
 
 LEFT: Final = 1e-9
 """Largest |p - q| that moving facets may leave."""
 
 LEFT_THROWN: Final = 1e-3
-"""The same of odds by a momentum model, which is itself ten times as far from simulated throws; it
-has kinks, at which facets may be stuck."""
+"""The same of probabilities by a momentum model, which is itself ten times as far from simulated
+throws; it has kinks, at which facets may be stuck."""
 
 STILL: Final = 1e-9
 """Distance, over the size of a die, by which facets have not been moved."""
 
 MET_BY_STRETCH: Final = 6
-"""Outcomes whose odds a stretch can meet exactly."""
+"""Outcomes whose probabilities a stretch can meet exactly."""
 
 CHANGED: Final = 0.05
-"""Relative change of an outcome's odds by labels and edges that is told."""
+"""Relative change of an outcome's probabilities by labels and edges that is told."""
 
 RARE: Final = 1e-3
-"""Part of the wanted odds of an outcome, below which changes are told as parts of these."""
+"""Part of the wanted probabilities of an outcome, below which changes are told as parts of
+these."""
 
 
 def engrave(work: Work) -> None:
     """Make die.stl: edges rounded; each label where the die is read, or in the side that is up then
-    where the die keeps the shape of a surface; and the shape moved until the odds are the target's.
-    Read it back.
+    where the die keeps the shape of a surface; and the shape moved until the probabilities are the
+    target's. Read it back.
 
     Raises InputError if the die converged and a label has no place on it; one that did not
     converge, and may be no solid, only says so.
@@ -96,7 +101,7 @@ def _make_convex(work: Work) -> None:
     directions = work.die.directions
     end = reshaped(core, directions, placements, target, made, measure, rounds=rounds, model=model)
     work.balance = Balance(
-        by, tuple(end.first.odds.tolist()), end.errors, largest_move(core, end.core)
+        by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
     )
     placed, center = made.placed(end.placements), end.measured.center_of_mass
     is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
@@ -114,18 +119,18 @@ def _make_convex(work: Work) -> None:
 
 def _measure(
     work: Work, made: ConvexObject, core: ConvexHull
-) -> tuple[Callable[[Surface, Floats], Measured], OddsModel | None, Floats]:
+) -> tuple[Callable[[Surface, Floats], Measured], ProbabilityModel | None, Floats]:
     """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
-    to be thrown the odds that the plain shape has by the momentum model."""
+    to be thrown the probabilities that the plain shape has by the momentum model."""
     given, table = work.solid.center_of_mass, work.recipe.method.table
     if given is not None or table is None:
         offset = None if given is None else given - made.unlabelled(core).centroid
         prior = work.die.prior
-        model = None if prior is None else OddsUnderPrior.of(prior)
+        model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
         return measure_resting(prior, offset), model, work.target.probabilities
     measure = measure_thrown(table_named(table), momentum_model(table))
     plain = Surface(work.solid.points, work.solid.triangles)
-    return measure, ThrownOdds.on(table), measure(plain, work.die.directions).odds
+    return measure, ThrowProbabilities.on(table), measure(plain, work.die.directions).probabilities
 
 
 def _mark_surface(work: Work) -> None:
@@ -152,7 +157,7 @@ def _finish_stretched(
     by: str,
     core: ConvexHull | None = None,
 ) -> None:
-    """The object of a surface, stretched until it has the odds."""
+    """The object of a surface, stretched until it has the probabilities."""
     center = surface.centroid
     surface = surface.moved(surface.points - center)
     end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
@@ -209,16 +214,18 @@ def _finish(
 
 
 def _describe(work: Work, verdict: Assessment) -> None:
-    """The odds of the finished die, in words; it has not converged where they are off the target
-    though its shape was to be moved to that."""
+    """The probabilities of the finished die, in words; it has not converged where they are off the
+    target though its shape was to be moved to that."""
     recipe, balance, is_thrown = work.recipe, work.balance, work.recipe.method.thrown
-    plain, wanted = work.plain.outcomes.odds, work.target.probabilities
-    # A die that is no success may have next to no odds of an outcome.
-    changes = np.abs(verdict.outcomes.odds - plain) / np.where(plain > RARE * wanted, plain, wanted)
+    plain, wanted = work.plain.outcomes.probabilities, work.target.probabilities
+    # A die that is no success may have next to no probabilities of an outcome.
+    changes = np.abs(verdict.outcomes.probabilities - plain) / np.where(
+        plain > RARE * wanted, plain, wanted
+    )
     most = int(changes.argmax())
     if changes[most] > CHANGED:
         work.notes.append(
-            f"the finished die differs from the plain one in the odds of "
+            f"the finished die differs from the plain one in the probabilities of "
             f"{work.target.labels[most]} by {changes[most]:.0%}; take a smaller depth_mm or a "
             "larger size_mm"
         )
@@ -229,13 +236,13 @@ def _describe(work: Work, verdict: Assessment) -> None:
         work.remarks.append(f"{verdict.max_abs_error:.3g} with {with_what}")
     if balance is None or balance.by == "none" or work.status is not Status.CONVERGED:
         return
-    is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_ODDS)
+    is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_PROBABILITIES)
     if min(balance.errors) > LEFT_THROWN if is_thrown else is_off:
         work.fail(Status.UNBALANCED)
     elif recipe.symmetry is not None and balance.moved_mm > STILL * recipe.size_mm:
         work.notes.append(
             f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
-            f"by up to {balance.moved_mm:.2g} mm to keep the odds"
+            f"by up to {balance.moved_mm:.2g} mm to keep the probabilities"
         )
 
 
@@ -282,5 +289,5 @@ def fill_inside(work: Work) -> None:
     )
     work.notes += made.notes
     work.remarks.append(f"{verdict.max_abs_error:.3g} with its center of mass by {options.by}")
-    if verdict.max_abs_error > max(method.tolerance, FILE_ODDS) and not method.thrown:
+    if verdict.max_abs_error > max(method.tolerance, FILE_PROBABILITIES) and not method.thrown:
         work.fail(Status.OFF_TARGET)

@@ -25,8 +25,8 @@ from dicedesign.fabricate.file_formats import (
     joined,
 )
 from dicedesign.fabricate.print_tolerances import (
-    OddsSpread,
-    infill_odds,
+    ProbabilitySpread,
+    infill_probabilities,
     inside_walls,
     pocket_walls,
     print_tolerances,
@@ -37,12 +37,12 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
 from dicedesign.geometry.triangles import Surface, solid_properties
-from dicedesign.gradient.odds_model import odds_model
+from dicedesign.gradient.probability_model import probability_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
 from dicedesign.report.figures import FIGURES, figure_files
 from dicedesign.report.raster import upward_of
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
@@ -96,28 +96,30 @@ def prepare_print(work: Work) -> None:
 
 
 def find_tolerances(work: Work) -> None:
-    """Say how far the odds of prints are from those of the file, with labels if it has them, and
-    what infill does to them if the recipe has some."""
+    """Say how far the probabilities of prints are from those of the file, with labels if it has
+    them, and what infill does to them if the recipe has some."""
     verdict, target, options = work.printed, work.target.probabilities, work.recipe.print
     table, has_planes = work.recipe.method.table, work.die.reshaped is None
     assert options is not None
     assert work.printability is not None
-    model = odds_model(table, work.die.prior)
+    model = probability_model(table, work.die.prior)
     body, poses = verdict.body, verdict.poses
     core = None if work.engraved is None else work.engraved.core
     if work.recipe.edges is not None and core is not None:
         # What rounds an edge moves with the facets beside it, which the core has alone, and with
-        # the finished die's center of mass its odds too.
+        # the finished die's center of mass its probabilities too.
         body = make_body(core.vertices, core.triangles)
         poses = analyse(core, poses.center_of_mass, poses.center_of_mass_source)
         poses = poses.under(work.die.prior)
     # Of the printer where the die lies on its bed as is best.
     axes = np.array(work.printability.placement)[:3, :3]
     errors, directions = options.expected_errors, work.die.directions
-    spread = OddsSpread.of(body, poses, directions, errors, model, has_planes=has_planes, axes=axes)
-    # The odds of throws are known from counts alone: what they lack is in doubt. And the momentum
-    # model jumps where a corner of several facets falls apart, which dice do not.
-    bias = verdict.outcomes.odds - target if table is None else np.zeros(len(target))
+    spread = ProbabilitySpread.of(
+        body, poses, directions, errors, model, has_planes=has_planes, axes=axes
+    )
+    # The probabilities of throws are known from counts alone: what they lack is in doubt. And the
+    # momentum model jumps where a corner of several facets falls apart, which dice do not.
+    bias = verdict.outcomes.probabilities - target if table is None else np.zeros(len(target))
     work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
     if options.infill < 1.0:
         _find_infill(work, options, verdict)
@@ -134,7 +136,8 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None
         unknown = "whose hidden hollow has walls of its own"
     if unknown is not None:
         work.notes.append(
-            f"what infill does to a die {unknown} is not computed: its odds are those of 100 %"
+            f"what infill does to a die {unknown} is not computed: its probabilities are those of "
+            "100 %"
         )
         return
     body, hull, pockets = verdict.body, verdict.poses.hull, []
@@ -146,7 +149,7 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None
         # Labels that were stretched along with the die may run into their borders by more.
         cut = cut_sections(hull, marked.placements, engrave, joined=1.0)
         pockets = pocket_walls(cut, engrave.depth_mm, options.walls_mm)
-    work.infill = infill_odds(
+    work.infill = infill_probabilities(
         verdict,
         work.die.directions,
         solid_properties(body.points, body.triangles)[0],
@@ -158,10 +161,11 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None
 
 
 def write_files(work: Work) -> None:
-    """Make the die's files beside the STL, and read each back. One that would not have the odds of
-    the die, or whose format cannot hold it, is left out, and the die has not converged."""
+    """Make the die's files beside the STL, and read each back. One that would not have the
+    probabilities of the die, or whose format cannot hold it, is left out, and the die has not
+    converged."""
     contents = die_contents(work)
-    odds = _odds(work, *joined(contents.parts))
+    probabilities = _probabilities(work, *joined(contents.parts))
     for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
         name = f"{_stem(work)}.{kind.name}"
         try:
@@ -169,10 +173,13 @@ def write_files(work: Work) -> None:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder, name)
                 path.write_bytes(data)
-                off = float(np.abs(_odds(work, *kind.read_back(path)) - odds).max())
-            if not off <= kind.same_odds:
+                off = float(
+                    np.abs(_probabilities(work, *kind.read_back(path)) - probabilities).max()
+                )
+            if not off <= kind.same_probabilities:
                 raise InputError(
-                    f"{name}: expected the odds of the die to within {kind.same_odds:g} as it is "
+                    f"{name}: expected the probabilities of the die to within "
+                    f"{kind.same_probabilities:g} as it is "
                     f"read back, got a difference of {off:.2g}; take another format"
                 )
             work.files[name] = data
@@ -194,8 +201,8 @@ def die_contents(work: Work) -> Contents:
         "Checksum": f"sha256 of {stl}: {hashlib.sha256(work.files[stl]).hexdigest()}",
     }
     if verdict is not None:
-        odds = verdict.outcomes.odds.tolist()
-        facts["Odds"] = json.dumps(dict(zip(labels, odds, strict=True)))
+        probabilities = verdict.outcomes.probabilities.tolist()
+        facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
     return Contents(work.recipe.name, _parts(work), facts)
 
 
@@ -225,10 +232,10 @@ def _parts(work: Work) -> list[Part]:
     return [replace(body, labels=labels)]
 
 
-def _odds(work: Work, points: Floats, triangles: Integers) -> Floats:
-    """(k,) odds of the outcomes of a solid in the coordinates of the die."""
+def _probabilities(work: Work, points: Floats, triangles: Integers) -> Floats:
+    """(k,) probabilities of the outcomes of a solid in the coordinates of the die."""
     poses = rest_poses(make_body(points, triangles), work.solid.center_of_mass)
-    return outcome_odds(poses, work.die.directions).odds
+    return outcome_probabilities(poses, work.die.directions).probabilities
 
 
 FIGURES_SHOWN: Final = ("faces", "rests", "reading")

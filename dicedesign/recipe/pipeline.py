@@ -23,14 +23,14 @@ from dicedesign.results.parts import (
     Printability,
     Search,
     Status,
-    ThrownOdds,
+    ThrowProbabilities,
 )
 from dicedesign.results.result import (
     RESULT,
     Balance,
     Designed,
     Engraved,
-    InfillOdds,
+    InfillProbabilities,
     Inside,
     PrintTolerances,
     Result,
@@ -132,10 +132,10 @@ class Work:
     search: Search | None = None
     balance: Balance | None = None
     inside: Inside | None = None
-    throws: ThrownOdds | None = None
+    throws: ThrowProbabilities | None = None
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None
-    infill: InfillOdds | None = None
+    infill: InfillProbabilities | None = None
     extra: dict[str, Any] = field(default_factory=dict)
     kept: str = ""
     images: dict[str, bytes] = field(default_factory=dict)
@@ -353,7 +353,7 @@ STAGES: Final[Registry[Stage]] = Registry(
         ),
         Stage(
             "tolerances",
-            "finds what errors of printing, and infill, do to the odds",
+            "finds what errors of printing, and infill, do to the probabilities",
             "dicedesign.recipe.output:find_tolerances",
             # Of a file that meets itself slicers decide what is inside.
             lambda work: (

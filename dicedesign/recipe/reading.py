@@ -269,10 +269,10 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
     return entries
 
 
-def written_odds(odds: Iterable[float]) -> str:
-    """The text that `typed_target` takes for these odds, to the last bit: fractions where they are
-    short."""
-    pairs = [(float(p), Fraction(p).limit_denominator(LARGEST_DENOMINATOR)) for p in odds]
+def written_probabilities(probabilities: Iterable[float]) -> str:
+    """The text that `typed_target` takes for these probabilities, to the last bit: fractions where
+    they are short."""
+    pairs = [(float(p), Fraction(p).limit_denominator(LARGEST_DENOMINATOR)) for p in probabilities]
     return ", ".join(str(short) if float(short) == p else repr(p) for p, short in pairs)
 
 

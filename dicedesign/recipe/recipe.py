@@ -145,7 +145,7 @@ class MethodRecipe(Strict):
     @property
     def thrown(self) -> bool:
         """True where the target is meant for a die that is thrown onto a table."""
-        return self.exact is not None and self.exact.odds == "thrown"
+        return self.exact is not None and self.exact.probabilities == "thrown"
 
     @property
     def table(self) -> str | None:
@@ -206,7 +206,7 @@ class Recipe(Strict):
     ----------
     name: folder name of the results.
     seed: of everything random, below 2^64.
-    target: the outcomes and their odds.
+    target: the outcomes and their probabilities.
     start: a shape to begin with; shapes are searched, unless given.
     assignment: labels in the order of the start's directions; None, "in_order" in a file, for the
         order of the target; empty, "any" in a file, for one order after the other, at random, until
@@ -349,14 +349,16 @@ class Recipe(Strict):
             )
         if self.prior is not None and (exact is None or method.thrown):
             yield (
-                "prior: expected the exact method with resting odds, which are the ones known "
-                f"under a prior, got {'thrown odds' if method.thrown else method.name}; leave one "
+                "prior: expected the exact method with resting probabilities, which are the ones "
+                "known "
+                f"under a prior, got {'thrown probabilities' if method.thrown else method.name}; "
+                "leave one "
                 "of them out"
             )
         if self.prior is not None and symmetry is not None:
             yield (
                 "prior: expected no symmetry with it, as sides that are images of each other "
-                f"differ in their odds, got {symmetry}; leave one of them out"
+                f"differ in their probabilities, got {symmetry}; leave one of them out"
             )
         if symmetry is not None:
             if exact is None or exact.coordinates != "facets":

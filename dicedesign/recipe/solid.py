@@ -21,7 +21,7 @@ from dicedesign.optimize.starts.start import Task, made_start
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.parts import Status
-from dicedesign.tolerances import EQUAL_ODDS, MOST_MM
+from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
 
 
 def make_start(work: Work) -> None:
@@ -126,12 +126,13 @@ def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
     first: dict[int, int] = {}
     for orbit, number in zip(orbits_of_directions(directions, group), outcome, strict=True):
         other = first.setdefault(int(orbit), int(number))
-        odds = target.probabilities[[number, other]]
-        if abs(odds[0] - odds[1]) > EQUAL_ODDS * odds[1]:
+        probabilities = target.probabilities[[number, other]]
+        if abs(probabilities[0] - probabilities[1]) > EQUAL_PROBABILITIES * probabilities[1]:
             raise InputError(
                 f"symmetry: expected labels {target.labels[other]} and {target.labels[number]} to "
                 f"be equally probable, as {recipe.symmetry} carries their facets to each other, "
-                f"got {odds[1]:.6g} and {odds[0]:.6g}; change the assignment, or take a smaller "
+                f"got {probabilities[1]:.6g} and {probabilities[0]:.6g}; change the assignment, "
+                "or take a smaller "
                 "group"
             )
 
@@ -206,7 +207,8 @@ def check(work: Work) -> None:
     work.plain = assess_file(data, die.directions, work.target, solid.center_of_mass, die.prior)
     if die.prior is not None:
         work.notes.append(
-            f"all odds are those under the prior {work.recipe.prior}, whose directions are in the "
+            f"all probabilities are those under the prior {work.recipe.prior}, whose directions "
+            "are in the "
             "frame of die_plain.stl and die.stl; die_oriented.stl and other formats may be turned"
         )
     thrown = work.recipe.method.thrown
@@ -221,7 +223,7 @@ def check(work: Work) -> None:
         )
         flaws += more
     if die.status is not Status.CONVERGED:
-        # Its odds are off, as was to be expected.
+        # Its probabilities are off, as was to be expected.
         flaws = [die.status, *(f for f in flaws if f in (Status.CROWDED, Status.UNSTEADY))]
     work.status = flaws[0] if flaws else Status.CONVERGED
     work.remarks += _remarks(work, flaws)
@@ -233,7 +235,8 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
     told = "; ".join(status.value for status in flaws) or Status.CONVERGED.value
     if recipe.method.thrown:
         yield (
-            f"{told} by the momentum model; max |p - q| is {designed} of the odds that it was "
+            f"{told} by the momentum model; max |p - q| is {designed} of the probabilities that "
+            "it was "
             "asked for"
         )
     else:

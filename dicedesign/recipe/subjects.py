@@ -116,7 +116,7 @@ def _finished(folder: Path, recipe: Recipe) -> Lain:
     # A file does not say where the center of mass is of a body that is not uniform.
     given = None if recipe.center_of_mass is None else result.center_of_mass
     poses = rest_poses(body, given).under(recipe.prior_read())
-    # Rests of equal odds may come in another order than when the file was written.
+    # Rests of equal probabilities may come in another order than when the file was written.
     shown = np.array([facet.normal for facet in result.facets]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, shown).tolist()
     labels = ["" if k < 0 else result.facets[k].label or "" for k in facets]
@@ -165,7 +165,7 @@ def _ablations(
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import descend_as_paper
     from dicedesign.optimize.terms import cluster
-    from dicedesign.recipe.convex import normalised_center, wanted_odds
+    from dicedesign.recipe.convex import normalised_center, wanted_probabilities
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.report.solid_figures import Ablation
     from dicedesign.rest.poses import analyse
@@ -183,7 +183,7 @@ def _ablations(
     weighted = [term.name for term, _ in paper.weights.active if term.weight is not None]
     cases = {"all terms": list[str](), **{f"without {name}": [name] for name in weighted}}
     if len(weighted) > 1:
-        cases["odds alone"] = weighted
+        cases["probabilities alone"] = weighted
     dice = []
     with one_tensor_thread():
         for name, left_out in cases.items():
@@ -196,7 +196,7 @@ def _ablations(
             )
             die = descend_as_paper(
                 start,
-                wanted_odds(recipe),
+                wanted_probabilities(recipe),
                 options,
                 center_of_mass=center,
                 seed=recipe.seed,

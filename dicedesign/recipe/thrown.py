@@ -1,4 +1,5 @@
-"""`method: exact` with thrown odds: the exact method by a momentum model, corrected by throws."""
+"""`method: exact` with thrown probabilities: the exact method by a momentum model, corrected by
+throws."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ import numpy as np
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
+from dicedesign.gradient.probability_model import TableSensitivity, ThrowProbabilities
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
 from dicedesign.optimize.preferences import Preferences
@@ -28,11 +29,11 @@ from dicedesign.recipe.convex import (
     normalised_center,
     solver,
     starts_of,
-    wanted_odds,
+    wanted_probabilities,
 )
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status
-from dicedesign.results.parts import ThrownOdds as ThrownSection
+from dicedesign.results.parts import ThrowProbabilities as ThrownSection
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.bias import Series, variations_on_tables
 from dicedesign.throws.momentum_model import (
@@ -59,17 +60,17 @@ SEEDS: Final = SERIES * (VERDICT + 1)
 """Seeds of throws between those of one recipe's seed and the next."""
 
 CLOSE_STARTS: Final = 12
-"""Variations of a die that are led to corrected odds, until one gets there: the momentum model has
-kinks, at which some get stuck."""
+"""Variations of a die that are led to corrected probabilities, until one gets there: the momentum
+model has kinks, at which some get stuck."""
 
 
 def design_for_table(work: Work) -> Design:
     """The die of a recipe by the momentum model of its table, corrected by rounds of throws where
     the recipe asks for them. Raises InputError as `exact.design`, or as the start does."""
-    wanted, options = wanted_odds(work.recipe), exact_options(work.recipe)
+    wanted, options = wanted_probabilities(work.recipe), exact_options(work.recipe)
     name = options.thrown_onto
     others = other_tables(table_named(name), posterior_tables(name))
-    sensitivity = TableSensitivity(ThrownOdds.on(name), others, wanted)
+    sensitivity = TableSensitivity(ThrowProbabilities.on(name), others, wanted)
     starts = iter(starts_of(work, wanted))
     result = solver(work)(starts, wanted, sensitivity=sensitivity)
     rounds: tuple[RoundOfThrows, ...] = ()
@@ -90,7 +91,7 @@ def _refine(
     """The die that rounds of throws at its printed size lead to, and the rounds; from one, or from
     the steadiest of some that further starts lead to."""
     recipe, options, solve = work.recipe, exact_options(work.recipe), solver(work)
-    wanted, group, name = wanted_odds(recipe), recipe.group(), options.thrown_onto
+    wanted, group, name = wanted_probabilities(recipe), recipe.group(), options.thrown_onto
     center, model = normalised_center(recipe, work.start), momentum_model(name)
     others: tuple[Table, ...] = ()
     is_free = len(np.unique(wanted)) > 1 or group is None
@@ -116,7 +117,9 @@ def _refine(
             for count, table in zip(counts, others, strict=True)
         ]
 
-    def design(die: DesignResult, odds: Floats, bias: Floats | None) -> DesignResult | None:
+    def design(
+        die: DesignResult, probabilities: Floats, bias: Floats | None
+    ) -> DesignResult | None:
         near = shapes_like(Start(die.hull.vertices, die.directions), recipe.seed, group)
         own, known = options, sensitivity
         if bias is None:
@@ -124,7 +127,9 @@ def _refine(
         elif others:
             places = [others.index(table) for table in sensitivity.tables]
             known = replace(sensitivity, bias=bias[places])
-        return _converged(solve, islice(near, CLOSE_STARTS), odds, sensitivity=known, options=own)
+        return _converged(
+            solve, islice(near, CLOSE_STARTS), probabilities, sensitivity=known, options=own
+        )
 
     def rounds(die: DesignResult) -> Refinement:
         orbits = np.arange(len(wanted))
@@ -154,7 +159,7 @@ def _refine(
 
 
 def _converged(solve: Callable[..., DesignResult], *what: Any, **how: Any) -> DesignResult | None:
-    """The die of a solver with the odds by the model, or None."""
+    """The die of a solver with the probabilities by the model, or None."""
     try:
         result = solve(*what, **how)
     except NoStartError:

@@ -130,23 +130,24 @@ def put_legend_above(axes: Axes, title: str, columns: int) -> None:
 def bars_chart(die: FinishedDie) -> Sheet:
     """A pair of bars for each outcome: its target, and what was achieved."""
     result = die.result
-    odds = result.probabilities
-    worst = float(np.abs(np.subtract(result.target, odds)).max(initial=0.0))
+    probabilities = result.probabilities
+    worst = float(np.abs(np.subtract(result.target, probabilities)).max(initial=0.0))
     return outcome_chart(
         result.labels,
         [
             Bars("target", PALE, result.target),
-            Bars("achieved", ACCENT, odds, _prints_of(result, odds)),
+            Bars("achieved", ACCENT, probabilities, _prints_of(result, probabilities)),
         ],
-        title=f"target and achieved odds, max |p − q| = {worst:.2g}",
+        title=f"target and achieved probabilities, max |p − q| = {worst:.2g}",
         x_label="outcome (label on the facet that the body rests on)",
     )
 
 
-def _prints_of(result: Result, odds: ArrayLike) -> Floats | None:
-    """Limits (k, 2) of 95 % of the prints of a die about odds (k,), where they are known."""
+def _prints_of(result: Result, probabilities: ArrayLike) -> Floats | None:
+    """Limits (k, 2) of 95 % of the prints of a die about probabilities (k,), where they are
+    known."""
     tolerances = result.tolerances
-    return None if tolerances is None else intervals_of_prints(odds, tolerances.deviations)
+    return None if tolerances is None else intervals_of_prints(probabilities, tolerances.deviations)
 
 
 def before_after_chart(die: FinishedDie) -> Sheet:
@@ -155,7 +156,9 @@ def before_after_chart(die: FinishedDie) -> Sheet:
     result, concave = die.result, die.result.concave
     assert concave is not None
     before, after = np.array(concave.probabilities_before), np.array(result.probabilities)
-    errors = [np.abs(odds - result.target).max(initial=0.0) for odds in (before, after)]
+    errors = [
+        np.abs(probabilities - result.target).max(initial=0.0) for probabilities in (before, after)
+    ]
     return outcome_chart(
         [*result.labels, "elsewhere"],
         [
@@ -180,7 +183,10 @@ def table_chart(die: FinishedDie) -> Sheet:
     bars = [Bars(name, *kind, values=()) for name, kind in kinds.items()]
     simulated = thrown.simulated
     if simulated is None:
-        far = {name: total_variation(odds, result.target) for name, (_, odds, _) in kinds.items()}
+        far = {
+            name: total_variation(probabilities, result.target)
+            for name, (_, probabilities, _) in kinds.items()
+        }
         each = [f"{name} {variation:.4f}" for name, variation in far.items()]
         title = f"total variation to the target: {', '.join(each)}"
     else:
@@ -209,9 +215,10 @@ def rolls_chart(labels: Sequence[str], verdict: RollVerdict) -> Sheet:
 
     Raises InputError: there is not one label for each outcome.
     """
-    if len(labels) != len(verdict.odds):
+    if len(labels) != len(verdict.probabilities):
         raise InputError(
-            f"rolls: expected {len(verdict.odds)} labels, one for each outcome, got {len(labels)}"
+            f"rolls: expected {len(verdict.probabilities)} labels, one for each outcome, got "
+            f"{len(labels)}"
         )
     variation = verdict.variation
     thrown = Bars(
@@ -224,7 +231,7 @@ def rolls_chart(labels: Sequence[str], verdict: RollVerdict) -> Sheet:
     )
     return outcome_chart(
         labels,
-        [Bars("odds tested", PALE, verdict.odds, values=()), thrown],
+        [Bars("probabilities tested", PALE, verdict.probabilities, values=()), thrown],
         title=(
             f"{verdict.throws} throws: p = {verdict.p_value:.2g}, total variation "
             f"{variation.value:.3f} (a perfect die: {variation.noise_floor:.3f})"

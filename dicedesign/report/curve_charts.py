@@ -14,7 +14,7 @@ from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
 from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
 from dicedesign.report.sheet import NOTE, Sheet, styled
-from dicedesign.results.parts import Status, ThrownOdds, TradeOff
+from dicedesign.results.parts import Status, ThrowProbabilities, TradeOff
 from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 
@@ -150,7 +150,7 @@ def rounds_chart(die: FinishedDie) -> Sheet:
 
 
 @styled
-def rounds_of(thrown: ThrownOdds) -> Sheet:
+def rounds_of(thrown: ThrowProbabilities) -> Sheet:
     """Total variation from the target of the die of each round, against the throws so far: as its
     own throws show it, beside what a perfect die would show in as many, and as the throws of all
     rounds let one expect it, on the table and on what that may be instead.
@@ -264,7 +264,7 @@ def trade_off_of(trade_off: TradeOff, chosen: int | None, before: float) -> Shee
     worst = {draft.attempt: next(trade_off.flaws(draft), None) for draft in drafts}
     for status, name, color, marker, size in (
         (None, "as wanted", ACCENT, "o", 13.0),
-        (Status.OFF_TARGET, "odds off", FAINT, "x", 11.0),
+        (Status.OFF_TARGET, "probabilities off", FAINT, "x", 11.0),
         (Status.SELF_INTERSECTING, "meets itself", DISTINCT[4], "^", 14.0),
         (Status.TOO_NEAR, f"outcomes nearer than {trade_off.apart_deg:g}°", DISTINCT[1], "s", 11.0),
         (Status.TIPPY, f"left at less than {trade_off.margin_deg:g}°", DISTINCT[2], "D", 11.0),

@@ -76,7 +76,7 @@ class SheetFacts:
     ----------
     title, subtitle: name of the die, and what it is in a line.
     sections: how to read and to print it, and more.
-    header, rows: of the table of odds, as many texts in each.
+    header, rows: of the table of probabilities, as many texts in each.
     remark: below the table.
     checksum: SHA-256 of the printed file, after its name.
     """
@@ -98,7 +98,7 @@ def sheet_facts(die: FinishedDie, file: str, sha256: str) -> SheetFacts:
     result = die.result
     header, rows = _table(result)
     tolerances, engraved = result.tolerances, result.engraved
-    remark = "Odds on the table that it was designed for."
+    remark = "Probabilities on the table that it was designed for."
     if result.thrown is None:
         error, elsewhere = result.max_abs_error, result.elsewhere
         if engraved and engraved.max_abs_error is not None and engraved.elsewhere is not None:
@@ -180,19 +180,19 @@ def _printing(result: Result) -> Iterator[str]:
 
 
 def _table(result: Result) -> tuple[list[str], list[list[str]]]:
-    """The odds in percent."""
-    odds, name = result.printed_probabilities, "printed file"
+    """The probabilities in percent."""
+    probabilities, name = result.printed_probabilities, "printed file"
     if result.thrown is not None:
         simulated = result.thrown.simulated
-        odds = result.thrown.momentum if simulated is None else simulated.frequencies
+        probabilities = result.thrown.momentum if simulated is None else simulated.frequencies
         name = "momentum model" if simulated is None else "thrown"
     columns = {
         "asked for %": [f"{100.0 * q:.3f}" for q in result.target],
-        f"{name} %": [f"{100.0 * p:.3f}" for p in odds],
+        f"{name} %": [f"{100.0 * p:.3f}" for p in probabilities],
         # With a sign, or without where all three decimals are 0.
         "error %": [
             f"{error:+.3f}" if abs(error) >= 0.0005 else "0.000"
-            for error in 100.0 * np.subtract(odds, result.target)
+            for error in 100.0 * np.subtract(probabilities, result.target)
         ],
     }
     if result.tolerances is not None:

@@ -116,8 +116,8 @@ FIGURES: Final = Registry(
             "table",
             "bar_charts:table_chart",
             lambda die: die.result.thrown is not None,
-            "odds on the table by each model beside the target",
-            "Odds on the table",
+            "probabilities on the table by each model beside the target",
+            "Probabilities on the table",
             "The wide bar behind each outcome is its target. In front of it is how often the die "
             "would show it if it rolled without momentum, how often the momentum model expects "
             "it of it and of its prints, and, where throws were simulated, how often it came up, "
@@ -176,17 +176,17 @@ FIGURES: Final = Registry(
             "bars",
             "bar_charts:bars_chart",
             _is_convex,
-            "target odds beside the achieved ones",
-            "Target and achieved odds",
+            "target probabilities beside the achieved ones",
+            "Target and achieved probabilities",
             "Probability that the die comes to rest on the facet with each label; the lines hold "
             "that of 95 % of its prints.",
         ),
         _figure(
-            "odds",
+            "probabilities",
             "bar_charts:before_after_chart",
             lambda die: die.result.concave is not None,
-            "odds before and after the surface was made into a die",
-            "Odds before and after",
+            "probabilities before and after the surface was made into a die",
+            "Probabilities before and after",
             "Probability that the body comes to rest on each outcome, and on any other side "
             "(elsewhere), before and after it was made into a die. The wide bar behind each "
             "outcome is its target.",
@@ -206,10 +206,11 @@ FIGURES: Final = Registry(
             lambda die: (
                 die.result.search is not None and len(die.result.search.trade_off.drafts) > 0
             ),
-            "displacement against odds of each attempt at a concave die",
+            "displacement against probabilities of each attempt at a concave die",
             "What the attempts led to",
             "Best die of each attempt, by its number: how far the surface was moved, and how far "
-            "its odds are from the target, all other rests included. Marks say what is worst of "
+            "its probabilities are from the target, all other rests included. Marks say what is "
+            "worst of "
             "it.",
         ),
         _figure(

@@ -97,7 +97,7 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> S
         note = "Equal-area projection: the stronger a color, the likelier at first."
         largest = float(prior.density(even_directions(40_000)).max())
     elif prior is not None:
-        note = "Equal-area projection; the odds are those of the samples."
+        note = "Equal-area projection; the probabilities are those of the samples."
 
     def paint(directions: Floats, rests: Integers) -> Floats:
         full = rgb(BASINS)[rests % len(BASINS)]

@@ -29,7 +29,7 @@ from dicedesign.report.figures import FIGURES
 from dicedesign.report.palette import BASINS
 from dicedesign.report.raster import Camera, encoded, lifted
 from dicedesign.report.renderer import Surface, render
-from dicedesign.results.parts import Draft, Search, Status, ThrownOdds
+from dicedesign.results.parts import Draft, Search, Status, ThrowProbabilities
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
@@ -48,7 +48,7 @@ POLICY: Final = (
 """A page loads nothing and runs no script but its own, whatever a name or a label in it says."""
 
 FLAWS: Final = {
-    Status.OFF_TARGET: "odds",
+    Status.OFF_TARGET: "probabilities",
     Status.SELF_INTERSECTING: "meets itself",
     Status.TOO_NEAR: "outcomes near",
     Status.TIPPY: "margin",
@@ -403,17 +403,19 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
     return encoded(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, 220))
 
 
-def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
+def throwing_advice(thrown: ThrowProbabilities | None, prior: str | None = None) -> str:
     """How to throw a die by hand, perhaps one that was designed for a table, or under a prior."""
     if prior is not None:
         return (
             f"Let it go gently, turned as the prior {prior} says, whose directions point down in "
-            "the coordinates of die.stl: the odds are those under it, without momentum. With any "
+            "the coordinates of die.stl: the probabilities are those under it, without momentum. "
+            "With any "
             "side down alike, or thrown, it has others."
         )
     if thrown is None:
         return (
-            "Set it down gently, each time in another orientation: the odds are those of rolling "
+            "Set it down gently, each time in another orientation: the probabilities are those of "
+            "rolling "
             "without momentum. Thrown it has others; the command dicedesign throw shows by how "
             "much."
         )
@@ -426,7 +428,7 @@ def throwing_advice(thrown: ThrownOdds | None, prior: str | None = None) -> str:
     about = "" if isinstance(table.height, tuple) else "about "
     return (
         f"Throw it{way}: let it fall from {about}{_lengths(table.height)} above the table,{push} "
-        "each time from another orientation. Set down gently it has other odds."
+        "each time from another orientation. Set down gently it has other probabilities."
     )
 
 

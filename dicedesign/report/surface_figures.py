@@ -273,14 +273,16 @@ def rests_figure(
     count = len(downs)
     lying = [render_on_table(surface, ups[k], cameras[k], size) for k in range(count)]
     undersides = [render(surface, camera, size, shell) for camera in cameras[count:]]
-    odds = [f"{label}: {100.0 * p:.2f} %" for label, p in zip(labels, probabilities, strict=True)]
+    captions = [
+        f"{label}: {100.0 * p:.2f} %" for label, p in zip(labels, probabilities, strict=True)
+    ]
     below = [f"{label}: underside" for label in labels]
     pictures: list[Picture] = []
     titles: list[str] = []
     for first in range(0, count, columns):
         row = slice(first, first + columns)
         blank = columns - len(labels[row])
-        for views, texts in ((lying, odds), (undersides, below)):
+        for views, texts in ((lying, captions), (undersides, below)):
             pictures += views[row] + blank * [np.full_like(views[0], 255)]
             titles += texts[row] + blank * [""]
     return picture_grid(pictures, titles, columns)
@@ -306,7 +308,9 @@ def rests(die: FinishedDie) -> Sheet:
     downs = np.where(has_rest, die.plain.poses.normals[outcomes.main], die.reshaped.directions)
     front = three_cameras(die.plain.body.points, die.upward)[0].direction
     labels = die.result.labels
-    return rests_figure(surface_of(die), shell_of(die), downs, labels, outcomes.odds, front)
+    return rests_figure(
+        surface_of(die), shell_of(die), downs, labels, outcomes.probabilities, front
+    )
 
 
 def balance_figure(found: Balanced) -> Sheet:
@@ -323,9 +327,9 @@ def balance_figure(found: Balanced) -> Sheet:
     sheet = picture_grid([*views, _cut_open(found)], titles, 3, above=650.0)
     return outcome_chart(
         ["new" if number is None else str(number) for number in found.numbers[:10]],
-        [Bars("before", FAINT, found.before[:10]), Bars("now", ACCENT, found.odds[:10])],
-        title="odds before and now",
-        x_label="pose, numbered by its odds before",
+        [Bars("before", FAINT, found.before[:10]), Bars("now", ACCENT, found.probabilities[:10])],
+        title="probabilities before and now",
+        x_label="pose, numbered by its probabilities before",
         target=None if found.wanted is None else found.wanted[:10],
         sheet=sheet,
     )

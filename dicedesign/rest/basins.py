@@ -65,8 +65,9 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     A body is tied if a move of its center of mass by `TIE_TOLERANCE` could change what it does: it
     balances on an edge, a corner or a saddle, or a path runs into such a balance or through a facet
     normal. Its mass there could fall either way, and equally often to both sides, whatever rounding
-    says; so its odds are defined as the mean of those with the center of mass moved a little
-    further than that, but not out of the body, in the directions of `aside_directions`: opposite
+    says; so its probabilities are defined as the mean of those with the center of mass moved a
+    little further than that, but not out of the body, in the directions of `aside_directions`:
+        opposite
     pairs that turn with the body and that its symmetries permute. Where a bound on rounding leaves
     a decision open, bodies some ten times as far from a balance count as tied too.
 

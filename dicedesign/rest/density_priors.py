@@ -21,7 +21,7 @@ from dicedesign.rest.morse import basin_references, signed_areas, wraps
 from dicedesign.rest.prior import (
     DensityPrior,
     PriorKind,
-    PriorOdds,
+    PriorProbabilities,
     axis_of,
     unit_directions,
 )
@@ -105,9 +105,9 @@ class VonMisesFisher(DensityPrior):
         scale = self.concentration / -math.expm1(-2.0 * self.concentration) / (2.0 * math.pi)
         return np.asarray(scale * np.exp(-self.concentration * drop))
 
-    def odds(self, basins: Basins) -> PriorOdds:
-        """Odds of the rests: of all directions alike, and what the density changes, which flows
-        over the borders only.
+    def probabilities(self, basins: Basins) -> PriorProbabilities:
+        """Probabilities of the rests: of all directions alike, and what the density changes, which
+        flows over the borders only.
 
         With the axis as pole, what a cap holds beyond its part of the sphere, over the square of
         its sine, is smooth everywhere, and Stokes' theorem makes its integral along the border of a
@@ -122,9 +122,9 @@ class VonMisesFisher(DensityPrior):
             return np.asarray((height[rows, None] * self._excess(drop))[..., None])
 
         values, errors = integrals(along, self._edges(arcs), TOLERANCE)
-        odds = basins.areas / (4.0 * math.pi) + borders.sums(values[:, 0])
+        probabilities = basins.areas / (4.0 * math.pi) + borders.sums(values[:, 0])
         rounding = np.finfo(np.float64).eps
-        return PriorOdds(np.maximum(odds, 0.0), borders.totals(errors) + rounding)
+        return PriorProbabilities(np.maximum(probabilities, 0.0), borders.totals(errors) + rounding)
 
     def _excess(self, drop: Floats) -> Floats:
         """What the cap up to a drop holds beyond its part of the sphere, over 2 pi and the square
@@ -222,9 +222,9 @@ class SphericalCap(DensityPrior):
         apart = np.linalg.norm(directions - self._axis, axis=-1)
         return np.where(apart <= 2.0 * math.sin(self._angle / 2.0), self._inside, 0.0)
 
-    def odds(self, basins: Basins) -> PriorOdds:
-        """Odds of the rests, in closed form: borders are clipped at the cap's, and of each piece
-        the triangle with the axis counts inside, and that with its antipode outside."""
+    def probabilities(self, basins: Basins) -> PriorProbabilities:
+        """Probabilities of the rests, in closed form: borders are clipped at the cap's, and of each
+        piece the triangle with the axis counts inside, and that with its antipode outside."""
         borders = Borders.of_basins(basins)
         arcs = borders.arcs
         ends, inside = self._pieces(arcs)
@@ -234,9 +234,9 @@ class SphericalCap(DensityPrior):
         far = signed_solid_angle(-self._axis, a, b, np)
         even = 1.0 / (4.0 * math.pi)
         pieces = np.where(inside, (self._inside - even) * near, -even * far)
-        odds = basins.areas * even + borders.sums(pieces.sum(axis=1))
+        probabilities = basins.areas * even + borders.sums(pieces.sum(axis=1))
         rounding = np.finfo(np.float64).eps * (1.0 + borders.totals(np.abs(pieces).sum(axis=1)))
-        return PriorOdds(np.maximum(odds, 0.0), rounding)
+        return PriorProbabilities(np.maximum(probabilities, 0.0), rounding)
 
     def _pieces(self, arcs: Arcs) -> tuple[Floats, Booleans]:
         """(n, 8) ascending distances between which arcs are in the cap or out of it, and (n, 7)
@@ -337,12 +337,12 @@ class DensityFunction(DensityPrior):
         """(n,) density per steradian in unit directions (n, 3)."""
         return self._values(directions) / self._whole[0]
 
-    def odds(self, basins: Basins) -> PriorOdds:
-        """Odds of the rests: sums over triangles with a side on the border, as areas are, with the
-        density in them."""
+    def probabilities(self, basins: Basins) -> PriorProbabilities:
+        """Probabilities of the rests: sums over triangles with a side on the border, as areas are,
+        with the density in them."""
         (whole, whole_error), paths = self._whole, basins.paths
         if len(paths.rests) == 1:
-            return PriorOdds(np.ones(1), np.zeros(1))
+            return PriorProbabilities(np.ones(1), np.zeros(1))
         borders = Borders.of_basins(basins)
         normals = basins.equilibria.hull.normals[paths.rests]
         references = basin_references(paths, basins.points, normals)
@@ -365,11 +365,11 @@ class DensityFunction(DensityPrior):
                 "prior: expected a density that is above 0 on more than a speck of the sphere, got "
                 "one that is found on none of the basins; take VonMisesFisher or SphericalCap"
             )
-        odds = masses / total
+        probabilities = masses / total
         # What one of the two sums has missed.
         apart = abs(total - whole) / max(total, whole)
-        errors = (errors + odds * whole_error) / max(total, whole) + apart
-        return PriorOdds(odds, np.minimum(errors, 1.0))
+        errors = (errors + probabilities * whole_error) / max(total, whole) + apart
+        return PriorProbabilities(probabilities, np.minimum(errors, 1.0))
 
     def fluxes(self, arcs: Arcs) -> Floats:
         """See `DensityPrior`."""

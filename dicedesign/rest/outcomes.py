@@ -19,23 +19,23 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, norms
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import EQUAL_ODDS, MATCHED_ODDS, SAME_REST_ANGLE
+from dicedesign.tolerances import EQUAL_PROBABILITIES, MATCHED_PROBABILITIES, SAME_REST_ANGLE
 
 
 @dataclass(frozen=True)
-class OutcomeOdds:
-    """Odds by outcome.
+class OutcomeProbabilities:
+    """Probabilities by outcome.
 
     Attributes
     ----------
-    odds: (k,) of the rests that count for each outcome.
+    probabilities: (k,) of the rests that count for each outcome.
     main: (k,) number of each outcome's own rest among the rests; -1 where it has none.
     outcome_of_rest: (r,) or -1.
-    elsewhere: odds of all rests that count for none, together.
+    elsewhere: probabilities of all rests that count for none, together.
     least_angle: between two outcomes' own rests, in radians; pi with fewer than two.
     """
 
-    odds: Floats
+    probabilities: Floats
     main: Integers
     outcome_of_rest: Integers
     elsewhere: float
@@ -48,23 +48,23 @@ class OutcomeOdds:
 
     def sums(self, of_rests: NDArray[Any]) -> NDArray[Any]:
         """Sums (k,) of numbers of rests (r,) over those of each outcome."""
-        return sums_by_outcome(of_rests, self.outcome_of_rest, len(self.odds))
+        return sums_by_outcome(of_rests, self.outcome_of_rest, len(self.probabilities))
 
     def max_abs_error(self, target: Floats) -> float:
         """Largest |p - q|."""
-        return float(np.abs(self.odds - target).max())
+        return float(np.abs(self.probabilities - target).max())
 
     def error(self, target: Floats) -> float:
-        """The larger of that and of the odds elsewhere."""
+        """The larger of that and of the probabilities elsewhere."""
         return max(self.max_abs_error(target), self.elsewhere)
 
 
-def outcome_odds(poses: RestPoses, directions: Floats) -> OutcomeOdds:
-    """Odds of the outcomes of a body, whose directions (k, 3), unit, are down in them."""
+def outcome_probabilities(poses: RestPoses, directions: Floats) -> OutcomeProbabilities:
+    """Probabilities of the outcomes of a body, whose directions (k, 3), unit, are down in them."""
     return gathered(poses.normals, poses.probabilities, directions)
 
 
-def gathered(normals: Floats, probabilities: Floats, directions: Floats) -> OutcomeOdds:
+def gathered(normals: Floats, probabilities: Floats, directions: Floats) -> OutcomeProbabilities:
     """The same of rests with normals (r, 3) and probabilities (r,).
 
     Where no rest is within `SAME_REST_ANGLE` of an outcome's direction, its own is the nearest of
@@ -72,28 +72,28 @@ def gathered(normals: Floats, probabilities: Floats, directions: Floats) -> Outc
     """
     angles = angle_between(normals[:, None, :], directions[None, :, :])
     own = angles.argmin(axis=1)[:, None] == np.arange(len(directions))
-    # Being near is worth more than any odds, these more than any angle.
+    # Being near is worth more than any probabilities, these more than any angle.
     worth = np.where(angles <= SAME_REST_ANGLE, np.pi + probabilities[:, None], np.pi - angles)
     worth = np.where(own, worth, -1.0)
     main = np.where(own.any(axis=0), worth.argmax(axis=0), -1)
     shown = np.flatnonzero(main >= 0)
     nearest = facet_of_rest(normals, normals[main[shown]])
     of_rest = np.where(nearest >= 0, shown[nearest], -1)
-    odds = sums_by_outcome(probabilities, of_rest, len(directions))
+    by_outcome = sums_by_outcome(probabilities, of_rest, len(directions))
     elsewhere = float(probabilities[of_rest < 0].sum())
     own_normals = normals[main[shown]]
     between = angle_between(own_normals[:, None], own_normals[None])
     least = float(between[np.triu_indices(len(shown), 1)].min(initial=np.pi))
-    return OutcomeOdds(odds, main, of_rest, elsewhere, least)
+    return OutcomeProbabilities(by_outcome, main, of_rest, elsewhere, least)
 
 
-def outcome_margins(poses: RestPoses, outcomes: OutcomeOdds) -> Floats:
+def outcome_margins(poses: RestPoses, outcomes: OutcomeProbabilities) -> Floats:
     """(k,) least angle in radians by which a body must be tipped to leave each outcome, from the
     normal of one of its rests to the nearest saddle with another outcome beyond; pi where there is
     no such saddle, or no rest."""
     sides = outcomes.outcome_of_rest[poses.morse.saddle_basins]
     leaves = sides[:, 0] != sides[:, 1]
-    margins = np.full(len(outcomes.odds) + 1, np.pi)
+    margins = np.full(len(outcomes.probabilities) + 1, np.pi)
     for basin, side in zip(poses.morse.saddle_basins.T, sides.T, strict=True):
         angles = angle_between(poses.normals[basin], poses.morse.saddles)
         # The last place gathers rests of no outcome.
@@ -191,29 +191,32 @@ def match_by_normals(normals: Floats, shown: Floats, outcomes: Sequence[int]) ->
     return OutcomeGroups(tuple((i,) for i in range(max(outcomes) + 1)), group_of_rest)
 
 
-def match_by_odds(name: str, normals: Floats, odds: Floats, wanted: ArrayLike) -> OutcomeGroups:
-    """Groups of outcomes of which no more is known than their odds without momentum.
+def match_by_probability(
+    name: str, normals: Floats, probabilities: Floats, wanted: ArrayLike
+) -> OutcomeGroups:
+    """Groups of outcomes of which no more is known than their probabilities without momentum.
 
     Rests whose normals are closest are joined until there are as many as outcomes: a facet that
     broke in two is one to the eye. Then the most probable outcome is the most probable rest, and so
-    on. Outcomes whose odds differ by no more than this match is wrong by cannot be told apart, and
-    come into one group.
+    on. Outcomes whose probabilities differ by no more than this match is wrong by cannot be told
+    apart, and come into one group.
 
     Parameters
     ----------
     name: of the die, for messages.
-    normals: (k, 3) of the rests; odds: (k,) of theirs.
-    wanted: (n,) odds of the outcomes, n >= 1.
+    normals: (k, 3) of the rests; probabilities: (k,) of theirs.
+    wanted: (n,) probabilities of the outcomes, n >= 1.
 
     Raises
     ------
-    InputError: the die has fewer rests than outcomes, an outcome's odds are farther from its
-        rests' than `MATCHED_ODDS`, or no two outcomes can be told apart.
+    InputError: the die has fewer rests than outcomes, an outcome's probabilities are farther from
+        its rests' than `MATCHED_PROBABILITIES`, or no two outcomes can be told apart.
     """
     given = np.asarray(wanted, dtype=np.float64)
-    if len(odds) < len(given):
+    if len(probabilities) < len(given):
         raise InputError(
-            f"{name}: expected at least as many rests as outcomes, got {len(odds)} rests for "
+            f"{name}: expected at least as many rests as outcomes, got {len(probabilities)} rests "
+            "for "
             f"{len(given)} outcomes; correct the mesh or join outcomes"
         )
     part = np.arange(len(normals))
@@ -223,22 +226,25 @@ def match_by_odds(name: str, normals: Floats, odds: Floats, wanted: ArrayLike) -
         i, j = np.unravel_index(int(between.argmin()), between.shape)
         part[part == part[j]] = part[i]
     part = np.unique(part, return_inverse=True)[1]
-    found = np.bincount(part, weights=odds)
+    found = np.bincount(part, weights=probabilities)
     parts, places = np.argsort(-found, kind="stable"), np.argsort(-given, kind="stable")
     off = float(np.abs(found[parts] - given[places]).max())
-    if off > MATCHED_ODDS:
+    if off > MATCHED_PROBABILITIES:
         worst = int(np.abs(found[parts] - given[places]).argmax())
         raise InputError(
-            f"{name}: expected rests with the geometric odds of the outcomes to within "
-            f"{MATCHED_ODDS:g}, got {found[parts][worst]:.4f} for {given[places][worst]:.4f}; "
-            "correct the odds, or give the center of mass in a column com, or leave the die out"
+            f"{name}: expected rests with the geometric probabilities of the outcomes to within "
+            f"{MATCHED_PROBABILITIES:g}, got {found[parts][worst]:.4f} for "
+            f"{given[places][worst]:.4f}; "
+            "correct the probabilities, or give the center of mass in a column com, or leave the "
+            "die out"
         )
-    apart = -np.diff(given[places]) > max(off, EQUAL_ODDS)
+    apart = -np.diff(given[places]) > max(off, EQUAL_PROBABILITIES)
     group_of_place = np.concatenate([[0], np.cumsum(apart)])
     if len(given) > 1 and not apart.any():
         listed = ", ".join(f"{value:.4f}" for value in given)
         raise InputError(
-            f"{name}: expected outcomes that differ in their geometric odds by more than the "
+            f"{name}: expected outcomes that differ in their geometric probabilities by more than "
+            "the "
             f"{off:.2g} by which the mesh misses them, got {listed}; name the folder of "
             "the die's run, which says which facet is which, or leave the die out"
         )

@@ -80,7 +80,8 @@ def turned(transforms: Floats, angles: Floats) -> Floats:
 
 
 TIED = (
-    "the body balances somewhere to within rounding; the odds are the mean of those with its "
+    "the body balances somewhere to within rounding; the probabilities are the mean of those with "
+    "its "
     "center of mass moved aside by a hair, to opposite sides"
 )
 """Note on a body with ties."""
@@ -171,8 +172,8 @@ class RestPoses:
     errors: Floats | None = None
 
     def under(self, prior: Prior | str | None) -> RestPoses:
-        """The same rests with their odds where not all orientations are equally likely at first,
-        again the most probable first. A rest whose basin the prior leaves out stays, with
+        """The same rests with their probabilities where not all orientations are equally likely at
+        first, again the most probable first. A rest whose basin the prior leaves out stays, with
         probability 0.
 
         prior: such as `VonMisesFisher([0, 0, -1], 5.0)` or the text "vmf:0,0,-1:5", see `PRIORS`;
@@ -188,23 +189,25 @@ class RestPoses:
             parts = np.zeros(len(self.hull.normals))
             facets, areas, _ = _combined(self.basins)
             parts[facets] = areas / (4.0 * np.pi)
-            return self._with_odds(None, parts[self.facets], None)
+            return self._with_probabilities(None, parts[self.facets], None)
         # Imported here, as most queries do without.
         from dicedesign.rest.prior import prior_of
 
         prior = prior_of(prior)
-        odds, errors = np.zeros((2, len(self.basins), len(self.hull.normals)))
+        probabilities, errors = np.zeros((2, len(self.basins), len(self.hull.normals)))
         for row, side in enumerate(self.basins):
-            found, rests = prior.odds(side), side.paths.rests
-            odds[row, rests], errors[row, rests] = found.odds, found.errors
-        of_rests = odds.mean(axis=0)[self.facets]
-        return self._with_odds(prior, of_rests, errors.mean(axis=0)[self.facets])
+            found, rests = prior.probabilities(side), side.paths.rests
+            probabilities[row, rests], errors[row, rests] = found.probabilities, found.errors
+        of_rests = probabilities.mean(axis=0)[self.facets]
+        return self._with_probabilities(prior, of_rests, errors.mean(axis=0)[self.facets])
 
-    def _with_odds(self, prior: Prior | None, odds: Floats, errors: Floats | None) -> RestPoses:
-        order = np.argsort(-odds, kind="stable")
+    def _with_probabilities(
+        self, prior: Prior | None, probabilities: Floats, errors: Floats | None
+    ) -> RestPoses:
+        order = np.argsort(-probabilities, kind="stable")
         return replace(
             self,
-            probabilities=odds[order],
+            probabilities=probabilities[order],
             facets=self.facets[order],
             prior=prior,
             errors=None if errors is None else errors[order],
@@ -324,9 +327,10 @@ def analyse(
 ) -> RestPoses:
     """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`.
 
-    A body that balances somewhere to within rounding gets the mean of the odds with its center of
-    mass moved by a hair to either side (`find_basins`); its Morse complex is that of one side.
-    `find_basins` also says when another hull of the same corners takes the place of the given one.
+    A body that balances somewhere to within rounding gets the mean of the probabilities with its
+    center of mass moved by a hair to either side (`find_basins`); its Morse complex is that of one
+    side. `find_basins` also says when another hull of the same corners takes the place of the given
+    one.
     """
     started = time.perf_counter()
     sides = find_basins(hull, center_of_mass)

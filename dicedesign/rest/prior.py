@@ -26,16 +26,16 @@ from dicedesign.tolerances import ROUNDING
 
 
 @dataclass(frozen=True, eq=False)
-class PriorOdds:
-    """Odds of the rests of one body.
+class PriorProbabilities:
+    """Probabilities of the rests of one body.
 
     Attributes
     ----------
-    odds: (k,) summing to 1, in the order of `Basins.paths.rests`.
+    probabilities: (k,) summing to 1, in the order of `Basins.paths.rests`.
     errors: (k,) by how much each may be off.
     """
 
-    odds: Floats
+    probabilities: Floats
     errors: Floats
 
 
@@ -43,13 +43,13 @@ class Prior(ABC):
     """A distribution of the direction that is down at first, in the body's frame."""
 
     @abstractmethod
-    def odds(self, basins: Basins) -> PriorOdds:
-        """Odds of the rests of a body with these basins. Raises InputError where the prior is none
-        after all, such as a density that is negative somewhere."""
+    def probabilities(self, basins: Basins) -> PriorProbabilities:
+        """Probabilities of the rests of a body with these basins. Raises InputError where the prior
+        is none after all, such as a density that is negative somewhere."""
 
 
 class DensityPrior(Prior):
-    """A prior with a density, whose odds are differentiable in the shape of the body."""
+    """A prior with a density, whose probabilities are differentiable in the shape of the body."""
 
     @abstractmethod
     def density(self, directions: Floats) -> Floats:
@@ -142,7 +142,7 @@ def axis_of(given: ArrayLike) -> Floats:
 
 
 CONFIDENCE: Final = 0.95
-"""Of the intervals of the odds behind the samples."""
+"""Of the intervals of the probabilities behind the samples."""
 
 AT_ONCE: Final = 1 << 22
 """Products of samples and corners that are held in memory."""
@@ -152,10 +152,10 @@ AT_ONCE: Final = 1 << 22
 class SampledDirections(Prior):
     """Directions, each of which the body is let go with once.
 
-    Its odds are the parts of them that end on each rest, and the errors reach to the farther end of
-    the exact interval, at `CONFIDENCE`, of the odds of whatever the directions are a sample of.
-    They jump as the body changes, so that no design goes by them; `VonMisesFisher.fitted` makes a
-    density of the directions.
+    Its probabilities are the parts of them that end on each rest, and the errors reach to the
+    farther end of the exact interval, at `CONFIDENCE`, of the probabilities of whatever the
+    directions are a sample of. They jump as the body changes, so that no design goes by them;
+    `VonMisesFisher.fitted` makes a density of the directions.
 
     Attributes
     ----------
@@ -191,7 +191,7 @@ class SampledDirections(Prior):
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
 
-    def odds(self, basins: Basins) -> PriorOdds:
+    def probabilities(self, basins: Basins) -> PriorProbabilities:
         """Parts of the directions that end on each rest, every one rolled there."""
         directions = np.asarray(self.directions)
         # A balance that no basin depends on is none to give up for.
@@ -205,9 +205,11 @@ class SampledDirections(Prior):
         facets, _ = slide(equilibria, np.concatenate(lowest), directions, errors)
         touched, place = np.unique(facets, return_inverse=True)
         places = np.searchsorted(basins.paths.rests, destined_facets(equilibria, touched)[place])
-        odds = np.bincount(places, minlength=len(basins.paths.rests)) / len(directions)
-        intervals = exact_intervals(odds * len(directions), len(directions), CONFIDENCE)
-        return PriorOdds(odds, np.abs(intervals - odds[:, None]).max(axis=1))
+        probabilities = np.bincount(places, minlength=len(basins.paths.rests)) / len(directions)
+        intervals = exact_intervals(probabilities * len(directions), len(directions), CONFIDENCE)
+        return PriorProbabilities(
+            probabilities, np.abs(intervals - probabilities[:, None]).max(axis=1)
+        )
 
 
 def unit_directions(given: ArrayLike) -> Floats:

@@ -138,12 +138,14 @@ def read_result(folder: Path | str) -> Result:
 
 
 def _check(result: Result) -> None:
-    """Raise ValueError where labels, odds and facets do not fit together."""
+    """Raise ValueError where labels, probabilities and facets do not fit together."""
     labels, target = result.labels, np.array(result.target)
     if len(set(labels)) < len(labels) or len(target) != len(labels):
-        raise ValueError("labels that are not all different, or not as many as the target's odds")
+        raise ValueError(
+            "labels that are not all different, or not as many as the target's probabilities"
+        )
     if not (target > 0.0).all() or abs(target.sum() - 1.0) > PROBABILITY_SUM_TOLERANCE:
-        raise ValueError("a target whose odds are not positive or do not sum to 1")
+        raise ValueError("a target whose probabilities are not positive or do not sum to 1")
     lengths = {len(result.center_of_mass), *(len(facet.normal) for facet in result.facets)}
     vectors = np.concatenate([result.center_of_mass, *(facet.normal for facet in result.facets)])
     if lengths != {3} or not np.isfinite(vectors).all():

@@ -21,7 +21,7 @@ class Status(Enum):
     """Why a design stopped, or what is wrong with the finished die; the value is the message."""
 
     CONVERGED = "reached the tolerance"
-    OFF_TARGET = "the odds of the outcomes are off by more than the tolerance"
+    OFF_TARGET = "the probabilities of the outcomes are off by more than the tolerance"
     STRAY = "the die also rests elsewhere, more often than the tolerance"
     CROWDED = "two outcomes are nearer than 5 degrees to each other, which is one to the eye"
     UNSTEADY = "an outcome is left at a nudge"
@@ -39,7 +39,9 @@ class Status(Enum):
         "reached the tolerance by the momentum model, but not in simulated throws; allow more with "
         "method.exact.refine.rounds or .drops"
     )
-    FILE_LEFT_OUT = "a file in another format has not the odds of the die, and was left out"
+    FILE_LEFT_OUT = (
+        "a file in another format has not the probabilities of the die, and was left out"
+    )
     NO_START = (
         "none of the starting shapes led there; try another seed, or allow more with "
         "method.exact.starts"
@@ -51,7 +53,8 @@ class Status(Enum):
         "method's perturbation, or try another start or seed"
     )
     TOO_SMALL = (
-        "reached the odds, but with a facet that has no room for a circle of min_inradius_mm; "
+        "reached the probabilities, but with a facet that has no room for a circle of "
+        "min_inradius_mm; "
         "raise size_mm, lower min_inradius_mm, or try another seed"
     )
     STEP_LIMIT = "reached the number of steps; allow more steps"
@@ -95,8 +98,8 @@ class Repair:
 
 @dataclass(frozen=True)
 class Cavities:
-    """Cavities that bring the center of mass to where the odds are those of the target, measured in
-    the file as it was read back.
+    """Cavities that bring the center of mass to where the probabilities are those of the target,
+    measured in the file as it was read back.
 
     Attributes
     ----------
@@ -172,7 +175,7 @@ class Draft:
     Attributes
     ----------
     attempt: its number, from 1 on. seconds: it took; None without a clock.
-    error: largest of |p - q| over the outcomes and the odds of all other rests together.
+    error: largest of |p - q| over the outcomes and the probabilities of all other rests together.
     displacement: mean over the points of the surface, relative to its diagonal.
     apart_deg: least angle between two outcomes' rests.
     margin_deg: least angle by which it must be tipped to leave an outcome.
@@ -190,7 +193,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class TradeOff:
-    """Displacement against odds, separation and margin.
+    """Displacement against probabilities, separation and margin.
 
     Attributes
     ----------
@@ -245,13 +248,13 @@ class RoundOfThrows:
     ----------
     drops: throws that came to rest. deviation: total variation of the frequencies from the target;
         noise_floor: what a perfect die would show on the mean in as many throws.
-    expected: total variation of the die's odds from the target that the throws of all rounds let
-        one expect on the mean: it has what is not known of them in it.
+    expected: total variation of the die's probabilities from the target that the throws of all
+        rounds let one expect on the mean: it has what is not known of them in it.
     elsewhere_drops: throws onto what the table may be instead, all together. elsewhere: as
         `expected`, on nine of ten of these tables at most; None without any.
     is_kept: whether the die of this round was kept.
-    asked: odds in the model that the design of this round was asked for. frequencies: of the
-        outcomes, with a sum of less than 1 where some throws came to rest on no outcome.
+    asked: probabilities in the model that the design of this round was asked for. frequencies: of
+        the outcomes, with a sum of less than 1 where some throws came to rest on no outcome.
     """
 
     drops: int
@@ -309,13 +312,13 @@ class OtherTables:
 
 
 @dataclass(frozen=True)
-class ThrownOdds:
+class ThrowProbabilities:
     """What a die does on a table.
 
     Attributes
     ----------
     table: its numbers by name, with the die's own size.
-    momentum: odds by the momentum model.
+    momentum: probabilities by the momentum model.
     rounds: of throws that corrected the design.
     simulated: throws of the finished die, or None.
     elsewhere: its throws onto what the table may be instead, or None.

@@ -21,7 +21,7 @@ from dicedesign.results.parts import (
     Printability,
     Search,
     Status,
-    ThrownOdds,
+    ThrowProbabilities,
 )
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, plain
@@ -107,13 +107,13 @@ class Designed:
 
 @dataclass(frozen=True)
 class Balance:
-    """How the finished die, with its labels and edges, came to the odds of its target.
+    """How the finished die, with its labels and edges, came to the probabilities of its target.
 
     Attributes
     ----------
     by: "shape", "opposite", "fill" or "none", as in a recipe's `engrave`.
-    unbalanced: (k,) odds that the finished die would have if the plain shape were only engraved;
-        for a die to be thrown those by the momentum model, as its target is then.
+    unbalanced: (k,) probabilities that the finished die would have if the plain shape were only
+        engraved; for a die to be thrown those by the momentum model, as its target is then.
     errors: largest difference from the target in each round, before coordinates are rounded to
         those of a file; the first is that of `unbalanced`, the least that of the die.
     moved_mm: largest distance from a corner of the plain shape to the planes of its facets as they
@@ -171,7 +171,7 @@ class Inside:
 
 @dataclass(frozen=True)
 class PrintTolerances:
-    """How far the odds of prints are from those of the file, to first order.
+    """How far the probabilities of prints are from those of the file, to first order.
 
     Attributes
     ----------
@@ -184,9 +184,9 @@ class PrintTolerances:
     noticed: part of the prints with all errors that are assumed that it notices; a perfect die is
         noticed by the level of the test, 0.05.
     assumed: standard deviations of the errors, see `PrintErrors`.
-    deviations: (k,) standard deviations of the odds of the outcomes among such prints.
+    deviations: (k,) standard deviations of the probabilities of the outcomes among such prints.
     by_error: the same from each error alone, by the names in `assumed`.
-    total_variation: of the odds of such prints from those of the file, on the mean.
+    total_variation: of the probabilities of such prints from those of the file, on the mean.
     """
 
     answer: str
@@ -200,14 +200,14 @@ class PrintTolerances:
 
 
 @dataclass(frozen=True)
-class InfillOdds:
+class InfillProbabilities:
     """The die with solid walls and less material inside.
 
     Attributes
     ----------
     infill, walls_mm: part of the inside that is material, and thickness of the walls.
-    advice: what that does to the odds, and what to print instead, in a sentence.
-    probabilities, elsewhere, max_abs_error: odds without momentum of such a print.
+    advice: what that does to the probabilities, and what to print instead, in a sentence.
+    probabilities, elsewhere, max_abs_error: probabilities without momentum of such a print.
     mass: over that of the solid die.
     shift_mm: (3,) move of the center of mass.
     least_infill: least one at which a test of 1,000 rolls notices no more than one print in ten for
@@ -244,9 +244,10 @@ class Result:
     name: of the recipe.
     status: name of a `Status` in small letters; "converged" alone means success.
     message: the same in a sentence.
-    labels: of the k outcomes; target: (k,) their wanted odds.
-    probabilities: (k,) odds of the outcomes without momentum, by die_plain.stl as it was read back.
-    elsewhere: odds of all rests that count for no outcome.
+    labels: of the k outcomes; target: (k,) their wanted probabilities.
+    probabilities: (k,) probabilities of the outcomes without momentum, by die_plain.stl as it was
+        read back.
+    elsewhere: probabilities of all rests that count for no outcome.
     max_abs_error: largest |p - q|.
     center_of_mass: (3,) in the coordinates of the file.
     facets: those that the die can rest on, the most probable first; unstable_facets: how many
@@ -256,15 +257,16 @@ class Result:
     least_margin_deg: angle by which the die must be tipped to leave the outcome that is left most
         easily; 180 where none can be left for another.
     asymmetry: rho of eq. 20 and 21.
-    prior: the recipe's, under which all its odds are; None where any side is down alike at first.
+    prior: the recipe's, under which all its probabilities are; None where any side is down alike at
+        first.
     history: every accepted step; after rounds of throws those of the last design.
     design: the die as designed. engraved: with labels, edges or something inside; None for a plain
         one. inside: what puts the center of mass where it was given, with the recipe's `inside`.
     concave: of a die that keeps the shape of a surface; search: how that was found.
     thrown: what the die does on the recipe's table.
     printability: how it is printed, and what its printer will not make.
-    tolerances: how far the odds of prints are from those of the file. infill: odds with the
-        recipe's infill, None for a solid print.
+    tolerances: how far the probabilities of prints are from those of the file. infill:
+        probabilities with the recipe's infill, None for a solid print.
     notes: what was repaired or assumed, one sentence each.
     extra: what stages from outside the package found, by names of their own.
     files: names of the files of the folder by what they are; sha256: the checksum of each but
@@ -297,10 +299,10 @@ class Result:
     inside: Inside | None = None
     concave: Concave | None = None
     search: Search | None = None
-    thrown: ThrownOdds | None = None
+    thrown: ThrowProbabilities | None = None
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None
-    infill: InfillOdds | None = None
+    infill: InfillProbabilities | None = None
     extra: dict[str, Any] = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     sha256: dict[str, str] = field(default_factory=dict)
@@ -315,8 +317,8 @@ class Result:
 
     @property
     def error_before(self) -> float:
-        """Largest of |p - q| and of the odds of all other rests, of the surface that a concave die
-        was made from. Raises InputError: it was not made from one."""
+        """Largest of |p - q| and of the probabilities of all other rests, of the surface that a
+        concave die was made from. Raises InputError: it was not made from one."""
         if self.concave is None:
             raise InputError(
                 f"{self.name}: expected a die that keeps the shape of a surface, got another; take "

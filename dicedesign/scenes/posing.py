@@ -123,7 +123,7 @@ class PoseChoice:
     Attributes
     ----------
     number: of the rest, the most probable being 1.
-    seed: to draw a rest by its odds instead, and a heading; None draws nothing.
+    seed: to draw a rest by its probabilities instead, and a heading; None draws nothing.
     center_of_mass, coplanar_tolerance: as in `rest_poses`.
     y_up: whether bodies stand on y = 0 instead of z = 0.
     """

@@ -104,7 +104,7 @@ def _own_weights(recipe: Recipe) -> dict[str, float]:
     exact = recipe.method.exact
     weights = {} if exact is None else exact.prefer.as_dict()
     if not recipe.method.thrown:
-        # Odds without momentum are the same on every table.
+        # Probabilities without momentum are the same on every table.
         weights.pop("robustness", None)
     return weights
 

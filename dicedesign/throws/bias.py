@@ -1,7 +1,9 @@
-"""What a model of odds gets wrong of dice that are much alike, learned from throws of all of them.
+"""What a model of probabilities gets wrong of dice that are much alike, learned from throws of all
+of them.
 
-The counts of a die on a table are Poisson numbers with means `n m exp(w . x)`, for n throws, odds m
-in the model, and features x of die and table: how the die differs from one that was thrown, and the
+The counts of a die on a table are Poisson numbers with means `n m exp(w . x)`, for n throws,
+probabilities m in the model, and features x of die and table: how the die differs from one that was
+    thrown, and the
 table from the one that is meant. The weights w of each outcome are Gaussian at first. Their most
 likely values given all counts, and the curvature there, make a Gaussian again (Laplace). How large
 the weights may be is not known beforehand where there are several guesses: that one is taken under
@@ -40,20 +42,20 @@ CERTAIN: Final = 30.0
 
 @dataclass(frozen=True)
 class Belief:
-    """Odds of outcomes of a die on a table, as far as they are known.
+    """Probabilities of outcomes of a die on a table, as far as they are known.
 
     Attributes
     ----------
-    odds: (k,) with the sum 1. scatter: (k,) standard deviations of them.
+    probabilities: (k,) with the sum 1. scatter: (k,) standard deviations of them.
     """
 
-    odds: Floats
+    probabilities: Floats
     scatter: Floats
 
 
 @dataclass
 class Bias:
-    """Logarithms of the odds of dice over those in the model.
+    """Logarithms of the probabilities of dice over those in the model.
 
     Attributes
     ----------
@@ -65,22 +67,22 @@ class Bias:
     _learned: list[tuple[Floats, Floats, Floats]] = field(default_factory=list)
     _fit: tuple[Floats, Floats] | None = None
 
-    def learn(self, features: Floats, odds: Floats, counts: Integers) -> None:
-        """Take note of counts (k,) of a die with features (f,), whose odds in the model are
-        (k,)."""
-        self._learned.append((features, odds, counts.astype(np.float64)))
+    def learn(self, features: Floats, probabilities: Floats, counts: Integers) -> None:
+        """Take note of counts (k,) of a die with features (f,), whose probabilities in the model
+        are (k,)."""
+        self._learned.append((features, probabilities, counts.astype(np.float64)))
         self._fit = None
 
     def logarithms(self, features: Floats) -> Floats:
         """(..., k) most likely logarithms at features (..., f)."""
         return features @ self._weights()[0].T
 
-    def belief(self, features: Floats, odds: Floats) -> Belief:
-        """Of a die with features (f,) whose odds in the model are (k,)."""
+    def belief(self, features: Floats, probabilities: Floats) -> Belief:
+        """Of a die with features (f,) whose probabilities in the model are (k,)."""
         weights, covariances = self._weights()
-        means = odds * np.exp(weights @ features)
+        means = probabilities * np.exp(weights @ features)
         means = means / means.sum()
-        # The sum of the odds is known, as that of the throws was.
+        # The sum of the probabilities is known, as that of the throws was.
         variances = np.einsum("kfg,f,g->k", covariances, features, features)
         relative = (1.0 - 2.0 * means) * variances + means**2 @ variances
         return Belief(means, means * np.sqrt(np.maximum(relative, 0.0)))
@@ -88,21 +90,21 @@ class Bias:
     def _weights(self) -> tuple[Floats, Floats]:
         """(k, f) most likely weights of each outcome, and their covariances (k, f, f)."""
         if self._fit is None:
-            rows, odds, counts = map(np.array, zip(*self._learned, strict=True))
-            fits = (_most_likely(rows, odds, counts, guess) for guess in self.deviations)
+            rows, probabilities, counts = map(np.array, zip(*self._learned, strict=True))
+            fits = (_most_likely(rows, probabilities, counts, guess) for guess in self.deviations)
             self._fit = max(fits, key=lambda fit: fit[2])[:2]
         return self._fit
 
 
 def _most_likely(
-    features: Floats, odds: Floats, counts: Floats, deviations: Floats
+    features: Floats, probabilities: Floats, counts: Floats, deviations: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Weights (k, f) and covariances (k, f, f) by Newton's method, for features (n, f), odds (n, k)
-    and counts (n, k) of n series of throws, and the logarithm of the counts' likelihood, less what
-    does not depend on the deviations (f,)."""
-    expected = counts.sum(axis=1, keepdims=True) * odds
+    """Weights (k, f) and covariances (k, f, f) by Newton's method, for features (n, f),
+    probabilities (n, k) and counts (n, k) of n series of throws, and the logarithm of the counts'
+    likelihood, less what does not depend on the deviations (f,)."""
+    expected = counts.sum(axis=1, keepdims=True) * probabilities
     precision = np.diag(deviations**-2.0)
-    outcomes = odds.shape[1]
+    outcomes = probabilities.shape[1]
     weights = np.zeros((outcomes, len(deviations)))
     # Near the answer as a rule, whatever the features but the first, which is 1.
     weights[:, 0] = np.log((counts.sum(0) + SOFTENING) / (expected.sum(0) + SOFTENING))
@@ -123,12 +125,12 @@ def _most_likely(
 
 
 def expected_variation(belief: Belief, target: Floats) -> float:
-    """The mean total variation between a target (k,) and odds that are known so far.
+    """The mean total variation between a target (k,) and probabilities that are known so far.
 
     Source: the mean of the absolute value of a Gaussian, Leone, Nelson and Nottingham,
     Technometrics 3(4), 1961.
     """
-    off, scatter = belief.odds - target, belief.scatter
+    off, scatter = belief.probabilities - target, belief.scatter
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nan_to_num(np.clip(off / scatter, -CERTAIN, CERTAIN))
     means = scatter * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * ratio**2)
@@ -155,10 +157,10 @@ class Series:
 
     Attributes
     ----------
-    odds: (k,) in a model. counts: (k,) of the outcomes.
+    probabilities: (k,) in a model. counts: (k,) of the outcomes.
     """
 
-    odds: Floats
+    probabilities: Floats
     counts: Integers
 
 
@@ -168,26 +170,29 @@ def variations_on_tables(
     """The total variation of a die on other tables than the one that is meant, from throws onto
     all.
 
-    On each table the logarithms of its odds over those in a model are taken to be linear in what
-    measures the table. So throws onto all tables tell of each, and few of each will do.
+    On each table the logarithms of its probabilities over those in a model are taken to be linear
+    in what measures the table. So throws onto all tables tell of each, and few of each will do.
 
     Parameters
     ----------
-    target: (k,) wanted odds. measures: (n, d) of the others, 0 for the table that is meant.
+    target: (k,) wanted probabilities. measures: (n, d) of the others, 0 for the table that is
+        meant.
     others: n series of throws, of `drops` in all; meant: those onto the table that is meant.
     """
-    found = _odds_on_tables(measures, others, meant)
-    values = [total_variation(odds, target) for odds in found]
+    found = _probabilities_on_tables(measures, others, meant)
+    values = [total_variation(probabilities, target) for probabilities in found]
     rng, chance = np.random.default_rng(SEED), []
     here = meant.counts / meant.counts.sum()
 
-    def again(series: Series, odds: Floats) -> Series:
-        """As many throws of a die with odds (k,)."""
-        return Series(series.odds, rng.multinomial(series.counts.sum(), odds))
+    def again(series: Series, probabilities: Floats) -> Series:
+        """As many throws of a die with probabilities (k,)."""
+        return Series(series.probabilities, rng.multinomial(series.counts.sum(), probabilities))
 
     for _ in range(SERIES):
-        drawn = [again(one, odds) for one, odds in zip(others, found, strict=True)]
-        by_chance = _odds_on_tables(measures, drawn, again(meant, here))
+        drawn = [
+            again(one, probabilities) for one, probabilities in zip(others, found, strict=True)
+        ]
+        by_chance = _probabilities_on_tables(measures, drawn, again(meant, here))
         chance.append([total_variation(a, b) for a, b in zip(by_chance, found, strict=True)])
     return OtherTables(
         drops,
@@ -199,11 +204,16 @@ def variations_on_tables(
     )
 
 
-def _odds_on_tables(measures: Floats, others: Sequence[Series], meant: Series) -> list[Floats]:
-    """The most likely odds (k,) on each of the other tables."""
+def _probabilities_on_tables(
+    measures: Floats, others: Sequence[Series], meant: Series
+) -> list[Floats]:
+    """The most likely probabilities (k,) on each of the other tables."""
     deviations = np.repeat(DEVIATIONS, [1, measures.shape[1]])
     bias, rows = Bias(deviations[None]), np.insert(measures, 0, 1.0, axis=1)
-    bias.learn(np.eye(rows.shape[1])[0], meant.odds, meant.counts)
+    bias.learn(np.eye(rows.shape[1])[0], meant.probabilities, meant.counts)
     for row, series in zip(rows, others, strict=True):
-        bias.learn(row, series.odds, series.counts)
-    return [bias.belief(row, one.odds).odds for row, one in zip(rows, others, strict=True)]
+        bias.learn(row, series.probabilities, series.counts)
+    return [
+        bias.belief(row, one.probabilities).probabilities
+        for row, one in zip(rows, others, strict=True)
+    ]

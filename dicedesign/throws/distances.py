@@ -1,7 +1,8 @@
-"""Distances between odds and what was thrown, with their sampling error.
+"""Distances between probabilities and what was thrown, with their sampling error.
 
-Frequencies of few throws are never the odds of the die, and total variation adds up the deviations
-whatever their signs. So that of a perfect die is not 0: its mean is the noise floor, beside which
+Frequencies of few throws are never the probabilities of the die, and total variation adds up the
+deviations whatever their signs. So that of a perfect die is not 0: its mean is the noise floor,
+    beside which
 every total variation has to be read.
 """
 
@@ -39,7 +40,7 @@ class Posterior:
 
 
 def jeffreys_means(counts: ArrayLike) -> Floats:
-    """The means (k,) of `jeffreys_posterior`: odds above 0 that sum to 1."""
+    """The means (k,) of `jeffreys_posterior`: probabilities above 0 that sum to 1."""
     weights: Floats = np.asarray(counts, dtype=np.float64) + 0.5
     return weights / weights.sum()
 
@@ -64,14 +65,14 @@ BLOCK: Final = 1_000_000
 """Counts of a block, at most, unless one series has more."""
 
 
-def drawn_counts(odds: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
-    """Counts (b, k) of so many series of throws in all, drawn with odds (k,).
+def drawn_counts(probabilities: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
+    """Counts (b, k) of so many series of throws in all, drawn with probabilities (k,).
 
     How many come at a time does not change them.
     """
-    random, at_once = np.random.default_rng(seed), max(1, BLOCK // len(odds))
+    random, at_once = np.random.default_rng(seed), max(1, BLOCK // len(probabilities))
     for first in range(0, series, at_once):
-        yield random.multinomial(throws, odds, size=min(at_once, series - first))
+        yield random.multinomial(throws, probabilities, size=min(at_once, series - first))
 
 
 DRAWS: Final = 10_000
@@ -81,14 +82,15 @@ SEED: Final = 0
 
 @dataclass(frozen=True)
 class MeasuredDistance:
-    """A distance between given odds and the unknown odds of a die that was thrown.
+    """A distance between given probabilities and the unknown probabilities of a die that was
+    thrown.
 
     Attributes
     ----------
-    value: between the given odds and the frequencies; of a total variation 0 to 1, of a Wasserstein
-        distance in radians, 0 to pi.
-    interval: holds that of the unknown odds with the asked-for confidence.
-    noise_floor: mean of `value` if the given odds were those of the die.
+    value: between the given probabilities and the frequencies; of a total variation 0 to 1, of a
+        Wasserstein distance in radians, 0 to pi.
+    interval: holds that of the unknown probabilities with the asked-for confidence.
+    noise_floor: mean of `value` if the given probabilities were those of the die.
     """
 
     value: float
@@ -123,14 +125,14 @@ def effective_counts(outcomes: ArrayLike, weights: ArrayLike, kinds: int) -> Flo
     return np.asarray(sums * given.sum() / (given * given).sum())
 
 
-def noise_floor(odds: ArrayLike, throws: float) -> float:
-    """The mean total variation between the odds (k,) of a die and its frequencies in at least one
-    throw; of fractions of a throw, only whole ones count.
+def noise_floor(probabilities: ArrayLike, throws: float) -> float:
+    """The mean total variation between the probabilities (k,) of a die and its frequencies in at
+    least one throw; of fractions of a throw, only whole ones count.
 
     Source: the mean absolute deviation of a binomial distribution by De Moivre, 1730; Diaconis and
     Zabell, Statistical Science 6(3), 1991, eq. 1.1.
     """
-    p = np.asarray(odds, dtype=np.float64)
+    p = np.asarray(probabilities, dtype=np.float64)
     n = math.floor(throws)
     above = np.floor(n * p) + 1.0
     below = n - above + 1.0
@@ -138,39 +140,42 @@ def noise_floor(odds: ArrayLike, throws: float) -> float:
     return float(halves.sum() / n)
 
 
-def event_error(odds: Floats, throws: float, confidence: float) -> float:
+def event_error(probabilities: Floats, throws: float, confidence: float) -> float:
     """What chance adds to the frequency of one event at most, with `confidence` in (0, 1), by the
     normal limit: z sqrt(m (1 - m) / n), where m is the probability of the most probable outcome
     (k,), but at least 1/2."""
-    most = max(0.5, float(odds.max()))
+    most = max(0.5, float(probabilities.max()))
     return -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
 
 
-def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> MeasuredDistance:
-    """The total variation between given odds and those of a die that was thrown.
+def measure_variation(
+    counts: ArrayLike, probabilities: ArrayLike, confidence: float
+) -> MeasuredDistance:
+    """The total variation between given probabilities and those of a die that was thrown.
 
-    The interval holds for any odds, also for those equal to the given ones, where neither the
-    bootstrap nor the delta method does:
+    The interval holds for any probabilities, also for those equal to the given ones, where neither
+    the bootstrap nor the delta method does:
 
-    - As a metric, total variation differs by no more than the frequencies are from the odds of the
+    - As a metric, total variation differs by no more than the frequencies are from the
+    probabilities of the
       die. The lower limit is less by the quantile of that, of `DRAWS` series of throws drawn with
       a fixed seed.
     - It is the largest difference in the probability of an event, so that the frequencies show at
       least what they show in the event that differs most for the die. The upper limit is more by
       what chance allows in one event, `event_error`.
 
-    The odds of the die are taken there as `jeffreys_means`. Where many labels
+    The probabilities of the die are taken there as `jeffreys_means`. Where many labels
     deviate a little the lower limit is a cautious one.
 
     Parameters
     ----------
     counts: (k,) at least 0, those of `effective_counts` too, with a sum of at least 1.
-    odds: (k,) summing to 1.
+    probabilities: (k,) summing to 1.
     confidence: in (0, 1).
     """
     came = np.asarray(counts, dtype=np.float64)
     throws = float(came.sum())
-    value = total_variation(came / throws, odds)
+    value = total_variation(came / throws, probabilities)
     estimate = jeffreys_means(came)
     distances = [
         np.abs(drawn / math.floor(throws) - estimate).sum(axis=1) / 2.0
@@ -181,42 +186,43 @@ def measure_variation(counts: ArrayLike, odds: ArrayLike, confidence: float) -> 
         max(0.0, value - scatter),
         min(1.0, value + event_error(estimate, throws, confidence)),
     )
-    return MeasuredDistance(value, limits, noise_floor(odds, throws))
+    return MeasuredDistance(value, limits, noise_floor(probabilities, throws))
 
 
 TRANSPORT_DRAWS: Final = 200
 
 
 def measure_transport(
-    directions: ArrayLike, counts: ArrayLike, odds: ArrayLike, confidence: float
+    directions: ArrayLike, counts: ArrayLike, probabilities: ArrayLike, confidence: float
 ) -> MeasuredDistance:
-    """The Wasserstein distance between given odds of k rests and those of a body that was thrown.
+    """The Wasserstein distance between given probabilities of k rests and those of a body that was
+    thrown.
 
-    As a metric it differs by no more than the frequencies are from the odds of the body. Each limit
-    is off by the quantile of that, of `TRANSPORT_DRAWS` series of throws drawn with a fixed seed,
-    where the odds of the body are taken as `jeffreys_means`. So the interval is a cautious one, but
-    holds for odds equal to the given ones, too.
+    As a metric it differs by no more than the frequencies are from the probabilities of the body.
+    Each limit is off by the quantile of that, of `TRANSPORT_DRAWS` series of throws drawn with a
+    fixed seed, where the probabilities of the body are taken as `jeffreys_means`. So the interval
+    is a cautious one, but holds for probabilities equal to the given ones, too.
 
     Parameters
     ----------
     directions: (k, 3) of the rests.
     counts: (k,) at least 0, those of `effective_counts` too, with a sum of at least 1.
-    odds: (k,) summing to 1.
+    probabilities: (k,) summing to 1.
     confidence: in (0, 1).
 
     Raises as `wasserstein_distance`.
     """
     came = np.asarray(counts, dtype=np.float64)
-    value = wasserstein_distance(directions, came, directions, odds)
+    value = wasserstein_distance(directions, came, directions, probabilities)
 
-    def scatter(odds: Floats) -> Floats:
-        """Distances of frequencies from the odds (k,) that they were drawn with."""
-        series = drawn_counts(odds, math.floor(came.sum()), TRANSPORT_DRAWS, SEED)
-        pairs = ((drawn, odds) for block in series for drawn in block)
+    def scatter(probabilities: Floats) -> Floats:
+        """Distances of frequencies from the probabilities (k,) that they were drawn with."""
+        series = drawn_counts(probabilities, math.floor(came.sum()), TRANSPORT_DRAWS, SEED)
+        pairs = ((drawn, probabilities) for block in series for drawn in block)
         return np.array([wasserstein_distance(directions, a, directions, b) for a, b in pairs])
 
     reach = float(np.quantile(scatter(jeffreys_means(came)), confidence))
-    floor = float(scatter(np.asarray(odds, dtype=np.float64)).mean())
+    floor = float(scatter(np.asarray(probabilities, dtype=np.float64)).mean())
     return MeasuredDistance(value, (max(0.0, value - reach), min(math.pi, value + reach)), floor)
 
 

@@ -74,7 +74,7 @@ GRAVITY: Final = 9.81
 
 DEEPEST: Final = 0.05
 """How far the fastest impact of a throw may push a vertex below the table, relative to the die's
-radius. Halving it changes odds by less than sampling 40,000 drops does."""
+radius. Halving it changes probabilities by less than sampling 40,000 drops does."""
 
 STEPS_PER_CONTACT: Final = 8
 """Time steps of one bounce."""

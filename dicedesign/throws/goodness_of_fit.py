@@ -1,5 +1,5 @@
-"""Tests of counts against given odds and against other counts, their power, and the verdict of a
-die's throws on its odds."""
+"""Tests of counts against given probabilities and against other counts, their power, and the
+verdict of a die's throws on its probabilities."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from dicedesign.throws.distances import (
     jeffreys_posterior,
     measure_variation,
 )
-from dicedesign.tolerances import EQUAL_LIKELIHOOD, EQUAL_ODDS
+from dicedesign.tolerances import EQUAL_LIKELIHOOD, EQUAL_PROBABILITIES
 
 MOST_TABLES: Final = 1_000_000
 """Tables of counts that are listed; where there are more, `DRAWS` are drawn at random."""
@@ -63,14 +63,14 @@ class MultinomialTest:
     standard_error: float
 
 
-def chi_square(counts: ArrayLike, odds: ArrayLike) -> ChiSquareTest:
-    """Pearson's test of whether counts (k,), not all 0, come from odds (k,) that sum to 1.
+def chi_square(counts: ArrayLike, probabilities: ArrayLike) -> ChiSquareTest:
+    """Pearson's test of whether counts (k,), not all 0, come from probabilities (k,) that sum to 1.
 
-    Outcomes without odds that did not come up are left out.
+    Outcomes without probabilities that did not come up are left out.
 
     Source: Pearson, Philosophical Magazine 50, 1900.
     """
-    came, p = np.asarray(counts, dtype=np.float64), np.asarray(odds, dtype=np.float64)
+    came, p = np.asarray(counts, dtype=np.float64), np.asarray(probabilities, dtype=np.float64)
     possible = p > 0.0
     if came[~possible].any():
         return ChiSquareTest(math.inf, int(possible.sum()), 0.0)
@@ -80,8 +80,8 @@ def chi_square(counts: ArrayLike, odds: ArrayLike) -> ChiSquareTest:
 
 
 def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
-    """Pearson's test of whether two sets of counts (k,), neither all 0, come from the same odds,
-    whatever these are. Outcomes that never came up are left out."""
+    """Pearson's test of whether two sets of counts (k,), neither all 0, come from the same
+    probabilities, whatever these are. Outcomes that never came up are left out."""
     both = np.stack([np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)])
     both = both[:, both.any(axis=0)]
     expected = both.sum(axis=1, keepdims=True) * both.sum(axis=0) / both.sum()
@@ -93,9 +93,9 @@ def _judged(statistic: float, degrees: int) -> ChiSquareTest:
     return ChiSquareTest(statistic, degrees, p_value)
 
 
-def exact_multinomial(counts: ArrayLike, odds: ArrayLike) -> MultinomialTest:
-    """The exact test of whether counts come from given odds; unlike Pearson's it holds for few
-    throws and rare outcomes too.
+def exact_multinomial(counts: ArrayLike, probabilities: ArrayLike) -> MultinomialTest:
+    """The exact test of whether counts come from given probabilities; unlike Pearson's it holds for
+    few throws and rare outcomes too.
 
     All possible counts are listed, or, where they are more than `MOST_TABLES`, 100 000 are drawn
     at random with a fixed seed. Those observed count as one more of them, so that no p-value is 0.
@@ -103,9 +103,9 @@ def exact_multinomial(counts: ArrayLike, odds: ArrayLike) -> MultinomialTest:
     Parameters
     ----------
     counts: (k,) whole numbers of at least 0, not all 0.
-    odds: (k,) positive, summing to 1.
+    probabilities: (k,) positive, summing to 1.
     """
-    came, p = np.asarray(counts, dtype=np.int64), np.asarray(odds, dtype=np.float64)
+    came, p = np.asarray(counts, dtype=np.int64), np.asarray(probabilities, dtype=np.float64)
     throws, kinds = int(came.sum()), len(p)
     observed = _log_likelihood(came, p)
     # Each term but the first is taken off.
@@ -123,24 +123,24 @@ def exact_multinomial(counts: ArrayLike, odds: ArrayLike) -> MultinomialTest:
     return MultinomialTest(p_value, looked_at, math.sqrt(p_value * (1.0 - p_value) / looked_at))
 
 
-def _log_likelihood(counts: Integers, odds: Floats) -> Floats:
+def _log_likelihood(counts: Integers, probabilities: Floats) -> Floats:
     """Logarithms (...) of the probabilities of counts (..., k)."""
     of_orders = gammaln(counts.sum(-1) + 1.0) - gammaln(counts + 1.0).sum(-1)
-    return np.asarray(of_orders + xlogy(counts, odds).sum(-1))
+    return np.asarray(of_orders + xlogy(counts, probabilities).sum(-1))
 
 
-def _all_log_likelihoods(throws: int, odds: Floats) -> Floats:
+def _all_log_likelihoods(throws: int, probabilities: Floats) -> Floats:
     """Logarithms of the probabilities of all possible counts."""
     left = np.array([throws])
     likelihood = np.array([gammaln(throws + 1.0)])
-    for p in odds[:-1]:
+    for p in probabilities[:-1]:
         # Each table so far goes on with 0, 1, ... of what it has left.
         ways = left + 1
         starts = np.repeat(np.cumsum(ways) - ways, ways)
         count = np.arange(ways.sum()) - starts
         left = np.repeat(left, ways) - count
         likelihood = np.repeat(likelihood, ways) + count * math.log(p) - gammaln(count + 1.0)
-    return np.asarray(likelihood + left * math.log(odds[-1]) - gammaln(left + 1.0))
+    return np.asarray(likelihood + left * math.log(probabilities[-1]) - gammaln(left + 1.0))
 
 
 LEVEL: Final = 0.05
@@ -155,18 +155,18 @@ test cannot but notice."""
 
 
 def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats) -> float:
-    """Chance that a test at the level `LEVEL` of rolls of a die drawn at random says that its odds
-    are not the target's.
+    """Chance that a test at the level `LEVEL` of rolls of a die drawn at random says that its
+    probabilities are not the target's.
 
-    The odds of such a die are normal; given these, counts of many rolls are normal too. So
+    The probabilities of such a die are normal; given these, counts of many rolls are normal too. So
     Pearson's statistic, over both, is a weighted sum of squares of normal numbers.
 
     Parameters
     ----------
     target: (k,) positive, summing to 1. One outcome alone is never off.
     rolls: of the one die; each outcome is expected five times or more.
-    covariance: (k, k) of the odds among dice.
-    bias: (k,) mean of the odds less the target.
+    covariance: (k, k) of the probabilities among dice.
+    bias: (k,) mean of the probabilities less the target.
     """
     if len(target) == 1:
         return 0.0
@@ -182,7 +182,7 @@ def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats)
 
 
 def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
-    """(n,) the same of dice that are known, by their odds less the target's (n, k)."""
+    """(n,) the same of dice that are known, by their probabilities less the target's (n, k)."""
     if len(target) == 1:
         return np.zeros(len(biases))
     shares = (biases**2 / target).sum(axis=1) - biases.sum(axis=1) ** 2
@@ -230,26 +230,27 @@ WITHIN: Final = 0.02
 
 @dataclass(frozen=True)
 class RollVerdict:
-    """The verdict of counts of k outcomes on given odds.
+    """The verdict of counts of k outcomes on given probabilities.
 
     Attributes
     ----------
-    counts, odds: (k,) what came up, and what was to come up.
+    counts, probabilities: (k,) what came up, and what was to come up.
     confidence: of all intervals; 1 less is the level of the test.
     intervals: (k, 2) exact limits of each probability.
     posterior: belief about the probabilities, by the prior of Jeffreys.
-    chi_square: Pearson's test of the odds.
+    chi_square: Pearson's test of the probabilities.
     exact: the exact test, where an outcome is expected fewer than 5 times.
-    variation: total variation of the die's odds from the given ones.
-    to_reject: throws, those made among them, after which a die whose odds are the frequencies seen
-        is rejected with probability `POWER`; None if these are the given odds. Frequencies deviate
-        by chance, too: of a perfect die it is a few times the throws made.
-    to_confirm: the same until a die with the given odds has, in the mean, shown to be within a
-        total variation of `WITHIN`.
+    variation: total variation of the die's probabilities from the given ones.
+    to_reject: throws, those made among them, after which a die whose probabilities are the
+        frequencies seen is rejected with probability `POWER`; None if these are the given
+        probabilities. Frequencies deviate by chance, too: of a perfect die it is a few times the
+            throws made.
+    to_confirm: the same until a die with the given probabilities has, in the mean, shown to be
+        within a total variation of `WITHIN`.
     """
 
     counts: Integers
-    odds: Floats
+    probabilities: Floats
     confidence: float
     intervals: Floats
     posterior: Posterior
@@ -276,28 +277,28 @@ class RollVerdict:
 
     @property
     def rejected(self) -> bool:
-        """True if the die does not have the given odds, as far as the test can tell."""
+        """True if the die does not have the given probabilities, as far as the test can tell."""
         return self.p_value <= 1.0 - self.confidence
 
 
-def judge_rolls(counts: ArrayLike, odds: ArrayLike, confidence: float) -> RollVerdict:
+def judge_rolls(counts: ArrayLike, probabilities: ArrayLike, confidence: float) -> RollVerdict:
     """Judge the throws of a die.
 
     Parameters
     ----------
     counts: (k,) whole numbers of at least 0, not all 0; k at least 2.
-    odds: (k,) positive, summing to 1.
+    probabilities: (k,) positive, summing to 1.
     confidence: above 1 - `POWER`, below 1.
     """
-    came, wanted = np.asarray(counts, dtype=np.int64), np.asarray(odds, dtype=np.float64)
+    came, wanted = np.asarray(counts, dtype=np.int64), np.asarray(probabilities, dtype=np.float64)
     throws = int(came.sum())
     frequencies = came / throws
     rare = throws * wanted.min() < FEWEST_EXPECTED
     variation = measure_variation(came, wanted, confidence)
-    different = variation.value > EQUAL_ODDS
+    different = variation.value > EQUAL_PROBABILITIES
     return RollVerdict(
         counts=came,
-        odds=wanted,
+        probabilities=wanted,
         confidence=confidence,
         intervals=exact_intervals(came, throws, confidence),
         posterior=jeffreys_posterior(came, confidence),
@@ -311,33 +312,38 @@ def judge_rolls(counts: ArrayLike, odds: ArrayLike, confidence: float) -> RollVe
     )
 
 
-def throws_to_reject(true_odds: ArrayLike, odds: ArrayLike, level: float, power: float) -> int:
-    """Throws after which Pearson's test at `level` rejects `odds` with probability `power`, if
-    those of the die are `true_odds`.
+def throws_to_reject(
+    true_probabilities: ArrayLike, probabilities: ArrayLike, level: float, power: float
+) -> int:
+    """Throws after which Pearson's test at `level` rejects `probabilities` with probability
+    `power`, if those of the die are `true_probabilities`.
 
     The statistic then has a noncentral chi-square distribution with k - 1 degrees of freedom.
 
     Parameters
     ----------
-    true_odds, odds: (k,) different, summing to 1; `odds` positive.
+    true_probabilities, probabilities: (k,) different, summing to 1; `probabilities` positive.
     level, power: in (0, 1), the power larger than the level.
 
     Source: Cohen, Statistical Power Analysis, 1988, chapter 7.
     """
-    p, q = np.asarray(true_odds, dtype=np.float64), np.asarray(odds, dtype=np.float64)
+    p, q = (
+        np.asarray(true_probabilities, dtype=np.float64),
+        np.asarray(probabilities, dtype=np.float64),
+    )
     effect = float((np.square(p - q) / q).sum())
     degrees = len(q) - 1
     noncentrality = float(chndtrinc(chdtri(degrees, level), degrees, 1.0 - power))
     return math.ceil(noncentrality / effect)
 
 
-def throws_to_confirm(odds: ArrayLike, within: float, confidence: float) -> int:
-    """Throws after which a die with these odds (k,) exactly has, in the mean, shown with
+def throws_to_confirm(probabilities: ArrayLike, within: float, confidence: float) -> int:
+    """Throws after which a die with these probabilities (k,) exactly has, in the mean, shown with
     `confidence` in (0, 1) that it is within a total variation `within` > 0 of them.
 
     It is where the upper limit of `measure_variation`, the noise floor plus what chance allows,
     falls to `within`, by the normal limit of the noise floor.
     """
-    q = np.asarray(odds, dtype=np.float64)
+    q = np.asarray(probabilities, dtype=np.float64)
     floor = float(np.sqrt(q * (1.0 - q) * 2.0 / math.pi).sum()) / 2.0
     return math.ceil(((floor + event_error(q, 1.0, confidence)) / within) ** 2)

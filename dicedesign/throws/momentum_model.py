@@ -121,7 +121,7 @@ def moved(table: Table, numbers: Floats) -> Table:
 
 CHANGES: Final = (0.2, -0.2)
 """Parts by which the restitution of a livelier and of a duller table is higher. Of all that makes a
-throw it is what changes the odds most."""
+throw it is what changes the probabilities most."""
 
 MOST_OTHERS: Final = 4
 """Tables that stand for a posterior."""
@@ -218,7 +218,7 @@ RANGES: Final = {
     "spin": (0.0, 1e5),
 }
 """Of some of a model's numbers, by name: far beyond what any table comes to, and within it all
-odds are finite with the sum 1."""
+probabilities are finite with the sum 1."""
 
 
 @dataclass(frozen=True)

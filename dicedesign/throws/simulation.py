@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from dicedesign.errors import MOST_SEED, InputError, check_whole
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
+from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.parts import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
@@ -27,7 +27,7 @@ from dicedesign.runtime.workers import in_order
 from dicedesign.throws.distances import measure_variation
 from dicedesign.throws.engines import ENGINES, GRAVITY, advance, contact_of, require_engine
 from dicedesign.throws.momentum_model import MomentumModel
-from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import (
     ORIENTATIONS,
     PAPER_DIRECTIONS,
@@ -223,7 +223,7 @@ class DieOnTable:
     solid: Body
     body: RigidBody
     poses: RestPoses
-    outcomes: OutcomeOdds
+    outcomes: OutcomeProbabilities
     table: Table
 
     @classmethod
@@ -235,12 +235,14 @@ class DieOnTable:
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
         sized = table.sized(2e-3 * body.radius)
-        return cls(solid, body, poses, outcome_odds(poses, directions), sized)
+        return cls(solid, body, poses, outcome_probabilities(poses, directions), sized)
 
     def momentum(self, model: MomentumModel | None) -> Floats:
-        """(k,) odds of the outcomes by a momentum model; None for no momentum."""
-        odds: Floats = self.outcomes.sums(momentum_odds(self.poses, self.body, model))
-        return odds
+        """(k,) probabilities of the outcomes by a momentum model; None for no momentum."""
+        probabilities: Floats = self.outcomes.sums(
+            momentum_probabilities(self.poses, self.body, model)
+        )
+        return probabilities
 
     def simulated(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
         """So many throws. Raises InputError: none of them came to rest."""
@@ -275,7 +277,7 @@ class ThrownDie:
     Attributes
     ----------
     die: as it was thrown.
-    momentum: (k,) odds of the outcomes by the momentum model.
+    momentum: (k,) probabilities of the outcomes by the momentum model.
     throws: the simulated ones, or None.
     """
 

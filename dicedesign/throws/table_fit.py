@@ -23,8 +23,8 @@ from dicedesign.throws.goodness_of_fit import (
     exact_multinomial,
     two_sample_chi_square,
 )
-from dicedesign.throws.odds_surrogate import (
-    OddsSurrogate,
+from dicedesign.throws.probability_surrogate import (
+    ProbabilitySurrogate,
     WeightedPoints,
     effective,
     log_likelihoods,
@@ -53,7 +53,8 @@ class Prediction:
 
     Attributes
     ----------
-    odds, deviation: (g,) mean and standard deviation of the odds by the prediction.
+    probabilities, deviation: (g,) mean and standard deviation of the probabilities by the
+        prediction.
     p_value: part of predicted series of throws that go no better with the prediction than the real
         one, by the ratio of their likelihood by the prediction over that by their own frequencies.
     standard_error: of the p-value.
@@ -61,7 +62,7 @@ class Prediction:
     interval: that holds its count in 95 % of predicted series.
     """
 
-    odds: Floats
+    probabilities: Floats
     deviation: Floats
     p_value: float
     standard_error: float
@@ -69,17 +70,17 @@ class Prediction:
     interval: tuple[int, int]
 
 
-def predicted(counts: Integers, odds: Floats, rng: np.random.Generator) -> Prediction:
-    """Counts (g,) against a prediction: equally likely odds (m, g).
+def predicted(counts: Integers, probabilities: Floats, rng: np.random.Generator) -> Prediction:
+    """Counts (g,) against a prediction: equally likely probabilities (m, g).
 
     Source: Gelman, Meng and Stern, Statistica Sinica 6, 1996, with the likelihood ratio of the
-    mixture of all odds as discrepancy.
+    mixture of all probabilities as discrepancy.
     """
     throws = int(counts.sum())
-    series = rng.multinomial(throws, odds[np.arange(SERIES) % len(odds)])
+    series = rng.multinomial(throws, probabilities[np.arange(SERIES) % len(probabilities)])
     both = np.concatenate([[counts], series])
     # In place: temporary arrays of this size take most of the time.
-    likelihoods = np.logaddexp.reduce(both @ np.log(odds).T, axis=1)
+    likelihoods = np.logaddexp.reduce(both @ np.log(probabilities).T, axis=1)
     fits = likelihoods - xlogy(both, both / throws).sum(axis=1)
     # The real series counts as one more, so that no p-value is 0; equal ones differ by rounding.
     worse = int((fits <= fits[0] + 1e-9 * abs(fits[0])).sum())
@@ -88,8 +89,8 @@ def predicted(counts: Integers, odds: Floats, rng: np.random.Generator) -> Predi
     worst = int((np.abs(counts - series.mean(axis=0)) / spread).argmax())
     low, high = np.quantile(series[:, worst], [0.025, 0.975])
     return Prediction(
-        odds.mean(axis=0),
-        odds.std(axis=0),
+        probabilities.mean(axis=0),
+        probabilities.std(axis=0),
         p_value,
         float(np.sqrt(p_value * (1.0 - p_value) / len(both))),
         worst,
@@ -97,25 +98,27 @@ def predicted(counts: Integers, odds: Floats, rng: np.random.Generator) -> Predi
     )
 
 
-def expected_deviations(values: Floats, odds: Floats, throws: Sequence[int]) -> Floats:
+def expected_deviations(values: Floats, probabilities: Floats, throws: Sequence[int]) -> Floats:
     """Standard deviations (t, p) that are left of p parameters after each of t numbers of throws.
 
     The best estimate that is linear in the frequencies takes part of the variance, the more, the
-    larger the covariance of a parameter with the odds is beside what sessions and chance do to the
-    frequencies. Estimates that are not linear leave no more.
+    larger the covariance of a parameter with the probabilities is beside what sessions and chance
+    do to the frequencies. Estimates that are not linear leave no more.
 
     Source: Goldstein and Wooff, Bayes Linear Statistics, 2007, section 1.3.
 
     Parameters
     ----------
     values: (m, p) equally likely sets of parameters, as they are known before.
-    odds: (m, g) of the die in a session at each.
+    probabilities: (m, g) of the die in a session at each.
     throws: in one session.
     """
-    known, part = values - values.mean(axis=0), odds - odds.mean(axis=0)
-    covariance = known.T @ part / len(odds)
-    between = part.T @ part / len(odds)
-    chance = np.diag(odds.mean(axis=0)) - odds.T @ odds / len(odds)
+    known, part = values - values.mean(axis=0), probabilities - probabilities.mean(axis=0)
+    covariance = known.T @ part / len(probabilities)
+    between = part.T @ part / len(probabilities)
+    chance = np.diag(probabilities.mean(axis=0)) - probabilities.T @ probabilities / len(
+        probabilities
+    )
     left = []
     for count in throws:
         # Frequencies sum to 1, which leaves one direction without variance.
@@ -133,9 +136,10 @@ class DieCheck:
     die: what was thrown.
     simulated: (g,) how often each outcome came up in simulation.
     unresolved: simulated drops that ended nowhere.
-    chi_square: whether real and simulated throws can have the same odds, whatever these are.
-    exact: whether the real ones can have the odds simulated, as if those were known.
-    geometric: whether the real ones can have the odds without momentum.
+    chi_square: whether real and simulated throws can have the same probabilities, whatever these
+        are.
+    exact: whether the real ones can have the probabilities simulated, as if those were known.
+    geometric: whether the real ones can have the probabilities without momentum.
     """
 
     die: CountedDie
@@ -146,8 +150,8 @@ class DieCheck:
     geometric: ChiSquareTest
 
     @property
-    def odds(self) -> Floats:
-        """(g,) simulated odds, above 0, by the prior of Jeffreys."""
+    def probabilities(self) -> Floats:
+        """(g,) simulated probabilities, above 0, by the prior of Jeffreys."""
         return jeffreys_means(self.simulated)
 
 
@@ -216,19 +220,20 @@ class DieFit:
     Attributes
     ----------
     die: with its counts, which may all be 0 where the die was not fitted to.
-    odds, deviation: (g,) mean and standard deviation of its odds in a new session.
+    probabilities, deviation: (g,) mean and standard deviation of its probabilities in a new
+        session.
     whole: what the posterior of all counts predicts of more throws in the session of that die; its
         p-value is a little flattered, as the counts themselves are in the posterior. None for a die
         that was not fitted to.
     left_out: what the posterior of the other dice's counts alone predicts of a session of the die.
         None without counts.
-    drawn: (m, g) equally likely odds in a new session, by the surrogate's best estimate.
+    drawn: (m, g) equally likely probabilities in a new session, by the surrogate's best estimate.
     after: (t, 2) standard deviations of restitution and friction that `MORE` throws of the die
         would be expected to leave.
     """
 
     die: CountedDie
-    odds: Floats
+    probabilities: Floats
     deviation: Floats
     whole: Prediction | None
     left_out: Prediction | None
@@ -250,9 +255,10 @@ class TableFit:
     dice: those that were fitted to, and then those that were not.
     evaluations: sets of parameters that were simulated; drops: of each die for each set.
     log_likelihood: of the counts of all dice at `table`, by the surrogates, less what frequencies
-        equal to the odds would give.
-    surprise: root mean square deviation of simulated log odds from what the surrogates predict
-        without them, in standard deviations: near 1 if they are right about their uncertainty.
+        equal to the probabilities would give.
+    surprise: root mean square deviation of simulated log probabilities from what the surrogates
+        predict without them, in standard deviations: near 1 if they are right about their
+            uncertainty.
     effective_points: of the points at which the posterior was computed, how many equal ones would
         be as good.
     """
@@ -318,11 +324,12 @@ def fit_table(
     Restitution and friction are the same for all dice, and so is the center of all hands; each die
     was thrown in a session with a hand of its own about it (see `sessions`). Sets of restitution,
     friction and a session's hand are simulated, first all over the limits and then where the
-    posterior is. Through the simulated odds of every die goes a smooth surrogate, which averages
-    over the sampling noise of neighbouring sets; the likelihood of the real counts is the mean of
-    that by its odds over its own uncertainty and over sessions. Each set has random numbers of
-    its own. Common ones would make the noise of neighbouring sets the same only if the same drop
-    ended alike in both, but bounces part them: of the published 2d6, let go alike, 12 % end on the
+    posterior is. Through the simulated probabilities of every die goes a smooth surrogate, which
+    averages over the sampling noise of neighbouring sets; the likelihood of the real counts is the
+    mean of that by its probabilities over its own uncertainty and over sessions. Each set has
+    random numbers of its own. Common ones would make the noise of neighbouring sets the same only
+    if the same drop ended alike in both, but bounces part them: of the published 2d6, let go alike,
+        12 % end on the
     same rest when the restitution differs by a thousandth, and 12 % by chance.
 
     Parameters
@@ -344,12 +351,12 @@ def fit_table(
     sets = qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first]
     counts = set_counts(every, start, sets, drops, seed, 0, workers, kept, progress)
 
-    def surrogates_of(dice: Sequence[CountedDie]) -> list[OddsSurrogate]:
+    def surrogates_of(dice: Sequence[CountedDie]) -> list[ProbabilitySurrogate]:
         each = zip(dice, counts, strict=False)
-        return [OddsSurrogate.through(die, sets, of_die) for die, of_die in each]
+        return [ProbabilitySurrogate.through(die, sets, of_die) for die, of_die in each]
 
     def weighted(
-        surrogates: Sequence[OddsSurrogate], effort: tuple[int, int], is_final: bool
+        surrogates: Sequence[ProbabilitySurrogate], effort: tuple[int, int], is_final: bool
     ) -> WeightedPoints:
         offsets = session_offsets(effort[1], rng)
         return weighted_points(
@@ -411,32 +418,35 @@ def _resampled(points: Floats, weights: Floats, count: int, rng: np.random.Gener
 
 
 def _die_fit(
-    surrogate: OddsSurrogate, found: WeightedPoints, number: int | None, rng: np.random.Generator
+    surrogate: ProbabilitySurrogate,
+    found: WeightedPoints,
+    number: int | None,
+    rng: np.random.Generator,
 ) -> DieFit:
     """The predictions of a die; number: its place in the likelihoods, None if it has none."""
     die = surrogate.die
     points = _resampled(found.points, found.weights(), DRAWS, rng)
     fresh = session_points(points, session_offsets(DRAWS, rng), die.size)
-    odds = surrogate.odds(fresh, rng)
-    whole, left_out = None, predicted(die.counts, odds, rng) if die.counts.any() else None
+    probabilities = surrogate.probabilities(fresh, rng)
+    whole, left_out = None, predicted(die.counts, probabilities, rng) if die.counts.any() else None
     if number is not None:
         hands = session_offsets(FINAL[1], rng)
         by_session = surrogate.by_session(points, hands, True)
         chances = np.exp(by_session - logsumexp(by_session, axis=1, keepdims=True))
         chosen = (chances.cumsum(axis=1) < rng.random((DRAWS, 1))).sum(axis=1)
         same = session_points(points, hands[chosen.clip(max=len(hands) - 1)], die.size)
-        whole = predicted(die.counts, surrogate.odds(same, rng), rng)
+        whole = predicted(die.counts, surrogate.probabilities(same, rng), rng)
         others = _resampled(found.points, found.weights(number), DRAWS, rng)
         without = session_points(others, session_offsets(DRAWS, rng), die.size)
-        left_out = predicted(die.counts, surrogate.odds(without, rng), rng)
+        left_out = predicted(die.counts, surrogate.probabilities(without, rng), rng)
     return DieFit(
         die=die,
-        odds=odds.mean(axis=0),
-        deviation=odds.std(axis=0),
+        probabilities=probabilities.mean(axis=0),
+        deviation=probabilities.std(axis=0),
         whole=whole,
         left_out=left_out,
-        drawn=surrogate.odds(fresh),
-        after=expected_deviations(shared_values(points)[:, :2], odds, MORE),
+        drawn=surrogate.probabilities(fresh),
+        after=expected_deviations(shared_values(points)[:, :2], probabilities, MORE),
     )
 
 

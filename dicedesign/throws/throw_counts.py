@@ -14,7 +14,12 @@ import numpy as np
 
 from dicedesign.errors import InputError, named
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.rest.outcomes import OutcomeGroups, match_by_normals, match_by_odds, sums_by_outcome
+from dicedesign.rest.outcomes import (
+    OutcomeGroups,
+    match_by_normals,
+    match_by_probability,
+    sums_by_outcome,
+)
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.folder import read_result
 from dicedesign.runtime.arrays import Floats, Integers
@@ -43,7 +48,7 @@ class CountedDie:
     size: twice the largest distance of a point from its center of mass, in m; None if unknown.
     labels: of the g outcomes; those that cannot be told apart are one, such as "2 or 12".
     counts: (g,) how often each came up.
-    geometric: (g,) their odds without momentum, summing to 1.
+    geometric: (g,) their probabilities without momentum, summing to 1.
     group_of_rest: (k,) the outcome that each rest shows; -1 for none.
     poses: its rests.
     """
@@ -72,10 +77,10 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
 
     Needed columns: `die`, a name; `mesh`, the path of a mesh file or of the folder of a finished
     run, relative to the CSV file; `outcome`; and `throws`, how often it came up. With a mesh file
-    also `geometric`, the outcome's odds without momentum, by which outcomes are found on the mesh
-    (see `match_by_odds`); perhaps `com`, its center of mass "x y z" where it is not the centroid;
-    and perhaps `size_mm`, the die's largest extent across it. A run's folder tells all three.
-    Other columns are ignored.
+    also `geometric`, the outcome's probabilities without momentum, by which outcomes are found on
+    the mesh (see `match_by_probability`); perhaps `com`, its center of mass "x y z" where it is not
+    the centroid; and perhaps `size_mm`, the die's largest extent across it. A run's folder tells
+    all three. Other columns are ignored.
 
     Parameters
     ----------
@@ -145,8 +150,8 @@ def _counted(
     name: str, size: float | None, labels: Sequence[str], counts: Integers, found: FoundDie
 ) -> CountedDie:
     body, poses, groups = found
-    odds = sums_by_outcome(poses.probabilities, groups.group_of_rest, len(labels))
-    geometric = odds / odds.sum()
+    probabilities = sums_by_outcome(poses.probabilities, groups.group_of_rest, len(labels))
+    geometric = probabilities / probabilities.sum()
     return CountedDie(
         name, body, size, tuple(labels), counts, geometric, groups.group_of_rest, poses
     )
@@ -216,11 +221,11 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
 
 
 def _measured(path: Path, name: str, mesh: Path, lines: list[_Line]) -> FoundDie:
-    """The die of a mesh file, whose outcomes are found by their odds."""
+    """The die of a mesh file, whose outcomes are found by their probabilities."""
     first, center = lines[0], None
     if GEOMETRIC not in first.row:
         raise InputError(
-            f"{path}: expected a column {GEOMETRIC} with the odds of each outcome without "
+            f"{path}: expected a column {GEOMETRIC} with the probabilities of each outcome without "
             f"momentum, as {name!r} is a mesh; add it, or name the folder of the die's run"
         )
     wanted = [line.number(GEOMETRIC) for line in lines]
@@ -234,7 +239,7 @@ def _measured(path: Path, name: str, mesh: Path, lines: list[_Line]) -> FoundDie
     body = read_body(mesh)
     with named(first.where):
         poses = rest_poses(body, center)
-    groups = match_by_odds(f"{path}, die {name}", poses.normals, poses.probabilities, wanted)
+    groups = match_by_probability(f"{path}, die {name}", poses.normals, poses.probabilities, wanted)
     return rigid_body(body, poses), poses, groups
 
 

@@ -99,14 +99,14 @@ class Features:
 
     Attributes
     ----------
-    odds: (k,) of the rests without momentum.
+    probabilities: (k,) of the rests without momentum.
     barriers: (m,) height of each transition's saddle over the rest that it leaves.
     transitions: (m, 29) barrier and that of the way back; their logarithms; height of the saddle;
         logarithm of its narrowness; angles to the saddle from the rest before and after, and
         between these; inertia about the hinge; what rocking and landing keep of the speed, and how
         far the corners are that hit; trace of the inertia. Then, before and after, logarithm of the
-        odds, area, logarithm of the polar dual's area, inner and outer radius of the facet, what
-        rocking around it keeps, and inertia about its normal.
+        probabilities, area, logarithm of the polar dual's area, inner and outer radius of the
+        facet, what rocking around it keeps, and inertia about its normal.
     exits: (t,) height of the second saddle of each carry over the rest between.
     carries: (t, 14) speed and energy kept; straightness; second barrier; drop from the first
         saddle; energy lacking; whether it is a return; softened energy lacking; of the first
@@ -114,7 +114,7 @@ class Features:
         after it; of the second the angle to its saddle and that one's narrowness.
     """
 
-    odds: Any
+    probabilities: Any
     barriers: Any
     transitions: Any
     exits: Any
@@ -122,17 +122,25 @@ class Features:
 
 
 def body_features(
-    transitions: Transitions, vertices: Any, center: Any, inertia: Any, odds: Any, xp: ModuleType
+    transitions: Transitions,
+    vertices: Any,
+    center: Any,
+    inertia: Any,
+    probabilities: Any,
+    xp: ModuleType,
 ) -> Features:
     """The features of a body.
 
     vertices: (n, 3) of the hull, any unit; center: (3,) center of mass; inertia: (3, 3) tensor of
-    inertia about it over the mass, in the squared unit; odds: (k,) of the rests without momentum.
+    inertia about it over the mass, in the squared unit; probabilities: (k,) of the rests without
+    momentum.
     """
     arms = vertices - center
     radius = xp.sqrt(_dot(arms, arms).max())
     arms, inertia = arms / radius, inertia / radius**2
-    corners, normals, heights, columns = _measure_rests(transitions, arms, inertia, odds, xp)
+    corners, normals, heights, columns = _measure_rests(
+        transitions, arms, inertia, probabilities, xp
+    )
     i, j = transitions.source, transitions.target
     tail, head = arms[transitions.tail], arms[transitions.head]
     edge = _unit(head - tail, xp)
@@ -206,11 +214,13 @@ def body_features(
         to_saddle[b],
         narrowness[b],
     ]
-    return Features(odds, up, xp.stack(of_transitions, -1), exits, xp.stack(of_carries, -1))
+    return Features(
+        probabilities, up, xp.stack(of_transitions, -1), exits, xp.stack(of_carries, -1)
+    )
 
 
 def _measure_rests(
-    transitions: Transitions, arms: Any, inertia: Any, odds: Any, xp: ModuleType
+    transitions: Transitions, arms: Any, inertia: Any, probabilities: Any, xp: ModuleType
 ) -> tuple[Any, Any, Any, tuple[Any, ...]]:
     """Corners (k, c, 3), normals (k, 3) and heights (k,) of the rests' facets, and columns (k,) of
     `Features.transitions` that are of a rest alone."""
@@ -241,7 +251,7 @@ def _measure_rests(
     weight = xp.where(real, length, 0.0)
     rocking = (kept * weight).sum(-1) / weight.sum(-1)
     spinning = _dot(normals, normals @ inertia)
-    columns = (xp.log(odds), area, xp.log(polar), inner, outer, rocking, spinning)
+    columns = (xp.log(probabilities), area, xp.log(polar), inner, outer, rocking, spinning)
     return a, normals, heights, columns
 
 

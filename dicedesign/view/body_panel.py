@@ -41,27 +41,29 @@ def body_html(viewed: ViewedBody, update: int) -> str:
     center = ", ".join(f"{round(float(x), digits) + 0.0:.10g}" for x in viewed.center)
     margins = np.degrees(viewed.poses.margins)
     leaves = float(margins.min()) if len(margins) > 1 else None
-    misses = [abs(row.odds - row.wanted) for row in viewed.rows if row.wanted is not None]
+    misses = [abs(row.probabilities - row.wanted) for row in viewed.rows if row.wanted is not None]
     off = max(misses, default=None)
     return html_part("body", viewed, update, shape, viewed.hull, leaves, center, off)
 
 
-def odds_html(viewed: ViewedBody, thrown: Floats | None) -> str:
-    """A table of the rows of a body: label, bar, odds in percent.
+def probabilities_html(viewed: ViewedBody, thrown: Floats | None) -> str:
+    """A table of the rows of a body: label, bar, probabilities in percent.
 
-    thrown: (rows,) odds on a table, or None.
+    thrown: (rows,) probabilities on a table, or None.
     """
     shown, others = viewed.rows[:MOST_ROWS], viewed.rows[MOST_ROWS:]
     onto_table = None if thrown is None else thrown[:MOST_ROWS].tolist()
-    longest = max(1e-9, *(max(row.odds, row.wanted or 0.0) for row in shown), *(onto_table or ()))
-    rest = sum(row.odds for row in others)
-    return html_part("odds", viewed, shown, onto_table, longest, BASINS, len(others), rest)
+    longest = max(
+        1e-9, *(max(row.probabilities, row.wanted or 0.0) for row in shown), *(onto_table or ())
+    )
+    rest = sum(row.probabilities for row in others)
+    return html_part("probabilities", viewed, shown, onto_table, longest, BASINS, len(others), rest)
 
 
 NO_TABLE: Final = "no table: set down gently"
 
 
-class Odds:
+class Probabilities:
     """What the body on show does.
 
     Attributes
@@ -84,7 +86,7 @@ class Odds:
         chosen = gui.add_dropdown(
             "Thrown onto",
             (NO_TABLE, *TABLE_NAMES),
-            hint="What momentum does to the odds, by the momentum model of a table",
+            hint="What momentum does to the probabilities, by the momentum model of a table",
         )
         self._bars = gui.add_html("")
 
@@ -110,7 +112,7 @@ class Odds:
                 self._exhibit.page.failed(error)
         self._updates += 1
         self._facts.content = body_html(viewed, self._updates)
-        self._bars.content = odds_html(viewed, thrown)
+        self._bars.content = probabilities_html(viewed, thrown)
 
     def _stand(self, place: int) -> None:
         viewed = self._exhibit.viewed
@@ -134,9 +136,9 @@ class Watching:
     """Buttons that let a body go or throw it; a click on the sphere lets it go with that direction
     downward."""
 
-    def __init__(self, exhibit: Exhibit, odds: Odds) -> None:
+    def __init__(self, exhibit: Exhibit, probabilities: Probabilities) -> None:
         self._exhibit = exhibit
-        self._odds = odds
+        self._probabilities = probabilities
         self._rng = np.random.default_rng()
         self._page: Any = None
 
@@ -174,7 +176,7 @@ class Watching:
         viewed = self._exhibit.viewed
         if viewed is None:
             return
-        table = table_named(self._odds.table or USUAL_TABLE)
+        table = table_named(self._probabilities.table or USUAL_TABLE)
         seed = int(self._rng.integers(2**31))
         self._page.start(
             lambda job: (viewed, throw_film(viewed.rigid, table, seed, down)),
@@ -207,9 +209,9 @@ class BodyPanel:
     def __init__(self, exhibit: Exhibit, source: Source | None) -> None:
         self._exhibit = exhibit
         self._source = source
-        self._odds = Odds(exhibit)
+        self._probabilities = Probabilities(exhibit)
         self._dragging = Dragging(exhibit)
-        self._watching = Watching(exhibit, self._odds)
+        self._watching = Watching(exhibit, self._probabilities)
         self._page: Any = None
         self._loading: Job | None = None
 
@@ -219,7 +221,7 @@ class BodyPanel:
         if self._source is not None and len(self._source.names) > 1:
             chosen = gui.add_dropdown("File", self._source.names)
             chosen.on_update(lambda _: page.soon(lambda: self.load(chosen.value), "file"))
-        self._odds.build(page)
+        self._probabilities.build(page)
         with gui.add_folder("Change it"):
             self._dragging.build(page)
             save = gui.add_button("Download STL", hint="The hull as it is now")

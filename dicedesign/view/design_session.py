@@ -21,7 +21,7 @@ from dicedesign.optimize.starts.start import FEWEST_FACETS, Start
 from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
+from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyse
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Step
@@ -107,7 +107,7 @@ class DesignedShape:
     ----------
     hull: the shape, of uniform density.
     directions: (k, 3) down in the outcomes, in the order of the target.
-    target: (k,) wanted odds.
+    target: (k,) wanted probabilities.
     terms: weighted terms by name of the energy that the step to it has lowered.
     """
 
@@ -122,13 +122,13 @@ class DesignedShape:
         return analyse(self.hull, self.hull.centroid, "uniform solid")
 
     @cached_property
-    def outcomes(self) -> OutcomeOdds:
-        """Odds of the outcomes, and of all other rests."""
-        return outcome_odds(self.poses, self.directions)
+    def outcomes(self) -> OutcomeProbabilities:
+        """Probabilities of the outcomes, and of all other rests."""
+        return outcome_probabilities(self.poses, self.directions)
 
     @property
     def error(self) -> float:
-        """Largest |p - q|, or the odds of all other rests where these are larger."""
+        """Largest |p - q|, or the probabilities of all other rests where these are larger."""
         return self.outcomes.error(self.target)
 
     def is_like(self, other: DesignedShape) -> bool:
@@ -204,7 +204,7 @@ class DesignSession:
 
     @property
     def target(self) -> Floats:
-        """(k,) wanted odds."""
+        """(k,) wanted probabilities."""
         return self.recipe.target.target().probabilities
 
     @property

@@ -1,4 +1,4 @@
-"""The tab "New die": odds become a die, step by step, and files to print it from."""
+"""The tab "New die": probabilities become a die, step by step, and files to print it from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
-from dicedesign.recipe.reading import typed_target, written_odds
+from dicedesign.recipe.reading import typed_target, written_probabilities
 from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.registry import Number
@@ -37,8 +37,8 @@ PRESETS: Final = {
     "Loaded: 6 twice as often": ("1/7, 1/7, 1/7, 1/7, 1/7, 2/7", ""),
     "Yes, no, perhaps": ("0.45, 0.45, 0.1", "yes, no, perhaps"),
 }
-"""What goes into the fields of odds and of labels, which are those of the odds where it is empty,
-by what the page calls it."""
+"""What goes into the fields of probabilities and of labels, which are those of the probabilities
+where it is empty, by what the page calls it."""
 
 METHODS: Final = {"exact": "exact", "the paper's descent": "paper"}
 
@@ -73,7 +73,8 @@ class DieOptions:
             self._method = gui.add_dropdown(
                 "Method",
                 tuple(METHODS),
-                hint="exact: odds to rounding, then the preferences below; the paper's: vertices "
+                hint="exact: probabilities to rounding, then the preferences below; the paper's: "
+                "vertices "
                 "go down an energy, then an exact finish",
             )
             self._start = gui.add_dropdown(
@@ -149,7 +150,7 @@ def _sliders(
 
 def session_html(session: DesignSession, chosen: int | None) -> str:
     """Where a design is, in a sentence with its state as an attribute, and a row for each outcome:
-    label, bar with its target, odds, and whether its facet is pinned.
+    label, bar with its target, probabilities, and whether its facet is pinned.
 
     chosen: the outcome whose label is to change places with the next that is clicked.
     """
@@ -161,8 +162,8 @@ def session_html(session: DesignSession, chosen: int | None) -> str:
         words.append(f"starting shape {session.starts}")
     if shape is not None:
         words.append(f"step {len(session.shapes) - 1}")
-        words.append(f"farthest from the odds by {100.0 * shape.error:.3g} %")
-        longest = float(max(shape.outcomes.odds.max(), shape.target.max()))
+        words.append(f"farthest from the probabilities by {100.0 * shape.error:.3g} %")
+        longest = float(max(shape.outcomes.probabilities.max(), shape.target.max()))
     wrong = state == "failed" or session.status not in (None, Status.CONVERGED)
     said_words = [word for word in words if word]
     return html_part("session", session, said_words, wrong, BASINS, longest, chosen)
@@ -281,10 +282,12 @@ class NewDiePanel:
     def build(self, page: Page) -> None:
         """Add the GUI elements; called once, within the tab."""
         self._page, gui = page, page.gui
-        odds, labels = next(iter(PRESETS.values()))
+        probabilities, labels = next(iter(PRESETS.values()))
         preset = gui.add_dropdown("Die", tuple(PRESETS))
-        self._odds: Any = gui.add_text(
-            "Odds", odds, hint="1/2, 1/3, 1/6; or fair: 7, binomial: 4, sum_of_dice: [6, 6]"
+        self._probabilities: Any = gui.add_text(
+            "Probabilities",
+            probabilities,
+            hint="1/2, 1/3, 1/6; or fair: 7, binomial: 4, sum_of_dice: [6, 6]",
         )
         self._labels: Any = gui.add_text(
             "Labels", labels, hint="one for each, commas between them; empty: 1, 2, ..."
@@ -296,7 +299,7 @@ class NewDiePanel:
         self._files = DieFiles(page, lambda: self._session, self._show_made)
         self._options = DieOptions(page, self._weigh, self._set_speed)
         preset.on_update(lambda event: page.soon(lambda: self._take(event.target.value), "preset"))
-        for text in (self._odds, self._labels):
+        for text in (self._probabilities, self._labels):
             text.on_update(lambda _: page.soon(self._asked, "target"))
         design.on_click(lambda _: page.soon(lambda: self._go(DesignSession.run)))
         acts = {
@@ -311,15 +314,15 @@ class NewDiePanel:
         page.on_action("label", self._click_label)
 
     def _take(self, name: str) -> None:
-        self._odds.value, self._labels.value = PRESETS[name]
+        self._probabilities.value, self._labels.value = PRESETS[name]
         self._asked()
 
     def _take_over(self, viewed: ViewedBody) -> None:
-        """Offer the odds of another die that is on show, to design one like it."""
+        """Offer the probabilities of another die that is on show, to design one like it."""
         shown = viewed.outcomes
         if viewed is self._own or shown is None or shown.target is None:
             return
-        self._odds.value = written_odds(shown.target.tolist())
+        self._probabilities.value = written_probabilities(shown.target.tolist())
         self._labels.value = ", ".join(shown.labels)
         self._asked()
 
@@ -327,7 +330,7 @@ class NewDiePanel:
         """What the fields ask for, or None where they cannot; then the page says why."""
         try:
             labels = self._labels.value.strip()
-            target = typed_target(self._odds.value, labels or None)
+            target = typed_target(self._probabilities.value, labels or None)
             asked = self._options.request(target)
             asked.recipe()
         except DiceError as error:

@@ -40,7 +40,7 @@ class PrintableDie:
     recipe: that makes it again.
     shape: as it was designed.
     is_kept: whether its recipe begins with that shape, as nothing else leads there.
-    status: whether it has the odds that were asked for, or what is wrong.
+    status: whether it has the probabilities that were asked for, or what is wrong.
     message: what there is to say of it, as in result.json; notes: what was assumed, sentences.
     directions: (k, 3) down in the outcomes, of the solid.
     verdict: on the file that is printed, as it was read back; plain: the same without labels.
@@ -85,14 +85,16 @@ class PrintableDie:
 
     @property
     def is_converged(self) -> bool:
-        """Whether it has the odds that were asked for."""
+        """Whether it has the probabilities that were asked for."""
         return self.status is Status.CONVERGED
 
     def rows(self) -> Iterator[tuple[str, float, float]]:
-        """Label, target and odds in the file of each outcome."""
+        """Label, target and probabilities in the file of each outcome."""
         target = self.recipe.target.target()
-        odds = self.verdict.outcomes.odds
-        yield from zip(target.labels, target.probabilities.tolist(), odds.tolist(), strict=True)
+        probabilities = self.verdict.outcomes.probabilities
+        yield from zip(
+            target.labels, target.probabilities.tolist(), probabilities.tolist(), strict=True
+        )
 
     def file(self, ending: str) -> tuple[str, bytes]:
         """Name and content in one of `FILE_FORMATS`. Raises InputError where it cannot be made."""
@@ -102,8 +104,8 @@ class PrintableDie:
         return name, file_bytes(self.contents, FILE_FORMATS[ending], name)
 
     def recipe_file(self) -> tuple[str, bytes]:
-        """Name and content of a file from which `dicedesign run` makes a die of these odds: the
-        recipe, or an archive of it and the shape that it begins with."""
+        """Name and content of a file from which `dicedesign run` makes a die of these
+        probabilities: the recipe, or an archive of it and the shape that it begins with."""
         name, text = self.recipe.name, recipe_text(self.recipe).encode()
         if not self.is_kept:
             return f"{name}.yaml", text

@@ -116,7 +116,8 @@ def _approximate(body: Body, name: str, tell: Tell) -> ViewedBody:
     center, source, notes = resolve_center_of_mass(body, hull.centroid)
     tell.words("rests")
     said = (
-        f"of {len(body.points):,} points the {len(points):,} farthest were taken, so that the odds "
+        f"of {len(body.points):,} points the {len(points):,} farthest were taken, so that the "
+        "probabilities "
         "are approximate; `dicedesign rest` takes all"
     )
     return ViewedBody.of(body, name=name, poses=analyse(hull, center, source, (*notes, said)))

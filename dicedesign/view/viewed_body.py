@@ -13,12 +13,12 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import solid_properties
-from dicedesign.rest.outcomes import OutcomeOdds, outcome_odds
+from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import MomentumModel
-from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 
 CLEARANCE: Final = 1e-3
@@ -127,8 +127,9 @@ class Outcomes:
     ----------
     labels: of the k outcomes.
     directions: (k, 3) unit, in the body's frame, down when the die shows them.
-    target: (k,) wanted odds, or None.
-    prior: under which the odds are, when it is set down; None where any side is down alike.
+    target: (k,) wanted probabilities, or None.
+    prior: under which the probabilities are, when it is set down; None where any side is down
+        alike.
     """
 
     labels: tuple[str, ...]
@@ -146,13 +147,13 @@ class Row:
     label: of the outcome, or the number of the rest.
     color: number of its colour, which it keeps while the body is dragged.
     rest: in `poses`, the one that it stands on when asked to; -1 where it has none.
-    odds: set down; wanted: None where nothing is.
+    probabilities: set down; wanted: None where nothing is.
     """
 
     label: str
     color: int
     rest: int
-    odds: float
+    probabilities: float
     wanted: float | None = None
 
 
@@ -246,31 +247,31 @@ class ViewedBody:
         return self.poses.center_of_mass
 
     @cached_property
-    def _outcome_odds(self) -> OutcomeOdds:
+    def _outcome_probabilities(self) -> OutcomeProbabilities:
         assert self.outcomes is not None
-        return outcome_odds(self.poses, self.outcomes.directions)
+        return outcome_probabilities(self.poses, self.outcomes.directions)
 
     @cached_property
     def row_of_rest(self) -> Integers:
         """(r,) place in `rows` of each rest."""
         if self.outcomes is None:
             return np.argsort(np.argsort(self.numbers, kind="stable"))
-        of_rest = self._outcome_odds.outcome_of_rest
+        of_rest = self._outcome_probabilities.outcome_of_rest
         return np.where(of_rest >= 0, of_rest, len(self.outcomes.labels))
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:
         """A row for each outcome of a die, and one for what shows none; or for each rest, by
         number."""
-        odds = self.poses.probabilities
+        probabilities = self.poses.probabilities
         if self.outcomes is None:
             return tuple(
-                Row(str(number + 1), number, rest, float(odds[rest]))
+                Row(str(number + 1), number, rest, float(probabilities[rest]))
                 for number, rest in sorted((n, r) for r, n in enumerate(self.numbers.tolist()))
             )
-        known, target = self._outcome_odds, self.outcomes.target
+        known, target = self._outcome_probabilities, self.outcomes.target
         rows = [
-            Row(label, k, int(known.main[k]), float(known.odds[k]), _wanted(target, k))
+            Row(label, k, int(known.main[k]), float(known.probabilities[k]), _wanted(target, k))
             for k, label in enumerate(self.outcomes.labels)
         ]
         stray = np.flatnonzero(known.outcome_of_rest < 0)
@@ -288,10 +289,10 @@ class ViewedBody:
         return rigid_body(self.solid.body, self.poses, self.solid.inertia)
 
     def thrown(self, model: MomentumModel | None) -> Floats:
-        """(rows,) odds of the body thrown onto a table, by its momentum model."""
+        """(rows,) probabilities of the body thrown onto a table, by its momentum model."""
         alike = self.poses.under(None)
         of_facet = np.zeros(len(self.hull.normals))
-        of_facet[alike.facets] = momentum_odds(alike, self.rigid, model)
+        of_facet[alike.facets] = momentum_probabilities(alike, self.rigid, model)
         return self.by_row(of_facet[self.poses.facets])
 
     def with_center(self, point: Floats) -> tuple[ViewedBody, bool]:

@@ -35,9 +35,9 @@ def test_a_goal_that_is_reached(
     mesh = trimesh.load(out / "balanced.stl")
     np.testing.assert_allclose(mesh.center_mass, found["center_mm"], atol=1e-4)
     (pose,) = found["poses"]
-    assert pose["odds"] > pose["before"]
+    assert pose["probabilities"] > pose["before"]
     np.testing.assert_allclose(pose["normal"], [0.96, 0.0, -0.28], atol=1e-6)
-    assert f"{100.0 * pose['odds']:.4f} %" in said.out
+    assert f"{100.0 * pose['probabilities']:.4f} %" in said.out
     with Image.open(out / "balanced_balance.png") as picture:
         assert min(picture.size) > 500
 

@@ -11,7 +11,7 @@ from common.boxes import box
 
 from dicedesign.balance.balanced import balanced
 from dicedesign.balance.best_center import CenterSearch
-from dicedesign.balance.goals import EqualOdds, FewestRests, GivenOdds, Standing
+from dicedesign.balance.goals import EqualProbabilities, FewestRests, GivenProbabilities, Standing
 from dicedesign.balance.options import BalanceOptions
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body, make_body
@@ -26,7 +26,7 @@ def leaning(scale: float = 1.0) -> Body:
     return make_body(scale * surface.points, surface.triangles, "leaning.stl")
 
 
-def odds_of_file(data: bytes, directions: np.ndarray) -> np.ndarray:
+def probabilities_of_file(data: bytes, directions: np.ndarray) -> np.ndarray:
     """By its volume and its hull alone: read by trimesh."""
     mesh = trimesh.load(io.BytesIO(data), file_type="stl")
     poses = rest_poses(mesh.convex_hull.vertices.astype(np.float32), mesh.center_mass)
@@ -34,13 +34,13 @@ def odds_of_file(data: bytes, directions: np.ndarray) -> np.ndarray:
     return np.asarray(near @ poses.probabilities)
 
 
-def test_equal_odds_by_a_cavity_are_those_of_the_file() -> None:
-    found = balanced(leaning(), EqualOdds(3), BalanceOptions(by="cavity", search=QUICK))
+def test_equal_probabilities_by_a_cavity_are_those_of_the_file() -> None:
+    found = balanced(leaning(), EqualProbabilities(3), BalanceOptions(by="cavity", search=QUICK))
     assert found.reached
     assert found.wanted is not None
-    odds = odds_of_file(found.made.files[""], found.directions)
-    np.testing.assert_allclose(odds, found.odds, atol=1e-6)
-    assert np.ptp(odds) <= 2.0 * BalanceOptions().tolerance
+    probabilities = probabilities_of_file(found.made.files[""], found.directions)
+    np.testing.assert_allclose(probabilities, found.probabilities, atol=1e-6)
+    assert np.ptp(probabilities) <= 2.0 * BalanceOptions().tolerance
     assert np.ptp(found.before) > 0.02
     np.testing.assert_allclose(found.center, found.center_wanted, atol=1e-4)
 
@@ -51,31 +51,31 @@ def test_a_body_stands_better(by: str) -> None:
     found = balanced(leaning(), goal, BalanceOptions(by=by, search=QUICK))
     poses = rest_poses(leaning())
     np.testing.assert_allclose(found.before, poses.probabilities[1], atol=1e-6)
-    assert found.odds[0] > found.before[0] + 0.01
+    assert found.probabilities[0] > found.before[0] + 0.01
     assert found.by == by
     if by == "cavity":
-        odds = odds_of_file(found.made.files[""], found.directions)
-        np.testing.assert_allclose(odds, found.odds, atol=1e-6)
+        probabilities = probabilities_of_file(found.made.files[""], found.directions)
+        np.testing.assert_allclose(probabilities, found.probabilities, atol=1e-6)
 
 
-def test_given_odds_of_chosen_poses() -> None:
+def test_given_probabilities_of_chosen_poses() -> None:
     # Those with another center of mass that a cavity leads to.
     poses = rest_poses(leaning())
     other = rest_poses(leaning(), poses.center_of_mass + np.array([1.0, -1.0, 1.5]))
     near = poses.normals[:3] @ other.normals.T > np.cos(np.radians(5.0))
     wanted = near @ other.probabilities
-    goal = GivenOdds(tuple(wanted.tolist()), (1, 2, 3))
+    goal = GivenProbabilities(tuple(wanted.tolist()), (1, 2, 3))
     found = balanced(leaning(), goal, BalanceOptions(tolerance=1e-5, search=QUICK))
     assert found.reached
-    odds = odds_of_file(found.made.files[""], poses.normals[:3])
-    np.testing.assert_allclose(odds, wanted, atol=1e-5)
+    probabilities = probabilities_of_file(found.made.files[""], poses.normals[:3])
+    np.testing.assert_allclose(probabilities, wanted, atol=1e-5)
 
 
 def test_the_unit_does_not_matter_where_a_size_is_given() -> None:
     options = BalanceOptions(by="cavity", size_mm=60.0, search=QUICK)
     found = balanced(leaning(1e-6), Standing(pose=2), options)
     same = balanced(leaning(), Standing(pose=2), options)
-    np.testing.assert_allclose(found.odds, same.odds, atol=1e-4)
+    np.testing.assert_allclose(found.probabilities, same.probabilities, atol=1e-4)
     assert np.ptp(found.made.body.points, axis=0).max() < 60.0
 
 

@@ -1,4 +1,5 @@
-"""Goals, regions, odds as functions of the center of mass, and centers that serve goals."""
+"""Goals, regions, probabilities as functions of the center of mass, and centers that serve
+goals."""
 
 from __future__ import annotations
 
@@ -11,9 +12,9 @@ from common.paths import public_data
 
 from dicedesign.balance.best_center import CenterSearch, best_center, whole_hull
 from dicedesign.balance.goals import (
-    EqualOdds,
+    EqualProbabilities,
     FewestRests,
-    GivenOdds,
+    GivenProbabilities,
     Standing,
     rests_at,
 )
@@ -27,15 +28,18 @@ from dicedesign.rest.poses import rest_poses
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: EqualOdds(1), "equal: expected a number of poses from 2"),
+        (lambda: EqualProbabilities(1), "equal: expected a number of poses from 2"),
         (lambda: Standing(), "stand: expected the number of a pose or the direction .* neither"),
         (lambda: Standing(1, (0.0, 0.0, 1.0)), "got both"),
         (lambda: Standing(pose=0), "1 for the most probable, got 0"),
         (lambda: Standing(down=(0.0, 0.0, 0.0)), "other than 0,0,0"),
-        (lambda: GivenOdds((0.5, 0.6)), "a sum of at most 1, got 0.5, 0.6 with a sum of 1.1"),
-        (lambda: GivenOdds((float("nan"),)), "from 1 to 100 probabilities"),
-        (lambda: GivenOdds((0.5, 0.2), (1,)), "poses: expected 2 numbers of poses"),
-        (lambda: GivenOdds((0.5, 0.2), (1, 1)), "each once"),
+        (
+            lambda: GivenProbabilities((0.5, 0.6)),
+            "a sum of at most 1, got 0.5, 0.6 with a sum of 1.1",
+        ),
+        (lambda: GivenProbabilities((float("nan"),)), "from 1 to 100 probabilities"),
+        (lambda: GivenProbabilities((0.5, 0.2), (1,)), "poses: expected 2 numbers of poses"),
+        (lambda: GivenProbabilities((0.5, 0.2), (1, 1)), "each once"),
     ],
 )
 def test_goals_that_are_refused(make: Callable[[], object], said: str) -> None:
@@ -61,10 +65,10 @@ def test_slopes_are_those_of_finite_differences(shift: tuple[float, float, float
     center = hull.centroid + np.array(shift)
     rests = rests_at(hull, center)
     assert rests is not None
-    slopes, step = rests.slopes(np.eye(len(rests.odds))), 1e-6
+    slopes, step = rests.slopes(np.eye(len(rests.probabilities))), 1e-6
     for axis in range(3):
         beside = [rests_at(hull, center + s * step * np.eye(3)[axis]) for s in (-1.0, 1.0)]
-        before, after = (found.odds for found in beside if found is not None)
+        before, after = (found.probabilities for found in beside if found is not None)
         np.testing.assert_allclose(slopes[:, axis], (after - before) / (2.0 * step), atol=1e-8)
 
 
@@ -80,7 +84,7 @@ def test_a_cube_stands_as_well_as_its_solid_angle_lets_it() -> None:
     # It is 5 % of the half side above the face, in the middle.
     height = 0.05
     angle = 4.0 * np.arctan(1.0 / (height * np.sqrt(2.0 + height * height)))
-    assert found.odds[0] == pytest.approx(angle / (4.0 * np.pi), abs=1e-5)
+    assert found.probabilities[0] == pytest.approx(angle / (4.0 * np.pi), abs=1e-5)
     np.testing.assert_allclose(found.center, [0.0, 0.0, -0.95], atol=5e-3)
     assert found.reached
 
@@ -103,19 +107,22 @@ def test_no_center_of_a_grid_has_fewer_rests() -> None:
     [
         (Standing(pose=9), "stand: expected the number of a pose from 1 to 6, got 9"),
         (Standing(down=(1.0, 1.0, 1.0)), "stand: expected a direction within 5 degrees"),
-        (GivenOdds((0.5, 0.1), (1, 8)), "poses: expected the number of a pose from 1 to 6, got 8"),
+        (
+            GivenProbabilities((0.5, 0.1), (1, 8)),
+            "poses: expected the number of a pose from 1 to 6, got 8",
+        ),
     ],
 )
-def test_poses_that_a_body_has_not(goal: Standing | GivenOdds, said: str) -> None:
+def test_poses_that_a_body_has_not(goal: Standing | GivenProbabilities, said: str) -> None:
     poses = rest_poses(box((1.0, 2.0, 3.0)).points)
     with pytest.raises(InputError, match=said):
         best_center(poses, goal, whole_hull(poses.hull), 1e-3, QUICK)
 
 
-def test_the_bunny_has_six_poses_of_nearer_odds_and_fewer_others() -> None:
+def test_the_bunny_has_six_poses_of_nearer_probabilities_and_fewer_others() -> None:
     """Figure 12."""
     poses = rest_poses(read_body(public_data("models/bunny.obj")))
-    found = best_center(poses, EqualOdds(6), whole_hull(poses.hull), 1e-3)
+    found = best_center(poses, EqualProbabilities(6), whole_hull(poses.hull), 1e-3)
     now = rest_poses(poses.hull.vertices, found.center).probabilities
     assert np.ptp(now[:6]) < 0.5 * np.ptp(poses.probabilities[:6])
     assert now[:6].sum() > 0.9 > poses.probabilities[:6].sum()
@@ -140,4 +147,4 @@ def test_a_region_is_kept_to() -> None:
     found = best_center(BLOCK, Standing(pose=2), region, 1e-3, QUICK)
     assert (region.heights(found.center) >= -1e-9).all()
     everywhere = best_center(BLOCK, Standing(pose=2), whole_hull(BLOCK.hull), 1e-3, QUICK)
-    assert found.before[0] < found.odds[0] < everywhere.odds[0]
+    assert found.before[0] < found.probabilities[0] < everywhere.probabilities[0]

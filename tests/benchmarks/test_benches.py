@@ -123,14 +123,14 @@ def test_models_are_closed_and_the_same_each_time() -> None:
 def test_a_concave_die_is_not_as_wanted_for_a_reason() -> None:
     found = {"|p - q|": 0.1, "elsewhere": 0.0, "meet": 2, "apart": 50.0, "margin": 5.0, "s": 1.0}
     assert list(concave.shortfalls(found, 0.005)) == [
-        "odds off by 1.0e-01",
+        "probabilities off by 1.0e-01",
         "2 pairs of triangles meet",
         "an outcome is left at 5.0 degrees",
     ]
 
 
 @compiled_only
-def test_equal_odds_are_within_chance() -> None:
+def test_equal_probabilities_are_within_chance() -> None:
     value, chance, limit = thrown.against(np.array([50, 52, 0]), np.array([49, 51, 1]))
     assert value < chance < limit
     assert thrown.against(np.array([90, 10, 0]), np.array([10, 90, 0]))[0] == pytest.approx(0.8)

@@ -113,7 +113,7 @@ def test_run_from_a_shell(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "other" / "result.json").read_text())["status"] == "step_limit"
 
 
-def test_tiny_odds_are_printed_with_all_their_digits(
+def test_tiny_probabilities_are_printed_with_all_their_digits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recipe = tmp_path / "d3.yaml"
@@ -142,7 +142,7 @@ def test_notes_about_a_mesh_start_go_to_stderr(tmp_path: Path) -> None:
     assert done.stderr == "note: welded 1 points to others at equal positions\n"
 
 
-def test_rest_with_a_table_adds_thrown_odds(
+def test_rest_with_a_table_adds_throw_probabilities(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mesh = box_file(tmp_path, (1.0, 1.3, 1.6))
@@ -177,7 +177,7 @@ def test_an_interrupt_that_a_library_wraps_is_an_interrupt(
     assert said == "dicedesign: interrupted; nothing half-written was left"
 
 
-def test_a_prior_gives_odds_and_their_errors(
+def test_a_prior_gives_probabilities_and_their_errors(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     box = tmp_path / "box.xyz"

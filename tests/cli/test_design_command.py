@@ -20,7 +20,7 @@ from dicedesign.recipe.reading import checked_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 
 
-def test_fractions_and_labels_become_a_die_with_these_odds(
+def test_fractions_and_labels_become_a_die_with_these_probabilities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -161,7 +161,9 @@ def test_a_die_that_must_be_large_or_is_changed_by_its_labels_is_told(
     assert main(["design", "--target", ".99,.01", "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "result.json").read_text())
     change = abs(summary["engraved"]["probabilities"][1] / 0.01 - 1.0)
-    told = f"note: engraving changes the odds of 2 by {change:.0%}; take a smaller depth_mm"
+    told = (
+        f"note: engraving changes the probabilities of 2 by {change:.0%}; take a smaller depth_mm"
+    )
     assert (told in capsys.readouterr().err) == (change > 0.05)
 
 

@@ -47,7 +47,7 @@ def test_a_designed_die(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     throws = counts(tmp_path, {"8": 9, "2": 11, "3": 20, "4": 30, "5": 45, "6": 27, "7": 18})
     found = answer(capsys, die, throws)
     assert list(found) == [
-        "odds_source",
+        "probabilities_source",
         "throws",
         "confidence",
         "outcomes",
@@ -62,7 +62,7 @@ def test_a_designed_die(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert (found["throws"], found["rejected"], found["exact_test"]) == (160, False, None)
     assert [outcome["label"] for outcome in found["outcomes"]] == list("2345678")
     first = found["outcomes"][0]
-    assert (first["count"], first["odds"]) == (11, 1 / 16)
+    assert (first["count"], first["probabilities"]) == (11, 1 / 16)
     assert first["interval"][0] < first["frequency"] < first["interval"][1]
     assert first["posterior_mean"] == pytest.approx(11.5 / 163.5)
     assert found["chi_square"]["degrees"] == 6
@@ -76,8 +76,8 @@ def test_as_a_table(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "17 throws, tested for the target of its design" in out
     assert "90 % interval" in out
     assert "exact multinomial test, as some outcomes are rare: p = 0.98" in out
-    assert "do not reject these odds at the level 0.1" in out
-    assert "more throws would reject these odds with probability 0.8" in out
+    assert "do not reject these probabilities at the level 0.1" in out
+    assert "more throws would reject these probabilities with probability 0.8" in out
     assert "would show that they are, to within a total variation of 0.02" in out
 
 
@@ -85,11 +85,11 @@ def test_a_mesh_has_its_rests_for_labels(
     box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = answer(capsys, box, counts(tmp_path, {"1": 30, "2": 28, "6": 2}))
-    odds = [outcome["odds"] for outcome in found["outcomes"]]
-    np.testing.assert_allclose(odds, rest_poses(read_body(box)).probabilities)
+    probabilities = [outcome["probabilities"] for outcome in found["outcomes"]]
+    np.testing.assert_allclose(probabilities, rest_poses(read_body(box)).probabilities)
     assert [outcome["label"] for outcome in found["outcomes"]] == list("123456")
     assert [outcome["count"] for outcome in found["outcomes"]] == [30, 28, 0, 0, 0, 2]
-    assert found["odds_source"] == "geometric odds of its rests"
+    assert found["probabilities_source"] == "geometric probabilities of its rests"
 
 
 def test_a_designed_die_needs_neither_its_mesh_nor_what_draws(die: Path, tmp_path: Path) -> None:
@@ -109,14 +109,15 @@ def test_published_throws_of_a_published_mesh(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Throws of the two outcomes of a pair cannot be told apart, so that only their sums are
-    certain; the test rejects the geometric odds as these do, and those of three coins not."""
+    certain; the test rejects the geometric probabilities as these do, and those of three coins
+    not."""
     with public_data("published/throws.csv").open() as file:
         rows = list(csv.DictReader(file))
     for name, rejected in (("2d6_hendecahedron", True), ("binomial2", False)):
         mine = [row for row in rows if row["die"] == name]
-        odds = np.array([float(row["geometric"]) for row in mine])
+        probabilities = np.array([float(row["geometric"]) for row in mine])
         labels = [row["outcome"] for row in mine]
-        target = (odds / odds.sum()).tolist()
+        target = (probabilities / probabilities.sum()).tolist()
         folder = finished_run(tmp_path / name, labels, target, status="off_target")
         throws = counts(tmp_path, {row["outcome"]: int(row["throws"]) for row in mine})
         assert main(["rolls", str(folder), str(throws), "--json"]) == 0

@@ -22,11 +22,11 @@ from dicedesign.throws.tables import posterior_tables, table_named
 def throws(tmp_path: Path) -> Path:
     """Counts of a box that lands on its small sides more often than without momentum."""
     mesh = box_file(tmp_path, (1.0, 1.1, 1.25))
-    odds = rest_poses(read_body(mesh)).probabilities
+    probabilities = rest_poses(read_body(mesh)).probabilities
     counts = (60, 60, 24, 26, 14, 16)
     rows = [
         f"box,box.obj,{name},{count},{p}"
-        for name, count, p in zip("ABCDEF", counts, odds, strict=True)
+        for name, count, p in zip("ABCDEF", counts, probabilities, strict=True)
     ]
     path = tmp_path / "throws.csv"
     path.write_text("die,mesh,outcome,throws,geometric\n" + "\n".join(rows) + "\n")
@@ -82,7 +82,7 @@ def test_a_fit_of_one_die_with_another_predicted_and_one_at_hand(
     assert twin["by_other_dice"]["p_value"] > 0.01
     mine = found["die_at_hand"]
     assert mine["target"] == [0.5, 0.25, 0.25]
-    assert sum(mine["posterior_odds"]) == pytest.approx(1.0)
+    assert sum(mine["posterior_probabilities"]) == pytest.approx(1.0)
     came = np.array(mine["simulated"])
     variation = np.abs(came / came.sum() - mine["target"]).sum() / 2.0
     assert mine["total_variation"] == pytest.approx(variation)

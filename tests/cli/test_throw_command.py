@@ -19,7 +19,7 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.outcomes import asymmetry
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import distances
-from dicedesign.throws.momentum_odds import thrown_odds
+from dicedesign.throws.momentum_probabilities import throw_probabilities
 from dicedesign.throws.tables import Table, table_named
 
 FEW = ("--drops", "300", "--jobs", "1", "--table", "carpet")
@@ -58,10 +58,12 @@ def test_the_answer(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert Table(**found["table"]) == table_named("carpet")
     poses = rest_poses(read_body(box))
     assert len(found["rests"]) == 6
-    for rest, normal, odds in zip(found["rests"], poses.normals, poses.probabilities, strict=True):
+    for rest, normal, probabilities in zip(
+        found["rests"], poses.normals, poses.probabilities, strict=True
+    ):
         assert list(rest) == ["normal", "count", "frequency", "interval", "geometric"]
         assert rest["normal"] == normal.tolist()
-        assert rest["geometric"] == odds
+        assert rest["geometric"] == probabilities
         assert rest["frequency"] == rest["count"] / 300
         exact = stats.binomtest(rest["count"], 300).proportion_ci(0.95, "exact")
         np.testing.assert_allclose(rest["interval"], [exact.low, exact.high], rtol=1e-9)
@@ -76,7 +78,8 @@ def test_the_answer(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert found["chi_square"]["p_value"] == pytest.approx(expected.pvalue)
     assert found["chi_square"]["degrees"] == 5
     assert found["asymmetry"] == asymmetry(poses)
-    # To move a part of the odds takes at most pi, and at least the least angle of two rests.
+    # To move a part of the probabilities takes at most pi, and at least the least angle of two
+    # rests.
     moved = found["wasserstein"]["value"] / variation["value"]
     assert 0.5 * np.pi <= moved <= np.pi
 
@@ -90,10 +93,10 @@ def test_another_hand(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert Table(**found["table"]) == table
     assert sum(rest["count"] for rest in found["rests"]) == 200
     body = read_body(box)
-    odds = [rest["momentum"] for rest in found["rests"]]
-    expected = thrown_odds(body, rest_poses(body), "board-game:cup")
-    np.testing.assert_allclose(odds, expected, rtol=1e-12)
-    assert np.abs(expected - thrown_odds(body, rest_poses(body))).max() > 1e-6
+    probabilities = [rest["momentum"] for rest in found["rests"]]
+    expected = throw_probabilities(body, rest_poses(body), "board-game:cup")
+    np.testing.assert_allclose(probabilities, expected, rtol=1e-12)
+    assert np.abs(expected - throw_probabilities(body, rest_poses(body))).max() > 1e-6
     # The paper's orientations are of its own protocol.
     assert answer(capsys, box, *few, "--table", "paper", "--hand", "cup")["drops"] == 200
     assert main(["throw", str(box), *map(str, few), "--hand", "cup"]) == 0
@@ -112,7 +115,10 @@ def test_a_table_beyond_the_momentum_model_is_thrown_onto_all_the_same(
     few = ("--table", str(path), "--drops", "100", "--jobs", "1")
     assert main(["throw", str(box), *few, "--json"]) == 0
     out, err = capsys.readouterr()
-    assert "note: without odds by the momentum model, as table board-game: expected a height" in err
+    assert (
+        "note: without probabilities by the momentum model, as table board-game: expected a height"
+        in err
+    )
     rests = json.loads(out)["rests"]
     assert sum(rest["count"] for rest in rests) == 100
     assert "momentum" not in rests[0]
@@ -139,7 +145,7 @@ def test_a_table_for_people(box: Path, capsys: pytest.CaptureFixture[str]) -> No
     heading = "rest count frequency % 95 % interval geometric % facet normal (down)"
     assert " ".join(lines[2].split()) == heading
     assert len({len(line) for line in lines[3:9]}) == 1
-    assert lines[-3].startswith("total variation from the odds without momentum 0.0")
+    assert lines[-3].startswith("total variation from the probabilities without momentum 0.0")
     assert lines[-2].startswith("Wasserstein distance from them, in radians, 0.")
     assert lines[-1].startswith("chi-square against them ")
     assert len(lines) == 13
@@ -154,8 +160,8 @@ def test_a_folder_of_a_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert labels[0.0, 1.0, 0.0] == "three"
     assert list(labels.values()).count(None) == 3
     # Its center of mass is that of the design, nearer to the side of "one".
-    odds = {rest["label"]: rest["geometric"] for rest in found["rests"]}
-    assert odds["one"] > 1.1 * odds["two"]
+    probabilities = {rest["label"]: rest["geometric"] for rest in found["rests"]}
+    assert probabilities["one"] > 1.1 * probabilities["two"]
     # It is thrown at its own size, in mm.
     assert found["table"]["size"] == pytest.approx(2e-3 * np.linalg.norm([5.5, 6.0, 7.5]))
     assert main(["throw", str(folder), *FEW]) == 0

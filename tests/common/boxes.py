@@ -1,4 +1,4 @@
-"""Boxes, whose odds and depths have closed forms, and a leaning one."""
+"""Boxes, whose probabilities and depths have closed forms, and a leaning one."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class OpenedPage:
         page.on("websocket", lambda socket: opened._heard(socket.url))
         page.route("**/*", opened._asked)
         page.goto(view.page.gate.address)
-        page.wait_for_selector("#odds")
+        page.wait_for_selector("#probabilities")
         return opened
 
     def _asked(self, route: Any) -> None:
@@ -63,13 +63,14 @@ class OpenedPage:
         return here
 
     def rows(self) -> list[list[str]]:
-        """Texts of the table of odds: the label, nothing, and numbers in percent."""
+        """Texts of the table of probabilities: the label, nothing, and numbers in percent."""
         found = self.page.eval_on_selector_all(
-            "#odds tbody tr", "rows => rows.map(r => [...r.cells].map(c => c.innerText.trim()))"
+            "#probabilities tbody tr",
+            "rows => rows.map(r => [...r.cells].map(c => c.innerText.trim()))",
         )
         return [list(row) for row in found]
 
-    def odds(self, column: int = -1) -> np.ndarray:
+    def probabilities(self, column: int = -1) -> np.ndarray:
         """Numbers of one column of that table, as parts of 1."""
         return np.array([float(row[column]) for row in self.rows()]) / 100.0
 

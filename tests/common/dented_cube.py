@@ -44,8 +44,8 @@ def write_cube(path: Path) -> None:
 
 
 class MadeUpSearch:
-    """Stands in for `make_concave_die`: every attempt deepens the dents, which leaves the odds and
-    the hull as they are, and the last is the best."""
+    """Stands in for `make_concave_die`: every attempt deepens the dents, which leaves the
+    probabilities and the hull as they are, and the last is the best."""
 
     def __init__(self) -> None:
         self.interrupt_after: int | None = None

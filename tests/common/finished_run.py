@@ -28,7 +28,7 @@ def finished_result(
     center: Sequence[float] = (0.0, 0.0, 0.0),
     status: str = "converged",
 ) -> Result:
-    """The result of a die that has its target's odds.
+    """The result of a die that has its target's probabilities.
 
     facets: label and normal of each; that of a label counts for it.
     """

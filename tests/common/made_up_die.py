@@ -10,7 +10,7 @@ from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
@@ -35,13 +35,14 @@ def designed(
 ) -> Work:
     """A run whose stage design has just found the hull of points (n, 3).
 
-    target: of the recipe; by default the odds that the die has. entries: more of the recipe's;
+    target: of the recipe; by default the probabilities that the die has. entries: more of the
+        recipe's;
     known: more of the designed die's attributes.
     """
     hull = convex_hull(points)
     if target is None:
-        odds = outcome_odds(rest_poses(points), directions).odds
-        target = {"probabilities": (odds / odds.sum()).tolist()}
+        probabilities = outcome_probabilities(rest_poses(points), directions).probabilities
+        target = {"probabilities": (probabilities / probabilities.sum()).tolist()}
     recipe = checked_recipe({"name": "die", "target": target, "engrave": False, **(entries or {})})
     work = Work(recipe)
     work.die = Design(status, hull, directions, known.pop("error", 0.0), (), **known)

@@ -63,10 +63,10 @@ def turn_down(direction: ArrayLike) -> np.ndarray:
     return turn.as_quat(scalar_first=True)
 
 
-def fits(counts: ArrayLike, odds: ArrayLike) -> float:
-    """p-value of Pearson's test of odds."""
+def fits(counts: ArrayLike, probabilities: ArrayLike) -> float:
+    """p-value of Pearson's test of probabilities."""
     came = np.asarray(counts, dtype=np.float64)
-    return float(stats.chisquare(came, came.sum() * np.asarray(odds)).pvalue)
+    return float(stats.chisquare(came, came.sum() * np.asarray(probabilities)).pvalue)
 
 
 def alike(first: ArrayLike, second: ArrayLike) -> float:

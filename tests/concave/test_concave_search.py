@@ -34,7 +34,7 @@ from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
-from dicedesign.rest.outcomes import outcome_margins, outcome_odds
+from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.runtime.arrays import Floats
 
 HALVES = np.array([0.5, 0.5])
@@ -60,7 +60,7 @@ class Found:
 
     Attributes
     ----------
-    error: the largest |p - q|, or the odds of all rests beside the outcomes' together.
+    error: the largest |p - q|, or the probabilities of all rests beside the outcomes' together.
     apart, margin: least angles between outcomes and of tipping, in degrees.
     """
 
@@ -74,19 +74,21 @@ def read_back(die: ConcaveDie, target: Floats, folder: Path) -> Found:
     poses = rest_poses(read_body(folder / "die.stl"))
     assert poses.center_of_mass_source == "uniform solid"
     cosine = np.cos(np.radians(5.0))
-    odds, left, own = [], poses.probabilities.copy(), []
+    probabilities, left, own = [], poses.probabilities.copy(), []
     for direction in die.directions:
         near = poses.normals @ direction >= cosine
         own.append(np.flatnonzero(near)[np.argmax(poses.probabilities[near])])
         mine = poses.normals @ poses.normals[own[-1]] >= cosine
-        odds.append(left[mine].sum())
+        probabilities.append(left[mine].sum())
         left[mine] = 0.0
     normals = poses.normals[own]
     cosines = normals @ normals.T - 2.0 * np.eye(len(own))
     return Found(
-        max(np.abs(odds - target).max(), left.sum()),
+        max(np.abs(probabilities - target).max(), left.sum()),
         float(np.degrees(np.arccos(cosines.max()))),
-        float(np.degrees(outcome_margins(poses, outcome_odds(poses, die.directions)).min())),
+        float(
+            np.degrees(outcome_margins(poses, outcome_probabilities(poses, die.directions)).min())
+        ),
     )
 
 

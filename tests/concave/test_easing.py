@@ -17,7 +17,7 @@ from dicedesign.concave.hull_design import (
     settled_draft,
 )
 from dicedesign.concave.hull_problem import DesignedHull, HeldCorners, HullProblem
-from dicedesign.rest.outcomes import outcome_margins, outcome_odds
+from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 
 
 @cache
@@ -33,7 +33,7 @@ def draft() -> HullDraft:
 def is_as_wanted(design: DesignedHull) -> bool:
     """By the forward model."""
     poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
-    outcomes = outcome_odds(poses, design.directions)
+    outcomes = outcome_probabilities(poses, design.directions)
     return bool(
         outcomes.error(problem().target) <= problem().tolerance
         and outcomes.least_angle >= problem().apart - 1e-9
@@ -73,11 +73,11 @@ def test_what_is_nearer_is_as_wanted() -> None:
     assert displacement(nearer, problem()) < displacement(draft(), problem())
 
 
-def test_what_is_settled_has_the_odds_to_rounding() -> None:
+def test_what_is_settled_has_the_probabilities_to_rounding() -> None:
     corners = draft().corners + 1e-4 * np.sin(9.0 * draft().corners)
     near = HullDraft.of(corners, draft().normals)
     assert near is not None
     settled = settled_draft(problem(), near)
     poses = rest_poses(settled.rests.hull.vertices, center_of_mass=np.zeros(3))
-    assert outcome_odds(poses, settled.normals).error(problem().target) < 1e-10
+    assert outcome_probabilities(poses, settled.normals).error(problem().target) < 1e-10
     assert near.error(problem().target) > 1e-8

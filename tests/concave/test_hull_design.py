@@ -21,7 +21,7 @@ from dicedesign.concave.hull_design import (
 from dicedesign.concave.hull_problem import HullProblem
 from dicedesign.geometry.triangles import Surface
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.outcomes import outcome_margins, outcome_odds
+from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 
 
 @cache
@@ -44,10 +44,10 @@ def drafts() -> list[HullDraft]:
 
 
 @pytest.mark.parametrize("place", [0, 1])
-def test_angles_and_odds_are_those_of_the_body(place: int) -> None:
+def test_angles_and_probabilities_are_those_of_the_body(place: int) -> None:
     draft = drafts()[place]
     poses = rest_poses(draft.rests.hull.vertices, center_of_mass=np.zeros(3))
-    outcomes = outcome_odds(poses, draft.normals)
+    outcomes = outcome_probabilities(poses, draft.normals)
     assert draft.error(problem().target) == pytest.approx(outcomes.error(problem().target))
     assert draft.apart == pytest.approx(outcomes.least_angle, abs=1e-9)
     same = np.argmax(poses.normals @ draft.rest_normals.T, axis=1)
@@ -56,18 +56,18 @@ def test_angles_and_odds_are_those_of_the_body(place: int) -> None:
     gathered = replace(outcomes, outcome_of_rest=draft.of_rest[same])
     margins = outcome_margins(poses, gathered)
     assert draft.margin == pytest.approx(margins.min(), abs=1e-7)
-    np.testing.assert_allclose(gathered.sums(poses.probabilities), draft.odds, atol=1e-9)
-    assert draft.odds.sum() == pytest.approx(1.0, abs=1e-9)
+    np.testing.assert_allclose(gathered.sums(poses.probabilities), draft.probabilities, atol=1e-9)
+    assert draft.probabilities.sum() == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("lacking", ["", "odds", "apart", "odds apart margin"])
+@pytest.mark.parametrize("lacking", ["", "probabilities", "apart", "probabilities apart margin"])
 def test_the_shortfall_is_zero_exactly_where_everything_holds(lacking: str) -> None:
     draft = good()
     error, apart, margin = draft.error(problem().target), draft.apart, draft.margin
     tolerance, least, leave = max(1.01 * error, 1e-6), 0.99 * apart, 0.99 * margin
     expected = 0.0
     target = problem().target
-    if "odds" in lacking:
+    if "probabilities" in lacking:
         target = target + np.array([0.02, -0.01, -0.01])
         error = draft.error(target)
         tolerance = 0.8 * error
@@ -99,7 +99,7 @@ def test_the_jacobian_by_finite_differences(
     sides = [HullDraft.of(draft.corners + s * way, draft.directions) for s in (step, -step)]
     assert sides[0] is not None
     assert sides[1] is not None
-    expected = (sides[0].odds - sides[1].odds) / (2.0 * step)
+    expected = (sides[0].probabilities - sides[1].probabilities) / (2.0 * step)
     np.testing.assert_allclose(np.tensordot(draft.jacobian, way, 2), expected, rtol=1e-5)
     np.testing.assert_allclose(draft.jacobian.sum(axis=0), 0.0, atol=1e-12)
 
@@ -111,7 +111,7 @@ def test_a_draft_without_the_center_of_mass_is_none() -> None:
     assert HullDraft.of(flat, draft.directions) is None
 
 
-def test_an_exact_one_has_the_odds_to_rounding_and_needs_its_outcomes_alone() -> None:
+def test_an_exact_one_has_the_probabilities_to_rounding_and_needs_its_outcomes_alone() -> None:
     first, draft = drafts()
     assert exact_draft(problem(), first) is None
     near = HullDraft.of(draft.corners + 1e-4 * np.sin(9.0 * draft.corners), draft.normals)
@@ -120,7 +120,7 @@ def test_an_exact_one_has_the_odds_to_rounding_and_needs_its_outcomes_alone() ->
     exact = exact_draft(problem(), near)
     assert exact is not None
     poses = rest_poses(exact.rests.hull.vertices, center_of_mass=np.zeros(3))
-    assert outcome_odds(poses, exact.normals).error(problem().target) < 1e-10
+    assert outcome_probabilities(poses, exact.normals).error(problem().target) < 1e-10
 
 
 @pytest.mark.parametrize(
@@ -131,13 +131,13 @@ def test_an_exact_one_has_the_odds_to_rounding_and_needs_its_outcomes_alone() ->
         (bumpy_sphere(), [0.2, 0.5, 0.3], 70.0, 0.0),
     ],
 )
-def test_odds_and_angles_are_as_wanted(
+def test_probabilities_and_angles_are_as_wanted(
     surface: Surface, target: list[float], apart_deg: float, margin_deg: float
 ) -> None:
     problem = problem_of(surface, target, apart_deg, margin_deg)
     design = designed_hull(problem, settled_draft(problem, designed(problem)))
     poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
-    outcomes = outcome_odds(poses, design.directions)
+    outcomes = outcome_probabilities(poses, design.directions)
     assert outcomes.error(problem.target) <= problem.tolerance
     assert outcomes.error(problem.target) == pytest.approx(design.error, abs=1e-9)
     assert np.degrees(outcomes.least_angle) >= apart_deg - 1e-6

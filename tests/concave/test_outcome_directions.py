@@ -32,7 +32,8 @@ def bumpy_hull() -> ConvexHull:
 
 @cache
 def flat_hull() -> ConvexHull:
-    """Much is to be climbed on it, and one of its sides has more of the odds than the other."""
+    """Much is to be climbed on it, and one of its sides has more of the probabilities than the
+    other."""
     points = directions_at_random(80, 2) * np.array([1.0, 0.6, 0.35]) + np.array([0.0, 0.0, 0.1])
     return convex_hull(points / np.linalg.norm(points, axis=1).max())
 
@@ -90,7 +91,7 @@ def test_the_cheapest_come_first(target: list[float]) -> None:
             assert cost(climbs(points, others), shares) > prices[0] + CLOSE
 
 
-def test_rests_that_have_the_odds_are_the_first_choice() -> None:
+def test_rests_that_have_the_probabilities_are_the_first_choice() -> None:
     poses = rest_poses(BOX, center_of_mass=np.zeros(3))
     order = np.random.default_rng(1).permutation(6)
     target = poses.probabilities[order]

@@ -13,13 +13,13 @@ from dicedesign import rest_poses
 from dicedesign.concave.hull_problem import DesignedHull, HullProblem
 from dicedesign.concave.options import ConcavePaperOptions
 from dicedesign.concave.paper_hull import descend_hull, searched_hull
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 
 
 def error_of(design: DesignedHull, problem: HullProblem) -> float:
     """By the forward model."""
     poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
-    return outcome_odds(poses, design.directions).error(problem.target)
+    return outcome_probabilities(poses, design.directions).error(problem.target)
 
 
 @pytest.mark.parametrize("finish", ["exact", "none"])

@@ -20,7 +20,7 @@ from dicedesign.concave.slopes import (
     climbs,
     least_displacement,
 )
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats
 
 OPTIONS = SlopeOptions(fall=5e-3, rise=3e-3, circle=math.radians(3.0))

@@ -11,7 +11,7 @@ from common.doc_pages import commands
 from benchmarks.frame import BENCHES
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.tolerances import FILE_ODDS
+from dicedesign.tolerances import FILE_PROBABILITIES
 
 MOST_LINES = 180
 """Of a page that is read in three minutes."""
@@ -57,7 +57,7 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
         assert int(outcomes) == int(labelled) == len(recipe.target.target().labels)
         assert int(stray) == 0
         assert float(designed) <= recipe.method.tolerance
-        assert float(error) <= max(recipe.method.tolerance, FILE_ODDS)
+        assert float(error) <= max(recipe.method.tolerance, FILE_PROBABILITIES)
 
 
 def test_every_concave_recipe_is_in_its_table_within_its_tolerance(repository: Path) -> None:

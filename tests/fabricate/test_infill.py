@@ -12,7 +12,7 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
 from dicedesign.fabricate.print_tolerances import (
     Inside,
-    infill_odds,
+    infill_probabilities,
     inside_walls,
     pocket_walls,
     weighed,
@@ -90,5 +90,5 @@ def test_least_infill_is_sought_among_prints_that_weigh_something() -> None:
     verdict = checked(box(4.0, 5.0, 6.0)).plain
     volume, centroid = solid_properties(verdict.body.points, verdict.body.triangles)
     inside = Inside((1.0 - 1e-9) * volume, centroid + 1e-6)
-    found = infill_odds(verdict, SIDES, volume, inside, 0.5, 1e-9)
+    found = infill_probabilities(verdict, SIDES, volume, inside, 0.5, 1e-9)
     assert found.least_infill == pytest.approx(0.05)

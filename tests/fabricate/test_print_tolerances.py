@@ -1,4 +1,4 @@
-"""Spread of the odds of prints: the linear prediction against prints made one by one."""
+"""Spread of the probabilities of prints: the linear prediction against prints made one by one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from scipy import stats
 from dicedesign.fabricate.print_tolerances import (
     NOTICED,
     ROLLS,
-    OddsSpread,
+    ProbabilitySpread,
     print_tolerances,
 )
 from dicedesign.fabricate.printers import PrintErrors
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.starts.shapes import repulsion
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.goodness_of_fit import chance_noticed
 from tests.reference.perturbed_dice import PrintedDie
@@ -29,10 +29,10 @@ FACES = np.concatenate([np.eye(3), -np.eye(3)])
 HALF = np.array([9.0, 10.0, 12.0])
 
 
-def spread(given: np.ndarray | None = None, axes: np.ndarray | None = None) -> OddsSpread:
+def spread(given: np.ndarray | None = None, axes: np.ndarray | None = None) -> ProbabilitySpread:
     """That of a box, with one outcome for each face."""
     body = make_body(np.array(list(product(*np.stack([-HALF, HALF], axis=1)))))
-    return OddsSpread.of(body, rest_poses(body, given), FACES, PrintErrors(), axes=axes)
+    return ProbabilitySpread.of(body, rest_poses(body, given), FACES, PrintErrors(), axes=axes)
 
 
 def rectangle(depth: float, sides: tuple[float, float], others: tuple[float, float]) -> float:
@@ -43,7 +43,7 @@ def rectangle(depth: float, sides: tuple[float, float], others: tuple[float, flo
     )
 
 
-def box_odds(low: np.ndarray, high: np.ndarray, center: np.ndarray) -> np.ndarray:
+def box_probabilities(low: np.ndarray, high: np.ndarray, center: np.ndarray) -> np.ndarray:
     """(6,) by the closed form."""
     up, down = high - center, center - low
     found = []
@@ -54,9 +54,12 @@ def box_odds(low: np.ndarray, high: np.ndarray, center: np.ndarray) -> np.ndarra
     return np.array(found) / (4.0 * np.pi)
 
 
-def difference(odds_at: Callable[[float], np.ndarray], step: float = 1e-3) -> np.ndarray:
+def difference(probabilities_at: Callable[[float], np.ndarray], step: float = 1e-3) -> np.ndarray:
     """Derivative at 0 of a function of one number, by central differences of fourth order."""
-    near, far = odds_at(step) - odds_at(-step), odds_at(2 * step) - odds_at(-2 * step)
+    near, far = (
+        probabilities_at(step) - probabilities_at(-step),
+        probabilities_at(2 * step) - probabilities_at(-2 * step),
+    )
     return (8.0 * near - far) / (12.0 * step)
 
 
@@ -71,19 +74,21 @@ def test_faces_that_are_off(given: np.ndarray | None) -> None:
             low = -HALF + t * np.minimum(axis, 0.0)
             high = HALF + t * np.maximum(axis, 0.0)
             center = (low + high) / 2.0 if given is None else given
-            return box_odds(low, high, center)
+            return box_probabilities(low, high, center)
 
         np.testing.assert_allclose(found.by_offsets[:, facet], difference(moved), atol=1e-10)
 
 
 def test_axes_that_shrink() -> None:
     expected = [
-        difference(lambda t, e=e: box_odds(-HALF * (1 + t * e), HALF * (1 + t * e), np.zeros(3)))
+        difference(
+            lambda t, e=e: box_probabilities(-HALF * (1 + t * e), HALF * (1 + t * e), np.zeros(3))
+        )
         for e in np.eye(3)
     ]
     stretches = spread().by_stretches
     np.testing.assert_allclose(stretches, np.stack(expected, axis=1), atol=1e-10)
-    # A die that shrinks as a whole keeps its odds.
+    # A die that shrinks as a whole keeps its probabilities.
     np.testing.assert_allclose(stretches.sum(axis=1), 0.0, atol=1e-12)
     # Axes in another order, the printer's own.
     other = spread(axes=np.eye(3)[[2, 0, 1]])
@@ -94,7 +99,7 @@ def test_a_density_that_grows_to_the_top() -> None:
     """From 1 - g/2 at the bottom of a box 2 c high to 1 + g/2 at its top the center of mass is at
     g c / 6."""
     found, up = spread().by_gradient, np.array([0.0, 0.0, 1.0])
-    expected = difference(lambda g: box_odds(-HALF, HALF, g * HALF[2] / 6.0 * up))
+    expected = difference(lambda g: box_probabilities(-HALF, HALF, g * HALF[2] / 6.0 * up))
     np.testing.assert_allclose(found, expected, atol=1e-10)
     assert found[2] > 0.0 > found[5]
 
@@ -105,10 +110,10 @@ HOUSE = np.concatenate([box(20.0, 20.0, 20.0), [[0.0, 0.0, 21.0]]])
 
 def chance(points: np.ndarray, directions: np.ndarray, offset: float, prints: int) -> float:
     """Part of prints that the test notices, by the noncentral chi-square of each."""
-    right = outcome_odds(rest_poses(points), directions).odds
+    right = outcome_probabilities(rest_poses(points), directions).probabilities
     die = PrintedDie(convex_hull(points), directions)
-    odds = die.odds(PrintErrors(offset, 0.0, 0.0, 0.0), prints, 11)
-    noncentral = ROLLS * ((odds - right) ** 2 / right).sum(axis=1)
+    probabilities = die.probabilities(PrintErrors(offset, 0.0, 0.0, 0.0), prints, 11)
+    noncentral = ROLLS * ((probabilities - right) ** 2 / right).sum(axis=1)
     critical = stats.chi2.isf(0.05, len(right) - 1)
     return float(stats.ncx2.sf(critical, len(right) - 1, noncentral + 1e-12).mean())
 
@@ -116,10 +121,10 @@ def chance(points: np.ndarray, directions: np.ndarray, offset: float, prints: in
 def test_a_die_on_the_verge_of_losing_a_rest_must_be_printed_better_than_slopes_say() -> None:
     poses = rest_poses(HOUSE)
     sides = poses.normals
-    odds, still = outcome_odds(poses, sides).odds, np.zeros(len(sides))
-    house = OddsSpread.of(make_body(HOUSE), poses, sides, PrintErrors())
-    trusting = print_tolerances(house, odds, still, is_checked=False)
-    careful = print_tolerances(house, odds, still)
+    probabilities, still = outcome_probabilities(poses, sides).probabilities, np.zeros(len(sides))
+    house = ProbabilitySpread.of(make_body(HOUSE), poses, sides, PrintErrors())
+    trusting = print_tolerances(house, probabilities, still, is_checked=False)
+    careful = print_tolerances(house, probabilities, still)
     assert trusting.allowed_mm is not None
     assert careful.allowed_mm is not None
     assert chance(HOUSE, sides, trusting.allowed_mm, 200) > 0.2
@@ -142,25 +147,27 @@ def die(seed: int) -> tuple[ConvexHull, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def designed() -> tuple[OddsSpread, np.ndarray]:
-    """The spread of its odds, and the odds."""
+def designed() -> tuple[ProbabilitySpread, np.ndarray]:
+    """The spread of its probabilities, and the probabilities."""
     hull, directions = die(0)
     poses = rest_poses(hull.vertices)
-    found = OddsSpread.of(make_body(hull.vertices), poses, directions, ERRORS)
-    return found, outcome_odds(poses, directions).odds
+    found = ProbabilitySpread.of(make_body(hull.vertices), poses, directions, ERRORS)
+    return found, outcome_probabilities(poses, directions).probabilities
 
 
-def test_prints_spread_as_predicted(designed: tuple[OddsSpread, np.ndarray]) -> None:
+def test_prints_spread_as_predicted(designed: tuple[ProbabilitySpread, np.ndarray]) -> None:
     covariance = designed[0].covariance
-    odds = PrintedDie(*die(0)).odds(ERRORS, PRINTS, 0)
+    probabilities = PrintedDie(*die(0)).probabilities(ERRORS, PRINTS, 0)
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     # Of a sample covariance over the standard deviations: at most the root of 2 over the prints.
     noise = 4.5 * np.sqrt(2.0 / PRINTS)
-    np.testing.assert_allclose(np.cov(odds.T) / scale, covariance / scale, atol=noise + 0.05)
+    np.testing.assert_allclose(
+        np.cov(probabilities.T) / scale, covariance / scale, atol=noise + 0.05
+    )
 
 
 def test_what_is_allowed_is_what_the_test_just_lets_through(
-    designed: tuple[OddsSpread, np.ndarray],
+    designed: tuple[ProbabilitySpread, np.ndarray],
 ) -> None:
     found, target = designed
     still = np.zeros(len(target))
@@ -177,7 +184,7 @@ def test_what_is_allowed_is_what_the_test_just_lets_through(
 
 
 def test_a_die_that_is_off_already_can_not_be_printed_well_enough(
-    designed: tuple[OddsSpread, np.ndarray],
+    designed: tuple[ProbabilitySpread, np.ndarray],
 ) -> None:
     found, target = designed
     bias = np.zeros(len(target))

@@ -1,4 +1,5 @@
-"""Rounded edges by the laws of parallel bodies: odds of the core, volume by Steiner's formula."""
+"""Rounded edges by the laws of parallel bodies: probabilities of the core, volume by Steiner's
+formula."""
 
 from __future__ import annotations
 
@@ -31,7 +32,9 @@ def random_hull(seed: int) -> ConvexHull:
     radius=st.floats(0.05, 3.0),
     shape=st.sampled_from(["fillet", "chamfer"]),
 )
-def test_a_rounded_body_has_the_odds_of_its_core(seed: int, radius: float, shape: str) -> None:
+def test_a_rounded_body_has_the_probabilities_of_its_core(
+    seed: int, radius: float, shape: str
+) -> None:
     """Its height over the table is that of the core and the radius, whatever is down; so there are
     no rests on edges and corners either. The center of mass is the same."""
     core = random_hull(seed)

@@ -1,4 +1,4 @@
-"""The verdict on a die's file, on solids whose odds are known."""
+"""The verdict on a die's file, on solids whose probabilities are known."""
 
 from __future__ import annotations
 
@@ -71,7 +71,9 @@ def test_a_facet_in_two_parts_is_one_outcome() -> None:
     whole = verdict_on(CUBE, AXES, np.full(6, 1 / 6))
     verdict = verdict_on(roofed(0.6), AXES, np.full(6, 1 / 6))
     assert verdict.outcomes.rest_counts.tolist() == [1, 1, 1, 1, 1, 2]
-    np.testing.assert_allclose(verdict.outcomes.odds, whole.outcomes.odds, atol=2e-3)
+    np.testing.assert_allclose(
+        verdict.outcomes.probabilities, whole.outcomes.probabilities, atol=2e-3
+    )
     assert np.degrees(verdict.margins).min() > 44.0
     assert list(verdict.flaws(2e-3)) == []
     labels = [facet.label for facet in verdict.facets if facet.outcome == "f"]
@@ -80,12 +82,12 @@ def test_a_facet_in_two_parts_is_one_outcome() -> None:
 
 @pytest.mark.parametrize(("degrees", "crowded"), [(4.9, True), (5.1, False)])
 def test_two_outcomes_nearer_than_five_degrees_are_not_converged(degrees, crowded) -> None:
-    """Their odds may be as exact as one likes."""
+    """Their probabilities may be as exact as one likes."""
     half = np.radians(degrees / 2.0)
     below = np.array([[np.sin(half), 0.0, -np.cos(half)], [-np.sin(half), 0.0, -np.cos(half)]])
     directions = np.concatenate([AXES[:5], below])
-    odds = verdict_on(roofed(degrees), directions, np.zeros(7)).outcomes.odds
-    verdict = verdict_on(roofed(degrees), directions, odds)
+    probabilities = verdict_on(roofed(degrees), directions, np.zeros(7)).outcomes.probabilities
+    verdict = verdict_on(roofed(degrees), directions, probabilities)
     assert verdict.max_abs_error == 0.0
     assert (verdict.outcomes.rest_counts == 1).all()
     assert list(verdict.flaws(1e-12)) == ([Status.CROWDED] if crowded else [])
@@ -106,8 +108,8 @@ def test_an_outcome_that_is_left_at_a_nudge_is_not_converged() -> None:
         )
         corners = np.concatenate([CUBE[~(CUBE[:, :2] == 10.0).all(axis=1)], flat])
         directions = np.concatenate([AXES, normal[None]])
-        odds = verdict_on(corners, directions, np.zeros(7)).outcomes.odds
-        verdict = verdict_on(corners, directions, odds)
+        probabilities = verdict_on(corners, directions, np.zeros(7)).outcomes.probabilities
+        verdict = verdict_on(corners, directions, probabilities)
         assert verdict.outcomes.main[6] >= 0
         assert (Status.UNSTEADY in verdict.flaws(1e-12)) == unsteady
 
@@ -129,5 +131,5 @@ def test_a_given_center_of_mass() -> None:
     hull = convex_hull(CUBE)
     data = stl_bytes(hull.vertices, hull.triangles)
     low = assess_file(data, AXES, fair(6), np.array([0.0, 0.0, -8.0]))
-    assert low.outcomes.odds[5] > 0.3
+    assert low.outcomes.probabilities[5] > 0.3
     assert low.poses.center_of_mass_source == "given"

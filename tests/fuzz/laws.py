@@ -14,7 +14,8 @@ from tests.reference.measurement import OK, measure, share_error, verdict
 from tests.reference.problem import Problem
 
 CRAMPED = 1e-12
-"""Depth of a center of mass over the body's extent below which its odds are known to few digits."""
+"""Depth of a center of mass over the body's extent below which its probabilities are known to few
+digits."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Law:
     problem: the changed body.
     factors: (3,) by which coordinates were multiplied.
     exact: whether the probabilities keep every bit.
-    tied: whether the odds of a tied body are kept too.
+    tied: whether the probabilities of a tied body are kept too.
     """
 
     name: str
@@ -74,14 +75,18 @@ def difference_from_exact(problem: Problem, poses: RestPoses) -> float:
     count for those with the nearest normals."""
     exact = replace(problem, center=poses.center_of_mass, coplanar_tolerance=0.0)
     assert verdict(measure(exact)) == OK
-    odds = ask(exact)
+    probabilities = ask(exact)
     sums = np.zeros(len(poses.normals))
-    np.add.at(sums, np.argmax(odds.normals @ poses.normals.T, axis=1), odds.probabilities)
+    np.add.at(
+        sums,
+        np.argmax(probabilities.normals @ poses.normals.T, axis=1),
+        probabilities.probabilities,
+    )
     return float(np.abs(sums - poses.probabilities).max())
 
 
 def is_tied(poses: RestPoses) -> bool:
-    """Whether the odds are the mean of those of two bodies."""
+    """Whether the probabilities are the mean of those of two bodies."""
     return len(find_basins(poses.hull, poses.center_of_mass)) > 1
 
 

@@ -52,7 +52,7 @@ def rotated(problem: Problem, seed: int) -> Problem:
 
 def placed(problem: Problem, size: float, distance: float) -> Problem:
     """A problem scaled and moved. Its corners round, and far from the origin what was known about
-    the odds is forgotten; see `rotated`."""
+    the probabilities is forgotten; see `rotated`."""
     exact = problem.coplanar_tolerance == 0.0
     moved = stiff.placed(replace(problem, rests=None) if exact else problem, size, distance)
     return replace(moved, shares=None) if distance > 0.0 else moved

@@ -1,7 +1,7 @@
 """Bodies of every kind: never a crash, a wrong refusal or a wrong number.
 
-Each body's odds are held against the 60-digit oracle, and against its own odds after changes that
-change nothing.
+Each body's probabilities are held against the 60-digit oracle, and against its own probabilities
+after changes that change nothing.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ stand for it: the tolerance times the condition of most bodies."""
 
 
 def check(kind: str, problem: Problem) -> None:
-    """A body is refused for a reason, or its odds are right and stay so."""
+    """A body is refused for a reason, or its probabilities are right and stay so."""
     TALLY.asked(kind)
     try:
         found = judged(problem)
@@ -108,7 +108,8 @@ def judged(problem: Problem) -> Measurement:
 
 
 def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
-    """The changed body's odds are those of the first, tied or not, to within both their errors."""
+    """The changed body's probabilities are those of the first, tied or not, to within both their
+    errors."""
     try:
         changed = ask(law.problem)
     except OutsideHullError:
@@ -121,13 +122,13 @@ def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
     if change > 2.0 * limit:
         limit += spread(found, poses)
     if UNEVEN in (*poses.notes, *changed.notes) and not law.exact:
-        assert change < UNEVEN_LIMIT, f"{law.name}: odds changed by {change:.1e}"
+        assert change < UNEVEN_LIMIT, f"{law.name}: probabilities changed by {change:.1e}"
         TALLY.borderline += 1
     elif not law.exact and tied and is_cramped(poses):
         TALLY.borderline += 1
     elif not law.exact and other_points_stand(law, poses, changed):
         assert change <= max(2.0 * limit, STANDING_LIMIT), (
-            f"{law.name}: odds changed by {change:.1e}"
+            f"{law.name}: probabilities changed by {change:.1e}"
         )
         TALLY.borderline += 1
     elif change > (0.0 if law.exact else 2.0 * limit):
@@ -135,7 +136,7 @@ def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
         # are flat, rounding and the order of points decide.
         assert not law.exact, law.name
         other = is_tied(changed) != tied or len(changed.hull.normals) != len(poses.hull.normals)
-        assert other, f"{law.name}: odds changed by {change:.1e}"
+        assert other, f"{law.name}: probabilities changed by {change:.1e}"
         TALLY.borderline += 1
     else:
         TALLY.compared(change)

@@ -32,13 +32,14 @@ KINDS = {
 }
 
 CLOSE = 1e-11
-"""Areas of basins, by which these odds are measured, close to 1e-11 or so for the worst bodies."""
+"""Areas of basins, by which these probabilities are measured, close to 1e-11 or so for the worst
+bodies."""
 
 
 def by_facet(poses: dd.RestPoses) -> Floats:
-    odds = np.zeros(len(poses.hull.normals))
-    odds[poses.facets] = poses.probabilities
-    return odds
+    probabilities = np.zeros(len(poses.hull.normals))
+    probabilities[poses.facets] = poses.probabilities
+    return probabilities
 
 
 @pytest.mark.parametrize("kind", KINDS)

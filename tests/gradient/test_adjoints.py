@@ -16,7 +16,7 @@ from common.corner_formula import corner_formula
 from common.kernels import compiled_only, without_kernels
 
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.rest_odds import (
+from dicedesign.gradient.rest_probabilities import (
     RestEvaluation,
     centroid_gradient,
     evaluate_rests,

@@ -1,4 +1,4 @@
-"""Odds of thrown bodies with gradients, and dice led to them."""
+"""Probabilities of thrown bodies with gradients, and dice led to them."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum_odds import thrown_odds
+from dicedesign.throws.momentum_probabilities import throw_probabilities
 
 POINTS = np.random.default_rng(5).normal(size=(9, 3))
 
 
-def test_odds_are_those_of_the_forward_model() -> None:
-    _, odds = differentiable_rest(torch.tensor(POINTS), table="board-game")
+def test_probabilities_are_those_of_the_forward_model() -> None:
+    _, probabilities = differentiable_rest(torch.tensor(POINTS), table="board-game")
     poses = rest_poses(POINTS, "hull")
-    expected = thrown_odds(make_body(POINTS), poses)
-    np.testing.assert_allclose(np.sort(odds.numpy()), np.sort(expected), atol=1e-12)
+    expected = throw_probabilities(make_body(POINTS), poses)
+    np.testing.assert_allclose(np.sort(probabilities.numpy()), np.sort(expected), atol=1e-12)
     assert np.abs(np.sort(poses.probabilities) - np.sort(expected)).max() > 0.01
-    assert (np.diff(odds.numpy()) <= 0.0).all()
+    assert (np.diff(probabilities.numpy()) <= 0.0).all()
 
 
 @pytest.mark.parametrize("given", [False, True])
 def test_gradients_are_those_of_differences(given: bool) -> None:
     center = POINTS.mean(0) if given else None
 
-    def odds(points: np.ndarray) -> np.ndarray:
+    def probabilities(points: np.ndarray) -> np.ndarray:
         at = None if center is None else torch.tensor(center)
         return differentiable_rest(torch.tensor(points), at, table="board-game")[1].numpy()
 
@@ -39,7 +39,9 @@ def test_gradients_are_those_of_differences(given: bool) -> None:
     (gradient,) = torch.autograd.grad(value @ torch.tensor(weights), leaf)
     direction = np.random.default_rng(1).normal(size=POINTS.shape)
     step = 1e-6
-    difference = (odds(POINTS + step * direction) - odds(POINTS - step * direction)) @ weights
+    difference = (
+        probabilities(POINTS + step * direction) - probabilities(POINTS - step * direction)
+    ) @ weights
     expected = float((gradient.numpy() * direction).sum())
     assert difference / (2.0 * step) == pytest.approx(expected, rel=1e-6)
 

@@ -1,4 +1,4 @@
-"""Odds as a function of the places of facets, against bodies whose facets are moved."""
+"""Probabilities as a function of the places of facets, against bodies whose facets are moved."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import torch
 
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.gradient.facet_measures import offset_derivatives, offset_secants
-from dicedesign.gradient.odds_model import ThrownOdds
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.probability_model import ThrowProbabilities
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.starts.shapes import repulsion
 
-BOARD_GAME = ThrownOdds.on("board-game")
+BOARD_GAME = ThrowProbabilities.on("board-game")
 
 
 def half_spaces(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -38,18 +38,24 @@ def of_facets(rests: RestEvaluation, values: np.ndarray, normals: np.ndarray) ->
 @pytest.mark.parametrize("thrown", [None, BOARD_GAME], ids=["set down", "thrown"])
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("given", [False, True], ids=["uniform", "given center"])
-def test_derivatives_are_differences(seed: int, given: bool, thrown: ThrownOdds | None) -> None:
+def test_derivatives_are_differences(
+    seed: int, given: bool, thrown: ThrowProbabilities | None
+) -> None:
     normals, distances = half_spaces(seed)
     center = torch.tensor([0.03, -0.02, 0.01], dtype=torch.float64) if given else None
     step = 1e-6
 
-    def odds(moved: np.ndarray) -> np.ndarray:
+    def probabilities(moved: np.ndarray) -> np.ndarray:
         rests = evaluated(normals, moved, center)
-        values = rests.odds if thrown is None else thrown.odds(rests)
+        values = rests.probability_values if thrown is None else thrown.probabilities(rests)
         return of_facets(rests, values, normals)
 
     differences = np.stack(
-        [(odds(distances + e) - odds(distances - e)) / (2 * step) for e in step * np.eye(9)], axis=1
+        [
+            (probabilities(distances + e) - probabilities(distances - e)) / (2 * step)
+            for e in step * np.eye(9)
+        ],
+        axis=1,
     )
     rests = evaluated(normals, distances, center)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
@@ -71,5 +77,7 @@ def test_secants_are_between_bodies_whose_facets_are_off(seed: int, step: float)
     sides = []
     for offset in (step, -step):
         moved = [evaluated(normals, distances + e) for e in offset * np.eye(9)]
-        sides.append(np.stack([of_facets(one, one.odds, normals) for one in moved], axis=1))
+        sides.append(
+            np.stack([of_facets(one, one.probability_values, normals) for one in moved], axis=1)
+        )
     np.testing.assert_allclose(found, (sides[0] - sides[1]) / (2 * step), atol=1e-9)

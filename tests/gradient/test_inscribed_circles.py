@@ -12,7 +12,7 @@ from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.hulls.polygons import inscribed_circle
 from dicedesign.geometry.sphere import rotation_between, unit_vectors
 from dicedesign.gradient.facet_measures import SOFTNESS, circle_radii, soft_circle_radii
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.solvers.candidate import BARRIER_DEPTH, barrier_residuals
 from dicedesign.optimize.starts.shapes import prism, repulsion

@@ -35,17 +35,17 @@ def assorted() -> list[Tensor]:
     return [torch.tensor(points) for points in bodies]
 
 
-def rowwise(normals: Tensor, odds: Tensor) -> Tensor:
+def rowwise(normals: Tensor, probabilities: Tensor) -> Tensor:
     """A sum in which every number weighs otherwise and rows of 0 nothing."""
-    weights = torch.arange(1.0, odds.shape[-1] + 1.0, dtype=torch.float64)
+    weights = torch.arange(1.0, probabilities.shape[-1] + 1.0, dtype=torch.float64)
     turns = normals @ torch.tensor([0.3, -0.7, 0.2]).double()
-    return (weights * (odds**2 + odds * turns)).sum()
+    return (weights * (probabilities**2 + probabilities * turns)).sum()
 
 
 def one_by_one(
     bodies: Sequence[Tensor], centers: Tensor | None = None, table: str | None = None
 ) -> tuple[list[tuple[Tensor, Tensor]], list[Tensor], list[Tensor]]:
-    """Normals and odds of each, and gradients of their weighted sums."""
+    """Normals and probabilities of each, and gradients of their weighted sums."""
     found, slopes, by_center = [], [], []
     for place, points in enumerate(bodies):
         leaf = points.clone().requires_grad_()
@@ -66,13 +66,13 @@ def test_a_list_is_one_after_the_other(way, given: bool, table: str | None) -> N
         found, slopes, by_center = one_by_one(bodies, centers, table)
         leaves = [points.clone().requires_grad_() for points in bodies]
         middles = None if centers is None else centers.clone().requires_grad_()
-        normals, odds = differentiable_rest_batch(leaves, middles, table=table)
-        rowwise(normals, odds).backward()
-    assert odds.shape == (len(bodies), max(len(own) for _, own in found))
+        normals, probabilities = differentiable_rest_batch(leaves, middles, table=table)
+        rowwise(normals, probabilities).backward()
+    assert probabilities.shape == (len(bodies), max(len(own) for _, own in found))
     for row, (directions, own) in enumerate(found):
-        assert torch.equal(odds[row, : len(own)], own)
+        assert torch.equal(probabilities[row, : len(own)], own)
         assert torch.equal(normals[row, : len(own)], directions)
-        assert not odds[row, len(own) :].any()
+        assert not probabilities[row, len(own) :].any()
         assert not normals[row, len(own) :].any()
         size = slopes[row].abs().max()
         torch.testing.assert_close(leaves[row].grad, slopes[row], rtol=0, atol=1e-12 * size)

@@ -43,12 +43,12 @@ def die(seed: int, count: int = 6) -> Tensor:
     return torch.tensor(points * rng.uniform(0.9, 1.1, size=(count, 1)))
 
 
-def odds(points: Tensor, center: Tensor | None = None, table: str | None = None) -> Tensor:
+def probabilities(points: Tensor, center: Tensor | None = None, table: str | None = None) -> Tensor:
     return differentiable_rest(points, center, table=table)[1]
 
 
 def energy(points: Tensor, center: Tensor | None = None, table: str | None = None) -> Tensor:
-    """Of normals and odds, the same whatever number of rows is 0."""
+    """Of normals and probabilities, the same whatever number of rows is 0."""
     normals, probabilities = differentiable_rest(points, center, table=table)
     return (probabilities**2).sum() + (normals[:, 0] * probabilities).sum()
 
@@ -75,7 +75,7 @@ def test_tangents_are_differences(way, table: str | None) -> None:
     points, along = die(2), die(3)
     center, aside = points.mean(0), along.mean(0)
     with way():
-        function = partial(odds, table=table)
+        function = partial(probabilities, table=table)
         value, found = jvp(function, (points, center), (along, aside))
         step = 1e-6
         ahead, behind = (function(points + t * along, center + t * aside) for t in (step, -step))
@@ -86,9 +86,9 @@ def test_tangents_are_differences(way, table: str | None) -> None:
 def test_jacobians_forward_and_backward(way) -> None:
     points, along = die(4), die(5)
     with way():
-        backward, forward = jacrev(odds)(points), jacfwd(odds)(points)
-        _, tangent = jvp(odds, (points,), (along,))
-        rows = torch.autograd.functional.jacobian(odds, points)
+        backward, forward = jacrev(probabilities)(points), jacfwd(probabilities)(points)
+        _, tangent = jvp(probabilities, (points,), (along,))
+        rows = torch.autograd.functional.jacobian(probabilities, points)
     torch.testing.assert_close(backward, rows, rtol=0, atol=1e-13)
     torch.testing.assert_close(forward, rows, rtol=0, atol=1e-13)
     torch.testing.assert_close(tangent, (rows * along).sum((1, 2)), rtol=0, atol=1e-13)
@@ -134,8 +134,8 @@ def test_maps_and_derivatives_in_any_order(way) -> None:
         torch.testing.assert_close(outside, expected, rtol=0, atol=1e-14)
         twice = vmap(vmap(grad(energy)))(points[None].expand(2, *points.shape))
         torch.testing.assert_close(twice[1], expected, rtol=0, atol=1e-14)
-        jacobians = vmap(jacrev(odds))(points)
-        tangents = vmap(lambda body, moved: jvp(odds, (body,), (moved,))[1])(points, along)
+        jacobians = vmap(jacrev(probabilities))(points)
+        tangents = vmap(lambda body, moved: jvp(probabilities, (body,), (moved,))[1])(points, along)
         by_rows = (jacobians * along[:, None]).sum((2, 3))
         torch.testing.assert_close(tangents, by_rows, rtol=0, atol=1e-12)
         second = vmap(grad(lambda body: (grad(energy)(body) ** 2).sum()))(points)

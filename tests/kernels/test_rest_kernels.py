@@ -99,7 +99,7 @@ def test_separatrices_are_those_of_numpy(ties: bool) -> None:
     assert undecided < 0.02 * bodies
 
 
-def test_without_kernels_odds_are_the_same() -> None:
+def test_without_kernels_probabilities_are_the_same() -> None:
     for seed in range(60):
         points = random_points(seed)
         try:

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull as QhullHull
 
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.energy import (
     ClusteredRests,
     Clusters,

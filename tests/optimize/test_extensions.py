@@ -16,7 +16,7 @@ import yaml
 from dicedesign import rest_poses
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.energy import Energy
 from dicedesign.optimize.options import ExactOptions
@@ -136,7 +136,7 @@ def test_nothing_of_them_is_known_without_them(tmp_path: Path) -> None:
         ({"start": {"prism": {}}, "method": descent(low_peaks=1.0)}, "low_peaks: unknown key"),
         ({"method": {"exact": {"prefer": {"flat": 1}}}}, "method.exact.prefer.flat: unknown key"),
         (
-            {"method": {"exact": {"odds": "thrown", "refine": {"engine": "set_down"}}}},
+            {"method": {"exact": {"probabilities": "thrown", "refine": {"engine": "set_down"}}}},
             "engine: expected native, mujoco, got 'set_down'; take one of them",
         ),
     ):
@@ -159,7 +159,7 @@ def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
     assert read(tmp_path, **recipe.resolved()) == recipe
     exact = read(tmp_path, method={"exact": {"prefer": {"flat": 0.5}}}).method.exact
     assert exact.prefer == Preferences(flat=0.5)
-    thrown = {"odds": "thrown", "refine": {"engine": "set_down"}}
+    thrown = {"probabilities": "thrown", "refine": {"engine": "set_down"}}
     assert read(tmp_path, method={"exact": thrown}).method.exact.refine.engine == "set_down"
 
 

@@ -12,8 +12,8 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_measures import SOFTNESS
-from dicedesign.gradient.odds_model import USUAL_SWING, TableSensitivity, ThrownOdds
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.probability_model import USUAL_SWING, TableSensitivity, ThrowProbabilities
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.preferences import (
     USUAL_CIRCLE,
@@ -88,12 +88,14 @@ def test_a_cube_has_nothing_to_improve_but_its_circles() -> None:
 
 def test_the_asymmetry_of_a_box() -> None:
     rests = evaluated(CUBE * BOX)
-    odds = dict(zip(box_axes(rests)[rests.paths.rests], rests.probabilities.numpy(), strict=True))
+    probabilities = dict(
+        zip(box_axes(rests)[rests.paths.rests], rests.probabilities.numpy(), strict=True)
+    )
     expected = 0.0
     for first, second in ((0, 1), (1, 2), (2, 0)):
         angle = np.arctan2(BOX[second], BOX[first])
         unequal = 2.0 * angle / (np.pi / 2) - 1.0
-        expected += 4 * min(odds[first], odds[second]) * unequal**2
+        expected += 4 * min(probabilities[first], probabilities[second]) * unequal**2
     assert total(rests, "asymmetry") == pytest.approx(expected / USUAL_INEQUALITY**2)
 
 
@@ -156,7 +158,7 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
     candidate = die(seed)
     maker, facets = CandidateMaker(None), candidate.outcome_facets
     assert len(facets) < len(candidate.rests.hull.normals)
-    free = np.linalg.svd(candidate.odds_jacobian)[2][len(facets) :]
+    free = np.linalg.svd(candidate.probability_jacobian)[2][len(facets) :]
     along = np.random.default_rng(seed).normal(size=len(free)) @ free
     step = 1e-5
 
@@ -180,7 +182,7 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
     np.testing.assert_allclose(slopes, differences, rtol=1e-5, atol=1e-6)
 
 
-BOARD_GAME = ThrownOdds.on("board-game")
+BOARD_GAME = ThrowProbabilities.on("board-game")
 OTHERS = other_tables(table_named("board-game"))
 
 
@@ -190,16 +192,20 @@ def sensitivity(
     return TableSensitivity(BOARD_GAME, OTHERS, wanted, bias)
 
 
-def test_robust_is_who_has_the_wanted_odds_on_other_tables() -> None:
+def test_robust_is_who_has_the_wanted_probabilities_on_other_tables() -> None:
     candidate = die(0)
     facets, where = candidate.outcome_facets, candidate.rest_of_outcome
-    there = [BOARD_GAME.onto(table).odds(candidate.rests)[where] for table in OTHERS]
-    wanted = BOARD_GAME.odds(candidate.rests)[where]
+    there = [BOARD_GAME.onto(table).probabilities(candidate.rests)[where] for table in OTHERS]
+    wanted = BOARD_GAME.probabilities(candidate.rests)[where]
     known = sensitivity(candidate, wanted)
     (residuals,) = preference_residuals(
         BearingFacets(candidate.rests, facets, known), only("robustness")
     )
-    expected = np.concatenate([odds - wanted for odds in there]) / USUAL_SWING / np.sqrt(2.0)
+    expected = (
+        np.concatenate([probabilities - wanted for probabilities in there])
+        / USUAL_SWING
+        / np.sqrt(2.0)
+    )
     np.testing.assert_allclose(residuals.detach(), expected, atol=1e-12)
     assert np.abs(expected).max() > 0.05
     # A bias that makes up for the change leaves nothing to wish for.

@@ -17,33 +17,35 @@ from dicedesign.optimize.targets import Target, binomial, fair, listed, relabell
 def enumerated(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
     count = Counter(outcomes)
     values = sorted(count)
-    odds = [float(Fraction(count[value], len(outcomes))) for value in values]
-    return tuple(str(value) for value in values), odds
+    probabilities = [float(Fraction(count[value], len(outcomes))) for value in values]
+    return tuple(str(value) for value in values), probabilities
 
 
 @pytest.mark.parametrize("flips", [1, 2, 5, 8])
 def test_binomial_counts_heads(flips: int) -> None:
-    labels, odds = enumerated([sum(coins) for coins in itertools.product((0, 1), repeat=flips)])
+    labels, probabilities = enumerated(
+        [sum(coins) for coins in itertools.product((0, 1), repeat=flips)]
+    )
     target = binomial(flips)
     assert target.labels == labels
-    np.testing.assert_array_equal(target.probabilities, odds)
+    np.testing.assert_array_equal(target.probabilities, probabilities)
 
 
 @pytest.mark.parametrize("sides", [[6], [2, 2, 2], [4, 6, 8]])
 def test_sum_of_dice_counts_totals(sides: list[int]) -> None:
     throws = itertools.product(*(range(1, count + 1) for count in sides))
-    labels, odds = enumerated([sum(throw) for throw in throws])
+    labels, probabilities = enumerated([sum(throw) for throw in throws])
     target = sum_of_dice(sides)
     assert target.labels == labels
-    np.testing.assert_allclose(target.probabilities, odds, rtol=1e-14)
+    np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
 
 
 @pytest.mark.parametrize("outcomes", [2, 3, 7, 100])
 def test_fair_counts_each_face_once(outcomes: int) -> None:
-    labels, odds = enumerated(list(range(1, outcomes + 1)))
+    labels, probabilities = enumerated(list(range(1, outcomes + 1)))
     target = fair(outcomes)
     assert target.labels == labels
-    np.testing.assert_array_equal(target.probabilities, odds)
+    np.testing.assert_array_equal(target.probabilities, probabilities)
 
 
 def test_listed_keeps_values() -> None:

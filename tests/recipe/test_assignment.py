@@ -1,4 +1,5 @@
-"""`assignment:` in a recipe: each label comes where it is named, with the odds of its own."""
+"""`assignment:` in a recipe: each label comes where it is named, with the probabilities of its
+own."""
 
 from __future__ import annotations
 
@@ -10,21 +11,21 @@ import pytest
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.starts.shapes import prism
-from dicedesign.recipe.convex import designed_die, wanted_odds
+from dicedesign.recipe.convex import designed_die, wanted_probabilities
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import RoundOfThrows, Status
 
-ODDS = {"a": 0.22, "b": 0.24, "c": 0.26, "d": 0.28}
+PROBABILITIES = {"a": 0.22, "b": 0.24, "c": 0.26, "d": 0.28}
 ORDER = "cabd"
 """A turn of three labels: its inverse is another order."""
 
 METHODS = {
     "paper": {"paper": {"prefer": {}}},
     "exact": {"exact": {"prefer": {}}},
-    "thrown": {"exact": {"odds": "thrown", "prefer": {}}},
+    "thrown": {"exact": {"probabilities": "thrown", "prefer": {}}},
 }
 
 
@@ -32,7 +33,10 @@ def recipe(method: str) -> Recipe:
     return checked_recipe(
         {
             "name": "die",
-            "target": {"probabilities": list(ODDS.values()), "labels": list(ODDS)},
+            "target": {
+                "probabilities": list(PROBABILITIES.values()),
+                "labels": list(PROBABILITIES),
+            },
             "start": {"prism": {}},
             "assignment": list(ORDER),
             "method": METHODS[method],
@@ -42,7 +46,7 @@ def recipe(method: str) -> Recipe:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_labels_come_where_they_are_named(method: str) -> None:
-    """Facets move little from odds of 1/4 each."""
+    """Facets move little from probabilities of 1/4 each."""
     given: dict[str, Any] = {"last": "check"}
     if method == "thrown":
         pytest.importorskip("dicedesign_kernels")
@@ -53,7 +57,9 @@ def test_labels_come_where_they_are_named(method: str) -> None:
     if method == "thrown":
         return
     outcomes = work.solid.outcomes
-    np.testing.assert_allclose(outcomes.odds, [ODDS[x] for x in work.target.labels], atol=1e-5)
+    np.testing.assert_allclose(
+        outcomes.probabilities, [PROBABILITIES[x] for x in work.target.labels], atol=1e-5
+    )
     own = work.solid.poses.normals[outcomes.main]
     assert (
         np.argmax(own @ prism(4).directions.T, axis=1) == [ORDER.index(x) for x in "abcd"]
@@ -63,7 +69,9 @@ def test_labels_come_where_they_are_named(method: str) -> None:
 def test_what_a_solver_tells_by_direction_is_told_by_outcome() -> None:
     """Also of the rounds of throws."""
     given, start = recipe("thrown"), prism(4)
-    np.testing.assert_array_equal(wanted_odds(given), [ODDS[label] for label in ORDER])
+    np.testing.assert_array_equal(
+        wanted_probabilities(given), [PROBABILITIES[label] for label in ORDER]
+    )
     asked, seen = (0.1, 0.2, 0.3, 0.4), (0.15, 0.25, 0.35, 0.2)
     result = DesignResult(
         Status.CONVERGED, convex_hull(start.points), start.directions, 0.0, {}, (), 1, 1, 0

@@ -37,11 +37,11 @@ def test_a_good_die_has_no_advice() -> None:
     assert work.design_error < 1e-12
 
 
-def test_odds_that_are_off_are_told_with_how_much() -> None:
+def test_probabilities_that_are_off_are_told_with_how_much() -> None:
     points = box(4.0, 5.0, 6.0)
     work = checked(points, target={"fair": 6}, starts=3)
     assert work.status is Status.OFF_TARGET
-    off = np.abs(work.plain.outcomes.odds - 1.0 / 6.0).max()
+    off = np.abs(work.plain.outcomes.probabilities - 1.0 / 6.0).max()
     assert off > 0.05
     told = [
         float(number)
@@ -100,7 +100,7 @@ def test_what_to_raise_is_told_of_dice_that_ran_into_it(
     assert work.status is status
     found = re.findall(r"method\.\w+\.(?:seconds|evaluations)", message(work))
     assert found == ([] if key is None else [key])
-    # What is wrong with its odds goes without saying.
+    # What is wrong with its probabilities goes without saying.
     assert Status.OFF_TARGET.value not in message(work)
 
 

@@ -34,7 +34,7 @@ PICTURES = (
     "rests",
     "trade_off",
     "before_after",
-    "odds",
+    "probabilities",
     "hull",
     "displacement",
     "energy",
@@ -126,7 +126,8 @@ def test_a_recipe_becomes_a_checked_die(
 def test_the_verdict_is_that_of_the_file(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    """A search that says all is well, where the die is a box: its odds are those of its file."""
+    """A search that says all is well, where the die is a box: its probabilities are those of its
+    file."""
     search.change = lambda points: points * [1.0, 1.1, 1.25]
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "off_target"
@@ -137,12 +138,12 @@ def test_the_verdict_is_that_of_the_file(
     assert mesh.is_winding_consistent
     poses = rest_poses(mesh)
     outcome = np.argmax(poses.normals @ np.concatenate([np.eye(3), -np.eye(3)]).T, axis=1)
-    odds = np.empty(6)
-    odds[outcome] = poses.probabilities
-    np.testing.assert_allclose(summary["probabilities"], odds, atol=1e-12)
-    assert summary["max_abs_error"] == pytest.approx(np.abs(odds - 1 / 6).max(), abs=1e-12)
+    probabilities = np.empty(6)
+    probabilities[outcome] = poses.probabilities
+    np.testing.assert_allclose(summary["probabilities"], probabilities, atol=1e-12)
+    assert summary["max_abs_error"] == pytest.approx(np.abs(probabilities - 1 / 6).max(), abs=1e-12)
     assert summary["max_abs_error"] > 0.02
-    assert "the odds of the outcomes are off by more than the tolerance" in result.message
+    assert "the probabilities of the outcomes are off by more than the tolerance" in result.message
     # The hull was to be a cube; its corners are (1, 1, 1) from the middle, now (1, 1.1, 1.25).
     assert "the surface does not fill the designed hull" in result.message
     outside = 0.25 / (2.0 * np.sqrt(1.0 + 1.1**2 + 1.25**2))
@@ -383,7 +384,7 @@ def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
 # From the command line.
 
 
-def test_the_command_line_prints_the_odds_and_what_was_moved(
+def test_the_command_line_prints_the_probabilities_and_what_was_moved(
     recipe_path: Path,
     tmp_path: Path,
     search: MadeUpSearch,

@@ -31,9 +31,9 @@ def test_the_sheet_tells_of_the_die_beside_it(tmp_path: Path) -> None:
         (page,) = reader.pages
         text = page.extract_text()
         assert result.sha256["die.stl"] in text
-        for label, odds in zip(result.labels, result.engraved.probabilities, strict=True):
+        for label, probabilities in zip(result.labels, result.engraved.probabilities, strict=True):
             assert label in text
-            assert f"{100.0 * odds:.3f}" in text
+            assert f"{100.0 * probabilities:.3f}" in text
         picture = Image.open(BytesIO((result.folder / "data_sheet.png").read_bytes()))
         assert picture.size == (1240, 1754)
         assert {"data_sheet.pdf", "data_sheet.png"} < set(result.files.values())

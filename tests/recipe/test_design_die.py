@@ -20,8 +20,8 @@ def coin() -> Die:
     return design(["1/2", 1 / 3, 1 / 6], labels=["heads", "tails", "edge"], seed=3, size_mm=40.0)
 
 
-def test_a_die_of_odds(coin: Die) -> None:
-    """Its odds are those of its corners, by the forward model on its own."""
+def test_a_die_of_probabilities(coin: Die) -> None:
+    """Its probabilities are those of its corners, by the forward model on its own."""
     assert (coin.status, coin.converged, coin.is_engraved) == ("converged", True, False)
     assert coin.message.startswith("reached the tolerance; ")
     assert coin.labels == ("heads", "tails", "edge")
@@ -133,14 +133,14 @@ def test_edges_stay_rounded_under_labels(tmp_path: Path) -> None:
     assert engraved.tolerances.rolls > 0
     assert "label" in engraved.engraved.reading
     die.save(tmp_path / "die.stl")
-    odds = np.sort(rest_poses(trimesh.load_mesh(tmp_path / "die.stl")).probabilities)[-5:]
-    np.testing.assert_allclose(odds, 0.2, atol=1e-5)
+    probabilities = np.sort(rest_poses(trimesh.load_mesh(tmp_path / "die.stl")).probabilities)[-5:]
+    np.testing.assert_allclose(probabilities, 0.2, atol=1e-5)
 
 
 def test_files_of_rounded_dice_keep_their_strips() -> None:
     """Where strips are as fine as what single precision rounds, a file's facets run together, and
-    its odds are off by percents."""
-    odds = np.random.default_rng(1).dirichlet(np.full(5, 12.0)) + 0.02
-    die = design(odds / odds.sum(), edges={"radius_mm": 1.0})
+    its probabilities are off by percents."""
+    probabilities = np.random.default_rng(1).dirichlet(np.full(5, 12.0)) + 0.02
+    die = design(probabilities / probabilities.sum(), edges={"radius_mm": 1.0})
     assert die.converged
     assert die.result.engraved.max_abs_error < 1e-6

@@ -57,9 +57,9 @@ def test_what_labels_change_by_more_than_a_twentieth_is_told(depth_mm: float) ->
     assert work.engraved is not None
     verdict = work.engraved.assessment
     assert verdict is not None
-    changes = np.abs(verdict.outcomes.odds / work.plain.outcomes.odds - 1.0)
+    changes = np.abs(verdict.outcomes.probabilities / work.plain.outcomes.probabilities - 1.0)
     assert (changes.max() > 0.05) == (depth_mm > 1.0)
-    told = [re.search(r"odds of (\S+) by (\d+)%", note) for note in work.notes]
+    told = [re.search(r"probabilities of (\S+) by (\d+)%", note) for note in work.notes]
     if depth_mm < 1.0:
         assert told == []
         return

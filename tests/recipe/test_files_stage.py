@@ -1,4 +1,4 @@
-"""The die in every format, as a run leaves it: read back by trimesh, with its odds."""
+"""The die in every format, as a run leaves it: read back by trimesh, with its probabilities."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COIN = {"name": "coin", "target": {"probabilities": ["1/2", "1/3", "1/6"]}, "see
 QUICK = {"figures": False, "report": False, "clock": False}
 
 
-def sorted_odds(path: Path) -> np.ndarray:
+def sorted_probabilities(path: Path) -> np.ndarray:
     points, triangles = FILE_FORMATS[path.suffix[1:]].read_back(path)
     return np.sort(rest_poses(make_body(points, triangles)).probabilities)
 
@@ -39,13 +39,13 @@ def coin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_every_file_has_the_odds_of_the_stl(coin: Path) -> None:
-    expected = sorted_odds(coin / "die.stl")
+def test_every_file_has_the_probabilities_of_the_stl(coin: Path) -> None:
+    expected = sorted_probabilities(coin / "die.stl")
     for name in FORMATS:
-        np.testing.assert_allclose(sorted_odds(coin / f"die.{name}"), expected, atol=1e-6)
-    exact = sorted_odds(coin / "die.obj")
+        np.testing.assert_allclose(sorted_probabilities(coin / f"die.{name}"), expected, atol=1e-6)
+    exact = sorted_probabilities(coin / "die.obj")
     for name in ("3mf", "ply", "off"):
-        np.testing.assert_allclose(sorted_odds(coin / f"die.{name}"), exact, atol=1e-9)
+        np.testing.assert_allclose(sorted_probabilities(coin / f"die.{name}"), exact, atol=1e-9)
 
 
 def test_every_file_is_told_with_its_checksum(coin: Path) -> None:
@@ -65,8 +65,8 @@ def test_facts_are_those_of_the_result(coin: Path) -> None:
     facts = scene["asset"]["extras"]
     labels = result.labels
     assert json.loads(facts["Target"]) == dict(zip(labels, result.target, strict=True))
-    odds = json.loads(facts["Odds"])
-    assert odds == dict(zip(labels, result.engraved.probabilities, strict=True))
+    probabilities = json.loads(facts["Probabilities"])
+    assert probabilities == dict(zip(labels, result.engraved.probabilities, strict=True))
     assert facts["Recipe"] == (coin / "recipe.yaml").read_text()
     assert facts["Checksum"].endswith(result.sha256["die.stl"])
     assert [material["name"] for material in scene["materials"]] == ["die", "labels"]
@@ -81,7 +81,7 @@ def test_formats_that_are_not_asked_for_any_more_are_removed(tmp_path: Path) -> 
     assert set(result.files) == {"die_plain", "recipe", "result"}
 
 
-def test_a_file_with_other_odds_is_left_out(
+def test_a_file_with_other_probabilities_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def dented(contents: Contents) -> bytes:
@@ -99,7 +99,7 @@ def test_a_file_with_other_odds_is_left_out(
         FILE_FORMATS.unregister("obj")
         FILE_FORMATS.register(known)
     assert not result.converged
-    assert re.search(r"die_plain.obj: expected the odds .* take another", result.message)
+    assert re.search(r"die_plain.obj: expected the probabilities .* take another", result.message)
     assert {path.name for path in (tmp_path / "coin").iterdir()} >= {"die_plain.stl", "result.json"}
     assert not (tmp_path / "coin" / "die_plain.obj").exists()
 

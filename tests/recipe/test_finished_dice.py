@@ -22,7 +22,7 @@ WITHIN = {"stl": 1e-6, "obj": 1e-9, "3mf": 1e-9, "glb": 1e-6}
 """Largest |p - q|; STL and GLB are in single precision."""
 
 
-def odds(file: Path, result: dict) -> np.ndarray:
+def probabilities(file: Path, result: dict) -> np.ndarray:
     """Of the outcomes, for the bodies in a file as trimesh reads them."""
     loaded = trimesh.load(file, force="scene", process=False)
     bodies = [body.copy() for body in loaded.dump()]
@@ -54,11 +54,11 @@ def test_a_slicer_takes_them_without_repair(folder: Path) -> None:
         assert told_of(folder / f"die.{kind}")["manifold"] == "yes"
 
 
-def test_every_file_has_the_odds_names_and_colours(folder: Path) -> None:
+def test_every_file_has_the_probabilities_names_and_colours(folder: Path) -> None:
     result = json.loads((folder / "result.json").read_text())
     assert result["status"] == "converged"
     for kind, most in WITHIN.items():
-        found = odds(folder / f"die.{kind}", result)
+        found = probabilities(folder / f"die.{kind}", result)
         assert np.abs(found - result["target"]).max() <= most, kind
 
     model = lib3mf.Wrapper().CreateModel()
@@ -76,7 +76,7 @@ def test_every_file_has_the_odds_names_and_colours(folder: Path) -> None:
     assert len(colors.GetCurrentBaseMaterialGroup().GetAllPropertyIDs()) == 2
 
     scene = GLTF2().load(str(folder / "die.glb"))
-    assert {"Target", "Odds", "Recipe", "Checksum"} <= scene.asset.extras.keys()
+    assert {"Target", "Probabilities", "Recipe", "Checksum"} <= scene.asset.extras.keys()
     assert len({tuple(m.pbrMetallicRoughness.baseColorFactor) for m in scene.materials}) == 2
     for page in ("data_sheet.pdf", "data_sheet.png"):
         assert (folder / page).stat().st_size > 0

@@ -13,14 +13,14 @@ from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, solid_properties
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 
 WALL_MM = 1.0
 
 
 @pytest.mark.shipped
-def test_a_hollow_die_has_the_odds_by_its_own_center_of_mass(tmp_path: Path) -> None:
+def test_a_hollow_die_has_the_probabilities_by_its_own_center_of_mass(tmp_path: Path) -> None:
     tolerance = 0.005
     recipe = {
         "name": "hollow",
@@ -42,15 +42,15 @@ def test_a_hollow_die_has_the_odds_by_its_own_center_of_mass(tmp_path: Path) -> 
         poses = rest_poses(body)
         own = {facet.label: facet.normal for facet in result.facets}
         downs = np.array([own[label] for label in result.labels])
-        odds = outcome_odds(poses, downs).odds
-        np.testing.assert_allclose(odds, 1.0 / 3.0, atol=tolerance)
+        probabilities = outcome_probabilities(poses, downs).probabilities
+        np.testing.assert_allclose(probabilities, 1.0 / 3.0, atol=tolerance)
     body = read_body(tmp_path / "die_plain.stl")
     assert body.triangles is not None
     shell = shells_of(body.triangles)
     outer, inner = (Surface(body.points, body.triangles[shell == k]) for k in range(2))
     assert outer.volume > 0.0 > inner.volume
     np.testing.assert_allclose(-inner.volume, result.concave.cavities.volume_mm3, rtol=1e-9)
-    # Without the cavity the odds would be others.
+    # Without the cavity the probabilities would be others.
     centroid = solid_properties(outer.points, outer.triangles)[1]
     assert np.linalg.norm(centroid - rest_poses(body).center_of_mass) > 0.1
     near = distances_from_surface(outer, body.points[np.unique(inner.triangles)]).min()

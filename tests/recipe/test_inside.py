@@ -31,7 +31,7 @@ def recipe(inside: Any, **entries: Any) -> dict[str, Any]:
     }
 
 
-def odds(mesh: trimesh.Trimesh, center: np.ndarray, count: int) -> np.ndarray:
+def probabilities(mesh: trimesh.Trimesh, center: np.ndarray, count: int) -> np.ndarray:
     """The largest, of the hull of a file with a center of mass."""
     poses = rest_poses(np.asarray(mesh.vertices).astype(np.float32), center)
     return np.sort(poses.probabilities)[::-1][:count]
@@ -46,7 +46,7 @@ def test_a_cavity_below_labels(tmp_path: Path) -> None:
     assert mesh.is_watertight
     # That which was given is at the origin, and that of the file without any help.
     np.testing.assert_allclose(mesh.center_mass, 0.0, atol=1e-5)
-    np.testing.assert_allclose(odds(mesh, mesh.center_mass, 5), 0.2, atol=1e-6)
+    np.testing.assert_allclose(probabilities(mesh, mesh.center_mass, 5), 0.2, atol=1e-6)
     assert result.inside is not None
     assert result.inside.wall_mm is not None
     assert result.inside.wall_mm >= 1.5 * (1.0 - 1e-4)

@@ -10,7 +10,7 @@ import pytest
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Listeners
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 
 METHODS: list[dict[str, Any]] = [
@@ -21,7 +21,7 @@ METHODS: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("entries", METHODS, ids=["searched", "exact", "paper"])
-def test_shapes_have_the_odds_of_their_steps(entries: dict[str, Any]) -> None:
+def test_shapes_have_the_probabilities_of_their_steps(entries: dict[str, Any]) -> None:
     target = {"probabilities": [0.5, 0.3, 0.2], "labels": ["a", "b", "c"]}
     recipe = checked_recipe({"name": "d3", "target": target, **entries})
     told, errors, starts = [], [], []
@@ -38,9 +38,9 @@ def test_shapes_have_the_odds_of_their_steps(entries: dict[str, Any]) -> None:
     np.testing.assert_array_equal(hull.vertices, work.die.hull.vertices)
     np.testing.assert_array_equal(directions, work.die.directions)
     for (hull, directions), error in zip(told, errors, strict=True):
-        odds = outcome_odds(rest_poses(hull.vertices), directions)
-        if odds.elsewhere < 1e-12 and (odds.rest_counts == 1).all():
-            found = np.abs(odds.odds - recipe.target.target().probabilities).max()
+        probabilities = outcome_probabilities(rest_poses(hull.vertices), directions)
+        if probabilities.elsewhere < 1e-12 and (probabilities.rest_counts == 1).all():
+            found = np.abs(probabilities.probabilities - recipe.target.target().probabilities).max()
             assert found == pytest.approx(error, abs=1e-9)
 
 

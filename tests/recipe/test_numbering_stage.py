@@ -12,7 +12,7 @@ from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.results.parts import RoundOfThrows, Status
 
 
@@ -40,7 +40,7 @@ def test_a_cube_gets_sums_of_seven() -> None:
 
 
 @pytest.mark.parametrize("style", ["standard", "balanced"])
-def test_odds_stay_with_their_labels(style: str) -> None:
+def test_probabilities_stay_with_their_labels(style: str) -> None:
     """Of a box of three kinds of sides only opposite ones change places, of a square one four."""
     for sides in ((4.0, 5.0, 6.0), (4.0, 4.0, 6.0)):
         work = numbered(style, sides)
@@ -48,7 +48,9 @@ def test_odds_stay_with_their_labels(style: str) -> None:
         before, after = SIDES, work.die.directions
         poses = work.plain.poses
         np.testing.assert_allclose(
-            outcome_odds(poses, after).odds, outcome_odds(poses, before).odds, atol=1e-6
+            outcome_probabilities(poses, after).probabilities,
+            outcome_probabilities(poses, before).probabilities,
+            atol=1e-6,
         )
         assert sorted(map(tuple, after.tolist())) == sorted(map(tuple, before.tolist()))
 

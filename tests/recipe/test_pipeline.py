@@ -129,7 +129,9 @@ def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
     assert work.die.status is Status.CONVERGED
     assert work.status is Status.OFF_TARGET
     message = "; ".join(work.remarks)
-    assert message.startswith("the odds of the outcomes are off by more than the tolerance; ")
+    assert message.startswith(
+        "the probabilities of the outcomes are off by more than the tolerance; "
+    )
     stray = poses.probabilities[4:].sum()
     assert f"{stray:.3g} of the probability lies on rests without an outcome" in message
     assert "finish: exact" in message

@@ -1,4 +1,5 @@
-"""`prior:` in a recipe: the files have the odds under it, by rolling directions that are drawn."""
+"""`prior:` in a recipe: the files have the probabilities under it, by rolling directions that are
+drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.report.pages import throwing_advice
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 
 BARE = {"print": False, "figures": False, "report": False, "engrave": False}
 
@@ -39,11 +40,13 @@ def test_the_target_is_met_under_the_prior(target: dict[str, object], prior: str
     assert work.solid.outcomes.max_abs_error(wanted) <= 1e-12
     assert work.plain.max_abs_error < 1e-6
     # With all directions alike it is another die.
-    even = outcome_odds(work.plain.poses.under(None), work.die.directions)
+    even = outcome_probabilities(work.plain.poses.under(None), work.die.directions)
     assert even.max_abs_error(wanted) > 0.01
 
 
-def test_the_labelled_file_has_the_odds_of_directions_that_are_drawn(tmp_path: Path) -> None:
+def test_the_labelled_file_has_the_probabilities_of_directions_that_are_drawn(
+    tmp_path: Path,
+) -> None:
     axis = (0.0, 0.6, -0.8)
     recipe = {**BARE, "engrave": True, "edges": True, "print": {"printer": "fdm", "infill": 0.4}}
     text = "half:" + ",".join(map(str, axis))
@@ -54,10 +57,10 @@ def test_the_labelled_file_has_the_odds_of_directions_that_are_drawn(tmp_path: P
     path = tmp_path / "die.stl"
     path.write_bytes(work.files["die.stl"])
     poses = dd.rest_poses(dd.read_body(path))
-    found = outcome_odds(poses.under(text), work.die.directions)
+    found = outcome_probabilities(poses.under(text), work.die.directions)
     assert found.max_abs_error(work.target.probabilities) < 1e-6
     rolled = poses.under(dd.SampledDirections(lower_half(axis, 20_000)))
-    counted = outcome_odds(rolled, work.die.directions)
+    counted = outcome_probabilities(rolled, work.die.directions)
     # Four standard deviations.
     assert counted.max_abs_error(work.target.probabilities) < 4.0 * np.sqrt(0.16 / 20_000)
     run_stages(work, after="engrave", last="tolerances")
@@ -86,7 +89,10 @@ def test_all_directions_alike_is_no_prior() -> None:
         ({"prior": "vmf:0,0,0:1"}, "prior: expected an axis"),
         ({"prior": "half:0,0,1", "method": "paper", "start": {"repulsion": {}}}, "paper"),
         ({"prior": "half:0,0,1", "symmetry": "C2"}, "symmetry"),
-        ({"prior": "half:0,0,1", "method": {"exact": {"odds": "thrown"}}}, "thrown odds"),
+        (
+            {"prior": "half:0,0,1", "method": {"exact": {"probabilities": "thrown"}}},
+            "thrown probabilities",
+        ),
     ],
 )
 def test_what_cannot_be_meant_is_refused(entries: dict[str, object], said: str) -> None:

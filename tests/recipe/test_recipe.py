@@ -100,7 +100,8 @@ def test_bad_recipes_of_concave_dice_are_explained(
 
 
 def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:
-    """Binomial odds in their own order around a prism lead nowhere; in another order they do."""
+    """Binomial probabilities in their own order around a prism lead nowhere; in another order they
+    do."""
     entries = {
         "name": "x",
         "target": {"binomial": 5},
@@ -184,10 +185,13 @@ BAD = [
     ({"engrave": {"upright": [0, 0, 0]}}, "engrave: upright: expected edge or largest"),
     ({"target": {"fair": 2, "labels": [float("nan"), "x"]}}, "target.labels.0: .*string, got nan"),
     (
-        {"method": {"exact": {"odds": "thrown", "hand": "foot"}}},
+        {"method": {"exact": {"probabilities": "thrown", "hand": "foot"}}},
         "method.exact: hand: expected cup, hand, tower, got 'foot'; take one of them",
     ),
-    ({"method": {"exact": {"hand": "cup"}}}, "method.exact: hand: expected odds .thrown. with it"),
+    (
+        {"method": {"exact": {"hand": "cup"}}},
+        "method.exact: hand: expected probabilities .thrown. with it",
+    ),
     ({"size_mm": float("nan")}, "size_mm: .*got nan"),
     ({"center_of_mass": [0, float("inf"), 0]}, "center_of_mass.1: .*finite number, got inf"),
     ({"start": {"prism": {"height": float("inf")}}}, "start.prism.height: .*finite.*got inf"),
@@ -213,7 +217,10 @@ BAD = [
     ({"assignment": [2, 3]}, "assignment: expected each of the labels 2, 3, .* once, got 2, 3"),
     ({"start": {"hendecahedron": "cube"}}, "start.hendecahedron: .*bisymmetric.*cube"),
     ({"start": {}}, "start: expected exactly one of prism"),
-    ({"method": {"exact": {"refine": {"drops": 10}}}}, "refine: expected odds .thrown. with it"),
+    (
+        {"method": {"exact": {"refine": {"drops": 10}}}},
+        "refine: expected probabilities .thrown. with it",
+    ),
     (
         {"method": {"paper": {"tolerance": 2}}},
         r"tolerance: expected a number from 1e-15 on and below 1, got 2",

@@ -27,7 +27,7 @@ def started(**entries: Any) -> Work:
 def test_a_die_that_is_too_large_to_be_thrown_is_refused_where_it_is_thrown() -> None:
     large = {"target": {"fair": 4}, "size_mm": 1000.0}
     started(**large)
-    thrown = {"exact": {"odds": "thrown"}}
+    thrown = {"exact": {"probabilities": "thrown"}}
     started(target={"fair": 4}, method=thrown)
     with pytest.raises(InputError, match="table board-game"):
         started(**large, method=thrown)
@@ -46,11 +46,11 @@ def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
     np.testing.assert_allclose(convex_hull(work.start.points).centroid, 0.0, atol=1e-12)
 
 
-def test_images_of_equal_odds_to_rounding_are_equal() -> None:
-    """Odds from fractions and decimals are not the same numbers."""
-    odds = [0.1 + 0.2, 0.2, 0.3, 0.2]
-    assert odds[0] != odds[2]
-    prism = {"target": {"probabilities": odds}, "start": {"prism": {}}}
+def test_images_of_equal_probabilities_to_rounding_are_equal() -> None:
+    """Probabilities from fractions and decimals are not the same numbers."""
+    probabilities = [0.1 + 0.2, 0.2, 0.3, 0.2]
+    assert probabilities[0] != probabilities[2]
+    prism = {"target": {"probabilities": probabilities}, "start": {"prism": {}}}
     started(**prism, symmetry="C2")
     with pytest.raises(InputError, match="equally probable"):
         started(target={"probabilities": [0.3, 0.3, 0.2, 0.2]}, start={"prism": {}}, symmetry="C2")

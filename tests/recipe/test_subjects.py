@@ -46,16 +46,16 @@ def test_a_recipe_and_its_folder_are_the_same_die(folder: Path) -> None:
         assert len(hulls[0].vertices) != len(hulls[1].vertices)
 
 
-def test_a_die_under_a_prior_has_its_odds_and_labels_under_it(tmp_path: Path) -> None:
+def test_a_die_under_a_prior_has_its_probabilities_and_labels_under_it(tmp_path: Path) -> None:
     prior = "half:0.2,0.3,-1"
     recipe = {**PAPER, "target": {"probabilities": [0.4, 0.3, 0.2, 0.1]}, "prior": prior}
     del recipe["start"], recipe["method"]
     out = tmp_path / "die"
     result = run({**recipe, "engrave": False, "print": False}, out=out)
     lain = subject_of(out).lain
-    odds = dict(zip(lain.labels or (), lain.poses.probabilities, strict=True))
+    probabilities = dict(zip(lain.labels or (), lain.poses.probabilities, strict=True))
     for label, wanted in zip(result.labels, result.target, strict=True):
-        assert odds[label] == pytest.approx(wanted, abs=1e-6)
+        assert probabilities[label] == pytest.approx(wanted, abs=1e-6)
     for facet in result.facets:
         if facet.label is not None:
             apart = np.linalg.norm(lain.poses.normals - facet.normal, axis=1)
@@ -72,14 +72,16 @@ def test_ablations_leave_out_one_weight_after_the_other(folder: Path) -> None:
         "without barycenter",
         "without neighbor",
         "without apart",
-        "odds alone",
+        "probabilities alone",
     ]
     # After so many steps with momentum comes a line search of as many.
     assert len(dice) < len(steps) <= len(dice) * 2 * (6 + 1)
     for die in dice:
         assert die.poses.probabilities.sum() == pytest.approx(1.0)
-        odds = np.bincount(die.outcomes, die.poses.probabilities, minlength=3)
-        assert np.abs(np.sort(odds) - [0.25, 0.25, 0.5]).max() == pytest.approx(die.error, abs=1e-9)
+        probabilities = np.bincount(die.outcomes, die.poses.probabilities, minlength=3)
+        assert np.abs(np.sort(probabilities) - [0.25, 0.25, 0.5]).max() == pytest.approx(
+            die.error, abs=1e-9
+        )
 
 
 def test_a_recipe_that_searches_has_no_start(tmp_path: Path) -> None:

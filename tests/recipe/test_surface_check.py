@@ -90,7 +90,7 @@ def test_angles_that_are_too_small_are_told_beside_those_that_were_wanted(
     assert f"method.concave.{option}" in told
     assert f"{angle:.3g} degrees" in told
     assert f"{angle + 0.3:.3g}" in told
-    # Odds that are off, and a surface that meets itself, are worse.
+    # Probabilities that are off, and a surface that meets itself, are worse.
     work = made(lambda points: points * [1.0, 1.1, 1.25], **{option: angle + 0.3})
     assert work.status is Status.OFF_TARGET
     assert status.value in "; ".join(work.remarks)

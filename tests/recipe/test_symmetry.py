@@ -1,4 +1,5 @@
-"""`symmetry:` in a recipe: the die has it to rounding, and so do its odds; or it is found."""
+"""`symmetry:` in a recipe: the die has it to rounding, and so do its probabilities; or it is
+found."""
 
 from __future__ import annotations
 
@@ -47,11 +48,11 @@ def test_a_symmetric_die_is_symmetric_to_rounding(
     given = recipe(**entries, symmetry=group)
     work = design_recipe(given, last="check")
     assert work.status is Status.CONVERGED
-    odds = work.solid.outcomes.odds
-    assert np.abs(odds - work.target.probabilities).max() <= 1e-12
+    probabilities = work.solid.outcomes.probabilities
+    assert np.abs(probabilities - work.target.probabilities).max() <= 1e-12
     # Mirror images or half-turns of each other: 2 and 12, 3 and 11, ...
-    assert np.abs(odds - odds[::-1]).max() <= 1e-15
-    assert np.sum(np.abs(np.diff(np.sort(odds))) <= 1e-15) >= pairs
+    assert np.abs(probabilities - probabilities[::-1]).max() <= 1e-15
+    assert np.sum(np.abs(np.diff(np.sort(probabilities))) <= 1e-15) >= pairs
     hull = work.die.hull
     for element in point_group(group):
         apart = hull.vertices @ element.T @ hull.vertices.T
@@ -66,7 +67,7 @@ def test_a_symmetric_die_is_symmetric_to_rounding(
         ({"target": {"fair": 6}, "start": {"prism": {"height": 1.0}}}, "D6h"),
     ],
 )
-def test_a_die_whose_odds_symmetry_fixes_is_improved_too(
+def test_a_die_whose_probabilities_symmetry_fixes_is_improved_too(
     entries: dict[str, object], group: str
 ) -> None:
     given = recipe(**entries, symmetry=group)
@@ -108,7 +109,7 @@ def test_a_start_without_the_symmetry_is_refused() -> None:
         design_recipe(given, last="start")
 
 
-def test_images_with_unequal_odds_are_refused() -> None:
+def test_images_with_unequal_probabilities_are_refused() -> None:
     given = recipe(
         target={"sum_of_dice": [6, 6]}, start={"hendecahedron": "bisymmetric"}, symmetry="C2"
     )
@@ -154,7 +155,7 @@ def test_of_a_given_start_it_takes_what_that_has() -> None:
     assert designed(**order, assignment=[0, 1, 2, 3]).recipe.symmetry is None
 
 
-def test_without_equal_odds_there_is_none() -> None:
+def test_without_equal_probabilities_there_is_none() -> None:
     work = designed(target={"probabilities": [0.5, 0.3, 0.2]})
     assert work.recipe.symmetry is None
     assert work.recipe.group() is None
@@ -162,7 +163,7 @@ def test_without_equal_odds_there_is_none() -> None:
 
 
 def test_equally_probable_outcomes_of_a_thrown_die_are_images() -> None:
-    work = designed(target={"binomial": 4}, method={"exact": {"odds": "thrown"}})
+    work = designed(target={"binomial": 4}, method={"exact": {"probabilities": "thrown"}})
     assert work.status is Status.CONVERGED
     group = work.recipe.group()
     assert group is not None
@@ -173,7 +174,7 @@ def test_equally_probable_outcomes_of_a_thrown_die_are_images() -> None:
 
 
 def test_thrown_dice_are_symmetric_unless_they_are_told_otherwise() -> None:
-    thrown = {"method": {"exact": {"odds": "thrown"}}}
+    thrown = {"method": {"exact": {"probabilities": "thrown"}}}
     for entries, expected in (
         (thrown, "auto"),
         ({**thrown, "symmetry": "none"}, None),

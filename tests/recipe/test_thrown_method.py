@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import torch
 
-from dicedesign.gradient.odds_model import TableSensitivity, ThrownOdds
-from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.gradient.probability_model import TableSensitivity, ThrowProbabilities
+from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult
@@ -28,12 +28,12 @@ from dicedesign.throws.simulation import Throws
 from dicedesign.throws.tables import Table, table_named
 
 TARGET = np.array([1, 4, 6, 4, 1]) / 16.0
-OPTIONS = ExactOptions(odds="thrown", prefer=Preferences(circles=1.0), seconds=20.0)
+OPTIONS = ExactOptions(probabilities="thrown", prefer=Preferences(circles=1.0), seconds=20.0)
 
 
 def model_of(table: str) -> TableSensitivity:
     """What is known of dice that are yet to be thrown."""
-    return TableSensitivity(ThrownOdds.on(table), other_tables(table_named(table)), TARGET)
+    return TableSensitivity(ThrowProbabilities.on(table), other_tables(table_named(table)), TARGET)
 
 
 def solved(options: ExactOptions) -> DesignResult:
@@ -48,16 +48,16 @@ def die() -> DesignResult:
 
 
 def changes_of(die: DesignResult) -> float:
-    """Sum of the changes of a die's odds, by the momentum model, on both tables."""
+    """Sum of the changes of a die's probabilities, by the momentum model, on both tables."""
     rests = evaluate_rests(torch.as_tensor(die.hull.vertices))
-    thrown = ThrownOdds.on("board-game")
+    thrown = ThrowProbabilities.on("board-game")
     return sum(
-        float(np.abs(thrown.onto(table).odds(rests) - thrown.odds(rests)).sum())
+        float(np.abs(thrown.onto(table).probabilities(rests) - thrown.probabilities(rests)).sum())
         for table in other_tables(table_named("board-game"))
     )
 
 
-def test_a_robust_die_has_the_same_odds_and_changes_less(die: DesignResult) -> None:
+def test_a_robust_die_has_the_same_probabilities_and_changes_less(die: DesignResult) -> None:
     robust = solved(replace(OPTIONS, prefer=Preferences(circles=1.0, robustness=20.0)))
     for one in (die, robust):
         assert one.status is Status.CONVERGED
@@ -73,7 +73,7 @@ ROBUST = {
     "engrave": False,
     "method": {
         "exact": {
-            "odds": "thrown",
+            "probabilities": "thrown",
             "prefer": {"circles": 1.0, "robustness": 1.0},
             "refine": {"drops": 300, "rounds": 3, "verdict": 300, "within": 0.3},
         }

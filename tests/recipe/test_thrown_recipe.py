@@ -12,7 +12,7 @@ from common.kernels import compiled_only
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum_odds import thrown_odds
+from dicedesign.throws.momentum_probabilities import throw_probabilities
 from dicedesign.throws.tables import HANDS, posterior_tables
 
 pytestmark = compiled_only
@@ -22,7 +22,10 @@ name: coin
 target: {fair: 5}
 start: {prism: {}}
 symmetry: D5h
-method: {exact: {odds: thrown, refine: {drops: 500, rounds: 2, verdict: 1000, within: 0.1}}}
+method:
+  exact:
+    probabilities: thrown
+    refine: {drops: 500, rounds: 2, verdict: 1000, within: 0.1}
 """
 
 
@@ -63,8 +66,8 @@ def test_it_is_thrown_at_its_printed_size(folder: Path) -> None:
     radius = np.linalg.norm(poses.hull.vertices - poses.center_of_mass, axis=1).max()
     result = json.loads((folder / "result.json").read_text())
     assert result["thrown"]["table"]["size"] == pytest.approx(2e-3 * radius, rel=1e-5)
-    odds = np.sort(thrown_odds(body, poses))
-    np.testing.assert_allclose(odds, np.sort(result["thrown"]["momentum"]), atol=1e-5)
+    probabilities = np.sort(throw_probabilities(body, poses))
+    np.testing.assert_allclose(probabilities, np.sort(result["thrown"]["momentum"]), atol=1e-5)
 
 
 def test_pictures_and_report_are_there(folder: Path) -> None:
@@ -90,13 +93,13 @@ def test_a_die_that_misses_says_so(
     assert out.splitlines()[1].split() == ["label", "target", "set", "down", "model", "thrown"]
 
 
-def test_odds_by_the_model_alone_take_no_simulation(
+def test_probabilities_by_the_model_alone_take_no_simulation(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recipe = tmp_path / "recipe.yaml"
     recipe.write_text(
         "name: loaded\ntarget: {probabilities: [1/8, 1/8, 1/4, 1/4, 1/4]}\nsymmetry: C2v\n"
-        "method: {exact: {odds: thrown}}\nengrave: false\n"
+        "method: {exact: {probabilities: thrown}}\nengrave: false\n"
     )
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -110,7 +113,8 @@ def test_a_hand_beside_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[s
     recipe = tmp_path / "recipe.yaml"
     recipe.write_text(
         "name: held\ntarget: {fair: 3}\nstart: {prism: {}}\nsymmetry: D3h\nengrave: false\n"
-        "method: {exact: {odds: thrown, hand: cup, refine: {drops: 200, rounds: 1, verdict: 300, "
+        "method: {exact: {probabilities: thrown, hand: cup, refine: {drops: 200, rounds: 1, "
+        "verdict: 300, "
         "within: 0.2}}}\n"
     )
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 0

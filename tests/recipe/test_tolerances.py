@@ -1,4 +1,4 @@
-"""The stage that says what errors of printing, and infill, do to the odds."""
+"""The stage that says what errors of printing, and infill, do to the probabilities."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from dicedesign.fabricate.print_tolerances import inside_walls, weighed
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work, run_stages
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_model import momentum_model
-from dicedesign.throws.momentum_odds import momentum_odds
+from dicedesign.throws.momentum_probabilities import momentum_probabilities
 
 FRUSTUM = box(4.0, 4.0, 2.5)
 FRUSTUM[FRUSTUM[:, 2] > 0.0] *= [0.7, 0.8, 1.0]
@@ -57,15 +57,15 @@ def test_errors_are_those_of_the_recipe() -> None:
     assert found.allowed_mm == usual.allowed_mm
 
 
-def test_infill_moves_the_center_of_mass_and_the_odds() -> None:
+def test_infill_moves_the_center_of_mass_and_the_probabilities() -> None:
     hollow = printed(FRUSTUM, {"infill": 0.0, "walls_mm": 2.0})
     found = hollow.result().infill
     assert found is not None
     hull = hollow.plain.poses.hull
     mass, center = weighed(*_uniform(hull.vertices), inside_walls(hull, 2.0), 0.0)
-    odds = outcome_odds(rest_poses(hull.vertices, center), SIDES).odds
+    probabilities = outcome_probabilities(rest_poses(hull.vertices, center), SIDES).probabilities
     assert found.mass == pytest.approx(mass, rel=1e-6)
-    np.testing.assert_allclose(found.probabilities, odds, atol=1e-6)
+    np.testing.assert_allclose(found.probabilities, probabilities, atol=1e-6)
     np.testing.assert_allclose(
         found.shift_mm, center - hollow.plain.poses.center_of_mass, atol=1e-5
     )
@@ -130,19 +130,21 @@ def test_a_center_of_mass_that_is_given_stays_given(center: np.ndarray | None) -
     assert ("center of mass is given" in told[0]) == (center is not None)
 
 
-def test_a_thrown_die_spreads_as_its_odds_on_the_table_do() -> None:
-    method = {"exact": {"odds": "thrown"}}
+def test_a_thrown_die_spreads_as_its_probabilities_on_the_table_do() -> None:
+    method = {"exact": {"probabilities": "thrown"}}
     work = printed(FRUSTUM, {}, entries={"method": method})
     found = work.result().tolerances
     assert found is not None
     step = 0.02
-    odds = []
+    probabilities = []
     points = work.solid.points
     for factor in (1.0 + step, 1.0 - step):
         body, poses = thrown(points * [1.0, 1.0, factor])
         places = np.argmax(SIDES @ poses.normals.T, axis=1)
-        odds.append(momentum_odds(poses, body, momentum_model("board-game"))[places])
-    slope = np.abs(odds[0] - odds[1]) / (2.0 * step)
+        probabilities.append(
+            momentum_probabilities(poses, body, momentum_model("board-game"))[places]
+        )
+    slope = np.abs(probabilities[0] - probabilities[1]) / (2.0 * step)
     # One of the axes that shrink.
     deviations = np.array(found.by_error["shrinkage"])
     assert (deviations > 0.9 * 0.002 * slope).all()

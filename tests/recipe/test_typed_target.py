@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import RecipeError
-from dicedesign.recipe.reading import typed_target, written_odds
+from dicedesign.recipe.reading import typed_target, written_probabilities
 from dicedesign.recipe.target import TargetRecipe
 
 
@@ -32,10 +32,14 @@ def test_what_is_neither(text: str) -> None:
         TargetRecipe.model_validate(typed_target(text))
 
 
-def test_odds_are_written_to_the_last_bit() -> None:
+def test_probabilities_are_written_to_the_last_bit() -> None:
     rng = np.random.default_rng(0)
-    for odds in (np.arange(1, 7) / 21.0, rng.dirichlet(np.ones(5)), np.array([1e-9, 1.0 - 1e-9])):
-        text = written_odds(odds.tolist())
+    for probabilities in (
+        np.arange(1, 7) / 21.0,
+        rng.dirichlet(np.ones(5)),
+        np.array([1e-9, 1.0 - 1e-9]),
+    ):
+        text = written_probabilities(probabilities.tolist())
         read = TargetRecipe.model_validate(typed_target(text))
-        assert read.probabilities == odds.tolist()
-    assert written_odds([1 / 2, 1 / 3, 1 / 6]) == "1/2, 1/3, 1/6"
+        assert read.probabilities == probabilities.tolist()
+    assert written_probabilities([1 / 2, 1 / 3, 1 / 6]) == "1/2, 1/3, 1/6"

@@ -106,8 +106,8 @@ def measure(
     """Ask the product for a problem's rests and compare. Raises as `rest_poses`.
 
     The oracle is given the center of mass of a uniform solid from 60 digits. Only of a tied body
-    it takes the centers to which the product moved that, for there the odds are what they are
-    defined to be: the mean over bodies beside it.
+    it takes the centers to which the product moved that, for there the probabilities are what they
+    are defined to be: the mean over bodies beside it.
 
     oracle: whether a small hull is held against the oracle. query: `rest_poses`, or what is to be
     compared in its place.

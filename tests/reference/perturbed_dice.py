@@ -1,4 +1,5 @@
-"""Odds of dice that came out of the printer a little off, one by one and without any derivative."""
+"""Probabilities of dice that came out of the printer a little off, one by one and without any
+derivative."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from dicedesign.errors import DiceError
 from dicedesign.fabricate.printers import PrintErrors
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.triangles import second_moments, solid_properties
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 
@@ -35,8 +36,9 @@ class PrintedDie:
     hull: ConvexHull
     directions: Floats
 
-    def odds(self, errors: PrintErrors, prints: int, seed: int) -> Floats:
-        """(prints, k) odds without momentum of so many prints; NaN where one has become no die."""
+    def probabilities(self, errors: PrintErrors, prints: int, seed: int) -> Floats:
+        """(prints, k) probabilities without momentum of so many prints; NaN where one has become no
+        die."""
         random = np.random.default_rng(seed)
         return np.stack([self._printed(errors, random) for _ in range(prints)])
 
@@ -54,7 +56,9 @@ class PrintedDie:
             moved = gradient / np.ptp(offsets[:, 2]) * moments[:, 2] / volume
             hole = _inside(printed, random) - center
             moved = moved - hole * errors.bubble_mm3 / (volume - errors.bubble_mm3)
-            return outcome_odds(rest_poses(corners, center + moved), self.directions).odds
+            return outcome_probabilities(
+                rest_poses(corners, center + moved), self.directions
+            ).probabilities
         except DiceError:
             return np.full(len(self.directions), np.nan)
 

@@ -38,7 +38,7 @@ METHODS = {
 """What is added to a design's name, and what is different about it."""
 
 TOO_LONG = (("60 facets, fair", ", exact, vertices"),)
-"""Left out: each step among dice of the same odds takes as long as another design."""
+"""Left out: each step among dice of the same probabilities takes as long as another design."""
 
 
 def design_cases() -> Iterator[Case]:

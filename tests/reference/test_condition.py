@@ -8,7 +8,7 @@ import torch
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
-from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.gradient.rest_probabilities import evaluate_rests
 from tests.reference.oracle_derivatives import derivative_condition, probability_condition
 from tests.reference.random_hulls import random_hull
 from tests.reference.stiff import grazing_body

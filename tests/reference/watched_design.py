@@ -13,7 +13,7 @@ import numpy as np
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_properties
-from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.optimize.energy import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
@@ -43,7 +43,7 @@ def run_method(
     watched: dict[str, Any] = {
         "center_of_mass": design.center_of_mass,
         "on_step": on_step,
-        "on_candidate": lambda candidate: on_die(candidate.rests, candidate.odds_jacobian),
+        "on_candidate": lambda candidate: on_die(candidate.rests, candidate.probability_jacobian),
     }
     if design.method == "exact":
         exact = ExactOptions(
@@ -107,7 +107,7 @@ def _end(
     of_rest = cluster(poses.normals, result.directions).of_rest
     sums = np.bincount(of_rest, poses.probabilities, len(design.target))
     read = float(np.abs(sums - design.target).max())
-    # A tied body's center of mass is moved, and its odds are not those of one body.
+    # A tied body's center of mass is moved, and its probabilities are not those of one body.
     exact = read
     if not measurement.tied:
         hull = convex_hull(result.hull.vertices)

@@ -27,11 +27,17 @@ from dicedesign.report.curve_charts import (
 )
 from dicedesign.report.palette import ACCENT, FAINT, PALE
 from dicedesign.report.sheet import Sheet
-from dicedesign.results.parts import Draft, RoundOfThrows, SimulatedThrows, ThrownOdds, TradeOff
+from dicedesign.results.parts import (
+    Draft,
+    RoundOfThrows,
+    SimulatedThrows,
+    ThrowProbabilities,
+    TradeOff,
+)
 from dicedesign.results.result import Step
 from dicedesign.throws.goodness_of_fit import judge_rolls
 
-TARGET, ODDS = [0.25, 0.5, 0.25], [0.2, 0.5, 0.3]
+TARGET, PROBABILITIES = [0.25, 0.5, 0.25], [0.2, 0.5, 0.3]
 INTERVALS = [[0.15, 0.25], [0.45, 0.55], [0.24, 0.33]]
 
 
@@ -54,12 +60,12 @@ def limits(sheet: Sheet) -> list[np.ndarray]:
 
 def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
     two = Bars("two", ACCENT, TARGET, INTERVALS, "range", ())
-    kinds = [Bars("one", FAINT, ODDS), two]
+    kinds = [Bars("one", FAINT, PROBABILITIES), two]
     sheet = outcome_chart(["a", "b", "$c$"], kinds, title="title", x_label="x", target=TARGET)
     assert is_whole(sheet)
     (axes,) = sheet.figure.axes
     drawn = heights(sheet)
-    for name, values in (("target", TARGET), ("one", ODDS), ("two", TARGET)):
+    for name, values in (("target", TARGET), ("one", PROBABILITIES), ("two", TARGET)):
         np.testing.assert_allclose(drawn[name], 100.0 * np.array(values))
     target, one, two = (c for c in axes.containers if hasattr(c, "patches"))
     for back, left, right in zip(target, one, two, strict=True):
@@ -74,10 +80,10 @@ def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
 
 @pytest.mark.parametrize(("count", "values"), [(16, 16), (60, 0)])
 def test_values_are_written_for_few_outcomes(count: int, values: int) -> None:
-    odds = np.full(count, 1.0 / count)
+    probabilities = np.full(count, 1.0 / count)
     labels = [f"no. {k}" for k in range(count)]
-    others = [Bars(f"kind number {k}", PALE, odds, values=()) for k in "abcd"]
-    kinds = [Bars("p", PALE, odds), *others]
+    others = [Bars(f"kind number {k}", PALE, probabilities, values=()) for k in "abcd"]
+    kinds = [Bars("p", PALE, probabilities), *others]
     sheet = outcome_chart(labels, kinds, title="TITLE", x_label="")
     assert sheet.texts.count(f"{100.0 / count:.2f}") == values
     # However long the labels are, and however many rows the legend has.
@@ -86,7 +92,7 @@ def test_values_are_written_for_few_outcomes(count: int, values: int) -> None:
 
 @pytest.mark.parametrize("labels", [[], ["a", "b"]])
 def test_one_of_each_for_each_outcome(labels: list[str]) -> None:
-    kinds = [Bars("p", PALE, ODDS)]
+    kinds = [Bars("p", PALE, PROBABILITIES)]
     with pytest.raises(InputError, match=rf"got {len(labels)} labels and 3, 3 probabilities"):
         outcome_chart(labels, kinds, title="", x_label="", target=TARGET)
 
@@ -95,7 +101,9 @@ def test_counts_of_throws_with_their_intervals() -> None:
     verdict = judge_rolls([30, 50, 20], [0.25, 0.5, 0.25], 0.9)
     sheet = rolls_chart(["a", "b", "c"], verdict)
     drawn = heights(sheet)
-    np.testing.assert_allclose(drawn["odds tested"] + drawn["thrown"], [25, 50, 25, 30, 50, 20])
+    np.testing.assert_allclose(
+        drawn["probabilities tested"] + drawn["thrown"], [25, 50, 25, 30, 50, 20]
+    )
     np.testing.assert_allclose(limits(sheet)[0], 100 * verdict.intervals)
     assert {"30", "50", "20", "exact 90 % interval"} <= set(sheet.texts)
     assert any(
@@ -106,12 +114,14 @@ def test_counts_of_throws_with_their_intervals() -> None:
 
 
 def test_bars_of_prints_hold_95_percent_of_them() -> None:
-    odds_of_prints = np.random.default_rng(0).normal(ODDS, [0.01, 0.02, 0.03], size=(100_000, 3))
-    ends = intervals_of_prints(ODDS, [0.01, 0.02, 0.03])
-    within = (odds_of_prints > ends[:, 0]) & (odds_of_prints < ends[:, 1])
+    probabilities_of_prints = np.random.default_rng(0).normal(
+        PROBABILITIES, [0.01, 0.02, 0.03], size=(100_000, 3)
+    )
+    ends = intervals_of_prints(PROBABILITIES, [0.01, 0.02, 0.03])
+    within = (probabilities_of_prints > ends[:, 0]) & (probabilities_of_prints < ends[:, 1])
     np.testing.assert_allclose(within.mean(axis=0), 0.95, atol=0.005)
     # Probabilities are none below 0.
-    wide = intervals_of_prints(ODDS, [0.5, 0.0, 0.0])
+    wide = intervals_of_prints(PROBABILITIES, [0.5, 0.0, 0.0])
     np.testing.assert_allclose(wide, [[0.0, 1.0], [0.5, 0.5], [0.3, 0.3]])
 
 
@@ -129,26 +139,26 @@ SIMULATED = SimulatedThrows(
 )
 
 
-def thrown(rounds: int, simulated: bool = True, **changes: Any) -> ThrownOdds:
+def thrown(rounds: int, simulated: bool = True, **changes: Any) -> ThrowProbabilities:
     usual = {"elsewhere_drops": 0, "elsewhere": None, "asked": TARGET, "frequencies": TARGET}
     values = {**usual, **changes}
     made = (
         RoundOfThrows(1000, 0.1, 0.02, 0.09, is_kept=False, **values),
         RoundOfThrows(1500, 0.04, 0.016, 0.03, is_kept=True, **values),
     )
-    odds = (0.24, 0.5, 0.26)
-    return ThrownOdds({}, odds, made[:rounds], SIMULATED if simulated else None)
+    probabilities = (0.24, 0.5, 0.26)
+    return ThrowProbabilities({}, probabilities, made[:rounds], SIMULATED if simulated else None)
 
 
 def test_dice_and_their_targets() -> None:
-    die = finished_box(labels=("a", "b", "c"), target=TARGET, probabilities=ODDS)
+    die = finished_box(labels=("a", "b", "c"), target=TARGET, probabilities=PROBABILITIES)
     sheet = bars_chart(die)
     assert any("max |p − q| = 0.05" in text for text in sheet.texts)
-    np.testing.assert_allclose(heights(sheet)["achieved"], 100.0 * np.array(ODDS))
+    np.testing.assert_allclose(heights(sheet)["achieved"], 100.0 * np.array(PROBABILITIES))
     table = replace(die, result=replace(die.result, thrown=thrown(0)))
     drawn = heights(table_chart(table))
     np.testing.assert_allclose(drawn["target"], 100.0 * np.array(TARGET))
-    np.testing.assert_allclose(drawn["without momentum"], 100.0 * np.array(ODDS))
+    np.testing.assert_allclose(drawn["without momentum"], 100.0 * np.array(PROBABILITIES))
     np.testing.assert_allclose(drawn["momentum model"], [24, 50, 26])
     np.testing.assert_allclose(drawn["simulated throws"], [26, 50, 24])
     told = "12,345 throws: total variation 0.0100 (95 %: 0.0000 to 0.0256), a perfect die: 0.0123"

@@ -110,20 +110,20 @@ def test_the_pdf_is_one_page_of_a4_with_text_and_the_png_the_same() -> None:
     text = page.extract_text()
     for expected in ("a < box", "<6>", "ab" * 32, "14.0 × 16.0 × 20.0 mm", "4.48 cm³"):
         assert expected in text
-    for odds in die.result.probabilities:
-        assert f"{100.0 * odds:.3f}" in text
+    for probabilities in die.result.probabilities:
+        assert f"{100.0 * probabilities:.3f}" in text
     pixels = decoded(sheet.png(dpi=150))
     assert pixels.shape == (1754, 1240, 3)
     assert 0.01 < (pixels.mean(axis=2) < 128).mean() < 0.3
 
 
-def test_odds_are_those_of_the_printed_file() -> None:
+def test_probabilities_are_those_of_the_printed_file() -> None:
     die = finished_box()
-    odds = np.array(die.result.probabilities)[::-1]
-    engraved = Engraved(tuple(odds), 0.0, 0.25)
+    probabilities = np.array(die.result.probabilities)[::-1]
+    engraved = Engraved(tuple(probabilities), 0.0, 0.25)
     labelled = replace(die, result=replace(die.result, engraved=engraved))
     found = sheet_facts(labelled, "die.stl", "ab")
-    assert [row[2] for row in found.rows] == [f"{100.0 * value:.3f}" for value in odds]
+    assert [row[2] for row in found.rows] == [f"{100.0 * value:.3f}" for value in probabilities]
     for row in found.rows:
         assert float(row[3]) == pytest.approx(float(row[2]) - float(row[1]), abs=0.0011)
     assert "25 %" in found.remark

@@ -71,7 +71,7 @@ def test_areas_on_paper_are_the_probabilities():
     np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
 
 
-def test_strong_areas_are_the_odds_under_a_cap():
+def test_strong_areas_are_the_probabilities_under_a_cap():
     poses = body("box").under("cap:0.3,-0.5,0.7:100")
     figure = gauss_map_figure(poses)
     areas = np.array([painted(figure, color).sum() for color in BASINS[: len(poses.normals)]])

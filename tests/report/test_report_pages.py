@@ -20,10 +20,10 @@ from dicedesign.results.parts import (
     PrintedLabel,
     Search,
     SimulatedThrows,
-    ThrownOdds,
+    ThrowProbabilities,
     TradeOff,
 )
-from dicedesign.results.result import Designed, InfillOdds, PrintTolerances, Result
+from dicedesign.results.result import Designed, InfillProbabilities, PrintTolerances, Result
 from dicedesign.throws.tables import table_named
 
 PNG = b"\x89PNG"
@@ -33,7 +33,7 @@ RESHAPED = {
     "rest_counts": (3, 1, 1, 1, 1, 17),
     "notes": ("7 vertices were welded",),
 }
-THROWN = ThrownOdds(
+THROWN = ThrowProbabilities(
     table_named("board-game").as_dict()
     | {"restitution": 0.5, "friction": 0.3, "height": 0.1, "speed": 0.2, "spin": 10.0}
     | {"size": 0.0317, "name": "my <table>", "source": "guessed"},
@@ -87,7 +87,7 @@ def test_a_convex_die() -> None:
 
 
 def test_a_die_that_keeps_a_shape() -> None:
-    names = ("rests", "before_after", "odds", "hull", "displacement", "energy")
+    names = ("rests", "before_after", "probabilities", "hull", "displacement", "energy")
     page = page_of(dict.fromkeys(names, PNG), **RESHAPED)
     assert len(page.sources) == 6
     at = page.cells.index("elsewhere")
@@ -116,7 +116,7 @@ def test_a_die_that_keeps_a_shape() -> None:
 def test_a_die_to_be_thrown() -> None:
     images = dict.fromkeys(("bars", "table", "rounds", "film", "views"), PNG) | {"throw": b"GIF89a"}
     page = page_of(images, thrown=THROWN)
-    # Without the bars of odds that the die is not meant to have.
+    # Without the bars of probabilities that the die is not meant to have.
     assert len(page.sources) == 5
     assert FIGURES["bars"].title not in page.text
     assert sum(source.startswith("data:image/gif;") for source in page.sources) == 1
@@ -199,7 +199,7 @@ def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) 
 def test_what_was_wanted_stands_beside_what_was_reached() -> None:
     told = cells((), attempts=4)
     for name, values in (
-        ("error of the odds, rests elsewhere included", ["at most 0.005", "0.25", "0.05"]),
+        ("error of the probabilities, rests elsewhere included", ["at most 0.005", "0.25", "0.05"]),
         ("angle between outcomes", ["at least 45°", "-", "90.0°"]),
         ("angle at which an outcome is left", ["at least 10°", "-", "45.0°"]),
     ):
@@ -208,8 +208,8 @@ def test_what_was_wanted_stands_beside_what_was_reached() -> None:
 
 
 def test_the_best_attempts_are_listed_and_the_die_first() -> None:
-    """Even attempts have the odds, the larger the number the farther they were moved; the third
-    has become the die."""
+    """Even attempts have the probabilities, the larger the number the farther they were moved; the
+    third has become the die."""
     drafts = tuple(
         Draft(k, None if k == 2 else 1.5, 0.001 if k % 2 == 0 else 0.1, 0.01 * k, 50.0, 12.0, 0)
         for k in range(1, 31)
@@ -244,7 +244,7 @@ TOLERANCES = PrintTolerances(
     total_variation=0.0104,
 )
 
-INFILL = InfillOdds(
+INFILL = InfillProbabilities(
     infill=0.15,
     walls_mm=1.2,
     advice="At 15 % infill nobody notices. Print it so, or solid.",

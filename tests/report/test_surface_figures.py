@@ -166,11 +166,11 @@ def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
     shell = hull_of(mesh, downs / 7.0)
     surface = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     labels = [f"no. {k}" for k in range(count)]
-    odds = np.arange(1, count + 1) / 100.0
+    probabilities = np.arange(1, count + 1) / 100.0
     front = np.array([1.0, 2.0, 3.0])
-    figure = rests_figure(surface, shell, downs, labels, odds, front)
+    figure = rests_figure(surface, shell, downs, labels, probabilities, front)
     shown = titled(figure)
-    plain = titled(rests_figure(surface, clear(shell), downs, labels, odds, front))
+    plain = titled(rests_figure(surface, clear(shell), downs, labels, probabilities, front))
     for k, label in enumerate(labels):
         assert f"{label}: {k + 1}.00 %" in shown
         # The facet that it rests on is seen straight from below.

@@ -44,8 +44,8 @@ def test_the_asymmetry_of_a_box() -> None:
     for s, t, u in ((BOX[0], BOX[1], BOX[2]), (BOX[1], BOX[2], BOX[0]), (BOX[2], BOX[0], BOX[1])):
         first = np.arctan2(t, s)
         phi = max(first, np.pi / 2 - first) / (np.pi / 2)
-        odds = min(solid_angle(t, u, s), solid_angle(s, u, t)) / (4 * np.pi)
-        expected += 4 * odds * (phi - 0.5)
+        probabilities = min(solid_angle(t, u, s), solid_angle(s, u, t)) / (4 * np.pi)
+        expected += 4 * probabilities * (phi - 0.5)
     assert asymmetry(poses) == pytest.approx(expected, abs=1e-13)
 
 
@@ -73,7 +73,7 @@ def test_margins_are_the_least_angles_of_points_along_the_border(seed: int) -> N
 
 @pytest.mark.parametrize("seed", range(3))
 def test_moments_of_basins_are_mean_directions_of_what_rolls_there(seed: int) -> None:
-    """Within four standard errors, which are at most the root of odds over number."""
+    """Within four standard errors, which are at most the root of probabilities over number."""
     poses = random_body(seed)
     hull, count = poses.hull, 1500
     paths = separatrices(classify(hull, poses.center_of_mass))

@@ -1,4 +1,5 @@
-"""Odds of outcomes, on bodies whose odds are known; and counted outcomes matched with rests."""
+"""Probabilities of outcomes, on bodies whose probabilities are known; and counted outcomes matched
+with rests."""
 
 from __future__ import annotations
 
@@ -12,9 +13,9 @@ from dicedesign.errors import InputError
 from dicedesign.rest.outcomes import (
     gathered,
     match_by_normals,
-    match_by_odds,
+    match_by_probability,
     outcome_margins,
-    outcome_odds,
+    outcome_probabilities,
 )
 
 Floats = NDArray[np.float64]
@@ -28,22 +29,22 @@ def roof(degrees: float) -> Floats:
 
 
 def test_a_cube_is_a_fair_die() -> None:
-    found = outcome_odds(rest_poses(CORNERS), NORMALS)
-    np.testing.assert_allclose(found.odds, 1.0 / 6.0, rtol=1e-12)
+    found = outcome_probabilities(rest_poses(CORNERS), NORMALS)
+    np.testing.assert_allclose(found.probabilities, 1.0 / 6.0, rtol=1e-12)
     assert found.elsewhere == 0.0
     np.testing.assert_array_equal(found.rest_counts, np.ones(6))
     assert found.error(np.full(6, 1.0 / 6.0)) < 1e-12
     assert found.error(np.array([0.1, 0.2, 0.2, 0.2, 0.15, 0.15])) == pytest.approx(1.0 / 15.0)
 
 
-def test_odds_elsewhere_count_as_error() -> None:
+def test_probabilities_elsewhere_count_as_error() -> None:
     poses = rest_poses(CORNERS * np.array([1.0, 0.9, 0.7]))
     upright = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    found = outcome_odds(poses, upright)
+    found = outcome_probabilities(poses, upright)
     expected = [poses.probabilities[np.argmax(poses.normals @ way)] for way in upright]
-    np.testing.assert_allclose(found.odds, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.probabilities, expected, rtol=1e-12)
     assert found.elsewhere == pytest.approx(1.0 - sum(expected))
-    assert found.error(found.odds) == found.elsewhere
+    assert found.error(found.probabilities) == found.elsewhere
     assert (found.outcome_of_rest == -1).sum() == 4
 
 
@@ -56,12 +57,12 @@ def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: boo
     directions = NORMALS.copy()
     # The main rest is one of the two, though the direction is that between them or beyond.
     directions[5] = [0.01, 0.0, -1.0] / np.hypot(0.01, 1.0)
-    found = outcome_odds(poses, directions)
+    found = outcome_probabilities(poses, directions)
     both = float(poses.probabilities[below].sum())
     assert found.rest_counts[5] == (2 if together else 1)
-    assert found.odds[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
+    assert found.probabilities[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
     assert found.elsewhere == pytest.approx(0.0 if together else both / 2.0, abs=1e-12)
-    assert found.odds.sum() + found.elsewhere == pytest.approx(1.0, rel=1e-12)
+    assert found.probabilities.sum() + found.elsewhere == pytest.approx(1.0, rel=1e-12)
 
 
 def test_margins_are_the_angles_at_which_a_box_tips() -> None:
@@ -69,11 +70,11 @@ def test_margins_are_the_angles_at_which_a_box_tips() -> None:
     half = np.array([1.0, 0.9, 0.7])
     poses = rest_poses(CORNERS * half)
     upright = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-    margins = outcome_margins(poses, outcome_odds(poses, upright))
+    margins = outcome_margins(poses, outcome_probabilities(poses, upright))
     np.testing.assert_allclose(margins, np.arctan([0.9 / 0.7, 0.9 / 0.7, 0.7 / 1.0]), rtol=1e-12)
     split = rest_poses(roof(3.0))
     below = np.array([[0.0, 0.0, -1.0]])
-    assert outcome_margins(split, outcome_odds(split, below))[0] > 0.7
+    assert outcome_margins(split, outcome_probabilities(split, below))[0] > 0.7
 
 
 def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
@@ -83,7 +84,7 @@ def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
     normals[0, 1] *= -1.0
     found = gathered(normals, np.array([0.1, 0.9]), directions)
     assert found.main.tolist() == [0, 1]
-    np.testing.assert_array_equal(found.odds, [0.1, 0.9])
+    np.testing.assert_array_equal(found.probabilities, [0.1, 0.9])
     assert found.elsewhere == 0.0
 
 
@@ -95,7 +96,7 @@ BROKEN = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0.01, 0], [-1.0, -0.01, 0]])
 
 
 @pytest.mark.parametrize(
-    ("normals", "odds", "wanted", "members", "group_of_rest"),
+    ("normals", "probabilities", "wanted", "members", "group_of_rest"),
     [
         (AXES, [0.4, 0.3, 0.2, 0.1], [0.101, 0.4, 0.199, 0.3], [1, 3, 2, 0], [0, 1, 2, 3]),
         (AXES, [0.38, 0.36, 0.13, 0.13], [0.13, 0.37, 0.37, 0.13], [(1, 2), (0, 3)], [0, 0, 1, 1]),
@@ -103,26 +104,32 @@ BROKEN = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0.01, 0], [-1.0, -0.01, 0]])
     ],
 )
 def test_outcomes_take_the_rests_of_their_rank(
-    normals: Floats, odds: list[float], wanted: list[float], members: list, group_of_rest: list[int]
+    normals: Floats,
+    probabilities: list[float],
+    wanted: list[float],
+    members: list,
+    group_of_rest: list[int],
 ) -> None:
-    """Equal odds are one group, and a facet in two is one outcome."""
+    """Equal probabilities are one group, and a facet in two is one outcome."""
     units = normals / np.linalg.norm(normals, axis=1)[:, None]
-    groups = match_by_odds("die", units, np.array(odds), wanted)
+    groups = match_by_probability("die", units, np.array(probabilities), wanted)
     assert groups.members == tuple(m if isinstance(m, tuple) else (m,) for m in members)
     assert groups.group_of_rest.tolist() == group_of_rest
 
 
 @pytest.mark.parametrize(
-    ("odds", "wanted", "message"),
+    ("probabilities", "wanted", "message"),
     [
         ([0.5, 0.5], [0.5, 0.25, 0.25], "expected at least as many rests as outcomes, got 2 rests"),
         ([0.5, 0.3, 0.2], [0.5, 0.25, 0.25], "got 0.3000 for 0.2500"),
-        ([0.5, 0.5], [0.5, 0.5], "expected outcomes that differ in their geometric odds"),
+        ([0.5, 0.5], [0.5, 0.5], "expected outcomes that differ in their geometric probabilities"),
     ],
 )
-def test_dice_that_cannot_be_matched(odds: list[float], wanted: list[float], message: str) -> None:
+def test_dice_that_cannot_be_matched(
+    probabilities: list[float], wanted: list[float], message: str
+) -> None:
     with pytest.raises(InputError, match=message):
-        match_by_odds("die", AXES[: len(odds)], np.array(odds), wanted)
+        match_by_probability("die", AXES[: len(probabilities)], np.array(probabilities), wanted)
 
 
 def test_by_normals() -> None:

@@ -1,4 +1,4 @@
-"""Odds under priors, against closed forms, other ways to the same, and rolled bodies."""
+"""Probabilities under priors, against closed forms, other ways to the same, and rolled bodies."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def random_body(seed: int, corners: int = 24) -> Floats:
 
 
 def by_facet(poses: dd.RestPoses) -> Floats:
-    """(m,) odds of the facets."""
-    odds = np.zeros(len(poses.hull.normals))
-    odds[poses.facets] = poses.probabilities
-    return odds
+    """(m,) probabilities of the facets."""
+    probabilities = np.zeros(len(poses.hull.normals))
+    probabilities[poses.facets] = poses.probabilities
+    return probabilities
 
 
 def drawn(axis: Floats, concentration: float, count: int) -> Floats:
@@ -120,7 +120,7 @@ def test_drawn_directions_roll_as_often_as_said(concentration: float) -> None:
     found = poses.under(dd.SampledDirections(directions))
     said = by_facet(poses.under(dd.VonMisesFisher(AXES[1], concentration)))
     assert found.errors is not None
-    # The intervals hold 95 %: of 12 odds or so, most.
+    # The intervals hold 95 %: of 12 probabilities or so, most.
     assert (np.abs(found.probabilities - said[found.facets]) <= found.errors).mean() > 0.7
     np.testing.assert_allclose(found.probabilities, said[found.facets], atol=0.01)
 

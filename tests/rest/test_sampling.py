@@ -1,4 +1,4 @@
-"""Poses drawn by their odds: how often, how they stand, and what may be asked for."""
+"""Poses drawn by their probabilities: how often, how they stand, and what may be asked for."""
 
 from __future__ import annotations
 

@@ -28,7 +28,8 @@ RESTS = {"cube": 6, "dodecahedron": 12, "prism": 14, "die": 11}
 
 @cache
 def body(name: str) -> ConvexHull:
-    """A solid of circumradius 1 in float64; the die is on its way to the odds of two dice."""
+    """A solid of circumradius 1 in float64; the die is on its way to the probabilities of two
+    dice."""
     if name == "die":
         start, target = hendecahedron("circus"), sum_of_dice([6, 6]).probabilities
         options = ExactOptions(prefer=Preferences())

@@ -55,10 +55,10 @@ def test_a_tie_that_matters_is_told() -> None:
 @pytest.mark.parametrize("half", HALVES)
 def test_what_could_fall_both_ways_falls_both_ways_equally_often(half: list[list[int]]) -> None:
     """Every direction and its opposite fare alike on a centrally symmetric body."""
-    odds = by_normal(rest_poses(np.concatenate([half, -np.array(half)])))
-    for normal, p in odds.items():
+    probabilities = by_normal(rest_poses(np.concatenate([half, -np.array(half)])))
+    for normal, p in probabilities.items():
         opposite = tuple(-x + 0.0 for x in normal)
-        assert odds[opposite] == pytest.approx(p, abs=1e-5)
+        assert probabilities[opposite] == pytest.approx(p, abs=1e-5)
 
 
 def test_bodies_in_general_position_are_not_tied() -> None:
@@ -98,7 +98,7 @@ def group(generators: list[np.ndarray]) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("name", GENERATORS)
-def test_odds_of_symmetric_bodies_are_symmetric(name: str) -> None:
+def test_probabilities_of_symmetric_bodies_are_symmetric(name: str) -> None:
     symmetries = group(GENERATORS[name])
     rng = np.random.default_rng(len(symmetries))
     tied = asked = 0

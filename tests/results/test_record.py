@@ -12,7 +12,14 @@ import pytest
 
 from dicedesign.errors import InputError
 from dicedesign.results.folder import read_result
-from dicedesign.results.parts import Draft, Search, SimulatedThrows, Status, ThrownOdds, TradeOff
+from dicedesign.results.parts import (
+    Draft,
+    Search,
+    SimulatedThrows,
+    Status,
+    ThrowProbabilities,
+    TradeOff,
+)
 from dicedesign.results.result import (
     Balance,
     Designed,
@@ -59,7 +66,7 @@ RESULT = Result(
     search=Search(
         4, 2.5, 2, TradeOff(0.005, 45.0, 10.0, (Draft(2, 1.5, 0.001, 0.02, 50.0, 12.0, 3),))
     ),
-    thrown=ThrownOdds(
+    thrown=ThrowProbabilities(
         {"name": "carpet", "friction": 0.2},
         (0.3, 0.7),
         (),

@@ -207,7 +207,7 @@ def test_labels_move_where_that_makes_a_difference(
 ) -> None:
     recipe = made(**entries)
     space = search_space(recipe)
-    # Odds without momentum have nothing to be robust against.
+    # Probabilities without momentum have nothing to be robust against.
     names = [f"prefer.{name}" for name in PREFERENCES.names if name != "robustness"]
     assert set(space) == {*assigned, *(names if entries["method"] == "exact" else [])}
     own = {name: entry.own for name, entry in space.items()}

@@ -29,7 +29,7 @@ MOST_CHANGES = 3
 """Of a file."""
 
 SUM_LIMIT = 1e-9
-"""By how much the odds of a damaged mesh that can still be read may miss 1 in sum."""
+"""By how much the probabilities of a damaged mesh that can still be read may miss 1 in sum."""
 
 NUMBERS = (
     b"0", b"-1", b"1e308", b"-1e308", b"1e-320", b"1e999", b"nan", b"inf", b"9" * 400, b"9" * 5000,
@@ -129,9 +129,9 @@ def try_damaged(samples: Path, seed: int, number: int) -> list[str]:
 def wrong_answer(command: str, answer: Any) -> list[str]:
     """What is wrong with the JSON of a command."""
     if command == "rest":
-        odds = [rest["probability"] for rest in answer["rests"]]
-        if not (min(odds) >= 0.0 and abs(math.fsum(odds) - 1.0) <= SUM_LIMIT):
-            return [f"odds {odds} that sum to {math.fsum(odds)!r}"]
+        probabilities = [rest["probability"] for rest in answer["rests"]]
+        if not (min(probabilities) >= 0.0 and abs(math.fsum(probabilities) - 1.0) <= SUM_LIMIT):
+            return [f"probabilities {probabilities} that sum to {math.fsum(probabilities)!r}"]
     if command == "rolls":
         counts = [one["count"] for one in answer["outcomes"]]
         if sum(counts) != answer["throws"] or min(counts) < 0:

@@ -34,7 +34,7 @@ PER_FOLDER = 1000
 ENDINGS = (".stl", ".text.stl", ".obj", ".off", ".xyz", ".ply")
 
 SINGLE, DOUBLE = 2e-4, 1e-8
-"""Largest error of odds, where coordinates are rounded to single precision, and else."""
+"""Largest error of probabilities, where coordinates are rounded to single precision, and else."""
 
 LOOK = 0.25
 """Seconds between looks at the processes."""
@@ -114,8 +114,8 @@ def broken_files(points: Floats, triangles: Integers) -> list[tuple[str, bytes]]
 
 
 def known_bodies() -> list[tuple[Floats, Integers, Floats]]:
-    """Corners (n, 3), triangles (t, 3) and the ascending odds of their rests, by closed forms or in
-    60 digits, of many bodies."""
+    """Corners (n, 3), triangles (t, 3) and the ascending probabilities of their rests, by closed
+    forms or in 60 digits, of many bodies."""
     problems = [platonic(name) for name in PLATONIC]
     problems += [prism(sides, 0.6 + 0.2 * sides) for sides in range(3, 9)]
     problems += [antiprism(sides) for sides in range(4, 7)]
@@ -135,7 +135,7 @@ def known_bodies() -> list[tuple[Floats, Integers, Floats]]:
 def make_meshes(folder: Path, count: int, seed: int) -> dict[str, Floats | None]:
     """Fill a folder with meshes, each a known body turned, moved and sized at random.
 
-    Returns the odds of each file, by its path within the folder; None for a broken one.
+    Returns the probabilities of each file, by its path within the folder; None for a broken one.
     """
     known, answers = known_bodies(), dict[str, Floats | None]()
     for number in range(count):
@@ -258,14 +258,14 @@ def batch_faults(table: Path, answers: dict[str, Floats | None]) -> list[str]:
     """What is wrong with the table of a batch. answers: see `make_meshes`."""
     rows, faults = read_rows(table)
     faults += [f"{path.name} was left beside the table" for path in table.parent.glob(".*")]
-    odds, errors = dict[str, list[float]](), dict[str, str]()
+    probabilities, errors = dict[str, list[float]](), dict[str, str]()
     for row in rows:
         errors[row["file"]] = row["error"]
         if row["rest"]:
-            odds.setdefault(row["file"], []).append(float(row["probability"]))
+            probabilities.setdefault(row["file"], []).append(float(row["probability"]))
     faults += [f"{file}: no rows, or rows of no mesh" for file in answers.keys() ^ errors.keys()]
     for file in answers.keys() & errors.keys():
-        shares, got = answers[file], np.sort(odds.get(file, []))
+        shares, got = answers[file], np.sort(probabilities.get(file, []))
         if shares is None:
             is_right = bool(errors[file]) and len(got) == 0
         else:
@@ -276,5 +276,5 @@ def batch_faults(table: Path, answers: dict[str, Floats | None]) -> list[str]:
                 and bool(np.abs(got - shares).max() <= most)
             )
         if not is_right:
-            faults.append(f"{file}: expected odds {shares}, got {got} {errors[file]}")
+            faults.append(f"{file}: expected probabilities {shares}, got {got} {errors[file]}")
     return faults

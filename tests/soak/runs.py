@@ -36,7 +36,8 @@ SAME_FACET = 1.0 - 1e-9
 """Cosine of the angle between the normals of a rest and of the facet that the result tells."""
 
 FILE_LIMIT = 1e-6
-"""By how much the odds of a file in single precision may miss those of a target that was met."""
+"""By how much the probabilities of a file in single precision may miss those of a target that was
+met."""
 
 FLAWS = """
 name: ../die
@@ -50,7 +51,7 @@ target: {probabilities: [0.5, 0.6]}
 target: {fair: 3, binomial: 2}
 target: null
 method: {exact: {tolerance: -1.0}}
-method: {exact: {table: nowhere, odds: thrown}}
+method: {exact: {table: nowhere, probabilities: thrown}}
 start: {mesh: {path: nowhere.stl}}
 start: {prism: {sides: 1000000000}}
 engrave: {depth_mm: deep}
@@ -83,7 +84,7 @@ def random_recipe(rng: np.random.Generator) -> dict[str, Any]:
     }
     exact = {"starts": int(rng.integers(1, 5))}
     refine = {"drops": 200, "rounds": 1, "verdict": 300, "within": 0.2}
-    thrown = exact | {"odds": "thrown", "table": "board-game", "refine": refine}
+    thrown = exact | {"probabilities": "thrown", "table": "board-game", "refine": refine}
     methods = [
         *[{"method": {"paper": paper}, "start": prism}] * 3,
         *[{"method": {"exact": exact}, "start": prism}] * 3,
@@ -172,8 +173,8 @@ def unreadable(out: Path) -> list[str]:
 
 
 def result_faults(out: Path, code: int) -> list[str]:
-    """What is wrong with the results of a run that came to its end: the odds of a die are those of
-    its file, read back."""
+    """What is wrong with the results of a run that came to its end: the probabilities of a die are
+    those of its file, read back."""
     if faults := unreadable(out):
         return faults
     result = read_result(out)
@@ -191,8 +192,8 @@ def result_faults(out: Path, code: int) -> list[str]:
         [poses.probabilities[[one == label for one in told]].sum() for label in result.labels]
     )
     if np.abs(got - result.probabilities).max() > 1e-9:
-        faults.append(f"odds {got} by the file, {result.probabilities} by the result")
+        faults.append(f"probabilities {got} by the file, {result.probabilities} by the result")
     most = max(read_recipe(out / "recipe.yaml").method.tolerance, FILE_LIMIT)
     if result.converged and result.thrown is None and np.abs(got - result.target).max() > most:
-        faults.append(f"odds {got} of a die that converged to {result.target}")
+        faults.append(f"probabilities {got} of a die that converged to {result.target}")
     return faults

@@ -1,4 +1,5 @@
-"""What throws of several dice, or onto several tables, say of each, where odds are known."""
+"""What throws of several dice, or onto several tables, say of each, where probabilities are
+known."""
 
 from __future__ import annotations
 
@@ -7,42 +8,44 @@ import pytest
 
 from dicedesign.throws.bias import Belief, Bias, Series, expected_variation, variations_on_tables
 
-ODDS = np.array([0.5, 0.3, 0.15, 0.05])
+PROBABILITIES = np.array([0.5, 0.3, 0.15, 0.05])
 ALONE = np.array([1.0])
 
 
 def test_one_die_of_which_nothing_was_known_has_the_frequencies_of_its_throws() -> None:
     bias, counts = Bias(np.array([[1e3]])), np.array([4000, 4000, 1500, 500])
-    bias.learn(ALONE, ODDS, counts)
-    belief = bias.belief(ALONE, ODDS)
+    bias.learn(ALONE, PROBABILITIES, counts)
+    belief = bias.belief(ALONE, PROBABILITIES)
     frequencies = counts / 1e4
-    np.testing.assert_allclose(belief.odds, frequencies, rtol=1e-6)
+    np.testing.assert_allclose(belief.probabilities, frequencies, rtol=1e-6)
     binomial = np.sqrt(frequencies * (1.0 - frequencies) / 1e4)
     np.testing.assert_allclose(belief.scatter, binomial, rtol=1e-3)
-    np.testing.assert_allclose(np.exp(bias.logarithms(ALONE)), frequencies / ODDS, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.exp(bias.logarithms(ALONE)), frequencies / PROBABILITIES, rtol=1e-6
+    )
 
 
 def test_few_throws_of_many_dice_say_what_each_does() -> None:
-    """Dice and tables that change odds by the exponential of something linear: beliefs are right
-    as often as they claim to be, also of a die that was never thrown."""
+    """Dice and tables that change probabilities by the exponential of something linear: beliefs are
+    right as often as they claim to be, also of a die that was never thrown."""
     rng = np.random.default_rng(5)
     deviations = np.array([0.4, 0.1, 0.1])
     ratios = []
     for _ in range(60):
-        weights = deviations * rng.normal(size=(len(ODDS), 3))
+        weights = deviations * rng.normal(size=(len(PROBABILITIES), 3))
 
         def true(features: np.ndarray, weights: np.ndarray = weights) -> np.ndarray:
-            odds = ODDS * np.exp(weights @ features)
-            return odds / odds.sum()
+            probabilities = PROBABILITIES * np.exp(weights @ features)
+            return probabilities / probabilities.sum()
 
         bias = Bias(deviations[None])
         for features in rng.normal(size=(30, 2)):
             row = np.array([1.0, *features])
-            bias.learn(row, ODDS, rng.multinomial(300, true(row)))
+            bias.learn(row, PROBABILITIES, rng.multinomial(300, true(row)))
         fresh = np.array([1.0, *rng.normal(size=2)])
-        belief = bias.belief(fresh, ODDS)
-        ratios.append((belief.odds - true(fresh)) / belief.scatter)
-        assert 0.5 * np.abs(belief.odds - true(fresh)).sum() < 0.04
+        belief = bias.belief(fresh, PROBABILITIES)
+        ratios.append((belief.probabilities - true(fresh)) / belief.scatter)
+        assert 0.5 * np.abs(belief.probabilities - true(fresh)).sum() < 0.04
     assert np.std(ratios) == pytest.approx(1.0, abs=0.2)
 
 
@@ -50,7 +53,9 @@ def test_few_throws_of_many_dice_say_what_each_does() -> None:
 def test_the_expected_variation_is_the_mean_over_what_may_be(scatter: float) -> None:
     target = np.array([0.5, 0.3, 0.2])
     belief = Belief(np.array([0.51, 0.3, 0.19]), scatter * np.array([1.0, 0.5, 0.7]))
-    drawn = belief.odds + belief.scatter * np.random.default_rng(2).normal(size=(200_000, 3))
+    drawn = belief.probabilities + belief.scatter * np.random.default_rng(2).normal(
+        size=(200_000, 3)
+    )
     mean = (np.abs(drawn - target).sum(axis=1) / 2.0).mean()
     assert expected_variation(belief, target) == pytest.approx(mean, rel=0.01)
 
@@ -60,23 +65,23 @@ MEASURES = np.random.default_rng(1).normal(size=(32, 3))
 TILT = 0.05 * np.random.default_rng(2).normal(size=(3, 11))
 
 
-def tilted(odds: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
-    found = odds * np.exp(logarithms)
+def tilted(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
+    found = probabilities * np.exp(logarithms)
     return found / found.sum()
 
 
 def judged(change: float, known: float, drops: int, seed: int) -> tuple[np.ndarray, object]:
-    """True total variations on the tables, and what throws say, of a die whose odds change so much
-    with the table, of which a model knows a part."""
+    """True total variations on the tables, and what throws say, of a die whose probabilities change
+    so much with the table, of which a model knows a part."""
     rng = np.random.default_rng(seed)
     true = [tilted(TARGET, change * row @ TILT) for row in MEASURES]
     others = [
-        Series(tilted(TARGET, known * change * row @ TILT), rng.multinomial(drops, odds))
-        for row, odds in zip(MEASURES, true, strict=True)
+        Series(tilted(TARGET, known * change * row @ TILT), rng.multinomial(drops, probabilities))
+        for row, probabilities in zip(MEASURES, true, strict=True)
     ]
     meant = Series(TARGET, rng.multinomial(20 * drops, TARGET))
     found = variations_on_tables(TARGET, MEASURES, others, meant, 32 * drops)
-    return np.array([0.5 * np.abs(odds - TARGET).sum() for odds in true]), found
+    return np.array([0.5 * np.abs(probabilities - TARGET).sum() for probabilities in true]), found
 
 
 @pytest.mark.parametrize("known", [0.0, 0.7])

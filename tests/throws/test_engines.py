@@ -113,7 +113,7 @@ def test_what_a_body_cannot_miss_it_does_not(table: Table) -> None:
 
 
 @compiled_only
-def test_a_box_has_the_odds_of_its_symmetry() -> None:
+def test_a_box_has_the_probabilities_of_its_symmetry() -> None:
     body, poses = thrown(box(1.0, 1.15, 1.3))
     throws = simulate(body, BOARD, 3000, 1)
     assert throws.unresolved == 0

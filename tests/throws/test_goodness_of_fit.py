@@ -1,5 +1,5 @@
-"""Tests of odds and their power, against SciPy, brute force and published throws, and verdicts on
-throws."""
+"""Tests of probabilities and their power, against SciPy, brute force and published throws, and
+verdicts on throws."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def published(die: str, column: str) -> np.ndarray:
 )
 def test_published_throws(die: str, model: str, statistic: float, degrees: int) -> None:
     """The figures that were found of them before this package was written."""
-    counts, odds = published(die, "throws"), published(die, model)
-    found = chi_square(counts, odds / odds.sum())
+    counts, probabilities = published(die, "throws"), published(die, model)
+    found = chi_square(counts, probabilities / probabilities.sum())
     assert found.statistic == pytest.approx(statistic, abs=0.06)
     assert found.degrees == degrees
     assert found.p_value == pytest.approx(stats.chi2.sf(found.statistic, degrees), rel=1e-12)
@@ -67,40 +67,42 @@ def test_two_samples_as_in_scipy() -> None:
     assert (found.degrees, found.p_value) == (2, pytest.approx(expected.pvalue, rel=1e-12))
 
 
-def brute_force(counts: np.ndarray, odds: np.ndarray) -> float:
+def brute_force(counts: np.ndarray, probabilities: np.ndarray) -> float:
     throws = int(counts.sum())
-    law = stats.multinomial(throws, odds)
-    tables = [t for t in product(range(throws + 1), repeat=len(odds)) if sum(t) == throws]
+    law = stats.multinomial(throws, probabilities)
+    tables = [t for t in product(range(throws + 1), repeat=len(probabilities)) if sum(t) == throws]
     chances = law.pmf(np.array(tables))
     return float(chances[chances <= law.pmf(counts) * (1 + 1e-9)].sum())
 
 
 @pytest.mark.parametrize(
-    ("counts", "odds"),
+    ("counts", "probabilities"),
     [
         ([3, 0, 1], [0.2, 0.3, 0.5]),
         ([1, 1, 1, 1], [0.25, 0.25, 0.25, 0.25]),
         ([4, 3], [0.01, 0.99]),
     ],
 )
-def test_the_exact_test_by_brute_force(counts: list[int], odds: list[float]) -> None:
-    found = exact_multinomial(counts, odds)
-    assert found.p_value == pytest.approx(brute_force(np.array(counts), np.array(odds)), rel=1e-9)
-    kinds = len(odds)
+def test_the_exact_test_by_brute_force(counts: list[int], probabilities: list[float]) -> None:
+    found = exact_multinomial(counts, probabilities)
+    assert found.p_value == pytest.approx(
+        brute_force(np.array(counts), np.array(probabilities)), rel=1e-9
+    )
+    kinds = len(probabilities)
     assert found.tables == math.comb(sum(counts) + kinds - 1, kinds - 1)
     assert found.standard_error == 0.0
 
 
 def test_drawn_tables_agree_with_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    counts, odds = [9, 4, 6, 1], [0.25, 0.25, 0.25, 0.25]
-    every = exact_multinomial(counts, odds)
+    counts, probabilities = [9, 4, 6, 1], [0.25, 0.25, 0.25, 0.25]
+    every = exact_multinomial(counts, probabilities)
     monkeypatch.setattr(module, "MOST_TABLES", 0)
-    drawn = exact_multinomial(counts, odds)
+    drawn = exact_multinomial(counts, probabilities)
     assert abs(drawn.p_value - every.p_value) < 4 * drawn.standard_error
     assert drawn.standard_error == pytest.approx(
         math.sqrt(every.p_value * (1 - every.p_value) / 1e5), rel=0.02
     )
-    assert drawn == exact_multinomial(counts, odds)
+    assert drawn == exact_multinomial(counts, probabilities)
 
 
 @pytest.mark.parametrize("off", [3, 700])
@@ -133,13 +135,14 @@ def test_dice_that_are_rolled_are_noticed_as_often() -> None:
     slopes -= slopes.mean(axis=0)
     bias = np.array([0.006, -0.002, -0.008, 0.004])
     dice = 40_000
-    odds = PRINTED + bias + rng.normal(size=(dice, 6)) @ slopes.T
-    counts = rng.multinomial(1000, odds)
+    probabilities = PRINTED + bias + rng.normal(size=(dice, 6)) @ slopes.T
+    counts = rng.multinomial(1000, probabilities)
     statistic = ((counts - 1000 * PRINTED) ** 2 / (1000 * PRINTED)).sum(axis=1)
     noticed = (statistic > stats.chi2.isf(0.05, 3)).mean()
     predicted = chance_noticed(PRINTED, 1000, slopes @ slopes.T, bias)
     assert 0.15 < predicted < 0.6
-    # Four standard errors, and what counts being whole and odds not quite the target's come to.
+    # Four standard errors, and what counts being whole and probabilities not quite the target's
+    # come to.
     assert noticed == pytest.approx(predicted, abs=4 * np.sqrt(0.25 / dice) + 0.01)
 
 
@@ -169,8 +172,8 @@ def test_a_fair_coin_is_not_rejected() -> None:
 
 
 def test_rare_outcomes_are_tested_exactly() -> None:
-    odds = np.array([0.97, 0.03])
-    verdict = judge_rolls([29, 3], odds, 0.95)
+    probabilities = np.array([0.97, 0.03])
+    verdict = judge_rolls([29, 3], probabilities, 0.95)
     assert verdict.exact is not None
     assert verdict.p_value == pytest.approx(stats.binomtest(3, 32, 0.03).pvalue)
     # Pearson's test sees a deviation where there is too little to see.

@@ -31,7 +31,7 @@ from dicedesign.throws.momentum_model import (
     general_model_of,
     momentum_model,
 )
-from dicedesign.throws.momentum_odds import hull_odds, momentum_odds
+from dicedesign.throws.momentum_probabilities import hull_probabilities, momentum_probabilities
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
 
@@ -126,15 +126,21 @@ def _hull_and_rests(seed: int, count: int, flatness: float) -> tuple[Any, ...]:
     points = np.random.default_rng(seed).normal(size=(count, 3)) * [1.0, 1.0, flatness]
     hull = convex_hull(points)
     side = rest_poses(points).basins[0]
-    odds = side.areas / (4.0 * np.pi)
-    return hull, side.paths, hull.centroid, solid_inertia(hull.vertices, hull.triangles), odds
+    probabilities = side.areas / (4.0 * np.pi)
+    return (
+        hull,
+        side.paths,
+        hull.centroid,
+        solid_inertia(hull.vertices, hull.triangles),
+        probabilities,
+    )
 
 
 BODIES = [_hull_and_rests(1, 8, 1.0), _hull_and_rests(2, 30, 1.0), _hull_and_rests(3, 12, 0.05)]
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_every_model_within_its_ranges_gives_odds(seed: int) -> None:
+def test_every_model_within_its_ranges_gives_probabilities(seed: int) -> None:
     """Each array has some few numbers, at random places, the ends of its range among them."""
     rng = np.random.default_rng(seed)
 
@@ -152,10 +158,10 @@ def test_every_model_within_its_ranges_gives_odds(seed: int) -> None:
     for way in (nullcontext, without_kernels):
         for body in BODIES:
             with way(), np.errstate(over="raise", invalid="raise", divide="raise"):
-                odds = hull_odds(*body, model)
-            assert np.isfinite(odds).all()
-            assert odds.min() > -1e-12
-            assert odds.sum() == pytest.approx(1.0, abs=1e-9)
+                probabilities = hull_probabilities(*body, model)
+            assert np.isfinite(probabilities).all()
+            assert probabilities.min() > -1e-12
+            assert probabilities.sum() == pytest.approx(1.0, abs=1e-9)
 
 
 pytestmark = compiled_only
@@ -168,16 +174,19 @@ def dice() -> list[RandomDie]:
 
 
 @pytest.mark.parametrize("name", [name for name in TABLE_NAMES if name != "carpet"])
-def test_odds_are_nearer_to_throws_than_those_without_momentum(
+def test_probabilities_are_nearer_to_throws_than_those_without_momentum(
     dice: list[RandomDie], name: str
 ) -> None:
     apart = []
     for die in dice:
         throws = simulate(die.body, table_named(name), 1000, 3)
         frequencies = throws.counts / throws.counts.sum()
-        found = momentum_odds(die.poses, die.body, momentum_model(name))
+        found = momentum_probabilities(die.poses, die.body, momentum_model(name))
         apart.append(
-            [total_variation(frequencies, odds) for odds in (die.poses.probabilities, found)]
+            [
+                total_variation(frequencies, probabilities)
+                for probabilities in (die.poses.probabilities, found)
+            ]
         )
     geometric, momentum = np.mean(apart, axis=0)
     assert geometric > 0.1
@@ -194,6 +203,8 @@ def test_the_model_knows_what_a_livelier_table_does(dice: list[RandomDie]) -> No
         throws = [simulate(die.body, one, 1000, 5) for one in livelier]
         up, down = (one.counts / one.counts.sum() for one in throws)
         seen.append(up - down)
-        up, down = (momentum_odds(die.poses, die.body, model.near(one)) for one in livelier)
+        up, down = (
+            momentum_probabilities(die.poses, die.body, model.near(one)) for one in livelier
+        )
         expected.append(up - down)
     assert np.corrcoef(np.concatenate(seen), np.concatenate(expected))[0, 1] > 0.5

@@ -16,10 +16,10 @@ from scipy.special import expit, xlogy
 
 from dicedesign.throws import sessions as simulated
 from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
-from dicedesign.throws.odds_surrogate import (
+from dicedesign.throws.probability_surrogate import (
     LEVEL,
-    LogOddsProcess,
-    OddsSurrogate,
+    LogProbabilityProcess,
+    ProbabilitySurrogate,
     effective,
     weighted_points,
 )
@@ -67,7 +67,7 @@ def test_prediction_is_the_conditional_distribution() -> None:
     points, new = rng.random((15, 2)), rng.random((4, 2))
     noise = rng.uniform(0.01, 0.1, 15)
     values = curve(points)
-    process = LogOddsProcess(points, values, noise)
+    process = LogProbabilityProcess(points, values, noise)
     both = np.vstack([points, new]) / process.lengths
     squares = ((both[:, None] - both[None]) ** 2).sum(-1)
     joint = process.variance * np.exp(-0.5 * squares) + LEVEL
@@ -85,7 +85,7 @@ def test_prediction_is_the_conditional_distribution() -> None:
         assert process.surprises()[i] == pytest.approx(left / np.sqrt(spread), abs=1e-7)
 
 
-def true_odds(points: np.ndarray) -> np.ndarray:
+def true_probabilities(points: np.ndarray) -> np.ndarray:
     """Of three outcomes, by the first of two parameters."""
     first = expit(2.0 * points[:, 0] - 2.0)
     second = (1.0 - first) * 0.3
@@ -114,18 +114,18 @@ def die(name: str, counts: Sequence[int], size: float | None = SIZE) -> CountedD
 
 
 def test_likelihood() -> None:
-    """Against the multinomial formula, and its mean over draws of the odds."""
+    """Against the multinomial formula, and its mean over draws of the probabilities."""
     points = np.array([[0.2, 0.5], [0.7, 0.9]])
     counts = np.array([30, 0, 50])
     rng = np.random.default_rng(4)
     sets = rng.random((100, 2))
-    simulated_counts = np.array([rng.multinomial(500, p) for p in true_odds(sets)])
+    simulated_counts = np.array([rng.multinomial(500, p) for p in true_probabilities(sets)])
     real = replace(die("three", [0, 0]), counts=counts)
-    surrogate = OddsSurrogate.through(real, sets, simulated_counts)
-    of_odds = counts[[0, 2]] @ np.log(surrogate.odds(points)[:, [0, 2]].T)
+    surrogate = ProbabilitySurrogate.through(real, sets, simulated_counts)
+    of_probabilities = counts[[0, 2]] @ np.log(surrogate.probabilities(points)[:, [0, 2]].T)
     best = 30 * np.log(30 / 80) + 50 * np.log(50 / 80)
     plain = surrogate.log_likelihood(points, False)
-    assert plain == pytest.approx(of_odds - best, abs=1e-10)
+    assert plain == pytest.approx(of_probabilities - best, abs=1e-10)
     rng = np.random.default_rng(6)
     first, second = (
         expit(p.means(points) + np.sqrt(p.variances(points)) * rng.normal(size=(200_000, 2)))
@@ -149,7 +149,7 @@ def by_height(height: np.ndarray, restitution: np.ndarray) -> np.ndarray:
 
 
 def supposed(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
-    """Counts from known odds in place of simulated ones."""
+    """Counts from known probabilities in place of simulated ones."""
     restitution = np.array(table.restitution)
     if die.name == "hand":
         p = by_height(np.mean(table.height), restitution)
@@ -165,7 +165,7 @@ FIRST, SECOND = die("first", [160, 240]), die("second", [200, 300])
 
 
 @pytest.fixture(autouse=True)
-def known_odds(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def known_probabilities(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if "simulated" not in request.node.name:
         monkeypatch.setattr(simulated, "outcome_counts", supposed)
 
@@ -190,8 +190,8 @@ def likelihoods() -> tuple[np.ndarray, np.ndarray]:
     return p**160 * (1 - p) ** 240 * 1e110, q**200 * (1 - q) ** 300 * 1e140
 
 
-def test_posterior_is_that_of_the_known_odds(fit: TableFit) -> None:
-    """Against quadrature over the two parameters on which the odds depend."""
+def test_posterior_is_that_of_the_known_probabilities(fit: TableFit) -> None:
+    """Against quadrature over the two parameters on which the probabilities depend."""
     e, mu = grid()
     first, second = likelihoods()
     weights = first * second / (first * second).sum()
@@ -214,16 +214,16 @@ def test_posterior_is_that_of_the_known_odds(fit: TableFit) -> None:
 def test_each_die_is_predicted_without_its_own_counts(fit: TableFit) -> None:
     e, mu = grid()
     first, second = likelihoods()
-    for number, weights, odds in (
+    for number, weights, probabilities in (
         (0, second, by_restitution(e)),
         (1, first, by_friction(mu, e)),
         (2, first * second, by_restitution(e)),
     ):
-        mean = (weights * odds).sum() / weights.sum()
-        deviation = np.sqrt((weights * (odds - mean) ** 2).sum() / weights.sum())
+        mean = (weights * probabilities).sum() / weights.sum()
+        deviation = np.sqrt((weights * (probabilities - mean) ** 2).sum() / weights.sum())
         found = fit.dice[number].left_out
         assert found is not None
-        assert found.odds[0] == pytest.approx(mean, abs=0.25 * deviation)
+        assert found.probabilities[0] == pytest.approx(mean, abs=0.25 * deviation)
         assert found.deviation[0] == pytest.approx(deviation, rel=0.2)
 
 
@@ -261,16 +261,16 @@ def test_sessions_differ_in_hands() -> None:
         assert found.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
 
 
-def test_one_parameter_on_which_two_odds_depend() -> None:
+def test_one_parameter_on_which_two_probabilities_depend() -> None:
     """Normal to a good approximation: precisions add up."""
     value = np.random.default_rng(0).normal(0.5, 0.02, 100_000)
-    odds = np.stack([value, 1.0 - value], axis=1)
-    found = expected_deviations(value[:, None], odds, [100, 1000])
+    probabilities = np.stack([value, 1.0 - value], axis=1)
+    found = expected_deviations(value[:, None], probabilities, [100, 1000])
     for count, left in zip((100, 1000), found[:, 0], strict=True):
         assert left == pytest.approx((1.0 / 0.02**2 + count / 0.25) ** -0.5, rel=0.01)
 
 
-def test_by_odds_that_are_known_it_is_the_likelihood_ratio_test() -> None:
+def test_by_probabilities_that_are_known_it_is_the_likelihood_ratio_test() -> None:
     """Against all possible counts."""
     throws, p = 30, 0.3
     every = np.arange(throws + 1)
@@ -280,13 +280,13 @@ def test_by_odds_that_are_known_it_is_the_likelihood_ratio_test() -> None:
         exact = stats.binom.pmf(every[ratio >= ratio[came] - 1e-9], throws, p).sum()
         found = predicted(counts[came], np.array([[p, 1.0 - p]]), np.random.default_rng(came))
         assert found.p_value == pytest.approx(exact, abs=4.0 * found.standard_error + 1e-3)
-        assert found.odds == pytest.approx([p, 1.0 - p])
+        assert found.probabilities == pytest.approx([p, 1.0 - p])
         assert found.deviation == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 def test_the_outcome_that_is_least_as_predicted() -> None:
-    odds = np.tile([0.1, 0.3, 0.6], (50, 1))
-    found = predicted(np.array([60, 90, 150]), odds, np.random.default_rng(4))
+    probabilities = np.tile([0.1, 0.3, 0.6], (50, 1))
+    found = predicted(np.array([60, 90, 150]), probabilities, np.random.default_rng(4))
     assert found.worst == 0
     low, high = found.interval
     assert [low, high] == pytest.approx(stats.binom.ppf([0.025, 0.975], 300, 0.1), abs=1)
@@ -304,8 +304,8 @@ def test_a_die_thrown_on_the_same_table() -> None:
     groups = np.where(poses.normals[:, 2] > 0.5, -1, sides)
     seen = simulate(body, DEAD, 600, seed=1).counts
     real = np.array([seen[groups == side].sum() for side in range(3)])
-    odds = np.array([0.1, 0.2, 0.7])
-    die = CountedDie("box", body, 0.03, ("x", "y", "z"), real, odds, groups, poses)
+    probabilities = np.array([0.1, 0.2, 0.7])
+    die = CountedDie("box", body, 0.03, ("x", "y", "z"), real, probabilities, groups, poses)
     told: list[int] = []
     (check,) = check_table([die], DEAD, 700, 2, progress=told.append)
     assert sum(told) == 700
@@ -313,7 +313,7 @@ def test_a_die_thrown_on_the_same_table() -> None:
     same = simulate(body, Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0, size=0.03), 700, seed=2).counts
     wanted = [same[groups == side].sum() for side in range(3)]
     assert check.simulated.tolist() == wanted
-    assert check.odds.sum() == pytest.approx(1.0)
+    assert check.probabilities.sum() == pytest.approx(1.0)
     assert check.chi_square == two_sample_chi_square(real, wanted)
     assert check.chi_square.p_value > 0.01
     assert check.exact.p_value > 0.005
@@ -323,8 +323,8 @@ def test_a_die_thrown_on_the_same_table() -> None:
 
 @compiled_only
 def test_no_published_die_rejects_the_board_game() -> None:
-    """While two reject the odds without momentum. Of four dice one has p below 0.05 on many a
-    seed, without being rejected."""
+    """While two reject the probabilities without momentum. Of four dice one has p below 0.05 on
+    many a seed, without being rejected."""
     throws = public_data("published/throws.csv")
     names = ["binomial2", "binomial3", "binomial4", "2d6_hendecahedron"]
     checks = check_table(read_throw_counts(throws, names), table_named("board-game"), 4000, 12)

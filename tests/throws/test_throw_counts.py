@@ -61,24 +61,27 @@ def test_the_published_dice() -> None:
 def test_a_mesh(box: Path, tmp_path: Path) -> None:
     """Other columns and empty lines do not matter, nor blanks; sizes are in millimetres."""
     text = "note,die,mesh,outcome,throws,geometric,size_mm\n"
-    odds = _odds(box)
+    probabilities = _probabilities(box)
     for i, name in enumerate("ABCDEF"):
-        text += f"x, b ,{box.name},{name}, {i + 1} ,{odds[i]},16\n\n"
+        text += f"x, b ,{box.name},{name}, {i + 1} ,{probabilities[i]},16\n\n"
     (die,) = read_throw_counts(written(tmp_path, text))
     assert die.labels == ("A or B", "C or D", "E or F")
     assert die.counts.tolist() == [3, 7, 11]
     assert die.size == 0.016
-    assert die.geometric == pytest.approx([odds[0] * 2, odds[2] * 2, odds[4] * 2])
+    assert die.geometric == pytest.approx(
+        [probabilities[0] * 2, probabilities[2] * 2, probabilities[4] * 2]
+    )
 
 
-def _odds(box: Path) -> np.ndarray:
+def _probabilities(box: Path) -> np.ndarray:
     """Of a box's sides without momentum, from the solid angles of its spherical caps: here from
     `dicedesign rest`, which other tests prove."""
     return rest_poses(read_body(box)).probabilities
 
 
 def test_a_run(run: Path, tmp_path: Path) -> None:
-    """Its labels say which facet is which, its size is in millimetres, and it needs no odds."""
+    """Its labels say which facet is which, its size is in millimetres, and it needs no
+    probabilities."""
     text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\nb,run,y,9\n"
     (die,) = read_throw_counts(written(tmp_path, text))
     assert die.labels == ("z", "x", "y")
@@ -126,6 +129,6 @@ def test_files_that_cannot_be_used(
 def test_sizes_and_centers_that_cannot_be(
     box: Path, tmp_path: Path, com: str, size: str, message: str
 ) -> None:
-    rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_odds(box))]
+    rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_probabilities(box))]
     with pytest.raises(InputError, match=message):
         read_throw_counts(written(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))

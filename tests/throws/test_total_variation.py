@@ -56,16 +56,22 @@ def test_total_variation_is_the_largest_difference_of_any_event() -> None:
 
 
 @pytest.mark.parametrize("throws", [1, 7, 100])
-@pytest.mark.parametrize("odds", [TWO_DICE, np.array([0.5, 0.5]), np.array([0.999, 0.001])])
-def test_the_noise_floor_is_the_mean_over_all_counts(odds: np.ndarray, throws: int) -> None:
+@pytest.mark.parametrize(
+    "probabilities", [TWO_DICE, np.array([0.5, 0.5]), np.array([0.999, 0.001])]
+)
+def test_the_noise_floor_is_the_mean_over_all_counts(
+    probabilities: np.ndarray, throws: int
+) -> None:
     counts = np.arange(throws + 1)[:, None]
-    deviations = np.abs(counts / throws - odds) * stats.binom.pmf(counts, throws, odds)
-    assert noise_floor(odds, throws) == pytest.approx(deviations.sum() / 2, rel=1e-12)
+    deviations = np.abs(counts / throws - probabilities) * stats.binom.pmf(
+        counts, throws, probabilities
+    )
+    assert noise_floor(probabilities, throws) == pytest.approx(deviations.sum() / 2, rel=1e-12)
 
 
 @pytest.mark.parametrize("throws", [60, 2_000])
 @pytest.mark.parametrize(
-    ("odds", "truth"),
+    ("probabilities", "truth"),
     [
         pytest.param(TWO_DICE, TWO_DICE, id="as given"),
         pytest.param(np.full(4, 0.25), np.array([0.4, 0.1, 0.25, 0.25]), id="two labels off"),
@@ -73,16 +79,16 @@ def test_the_noise_floor_is_the_mean_over_all_counts(odds: np.ndarray, throws: i
     ],
 )
 def test_the_interval_covers(
-    odds: np.ndarray, truth: np.ndarray, throws: int, monkeypatch: pytest.MonkeyPatch
+    probabilities: np.ndarray, truth: np.ndarray, throws: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In 300 series of throws; the standard error of the coverage is 0.013."""
     monkeypatch.setattr(module, "DRAWS", 500)
-    expected = total_variation(odds, truth)
+    expected = total_variation(probabilities, truth)
     drawn = np.random.default_rng(2).multinomial(throws, truth, size=300)
-    measured = [measure_variation(counts, odds, 0.95) for counts in drawn]
+    measured = [measure_variation(counts, probabilities, 0.95) for counts in drawn]
     covered = [m.interval[0] <= expected <= m.interval[1] for m in measured]
     assert np.mean(covered) >= 0.93
-    if odds is truth:
+    if probabilities is truth:
         values = [m.value for m in measured]
         assert np.mean(values) == pytest.approx(measured[0].noise_floor, rel=0.08)
 

@@ -14,7 +14,7 @@ from common.paths import public_data
 import dicedesign as dd
 
 SHOWN = 6e-6
-"""Half of the last digit of odds that the page tells, and a little."""
+"""Half of the last digit of probabilities that the page tells, and a little."""
 
 SIDES = (20.0, 30.0, 40.0)
 
@@ -27,7 +27,7 @@ def block(tmp_path: Path) -> Path:
 
 
 def matches(opened: OpenedPage, poses: dd.RestPoses) -> bool:
-    shown, told = np.sort(opened.odds()), np.sort(poses.probabilities)
+    shown, told = np.sort(opened.probabilities()), np.sort(poses.probabilities)
     return len(shown) == len(told) and bool(np.abs(shown - told).max() < SHOWN)
 
 
@@ -40,7 +40,7 @@ def pull(opened: OpenedPage, axis: int, by: float) -> None:
     opened.page.wait_for_timeout(1000.0)
 
 
-def test_a_dragged_center_and_a_dragged_corner_have_the_odds_of_the_model(
+def test_a_dragged_center_and_a_dragged_corner_have_the_probabilities_of_the_model(
     open_page: Callable[..., OpenedPage], block: Path, tmp_path: Path
 ) -> None:
     opened = open_page(block)
@@ -94,13 +94,13 @@ def test_a_clicked_bar_stands_the_body_and_a_throw_ends_on_a_rest(
     viewed = exhibit.viewed
     assert viewed is not None
     for place in (5, 2):
-        opened.page.locator("#odds tbody tr").nth(place).click()
+        opened.page.locator("#probabilities tbody tr").nth(place).click()
         wanted = viewed.poses.normals[viewed.rows[place].rest]
         opened.until(lambda wanted=wanted: float(exhibit.down @ wanted) > 1.0 - 1e-9)
     opened.choose("Thrown onto", "hard-wood")
     opened.until(lambda: len(opened.rows()[0]) == 4)
-    thrown = dd.thrown_odds(dd.read_body(block), poses, "hard-wood")
-    np.testing.assert_allclose(np.sort(opened.odds()), np.sort(thrown), atol=SHOWN)
+    thrown = dd.throw_probabilities(dd.read_body(block), poses, "hard-wood")
+    np.testing.assert_allclose(np.sort(opened.probabilities()), np.sort(thrown), atol=SHOWN)
     for button in ("Throw it", "Let it go"):
         opened.button(button)
         opened.until(lambda: "came to rest" in (opened.page.text_content("#notice") or ""))
@@ -113,11 +113,13 @@ def test_a_clicked_bar_stands_the_body_and_a_throw_ends_on_a_rest(
         opened.until(lambda: opened.page.query_selector("#notice") is None)
 
 
-def test_a_public_model_has_its_odds_on_the_page(open_page: Callable[..., OpenedPage]) -> None:
+def test_a_public_model_has_its_probabilities_on_the_page(
+    open_page: Callable[..., OpenedPage],
+) -> None:
     path = public_data("models/spot.obj")
     opened = open_page(path)
     told = np.sort(dd.rest_poses(dd.read_body(path)).probabilities)[::-1]
-    shown = np.sort(opened.odds())[::-1]
+    shown = np.sort(opened.probabilities())[::-1]
     np.testing.assert_allclose(shown, told[: len(shown)], atol=SHOWN)
     assert opened.elsewhere == []
 
@@ -129,14 +131,14 @@ def test_every_browser_shows_what_was_typed_in_one_after_a_reload_too(
     other = opened.page.context.new_page()
     other.set_default_timeout(PATIENCE)
     other.goto(opened.view.page.gate.address)
-    other.wait_for_selector("#odds")
+    other.wait_for_selector("#probabilities")
     field = opened.page.locator("input[inputmode='decimal']").first
     field.fill("3")
     field.press("Tab")
     told = dd.rest_poses(dd.read_body(block), [3.0, 0.0, 0.0])
     opened.until(lambda: matches(opened, told))
     opened.page.reload()
-    opened.page.wait_for_selector("#odds")
+    opened.page.wait_for_selector("#probabilities")
     assert matches(opened, told)
-    assert other.inner_text("#odds") == opened.page.inner_text("#odds")
+    assert other.inner_text("#probabilities") == opened.page.inner_text("#probabilities")
     assert other.inner_text("#center") == opened.page.inner_text("#center") == "3, 0, 0"

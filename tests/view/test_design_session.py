@@ -21,8 +21,8 @@ COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "ed
 PATIENCE = 120.0
 
 
-def facet_odds(shape: DesignedShape) -> np.ndarray:
-    """(k,) odds of the facets that bear the outcomes."""
+def facet_probabilities(shape: DesignedShape) -> np.ndarray:
+    """(k,) probabilities of the facets that bear the outcomes."""
     poses = rest_poses(shape.hull.vertices)
     cosines = shape.directions @ poses.normals.T
     assert (cosines.max(axis=1) > 1.0 - 1e-9).all()
@@ -61,9 +61,9 @@ def session() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize(("method", "target"), [("exact", {"binomial": 3}), ("paper", COIN)])
-def test_a_die_gets_the_odds(session, target: dict[str, Any], method: str) -> None:
+def test_a_die_gets_the_probabilities(session, target: dict[str, Any], method: str) -> None:
     made = finished(session(target, method=method))
-    np.testing.assert_allclose(facet_odds(made.shape), made.target, atol=1e-11)
+    np.testing.assert_allclose(facet_probabilities(made.shape), made.target, atol=1e-11)
     assert made.message == Status.CONVERGED.value
     assert made.shape.error < 1e-11
 
@@ -134,14 +134,14 @@ def area_spread(shape: DesignedShape) -> float:
     return float(np.log(areas).std())
 
 
-def test_preferences_change_the_shape_and_keep_the_odds(session) -> None:
+def test_preferences_change_the_shape_and_keep_the_probabilities(session) -> None:
     made = finished(session({"sum_of_dice": [4, 4]}, prefer=Preferences(roundness=1.0)))
     before = made.shape
     made.change(replace(made.request, prefer=Preferences(areas=1.0)))
     assert made.state == "paused"
     finished(made)
     assert area_spread(made.shape) < 0.8 * area_spread(before)
-    np.testing.assert_allclose(facet_odds(made.shape), made.target, atol=1e-11)
+    np.testing.assert_allclose(facet_probabilities(made.shape), made.target, atol=1e-11)
 
 
 def test_weights_that_change_on_the_way(session) -> None:
@@ -175,7 +175,7 @@ def test_another_method_from_the_present_shape(session) -> None:
     made.change(replace(made.request, method="exact", prefer=Preferences()))
     finished(made)
     assert made.shapes[4] is before
-    np.testing.assert_allclose(facet_odds(made.shape), 1.0 / 6.0, atol=1e-11)
+    np.testing.assert_allclose(facet_probabilities(made.shape), 1.0 / 6.0, atol=1e-11)
 
 
 def test_pinned_facets_stay_until_they_are_let_go(session) -> None:
@@ -213,7 +213,7 @@ def test_labels_change_places_and_the_pin_stays_with_the_facet(session) -> None:
     made.change(replace(made.request, pinned=("c",)))
     made.swap("a", "e")
     finished(made)
-    np.testing.assert_allclose(facet_odds(made.shape), target, atol=1e-11)
+    np.testing.assert_allclose(facet_probabilities(made.shape), target, atol=1e-11)
     np.testing.assert_allclose(made.shape.directions[2], before.directions[2], atol=1e-12)
     nearest = np.argmax(made.shape.directions @ before.directions.T, axis=1)
     np.testing.assert_array_equal(nearest, [4, 1, 2, 3, 0])
@@ -253,8 +253,8 @@ def test_bad_requests_begin_nothing() -> None:
         session.swap("1", "2")
 
 
-def test_odds_that_cannot_be_met(session) -> None:
-    """All facets of a cube-like die are pinned, and so are the odds."""
+def test_probabilities_that_cannot_be_met(session) -> None:
+    """All facets of a cube-like die are pinned, and so are the probabilities."""
     made = finished(session({"fair": 6}))
     assert len(made.shape.hull.normals) == 6
     other = {"probabilities": [0.2, 0.2, 0.2, 0.2, 0.1, 0.1]}
@@ -264,7 +264,7 @@ def test_odds_that_cannot_be_met(session) -> None:
     assert made.state == "done"
     assert made.status is not Status.CONVERGED
     assert made.message == made.status.value
-    np.testing.assert_allclose(facet_odds(made.shape), 1.0 / 6.0, atol=1e-9)
+    np.testing.assert_allclose(facet_probabilities(made.shape), 1.0 / 6.0, atol=1e-9)
 
 
 def test_labels_that_no_font_has_end_before_the_design(session) -> None:
@@ -279,10 +279,10 @@ def test_steps_that_are_watched_lead_to_the_same(session) -> None:
     made = session(COIN)
     made.least_seconds = 0.01
     finished(made)
-    np.testing.assert_allclose(facet_odds(made.shape), [1 / 2, 1 / 3, 1 / 6], atol=1e-11)
+    np.testing.assert_allclose(facet_probabilities(made.shape), [1 / 2, 1 / 3, 1 / 6], atol=1e-11)
 
 
-def test_whatever_is_pressed_it_ends_at_the_odds(session) -> None:
+def test_whatever_is_pressed_it_ends_at_the_probabilities(session) -> None:
     """Buttons pressed at random, at moments that the machine chooses."""
     rng = np.random.default_rng(0)
     made = session({"fair": 5})
@@ -301,4 +301,4 @@ def test_whatever_is_pressed_it_ends_at_the_odds(session) -> None:
         made.wait(float(rng.choice([0.0, 0.01])))
         assert made.state in ("running", "paused", "done")
     finished(made)
-    np.testing.assert_allclose(facet_odds(made.shape), 0.2, atol=1e-11)
+    np.testing.assert_allclose(facet_probabilities(made.shape), 0.2, atol=1e-11)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 SHOWN = 6e-6
-"""Half of the last digit of odds that the page tells, and a little."""
+"""Half of the last digit of probabilities that the page tells, and a little."""
 
 
 class NewDie(OpenedPage):
@@ -82,13 +82,13 @@ def new_die(browser: Browser) -> Iterator[NewDie]:
         assert not opened.errors
 
 
-def odds_of(path: Path) -> np.ndarray:
+def probabilities_of(path: Path) -> np.ndarray:
     """(r,) of all rests of a file, the largest first."""
     return dd.rest_poses(dd.read_body(path)).probabilities
 
 
-def test_odds_become_files(new_die: NewDie, tmp_path: Path) -> None:
-    new_die.field("Odds", "1/2, 1/3, 1/6")
+def test_probabilities_become_files(new_die: NewDie, tmp_path: Path) -> None:
+    new_die.field("Probabilities", "1/2, 1/3, 1/6")
     new_die.field("Labels", "heads, tails, edge")
     new_die.button("Design")
     assert "reached the tolerance" in new_die.state("done")
@@ -99,10 +99,12 @@ def test_odds_become_files(new_die: NewDie, tmp_path: Path) -> None:
 
     stl = new_die.download("STL", tmp_path)
     assert stl.name == "die.stl"
-    np.testing.assert_allclose(odds_of(stl), target, atol=1e-6)
+    np.testing.assert_allclose(probabilities_of(stl), target, atol=1e-6)
     assert new_die.table("printed", 0) == ["heads", "tails", "edge"]
-    np.testing.assert_allclose(new_die.numbers("printed", 2), odds_of(stl), atol=1e-8)
-    np.testing.assert_allclose(odds_of(new_die.download("3MF", tmp_path)), target, atol=1e-6)
+    np.testing.assert_allclose(new_die.numbers("printed", 2), probabilities_of(stl), atol=1e-8)
+    np.testing.assert_allclose(
+        probabilities_of(new_die.download("3MF", tmp_path)), target, atol=1e-6
+    )
 
     recipe = new_die.download("Recipe", tmp_path)
     assert recipe.name == "die.yaml"
@@ -113,7 +115,7 @@ def test_odds_become_files(new_die: NewDie, tmp_path: Path) -> None:
 def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
     """The numbers on the page are those of a design beside it, step by step."""
     beside = DesignSession(DieRequest({"fair": 5}))
-    new_die.field("Odds", "fair: 5")
+    new_die.field("Probabilities", "fair: 5")
     for number in range(3):
         new_die.button("Step")
         new_die.page.wait_for_function(
@@ -121,15 +123,15 @@ def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
         )
         beside.step()
         assert beside.wait(60.0)
-        odds = new_die.numbers("facets", 3)
-        np.testing.assert_allclose(odds, beside.shape.outcomes.odds, atol=SHOWN)
+        probabilities = new_die.numbers("facets", 3)
+        np.testing.assert_allclose(probabilities, beside.shape.outcomes.probabilities, atol=SHOWN)
     beside.close()
     new_die.button("Undo")
     new_die.page.wait_for_function(
         "document.querySelector('#design').innerText.includes('paused; step 1;')"
     )
     np.testing.assert_allclose(
-        new_die.numbers("facets", 3), beside.shapes[1].outcomes.odds, atol=SHOWN
+        new_die.numbers("facets", 3), beside.shapes[1].outcomes.probabilities, atol=SHOWN
     )
     before = new_die.numbers("facets", 3)
 
@@ -168,7 +170,7 @@ def extension() -> Iterator[str]:
 
 
 def test_extensions_and_their_weights(extension: str, new_die: NewDie, tmp_path: Path) -> None:
-    new_die.field("Odds", "fair: 5")
+    new_die.field("Probabilities", "fair: 5")
     new_die.page.get_by_text("More", exact=True).click()
     new_die.page.get_by_text("Preferences", exact=True).click()
     new_die.field(extension, "1.5")
@@ -186,15 +188,15 @@ def test_extensions_and_their_weights(extension: str, new_die: NewDie, tmp_path:
 def test_what_cannot_be_is_said_beside_the_field(new_die: NewDie) -> None:
     new_die.button("STL")
     assert "press Design first" in new_die.said("file-error")
-    for odds, words in (
+    for probabilities, words in (
         ("1/2, 1/3", "expected a sum of 1, got 0.8333"),
         ("<b>: [", "expected YAML"),
     ):
-        new_die.field("Odds", odds)
+        new_die.field("Probabilities", probabilities)
         new_die.until(lambda words=words: words in new_die.said("target-error"))
         new_die.button("Design")
     assert new_die.page.query_selector("#design") is None
-    new_die.field("Odds", "1/2, 1/3, 1/6")
+    new_die.field("Probabilities", "1/2, 1/3, 1/6")
     new_die.field("Labels", "a, a, b")
     new_die.until(lambda: "expected distinct labels, got 'a'" in new_die.said("target-error"))
     new_die.field("Labels", "a, b, <i>c")
@@ -219,6 +221,6 @@ def test_a_die_that_is_brought_can_be_designed_again(
     path.write_text("{name: coin, target: {probabilities: [1/2, 1/3, 1/6], labels: [a, b, c]}}")
     page = open_page(path).page
     page.get_by_role("tab", name="New die").click()
-    for label, text in (("Odds", "1/2, 1/3, 1/6"), ("Labels", "a, b, c")):
+    for label, text in (("Probabilities", "1/2, 1/3, 1/6"), ("Labels", "a, b, c")):
         box = page.locator(f'xpath=//label[normalize-space()="{label}"]/following::input[1]')
         assert box.input_value() == text

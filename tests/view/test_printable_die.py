@@ -15,7 +15,7 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import typed_target
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.result import Result
 from dicedesign.view.design_session import DesignSession, DieRequest
@@ -64,10 +64,10 @@ def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> No
         (tmp_path / name).write_bytes(data)
         poses = rest_poses(read_body(tmp_path / name))
         np.testing.assert_allclose(poses.probabilities, [1 / 2, 1 / 3, 1 / 6], atol=1e-6)
-    labels, target, odds = zip(*die.rows(), strict=True)
+    labels, target, probabilities = zip(*die.rows(), strict=True)
     assert labels == ("heads", "tails", "edge")
     np.testing.assert_allclose(target, [1 / 2, 1 / 3, 1 / 6])
-    np.testing.assert_allclose(odds, poses.probabilities, atol=1e-6)
+    np.testing.assert_allclose(probabilities, poses.probabilities, atol=1e-6)
 
 
 @pytest.mark.parametrize("method", ["exact", "paper"])
@@ -82,13 +82,13 @@ def test_a_straight_way_is_the_recipe_alone(tmp_path: Path, method: str) -> None
 
 
 def assert_same_die(die: PrintableDie, result: Result) -> None:
-    """The same odds, as designed and with labels, and each label on the same facet."""
-    odds = [has for _, _, has in die.rows()]
-    np.testing.assert_allclose(result.engraved.probabilities, odds, atol=1e-7)
-    np.testing.assert_allclose(result.probabilities, die.plain.outcomes.odds, atol=1e-7)
+    """The same probabilities, as designed and with labels, and each label on the same facet."""
+    probabilities = [has for _, _, has in die.rows()]
+    np.testing.assert_allclose(result.engraved.probabilities, probabilities, atol=1e-7)
+    np.testing.assert_allclose(result.probabilities, die.plain.outcomes.probabilities, atol=1e-7)
     again = {facet.label: facet.normal for facet in result.facets if facet.label is not None}
     poses = die.plain.poses
-    normals = poses.normals[outcome_odds(poses, die.shape.directions).main]
+    normals = poses.normals[outcome_probabilities(poses, die.shape.directions).main]
     for (label, _, _), normal in zip(die.rows(), normals, strict=True):
         np.testing.assert_allclose(again[label], normal, atol=1e-6)
 
@@ -118,18 +118,20 @@ def test_a_die_that_is_not_done_can_be_made_too(tmp_path: Path) -> None:
         assert session.wait(PATIENCE)
     die = printable_die(session)
     assert not die.is_converged
-    assert die.message.startswith("the odds of the outcomes are off by more than the tolerance")
-    odds = [has for _, _, has in die.rows()]
+    assert die.message.startswith(
+        "the probabilities of the outcomes are off by more than the tolerance"
+    )
+    probabilities = [has for _, _, has in die.rows()]
     assert max(abs(has - wanted) for _, wanted, has in die.rows()) > 1e-4
-    np.testing.assert_allclose(odds, session.shape.outcomes.odds, atol=5e-3)
+    np.testing.assert_allclose(probabilities, session.shape.outcomes.probabilities, atol=5e-3)
     result = run_again(die, tmp_path)
     assert_same_die(die, result)
     session.close()
 
 
 def test_every_preset_is_a_target() -> None:
-    for odds, labels in PRESETS.values():
-        recipe = DieRequest(typed_target(odds, labels or None)).recipe()
+    for probabilities, labels in PRESETS.values():
+        recipe = DieRequest(typed_target(probabilities, labels or None)).recipe()
         assert sum(recipe.target.target().probabilities) == pytest.approx(1.0)
 
 

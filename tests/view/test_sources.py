@@ -1,4 +1,4 @@
-"""Whatever a page is opened with comes as a body with the odds of the model."""
+"""Whatever a page is opened with comes as a body with the probabilities of the model."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_folder_of_meshes_has_them_all(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("engrave", [False, True])
-def test_a_finished_die_has_its_labels_and_odds(tmp_path: Path, engrave: bool) -> None:
+def test_a_finished_die_has_its_labels_and_probabilities(tmp_path: Path, engrave: bool) -> None:
     recipe = {
         "name": "d4",
         "target": {"probabilities": [0.1, 0.2, 0.3, 0.4], "labels": ["one", "2", "3", "4"]},
@@ -46,10 +46,12 @@ def test_a_finished_die_has_its_labels_and_odds(tmp_path: Path, engrave: bool) -
     }
     result = dd.run(recipe, out=tmp_path / "d4")
     viewed = source_of(tmp_path / "d4").load("d4", Tell())
-    odds = result.engraved.probabilities if engrave else result.probabilities
-    assert odds is not None
+    probabilities = result.engraved.probabilities if engrave else result.probabilities
+    assert probabilities is not None
     assert [row.label for row in viewed.rows][:4] == ["one", "2", "3", "4"]
-    np.testing.assert_allclose([row.odds for row in viewed.rows][:4], odds, atol=1e-9)
+    np.testing.assert_allclose(
+        [row.probabilities for row in viewed.rows][:4], probabilities, atol=1e-9
+    )
     assert [row.wanted for row in viewed.rows][:4] == [0.1, 0.2, 0.3, 0.4]
 
 
@@ -60,7 +62,7 @@ def test_a_recipe_is_designed_and_tells_how_far_it_is(tmp_path: Path) -> None:
     source = source_of(path)
     assert not source.quick
     viewed = source.load("d5", Tell(said.append))
-    np.testing.assert_allclose([row.odds for row in viewed.rows], 0.2, atol=1e-6)
+    np.testing.assert_allclose([row.probabilities for row in viewed.rows], 0.2, atol=1e-6)
     assert any("step" in words for words in said)
 
 

@@ -1,4 +1,5 @@
-"""A body that is dragged has the odds of the model, rows that keep their numbers, and bounds."""
+"""A body that is dragged has the probabilities of the model, rows that keep their numbers, and
+bounds."""
 
 from __future__ import annotations
 
@@ -21,16 +22,16 @@ def viewed(random_points: Callable[..., np.ndarray]) -> ViewedBody:
 
 
 def by_number(viewed: ViewedBody) -> dict[str, float]:
-    return {row.label: row.odds for row in viewed.rows}
+    return {row.label: row.probabilities for row in viewed.rows}
 
 
-def test_a_moved_center_has_the_odds_of_the_model(viewed: ViewedBody) -> None:
+def test_a_moved_center_has_the_probabilities_of_the_model(viewed: ViewedBody) -> None:
     place = viewed.center + 0.05
     moved, outside = viewed.with_center(place)
     assert not outside
     told = dd.rest_poses(viewed.hull.vertices, place)
-    odds = sorted(by_number(moved).values())
-    np.testing.assert_allclose(odds, np.sort(told.probabilities), atol=1e-12)
+    probabilities = sorted(by_number(moved).values())
+    np.testing.assert_allclose(probabilities, np.sort(told.probabilities), atol=1e-12)
     np.testing.assert_array_equal(moved.center, place)
 
 
@@ -77,12 +78,14 @@ def test_a_block_with_a_facet_pulled_is_a_longer_block() -> None:
     assert moved.dragged
 
 
-def test_a_pulled_corner_has_the_odds_of_the_model(viewed: ViewedBody) -> None:
+def test_a_pulled_corner_has_the_probabilities_of_the_model(viewed: ViewedBody) -> None:
     points = viewed.hull.vertices.copy()
     points[5] *= 1.5
     moved = viewed.with_vertex(5, points[5])
-    odds = np.sort(list(by_number(moved).values()))
-    np.testing.assert_allclose(odds, np.sort(dd.rest_poses(points).probabilities), atol=1e-12)
+    probabilities = np.sort(list(by_number(moved).values()))
+    np.testing.assert_allclose(
+        probabilities, np.sort(dd.rest_poses(points).probabilities), atol=1e-12
+    )
     assert len(moved.hull.vertices) < len(points)
 
 
@@ -109,19 +112,21 @@ def test_rows_of_a_die_are_its_outcomes() -> None:
     outcomes = Outcomes(("a", "b", "c", "d"), directions, np.full(4, 0.25))
     viewed = ViewedBody.of(make_body(BLOCK), outcomes=outcomes)
     told = dd.rest_poses(BLOCK)
-    odds = [float(told.probabilities[(told.normals @ way).argmax()]) for way in directions]
+    probabilities = [float(told.probabilities[(told.normals @ way).argmax()]) for way in directions]
     assert [row.label for row in viewed.rows] == ["a", "b", "c", "d", "other"]
-    np.testing.assert_allclose([row.odds for row in viewed.rows], [*odds, 1.0 - sum(odds)])
+    np.testing.assert_allclose(
+        [row.probabilities for row in viewed.rows], [*probabilities, 1.0 - sum(probabilities)]
+    )
     assert [row.wanted for row in viewed.rows] == [0.25, 0.25, 0.25, 0.25, None]
     for row, way in zip(viewed.rows, directions, strict=False):
         np.testing.assert_allclose(viewed.poses.normals[row.rest], way, atol=1e-12)
 
 
-def test_thrown_odds_are_those_of_the_model() -> None:
+def test_throw_probabilities_are_those_of_the_model() -> None:
     body = make_body(BLOCK)
     viewed = ViewedBody.of(body)
     thrown = viewed.thrown(momentum_model("board-game"))
-    told = dd.thrown_odds(body, viewed.poses, "board-game")
+    told = dd.throw_probabilities(body, viewed.poses, "board-game")
     np.testing.assert_allclose(thrown, told)
     moved, _ = viewed.with_center(np.array([0.0, 0.0, 0.7]))
     inertia = np.diag([1.5**2 + 2.0**2, 1.0 + 2.0**2, 1.0 + 1.5**2]) / 3.0
@@ -138,9 +143,11 @@ def test_a_die_under_a_prior_keeps_it_while_it_is_dragged() -> None:
     for body in (viewed, moved):
         told = dd.rest_poses(BLOCK, body.center)
         under = told.under("vmf:0,0,-1:2")
-        odds = [float(under.probabilities[(under.normals @ way).argmax()]) for way in directions]
-        np.testing.assert_allclose([row.odds for row in body.rows[:2]], odds)
-        thrown = dd.thrown_odds(make_body(BLOCK), told, "board-game")
+        probabilities = [
+            float(under.probabilities[(under.normals @ way).argmax()]) for way in directions
+        ]
+        np.testing.assert_allclose([row.probabilities for row in body.rows[:2]], probabilities)
+        thrown = dd.throw_probabilities(make_body(BLOCK), told, "board-game")
         landed = [float(thrown[(told.normals @ way).argmax()]) for way in directions]
         np.testing.assert_allclose(
             body.thrown(momentum_model("board-game"))[:2], landed, rtol=0.0, atol=1e-9

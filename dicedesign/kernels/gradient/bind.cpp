@@ -48,34 +48,34 @@ public:
     BodiesHandle(const BodiesHandle&) = delete;
 
     // How many rests each body has (b), 0 where that is open, then with as many rows for each as
-    // the most have their facets (b, k), normals (b, k, 3) and odds (b, k), 0 in rows too many.
+    // the most have their facets (b, k), normals (b, k, 3) and probabilities (b, k), 0 in rows too many.
     nb::tuple rests() const {
         const std::size_t count = bodies_.size();
         std::vector<Index> found(count);
         for (std::size_t i = 0; i < count; ++i)
-            if (bodies_[i]) found[i] = static_cast<Index>(bodies_[i]->odds.size());
+            if (bodies_[i]) found[i] = static_cast<Index>(bodies_[i]->probabilities.size());
         const std::size_t most = found.empty() ? 0 : *std::max_element(found.begin(), found.end());
         std::vector<Index> facets(count * most);
         std::vector<Vec> normals(count * most, Vec{0.0, 0.0, 0.0});
-        std::vector<double> odds(count * most);
+        std::vector<double> probabilities(count * most);
         for (std::size_t i = 0; i < count; ++i) {
             if (!bodies_[i]) continue;
             const RestedBody& body = *bodies_[i];
             std::copy(body.facets.begin(), body.facets.end(), facets.begin() + i * most);
             std::copy(body.normals.begin(), body.normals.end(), normals.begin() + i * most);
-            std::copy(body.odds.begin(), body.odds.end(), odds.begin() + i * most);
+            std::copy(body.probabilities.begin(), body.probabilities.end(), probabilities.begin() + i * most);
         }
         const std::size_t shape[3] = {count, most, 3};
         return nb::make_tuple(array(std::move(found)), owning<Index>(std::move(facets), 2, shape),
                               owning<double>(std::move(normals), 3, shape),
-                              owning<double>(std::move(odds), 2, shape));
+                              owning<double>(std::move(probabilities), 2, shape));
     }
 
     // Gradients (r, n, 3) in points and (r, 3) in centers for those (r, k, 3) in normals and (r, k)
-    // in odds of bodies (r), n of the most points; and (r) 0 where one is left open.
-    nb::tuple pull_back(Indices which, Blocks by_normals, Rows by_odds, std::size_t most_points,
+    // in probabilities of bodies (r), n of the most points; and (r) 0 where one is left open.
+    nb::tuple pull_back(Indices which, Blocks by_normals, Rows by_probabilities, std::size_t most_points,
                         std::size_t threads) const {
-        const std::size_t count = which.shape(0), rests = by_odds.shape(1);
+        const std::size_t count = which.shape(0), rests = by_probabilities.shape(1);
         std::vector<Vec> by_points(count * most_points, Vec{0.0, 0.0, 0.0});
         std::vector<Vec> by_centers(count, Vec{0.0, 0.0, 0.0});
         std::vector<Index> known(count);
@@ -84,7 +84,7 @@ public:
             const nb::gil_scoped_release others_may_run;
             in_parallel(count, threads, [&](std::size_t i) {
                 const std::optional<RestedBody>& body = bodies_[which(i)];
-                known[i] = body && body->pull_back(normals + i * rests, by_odds.data() + i * rests,
+                known[i] = body && body->pull_back(normals + i * rests, by_probabilities.data() + i * rests,
                                                    by_points.data() + i * most_points,
                                                    by_centers[i]);
             });

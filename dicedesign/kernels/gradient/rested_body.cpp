@@ -37,17 +37,17 @@ std::optional<RestedBody> RestedBody::of(const Vec* points, std::size_t count, c
         areas = signed_areas(hull, body.paths(), center, tolerances.near_antipode);
         if (!close_areas(areas, tolerances.closure)) return std::nullopt;
     }
-    std::vector<double>& odds = areas;
-    for (double& part : odds) part /= 4.0 * PI;
+    std::vector<double>& probabilities = areas;
+    for (double& part : probabilities) part /= 4.0 * PI;
     body.place_.resize(rests);
     std::iota(body.place_.begin(), body.place_.end(), std::size_t{0});
     std::stable_sort(body.place_.begin(), body.place_.end(),
-                     [&](std::size_t i, std::size_t j) { return odds[i] > odds[j]; });
+                     [&](std::size_t i, std::size_t j) { return probabilities[i] > probabilities[j]; });
     for (const std::size_t i : body.place_) {
         const Index facet = body.paths_.rests[i];
         body.facets.push_back(facet);
         body.normals.push_back(body.hull_.measures.normals[facet]);
-        body.odds.push_back(odds[i]);
+        body.probabilities.push_back(probabilities[i]);
     }
     return body;
 }
@@ -63,13 +63,13 @@ Paths RestedBody::paths() const {
             paths_.maxima.data()};
 }
 
-bool RestedBody::pull_back(const Vec* by_normals, const double* by_odds, Vec* by_points,
+bool RestedBody::pull_back(const Vec* by_normals, const double* by_probabilities, Vec* by_points,
                            Vec& by_center) const {
     const Polyhedron hull = hull_.polyhedron();
     std::vector<Vec> by_vertices(hull_.vertices.size(), Vec{0.0, 0.0, 0.0});
     Vec moving{0.0, 0.0, 0.0};
     std::vector<double> weights(place_.size());
-    for (std::size_t i = 0; i < place_.size(); ++i) weights[place_[i]] = by_odds[i] / (4.0 * PI);
+    for (std::size_t i = 0; i < place_.size(); ++i) weights[place_[i]] = by_probabilities[i] / (4.0 * PI);
     pull_back_areas(paths(), hull.vertices, center_, weights.data(), by_vertices.data(), moving);
     for (std::size_t i = 0; i < facets.size(); ++i) {
         const Vec& gradient = by_normals[i];

@@ -1,4 +1,4 @@
-// Odds and normals of a body's rests from its points alone, and their derivatives.
+// Probabilities and normals of a body's rests from its points alone, and their derivatives.
 #pragma once
 
 #include <optional>
@@ -28,12 +28,12 @@ public:
     // (k) by rest.
     std::vector<Index> facets;
     std::vector<Vec> normals;
-    std::vector<double> odds;
+    std::vector<double> probabilities;
 
-    // Add the gradient of the weighted sum of normals (k) and odds (k) to that in the points and in
+    // Add the gradient of the weighted sum of normals (k) and probabilities (k) to that in the points and in
     // a center that was given; false where derivatives are left open. Points inside the hull have
     // none.
-    bool pull_back(const Vec* by_normals, const double* by_odds, Vec* by_points,
+    bool pull_back(const Vec* by_normals, const double* by_probabilities, Vec* by_points,
                    Vec& by_center) const;
 
 private:

@@ -121,28 +121,28 @@ private:
     Momentum model_;
 };
 
-// Odds (k,) of the rests of a thrown body with a tensor of inertia over the mass.
-nb::object odds_of_thrown(const HullHandle& hull, const PathsHandle& paths,
+// Probabilities (k,) of the rests of a thrown body with a tensor of inertia over the mass.
+nb::object probabilities_of_thrown(const HullHandle& hull, const PathsHandle& paths,
                           const MomentumHandle& model, Floats center, Tensor inertia,
-                          Floats odds) {
+                          Floats probabilities) {
     const Symmetric<double> tensor{inertia(0, 0), inertia(1, 1), inertia(2, 2),
                                    inertia(0, 1), inertia(1, 2), inertia(2, 0)};
-    return array(thrown_odds({*hull, *paths}, *model, vector(center), tensor, odds.data()));
+    return array(throw_probabilities({*hull, *paths}, *model, vector(center), tensor, probabilities.data()));
 }
 
-// Gradients (r, 3 n), (r, 3) and (r, k) of weighted sums (r, k) of the odds of a uniform solid, in
-// the vertices, the center of mass and the odds without momentum.
+// Gradients (r, 3 n), (r, 3) and (r, k) of weighted sums (r, k) of the probabilities of a uniform solid, in
+// the vertices, the center of mass and the probabilities without momentum.
 nb::tuple thrown_gradients(const HullHandle& hull, const PathsHandle& paths,
-                           const MomentumHandle& model, Floats center, Floats odds, Rows weights) {
+                           const MomentumHandle& model, Floats center, Floats probabilities, Rows weights) {
     const std::size_t count = weights.shape(0);
     const std::size_t coordinates = 3 * static_cast<std::size_t>(hull->vertex_count);
     std::vector<double> by_vertices(count * coordinates), by_center(count * 3),
-        by_odds(count * odds.shape(0));
-    pull_back_thrown_odds({*hull, *paths}, *model, vector(center), odds.data(), weights.data(),
-                          count, by_vertices.data(), by_center.data(), by_odds.data());
+        by_probabilities(count * probabilities.shape(0));
+    pull_back_throw_probabilities({*hull, *paths}, *model, vector(center), probabilities.data(), weights.data(),
+                          count, by_vertices.data(), by_center.data(), by_probabilities.data());
     return nb::make_tuple(array(std::move(by_vertices), coordinates),
                           array(std::move(by_center), 3),
-                          array(std::move(by_odds), odds.shape(0)));
+                          array(std::move(by_probabilities), probabilities.shape(0)));
 }
 
 // Tensor of inertia (3, 3) of the uniform solid over its mass.
@@ -159,7 +159,7 @@ void bind_throws(nb::module_& module) {
     nb::class_<MomentumHandle>(module, "Momentum")
         .def(nb::init<Floats, std::array<std::size_t, 2>, std::array<std::size_t, 2>,
                       std::array<double, 9>>());
-    module.def("thrown_odds", &odds_of_thrown);
+    module.def("throw_probabilities", &probabilities_of_thrown);
     module.def("thrown_gradients", &thrown_gradients);
     module.def("solid_inertia", &inertia_of_solid);
 }

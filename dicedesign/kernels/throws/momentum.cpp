@@ -64,27 +64,27 @@ Vector<Traced> leaf(const Vec& a, Tape& tape) {
 
 }  // namespace
 
-std::vector<double> thrown_odds(const Landing& landing, const Momentum& model, const Vec& center,
-                                const Symmetric<double>& inertia, const double* odds) {
-    return landing_odds<double>(landing, model, corners_of(landing.hull), center, inertia,
-                                {odds, odds + landing.paths.rests});
+std::vector<double> throw_probabilities(const Landing& landing, const Momentum& model, const Vec& center,
+                                const Symmetric<double>& inertia, const double* probabilities) {
+    return landing_probabilities<double>(landing, model, corners_of(landing.hull), center, inertia,
+                                {probabilities, probabilities + landing.paths.rests});
 }
 
 Symmetric<double> solid_inertia(const Hull& hull) {
     return inertia_of<double>(hull, corners_of(hull));
 }
 
-void pull_back_thrown_odds(const Landing& landing, const Momentum& model, const Vec& center,
-                           const double* odds, const double* weights, std::size_t count,
-                           double* by_corners, double* by_center, double* by_odds) {
-    // The places on the tape are those of the corners, the center, the odds before and the rest.
+void pull_back_throw_probabilities(const Landing& landing, const Momentum& model, const Vec& center,
+                           const double* probabilities, const double* weights, std::size_t count,
+                           double* by_corners, double* by_center, double* by_probabilities) {
+    // The places on the tape are those of the corners, the center, the probabilities before and the rest.
     Tape tape;
     std::vector<Vector<Traced>> vertices;
     for (const Vec& corner : corners_of(landing.hull)) vertices.push_back(leaf(corner, tape));
     const Vector<Traced> middle = leaf(center, tape);
     std::vector<Traced> resting;
-    for (Index i = 0; i < landing.paths.rests; ++i) resting.emplace_back(odds[i], &tape);
-    const std::vector<Traced> thrown = landing_odds<Traced>(
+    for (Index i = 0; i < landing.paths.rests; ++i) resting.emplace_back(probabilities[i], &tape);
+    const std::vector<Traced> thrown = landing_probabilities<Traced>(
         landing, model, vertices, middle, inertia_of(landing.hull, vertices), resting);
     const std::size_t rests = resting.size(), coordinates = 3 * vertices.size();
     std::vector<double> gradients;
@@ -105,7 +105,7 @@ void pull_back_thrown_odds(const Landing& landing, const Momentum& model, const 
         };
         copy(0, coordinates, by_corners);
         copy(coordinates, 3, by_center);
-        copy(coordinates + 3, rests, by_odds);
+        copy(coordinates + 3, rests, by_probabilities);
     }
 }
 

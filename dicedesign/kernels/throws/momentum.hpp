@@ -1,4 +1,4 @@
-// Odds of a thrown body by the momentum model, and their derivatives.
+// Probabilities of a thrown body by the momentum model, and their derivatives.
 #pragma once
 
 #include <array>
@@ -30,7 +30,7 @@ struct MomentumNetwork {
 
 // Constants of dicedesign/throws/momentum, under their names.
 struct MomentumConstants {
-    // Of momentum_odds.py.
+    // Of momentum_probabilities.py.
     std::size_t impacts, carries;
     double most_rate, most_stretch, no_barrier;
     // Of transition_features.py.
@@ -46,19 +46,19 @@ struct Momentum {
     MomentumConstants constants;
 };
 
-// Odds (k) of the rests of a body with a center of mass, a tensor of inertia over the mass and odds
+// Probabilities (k) of the rests of a body with a center of mass, a tensor of inertia over the mass and probabilities
 // (k) without momentum.
-std::vector<double> thrown_odds(const Landing& landing, const Momentum& model, const Vec& center,
-                                const Symmetric<double>& inertia, const double* odds);
+std::vector<double> throw_probabilities(const Landing& landing, const Momentum& model, const Vec& center,
+                                const Symmetric<double>& inertia, const double* probabilities);
 
 // Tensor of inertia of the uniform solid over its mass, about its own center of mass.
 Symmetric<double> solid_inertia(const Hull& hull);
 
-// Add gradients of weighted sums (r, k) of the odds of a body with the inertia of a uniform solid:
-// those in the corners (r, n), with which the inertia changes, in the center (r) and in the odds
+// Add gradients of weighted sums (r, k) of the probabilities of a body with the inertia of a uniform solid:
+// those in the corners (r, n), with which the inertia changes, in the center (r) and in the probabilities
 // without momentum (r, k).
-void pull_back_thrown_odds(const Landing& landing, const Momentum& model, const Vec& center,
-                           const double* odds, const double* weights, std::size_t count,
-                           double* by_corners, double* by_center, double* by_odds);
+void pull_back_throw_probabilities(const Landing& landing, const Momentum& model, const Vec& center,
+                           const double* probabilities, const double* weights, std::size_t count,
+                           double* by_corners, double* by_center, double* by_probabilities);
 
 }  // namespace dicedesign

@@ -1,5 +1,5 @@
-// The odds of a thrown body from what the momentum model sees of it: the formulas of
-// dicedesign/throws/momentum/momentum_odds.py, with numbers of any kind.
+// The probabilities of a thrown body from what the momentum model sees of it: the formulas of
+// dicedesign/throws/momentum/momentum_probabilities.py, with numbers of any kind.
 #pragma once
 
 #include <algorithm>
@@ -111,7 +111,7 @@ struct Rates {
     std::vector<std::array<Real, 4>> carries;
 };
 
-// One impact: the odds (k) afterwards take the place of those before.
+// One impact: the probabilities (k) afterwards take the place of those before.
 template <class Real>
 class Impact {
 public:
@@ -120,8 +120,8 @@ public:
           stays_(ways.source.size()), coming_(ways.source.size()) {}
 
     void operator()(const std::vector<Real>& rate, const std::vector<Real>& weight,
-                    std::vector<Real>& odds) {
-        leave(rate, odds);
+                    std::vector<Real>& probabilities) {
+        leave(rate, probabilities);
         for (Real& stays : stays_) stays = Real(1.0);
         for (std::size_t i = 0; i < weight.size(); ++i) stays_[first(i)] += weight[i];
         for (Real& stays : stays_) stays = Real(1.0) / stays;
@@ -129,7 +129,7 @@ public:
         for (std::size_t i = 0; i < weight.size(); ++i) carried[i] = weight[i] * stays_[first(i)];
         for (std::size_t times = 0; times < most_carries_; ++times) {
             for (std::size_t p = 0; p < flow_.size(); ++p) {
-                add_product(odds[target(p)], flow_[p], stays_[p]);
+                add_product(probabilities[target(p)], flow_[p], stays_[p]);
                 coming_[p] = Real(0.0);
             }
             for (std::size_t i = 0; i < weight.size(); ++i) {
@@ -137,7 +137,7 @@ public:
             }
             flow_.swap(coming_);
         }
-        for (std::size_t p = 0; p < flow_.size(); ++p) odds[target(p)] += flow_[p];
+        for (std::size_t p = 0; p < flow_.size(); ++p) probabilities[target(p)] += flow_[p];
     }
 
 private:
@@ -157,18 +157,18 @@ private:
         return static_cast<std::size_t>(ways_.target[pass]);
     }
 
-    void leave(const std::vector<Real>& rate, std::vector<Real>& odds) {
+    void leave(const std::vector<Real>& rate, std::vector<Real>& probabilities) {
         using std::expm1;
         for (Real& leaving : leaving_) leaving = Real(0.0);
         for (std::size_t p = 0; p < rate.size(); ++p) leaving_[source(p)] += rate[p];
-        for (std::size_t i = 0; i < odds.size(); ++i) {
+        for (std::size_t i = 0; i < probabilities.size(); ++i) {
             // A rest that nothing leads away from is never left.
             if (!(value_of(leaving_[i]) > 0.0)) {
                 gone_[i] = Real(0.0);
                 continue;
             }
-            gone_[i] = odds[i] * (-expm1(-leaving_[i])) / leaving_[i];
-            odds[i] -= gone_[i] * leaving_[i];
+            gone_[i] = probabilities[i] * (-expm1(-leaving_[i])) / leaving_[i];
+            probabilities[i] -= gone_[i] * leaving_[i];
         }
         for (std::size_t p = 0; p < rate.size(); ++p) flow_[p] = gone_[source(p)] * rate[p];
     }
@@ -179,19 +179,19 @@ private:
     std::vector<Real> flow_, stays_, coming_;  // (m)
 };
 
-// Odds (k) of the rests for those without momentum.
+// Probabilities (k) of the rests for those without momentum.
 template <class Real>
-std::vector<Real> landing_odds(const Landing& landing, const Momentum& model,
+std::vector<Real> landing_probabilities(const Landing& landing, const Momentum& model,
                                const std::vector<Vector<Real>>& vertices,
                                const Vector<Real>& center, const Symmetric<Real>& inertia,
-                               std::vector<Real> odds) {
-    if (landing.paths.saddles == 0) return odds;
+                               std::vector<Real> probabilities) {
+    if (landing.paths.saddles == 0) return probabilities;
     const MomentumConstants& constants = model.constants;
     const Ways ways(landing);
-    const ThrownBody<Real> body(landing, vertices, center, inertia, odds, constants);
+    const ThrownBody<Real> body(landing, vertices, center, inertia, probabilities, constants);
     const Rates<Real> rates(body, ways, model);
     std::vector<Real> rate(ways.source.size()), weight(ways.first.size());
-    Impact<Real> impact(ways, odds.size(), constants.carries);
+    Impact<Real> impact(ways, probabilities.size(), constants.carries);
     const double least = std::exp(-constants.most_rate);
     const double impacts = static_cast<double>(constants.impacts);
     for (std::size_t i = 0; i < constants.impacts; ++i) {
@@ -206,9 +206,9 @@ std::vector<Real> landing_odds(const Landing& landing, const Momentum& model,
         for (std::size_t j = 0; j < weight.size(); ++j) {
             weight[j] = bounded(carrying, rates.carries[j], least);
         }
-        impact(rate, weight, odds);
+        impact(rate, weight, probabilities);
     }
-    return odds;
+    return probabilities;
 }
 
 }  // namespace dicedesign

@@ -101,7 +101,7 @@ inline Real speed_kept(const Real& inertia, const Vector<Real>& foot, const Vect
 template <class Real>
 struct Rest {
     Rest(const Hull& hull, Index facet, const std::vector<Vector<Real>>& arms,
-         const Symmetric<Real>& inertia, const Real& odds) {
+         const Symmetric<Real>& inertia, const Real& probabilities) {
         using std::log;
         for (Index i = hull.facet_start[facet]; i < hull.facet_start[facet + 1]; ++i) {
             corners.push_back(arms[static_cast<std::size_t>(hull.tail[i])]);
@@ -139,7 +139,7 @@ struct Rest {
             return dot(a, a);
         };
         const Vector<Real>& outer = corners[place_of_largest(count, distance)];
-        columns = {log(odds),
+        columns = {log(probabilities),
                    Real(0.5) * size,
                    log(Real(0.5) * dot(turned, normal)),
                    distances[place_of_largest(count, nearness)],
@@ -207,7 +207,7 @@ template <class Real>
 struct ThrownBody {
     ThrownBody(const Landing& landing, const std::vector<Vector<Real>>& vertices,
                const Vector<Real>& center, const Symmetric<Real>& inertia_tensor,
-               const std::vector<Real>& odds, const MomentumConstants& model_constants)
+               const std::vector<Real>& probabilities, const MomentumConstants& model_constants)
         : constants(model_constants) {
         std::vector<Vector<Real>> arms;
         for (const Vector<Real>& vertex : vertices) arms.push_back(vertex - center);
@@ -221,8 +221,8 @@ struct ThrownBody {
         Symmetric<Real> inertia = inertia_tensor;
         for (Real& entry : inertia) entry = entry / square;
         trace = inertia[0] + inertia[1] + inertia[2];
-        for (std::size_t i = 0; i < odds.size(); ++i) {
-            rests.emplace_back(landing.hull, landing.paths.resting[i], arms, inertia, odds[i]);
+        for (std::size_t i = 0; i < probabilities.size(); ++i) {
+            rests.emplace_back(landing.hull, landing.paths.resting[i], arms, inertia, probabilities[i]);
         }
         for (Index i = 0; i < landing.paths.saddles; ++i) {
             const auto of = [&](const Index* pair, std::size_t end) {

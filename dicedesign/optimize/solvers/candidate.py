@@ -1,5 +1,5 @@
 """Dice of the exact method, each at one set of parameters, and Levenberg-Marquardt steps from one
-to wanted odds.
+to wanted probabilities.
 
 A die has several parameters for each outcome, so the equations p = q have many solutions, and the
 shortest step to one is taken: `-W^-1 J^T (J W^-1 J^T + mu I)^-1 r` in a metric W. Probabilities
@@ -21,13 +21,13 @@ from torch import Tensor
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMemory, convex_hull
 from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges, circle_radii
-from dicedesign.gradient.odds_model import OddsModel
-from dicedesign.gradient.rest_odds import RestEvaluation, evaluate_rests
+from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.kernels.ops import Tie
 from dicedesign.optimize.coordinates import Coordinates, Shape
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.descent import SobolevGradient
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyse
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
@@ -54,7 +54,7 @@ class DesignResult:
     status: why it stopped.
     hull: the designed shape.
     directions: (k, 3) where the outcomes are.
-    error: its largest |p - q|, by the odds that the method is about.
+    error: its largest |p - q|, by the probabilities that the method is about.
     terms: the energy's terms of the hull, with their full weights.
     history: every accepted step, the first being the start.
     evaluations: dice tried, rejected ones and those after pruning included.
@@ -86,8 +86,8 @@ class Candidate:
     shape: what they make.
     rests: the die.
     rest_of_outcome: (k,) index into the die's rests of each outcome.
-    model: of its odds, where it is thrown or let go under a prior; None where they are those
-        without momentum, with any side down alike.
+    model: of its probabilities, where it is thrown or let go under a prior; None where they are
+        those without momentum, with any side down alike.
     """
 
     coordinates: Coordinates
@@ -95,7 +95,7 @@ class Candidate:
     shape: Shape
     rests: RestEvaluation
     rest_of_outcome: Integers
-    model: OddsModel | None = None
+    model: ProbabilityModel | None = None
 
     @property
     def outcome_facets(self) -> Integers:
@@ -108,10 +108,14 @@ class Candidate:
         return self.rests.hull.normals[self.outcome_facets]
 
     @cached_property
-    def odds(self) -> Floats:
+    def probabilities(self) -> Floats:
         """(k,) probabilities of the outcomes."""
-        odds = self.rests.odds if self.model is None else self.model.odds(self.rests)
-        return odds[self.rest_of_outcome]
+        probabilities = (
+            self.rests.probability_values
+            if self.model is None
+            else self.model.probabilities(self.rests)
+        )
+        return probabilities[self.rest_of_outcome]
 
     @cached_property
     def signed_depths(self) -> Tensor:
@@ -129,15 +133,16 @@ class Candidate:
 
     def error(self, target: Floats) -> float:
         """Largest |p - q| for target probabilities (k,)."""
-        return float(np.abs(self.odds - target).max())
+        return float(np.abs(self.probabilities - target).max())
 
     def dice_energy(self, target: Floats) -> float:
-        """Sum of (p - q)^2 over the outcomes, for target odds (k,) (eq. 12)."""
-        return float(((self.odds - target) ** 2).sum())
+        """Sum of (p - q)^2 over the outcomes, for target probabilities (k,) (eq. 12)."""
+        return float(((self.probabilities - target) ** 2).sum())
 
     @cached_property
-    def odds_jacobian(self) -> Floats:
-        """(k, n) derivatives of the odds in the parameters, those of all outcomes in one sweep."""
+    def probability_jacobian(self) -> Floats:
+        """(k, n) derivatives of the probabilities in the parameters, those of all outcomes in one
+        sweep."""
         rests = self.rests
         rows = rests.jacobian if self.model is None else self.model.jacobian(rests)
         return self.shape.in_parameters(rows[self.rest_of_outcome], rests.hull.source)
@@ -169,7 +174,7 @@ class CandidateMaker:
     """
 
     center_of_mass: Floats | None
-    model: OddsModel | None = None
+    model: ProbabilityModel | None = None
     offset: Floats | None = None
     evaluations: int = 0
     shapes: HullMemory = field(default_factory=HullMemory)
@@ -179,7 +184,7 @@ class CandidateMaker:
         self, coordinates: Coordinates, parameters: Floats, directions: Floats
     ) -> Candidate | None:
         """A candidate, or None where the parameters make no die with the wanted rests, or one that
-        is tied: the odds of a tied body jump.
+        is tied: the probabilities of a tied body jump.
 
         parameters: (n,) of the coordinates; directions: (k, 3) near which each outcome's facet is.
         """
@@ -195,7 +200,7 @@ class CandidateMaker:
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
                 return None
             candidate = Candidate(coordinates, parameters, shape, rests, nearest, self.model)
-            return candidate if np.isfinite(candidate.odds).all() else None
+            return candidate if np.isfinite(candidate.probabilities).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None
 
@@ -231,7 +236,7 @@ ROUNDED: Final = float(np.finfo(np.float32).eps) / 2.0
 
 def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
     """Largest |p - q| of copies of a die whose corners are off by what a file may be; 1 where one
-    is no die. target: (k,) odds under a prior."""
+    is no die. target: (k,) probabilities under a prior."""
     corners, center = candidate.rests.hull.vertices, candidate.rests.given_center
     size, random = float(np.abs(corners).max()), np.random.default_rng(0)
     errors = []
@@ -240,7 +245,9 @@ def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
         try:
             hull = convex_hull(corners + off, single_precision=True)
             poses = analyse(hull, hull.centroid if center is None else center.numpy())
-            errors.append(outcome_odds(poses.under(prior), candidate.directions).error(target))
+            errors.append(
+                outcome_probabilities(poses.under(prior), candidate.directions).error(target)
+            )
         except DiceError:
             errors.append(1.0)
     return max(errors)
@@ -277,11 +284,11 @@ MOST_STEPS: Final = 80
 
 @dataclass(frozen=True)
 class LevenbergMarquardt:
-    """Steps from a die towards odds.
+    """Steps from a die towards probabilities.
 
     Attributes
     ----------
-    target: (k,) the odds.
+    target: (k,) the probabilities.
     maker: makes the dice that are tried.
     tolerance: largest |p - q| wanted.
     sobolev: the metric `(I + lambda L)^p` in which steps of vertices are shortest, or None for
@@ -327,7 +334,7 @@ class LevenbergMarquardt:
         """An acceptable candidate or None, the part of the squared residuals that it takes away,
         and the damping for the next step."""
         residuals, walls = self._residuals(current, weight)
-        jacobian = current.odds_jacobian
+        jacobian = current.probability_jacobian
         if walls:
             jacobian = np.concatenate([jacobian, current.jacobian(*walls)])
         raised = jacobian.T
@@ -354,7 +361,7 @@ class LevenbergMarquardt:
     def _residuals(self, candidate: Candidate, weight: float) -> tuple[Floats, list[Tensor]]:
         """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth, and
         outcomes near each other in distance: these also as tensors, but for a constant."""
-        misses = candidate.odds - self.target
+        misses = candidate.probabilities - self.target
         if weight == 0.0:
             return misses, []
         depths = candidate.signed_depths

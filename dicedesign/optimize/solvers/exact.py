@@ -13,7 +13,7 @@ from typing import Final
 
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.odds_model import OddsUnderPrior, TableSensitivity
+from dicedesign.gradient.probability_model import ProbabilitiesUnderPrior, TableSensitivity
 from dicedesign.optimize.coordinates import Coordinates, VertexCoordinates, coordinates_of
 from dicedesign.optimize.options import MOST_WORK, ExactOptions
 from dicedesign.optimize.solvers.candidate import (
@@ -30,14 +30,14 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
-from dicedesign.tolerances import FILE_ODDS
+from dicedesign.tolerances import FILE_PROBABILITIES
 
 MOST_IMPROVEMENTS: Final = 100
-"""Steps by preference, once the odds are met."""
+"""Steps by preference, once the probabilities are met."""
 
 MOST_TOO_SMALL: Final = 12
-"""Starts that lead to the odds, but to a circle that is too small, after which no more are tried: a
-circle that large hardly fits any die of these odds."""
+"""Starts that lead to the probabilities, but to a circle that is too small, after which no more are
+tried: a circle that large hardly fits any die of these probabilities."""
 
 MOST_EMPTY_TURNS: Final = 600
 """Turns of a search for starts that may find nothing: about a minute."""
@@ -57,7 +57,8 @@ def solve_exactly(
     on_step: Callable[[DesignStep], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
-    """Move the first of some starting shapes that leads there until its odds are the target.
+    """Move the first of some starting shapes that leads there until its probabilities are the
+    target.
 
     Every result has exactly one rest for each outcome and no other. Starts that do not have that
     are passed over.
@@ -74,10 +75,10 @@ def solve_exactly(
         or None. Outcomes whose facets are images of each other are equally probable.
     least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
         each outcome has; starts that do not lead there are passed over. In [0, 0.5).
-    least_angle: between the facets of two outcomes, in radians, that the way to the odds tries to
-        keep; 0 for none.
+    least_angle: between the facets of two outcomes, in radians, that the way to the probabilities
+        tries to keep; 0 for none.
     sensitivity: has the model of thrown dice by which the target is met, and is what
-        `prefer.robustness` lowers; None for odds without momentum.
+        `prefer.robustness` lowers; None for probabilities without momentum.
     prior: how likely each direction is to be down at first, in the coordinates of `Start.points`,
         see `RestPoses.under`; None for all alike. Not with a sensitivity or a group.
     on_step: called after every accepted step.
@@ -88,11 +89,12 @@ def solve_exactly(
     ------
     NoStartError: none of the starts has one rest for each outcome and no other.
     InputError: a start without the symmetry; a symmetry with `coordinates` "vertices"; least_circle
-        out of range; a prior without a density, or with a symmetry or thrown odds.
+        out of range; a prior without a density, or with a symmetry or thrown probabilities.
     """
     if prior is not None and (group is not None or sensitivity is not None):
         raise InputError(
-            "prior: expected no symmetry and no thrown odds with it, got one of them; leave it out"
+            "prior: expected no symmetry and no thrown probabilities with it, got one of them; "
+            "leave it out"
         )
     if group is not None and options.coordinates != "facets":
         raise InputError(
@@ -104,7 +106,7 @@ def solve_exactly(
             "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
             f"two vertices, got {least_circle:g}; lower it"
         )
-    under_prior = None if prior is None else OddsUnderPrior.of(prior)
+    under_prior = None if prior is None else ProbabilitiesUnderPrior.of(prior)
     thrown = None if sensitivity is None else sensitivity.thrown
     search = _Search(
         target,
@@ -152,7 +154,7 @@ class _Search:
     least_circle: float
     least_angle: float
     sensitivity: TableSensitivity | None
-    under_prior: OddsUnderPrior | None
+    under_prior: ProbabilitiesUnderPrior | None
     on_step: Callable[[DesignStep], None] | None
     on_candidate: Callable[[Candidate], None] | None
     first: Start | None = None
@@ -163,7 +165,8 @@ class _Search:
 
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
-        # Largest |p - q| to end with: the die may yet be scaled, and its odds rounded anew.
+        # Largest |p - q| to end with: the die may yet be scaled, and its probabilities rounded
+        # anew.
         self.aim = self.options.tolerance / 2.0
 
     def is_out_of_time(self) -> bool:
@@ -234,9 +237,9 @@ class _Search:
         return coordinates_of(start.points, origin, self.group, pinned)
 
     def _is_firm(self, dice: list[Candidate], prior: Prior) -> bool:
-        """Whether one of some dice that meet the target keeps its odds in a file: the last of those
-        is then the best; else the last of all is, with that as a fault."""
-        most = max(self.options.tolerance, FILE_ODDS)
+        """Whether one of some dice that meet the target keeps its probabilities in a file: the last
+        of those is then the best; else the last of all is, with that as a fault."""
+        most = max(self.options.tolerance, FILE_PROBABILITIES)
         for candidate in reversed(dice):
             jump = largest_jump(candidate, self.target, prior)
             if jump <= most:

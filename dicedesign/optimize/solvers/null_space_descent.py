@@ -1,8 +1,9 @@
-"""Make a die better by one's preferences while its odds stay what they are.
+"""Make a die better by one's preferences while its probabilities stay what they are.
 
-A die has more parameters than outcomes, so the dice of the same odds form a manifold p = q. On it
-the sum of squared residuals is minimised by BFGS, which copes with the kinks that a shape has where
-its edges change: a step goes along the tangent space of the manifold, the null space of the odds'
+A die has more parameters than outcomes, so the dice of the same probabilities form a manifold p =
+q. On it the sum of squared residuals is minimised by BFGS, which copes with the kinks that a shape
+has where its edges change: a step goes along the tangent space of the manifold, the null space of
+    the probabilities'
 Jacobian, and Newton's method across brings it back.
 """
 
@@ -18,7 +19,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.gradient.facet_measures import circle_radii
-from dicedesign.gradient.odds_model import TableSensitivity
+from dicedesign.gradient.probability_model import TableSensitivity
 from dicedesign.optimize.preferences import BearingFacets, Preferences, preference_residuals
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.runtime.arrays import Floats
@@ -39,8 +40,8 @@ MOST_ROWS: Final = 600
 """Residuals up to which their Jacobian is worth its time."""
 
 RANK: Final = 1e-9
-"""Singular value of the odds' Jacobian, whose parameters are about 1 in size, below which one
-counts as none: odds sum to 1, and symmetry may tie more of them, or all."""
+"""Singular value of the probabilities' Jacobian, whose parameters are about 1 in size, below which
+one counts as none: probabilities sum to 1, and symmetry may tie more of them, or all."""
 
 DAMPING: Final = 1.0
 """Damping of the Gauss-Newton matrix that BFGS starts from, in units of its mean eigenvalue."""
@@ -85,16 +86,16 @@ def improve(
 ) -> Candidate:
     """The best die that steps from a given one lead to, by weighted preferences.
 
-    Every step keeps the odds within the tolerance, one rest for each outcome and no other. No facet
-    of an outcome comes near to losing its stability, or another to gaining it.
+    Every step keeps the probabilities within the tolerance, one rest for each outcome and no other.
+    No facet of an outcome comes near to losing its stability, or another to gaining it.
 
     Parameters
     ----------
-    candidate: a die whose odds are within the tolerance.
-    target: (k,) the odds.
+    candidate: a die whose probabilities are within the tolerance.
+    target: (k,) the probabilities.
     maker: makes the dice that are tried.
     preferences: what is made better.
-    sensitivity: of the odds when thrown, or None for odds without momentum.
+    sensitivity: of the probabilities when thrown, or None for probabilities without momentum.
     least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
         outcome shall have, 0 for any. While one has less, steps are towards that alone; once all
         have it they keep it.
@@ -113,7 +114,7 @@ def improve(
         goals.insert(0, replace(goal, preferences=Preferences()))
     for goal in goals:
         point, slow = _Point(goal, candidate), 0
-        # Where no direction leaves the odds as they are, there is nothing to do.
+        # Where no direction leaves the probabilities as they are, there is nothing to do.
         curvature = point.gauss_newton() if point.is_open and len(point.free) > 0 else None
         while curvature is not None and steps > 0 and slow < PATIENCE:
             if not point.is_open or out_of_time():
@@ -204,19 +205,20 @@ class _Point:
 
     @cached_property
     def _singular(self) -> tuple[Floats, Floats, Floats]:
-        """Of the odds' Jacobian (k, n): left vectors (k, r), values (r,), all right ones (n, n)."""
-        left, values, right = np.linalg.svd(self.candidate.odds_jacobian)
+        """Of the probabilities' Jacobian (k, n): left vectors (k, r), values (r,), all right ones
+        (n, n)."""
+        left, values, right = np.linalg.svd(self.candidate.probability_jacobian)
         rank = int((values > RANK).sum())
         return left[:, :rank], values[:rank], right
 
     @property
     def free(self) -> Floats:
-        """(n - r, n) orthonormal directions that change no odds."""
+        """(n - r, n) orthonormal directions that change no probabilities."""
         _, values, right = self._singular
         return right[len(values) :]
 
     def along(self, vector: Floats) -> Floats:
-        """(n,) the part of a vector (n,) that changes no odds, to first order."""
+        """(n,) the part of a vector (n,) that changes no probabilities, to first order."""
         return self.free.T @ (self.free @ vector)
 
     @cached_property
@@ -253,7 +255,7 @@ class _Point:
                 return None
             before = error
             left, values, right = following._singular
-            across = (left.T @ (candidate.odds - goal.target)) / values
+            across = (left.T @ (candidate.probabilities - goal.target)) / values
             parameters = parameters - right[: len(values)].T @ across
         return None
 

@@ -1,6 +1,7 @@
 """The paper's method: its energy over vertices, with fixed weights, the hull after every step, and
-Sobolev-preconditioned gradients (section 3.3). It leads to a die whose odds are near the target; in
-an exact finish the rests of each outcome become one half-space, and the exact method goes on."""
+Sobolev-preconditioned gradients (section 3.3). It leads to a die whose probabilities are near the
+target; in an exact finish the rests of each outcome become one half-space, and the exact method
+goes on."""
 
 from __future__ import annotations
 
@@ -51,7 +52,8 @@ def descend_as_paper(
     on_evaluation: Callable[[Evaluation], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
-    """Move the vertices of a starting shape until its clustered rests have the target's odds.
+    """Move the vertices of a starting shape until its clustered rests have the target's
+    probabilities.
 
     Parameters
     ----------
@@ -232,7 +234,7 @@ def finished(
     on_step: Callable[[DesignStep], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
-    """The result with odds (k,) that are exact to `options.tolerance`, and better by
+    """The result with probabilities (k,) that are exact to `options.tolerance`, and better by
     `options.prefer`; the result as it is where nothing led there.
 
     The history goes on from that of the result.
@@ -322,7 +324,7 @@ def flattened(
     """Half-spaces of a shape on which each outcome has one facet.
 
     Its normal is the mean of those of the outcome's rests near the most probable one, by their
-    odds, and it lies as high as their corners do on average.
+    probabilities, and it lies as high as their corners do on average.
 
     Parameters
     ----------
@@ -347,11 +349,11 @@ def flattened(
             normals.append(main)
             distances.append(SUNK * float(((hull.vertices - center) @ main).max()))
             continue
-        odds = poses.probabilities[mine]
-        normal = odds @ poses.normals[mine]
+        probabilities = poses.probabilities[mine]
+        normal = probabilities @ poses.normals[mine]
         normal = normal / np.sqrt(normal @ normal)
         corners = [hull.polygon(int(facet)) - center for facet in poses.facets[mine]]
-        weights = np.repeat(odds, [len(part) for part in corners])
+        weights = np.repeat(probabilities, [len(part) for part in corners])
         normals.append(normal)
         distances.append(float(weights @ (np.concatenate(corners) @ normal) / weights.sum()))
         replaced[poses.facets[mine]] = True

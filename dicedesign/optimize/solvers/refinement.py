@@ -1,19 +1,20 @@
 """Design against simulated throws: what the momentum model gets wrong of a die is measured, and the
-die designed anew for odds that make up for it.
+die designed anew for probabilities that make up for it.
 
-The model's odds m of a die and its odds when thrown differ by a factor exp(b) that changes little
-from one die to the next, and from the table that is meant to others that may be meant. So b is
-learned from the throws of all dice so far, on all tables (`Bias`), and the model is asked for
-`q exp(-b)` in place of the target q. Once all that is learned no longer makes a die better by as
-much as is not known of it, no more is thrown.
+The model's probabilities m of a die and its probabilities when thrown differ by a factor exp(b)
+that changes little from one die to the next, and from the table that is meant to others that may be
+meant. So b is learned from the throws of all dice so far, on all tables (`Bias`), and the model is
+asked for `q exp(-b)` in place of the target q. Once all that is learned no longer makes a die
+better by as much as is not known of it, no more is thrown.
 
-Every die has its odds estimated by what all throws say of it, which shrinks its own lucky ones;
-that of the thrown dice is kept which so has the least expected deviation. None is kept that was
-never thrown. The throws that made the choice flatter it all the same, so that the verdict over a
-die is left to others.
+Every die has its probabilities estimated by what all throws say of it, which shrinks its own lucky
+ones; that of the thrown dice is kept which so has the least expected deviation. None is kept that
+was never thrown. The throws that made the choice flatter it all the same, so that the verdict over
+a die is left to others.
 
-After the first round the die is designed to have the same odds on all tables; in the later ones it
-is no more made better by preference: one that hardly moves keeps what was measured of it."""
+After the first round the die is designed to have the same probabilities on all tables; in the later
+ones it is no more made better by preference: one that hardly moves keeps what was measured of
+    it."""
 
 from __future__ import annotations
 
@@ -45,7 +46,7 @@ def shape_measures(die: DesignResult, center: Floats | None) -> Floats:
 
 
 COMMON: Final = 0.4
-"""Standard deviation of the logarithm of an outcome's odds over those in the model."""
+"""Standard deviation of the logarithm of an outcome's probabilities over those in the model."""
 
 BY_TABLE: Final = (0.01, 0.03, 0.1)
 """The same of its change with each measure of the table, in units of how much that varies: guesses.
@@ -59,7 +60,8 @@ ON_TABLES: Final = 0.5
 """Throws onto the other tables, all together, over those onto the one that is meant."""
 
 TELLING: Final = 1.5
-"""Throws onto the other tables that tell how a die's odds change, over those of the first round."""
+"""Throws onto the other tables that tell how a die's probabilities change, over those of the first
+round."""
 
 LEAST_GROWTH: Final = 0.25
 """Throws of a round over those of all before, unless it is as many as those of the first."""
@@ -96,11 +98,12 @@ class Thrown:
 
     Attributes
     ----------
-    counts: (k + 1,) of the outcomes, and of throws that ended on none. odds: (k,) in the model.
+    counts: (k + 1,) of the outcomes, and of throws that ended on none. probabilities: (k,) in the
+        model.
     """
 
     counts: Integers
-    odds: Floats
+    probabilities: Floats
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ class Refinement:
 
     Attributes
     ----------
-    target: (k,) wanted odds of the outcomes.
+    target: (k,) wanted probabilities of the outcomes.
     orbits: (k,) a number for each outcome, the same for those whose facets are images of each other
         by a symmetry of the die: they are equally frequent but for chance.
     tables: (t, d) measures of the other tables on which the die shall be right too, 0 for the one
@@ -119,9 +122,9 @@ class Refinement:
     throw: throws of a die onto the table that is meant, so many, in a series of this number, first
         that of a round; all have random numbers of their own.
     throw_on_tables: the same onto each of the tables (t,), so many onto each.
-    design: from a die to one near it with other odds (k,) in the model, or None; also told the
-        logarithms (t, k) of the odds on the tables over those in the model, or None where it shall
-        be nearest and no better by preference.
+    design: from a die to one near it with other probabilities (k,) in the model, or None; also told
+        the logarithms (t, k) of the probabilities on the tables over those in the model, or None
+        where it shall be nearest and no better by preference.
     measures: of a die (f,), that change little where the die does; as many for all.
     on_round: called after every round of throws.
     """
@@ -139,12 +142,12 @@ class Refinement:
     on_round: Callable[[RoundOfThrows], None] | None = None
 
     def refine(self, die: DesignResult) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
-        """The best of the dice that the rounds lead to, from one whose odds in the model are the
-        target, and the rounds, the last of which is the last die's. There are none where symmetry
-        makes a die right."""
+        """The best of the dice that the rounds lead to, from one whose probabilities in the model
+        are the target, and the rounds, the last of which is the last die's. There are none where
+        symmetry makes a die right."""
         if len(np.unique(self.orbits)) == 1:
             return die, ()
-        known = _KnownOdds(self, self.measures(die), self.rounds)
+        known = _KnownProbabilities(self, self.measures(die), self.rounds)
         asked, dice, seen, own, least = self.target, list[_Seen](), 0, 0, self.drops
 
         def best_of_all() -> _Seen:
@@ -183,17 +186,19 @@ class Refinement:
         return best.die, tuple(self._round(known, one, one is best) for one in dice)
 
     def swing(self, die: DesignResult, place: int) -> float:
-        """Total variation between the odds of a die on the table that is meant and on the others,
-        for all but one in ten of these, by throws that have the number `place` after those of all
-        rounds."""
+        """Total variation between the probabilities of a die on the table that is meant and on the
+        others, for all but one in ten of these, by throws that have the number `place` after those
+        of all rounds."""
         shape, drops = self.measures(die), math.ceil(self.drops / 2)
         each = math.ceil(TELLING * self.drops / len(self.tables))
         thrown = self._thrown(die, drops, each, self.rounds + place)
-        known = _KnownOdds(self, shape, 1)
+        known = _KnownProbabilities(self, shape, 1)
         known.learn(_Seen(die, self.target, shape, 0, thrown))
         logarithms = known.logarithms(shape, 0, self.places)
-        odds = [one.odds * np.exp(row) for one, row in zip(thrown, logarithms, strict=True)]
-        own, *changed = (row / row.sum() for row in odds)
+        probabilities = [
+            one.probabilities * np.exp(row) for one, row in zip(thrown, logarithms, strict=True)
+        ]
+        own, *changed = (row / row.sum() for row in probabilities)
         return float(np.quantile([total_variation(row, own) for row in changed], OFTEN))
 
     @property
@@ -206,7 +211,9 @@ class Refinement:
         others = self.throw_on_tables(die, each, number) if len(self.tables) else []
         return [self.throw(die, drops, number), *others]
 
-    def _round(self, known: _KnownOdds, seen: _Seen, is_kept: bool = False) -> RoundOfThrows:
+    def _round(
+        self, known: _KnownProbabilities, seen: _Seen, is_kept: bool = False
+    ) -> RoundOfThrows:
         counts, *others = (one.counts for one in seen.thrown)
         drops, (here, elsewhere) = int(counts.sum()), self._expected(known, seen)
         return RoundOfThrows(
@@ -221,12 +228,12 @@ class Refinement:
             frequencies=tuple((counts[:-1] / drops).tolist()),
         )
 
-    def _expected(self, known: _KnownOdds, seen: _Seen) -> tuple[float, float | None]:
+    def _expected(self, known: _KnownProbabilities, seen: _Seen) -> tuple[float, float | None]:
         """See `RoundOfThrows`: on the table that is meant, and elsewhere."""
         here, *others = known.variations(seen)
         return here, float(np.quantile(others, OFTEN)) if others else None
 
-    def _shortfall(self, known: _KnownOdds, seen: _Seen) -> float:
+    def _shortfall(self, known: _KnownProbabilities, seen: _Seen) -> float:
         """The expected deviation of a die over what counts as reached: that on the table that is
         meant, or the mean of that and of that on the others."""
         here, elsewhere = self._expected(known, seen)
@@ -234,12 +241,13 @@ class Refinement:
         return here if elsewhere is None else (here + elsewhere / (LOOSER * self.within)) / 2.0
 
     def _corrected(
-        self, known: _KnownOdds, seen: _Seen, is_making: bool
+        self, known: _KnownProbabilities, seen: _Seen, is_making: bool
     ) -> tuple[DesignResult, Floats] | None:
-        """A die that makes up for what is known, and its odds in the model.
+        """A die that makes up for what is known, and its probabilities in the model.
 
         What the model gets wrong changes from the die that was thrown to the new one, as far as
-        that is known; so the odds that are asked for are a fixed point, found by Anderson's method.
+        that is known; so the probabilities that are asked for are a fixed point, found by
+        Anderson's method.
         """
         asked, lacking = [np.log(seen.asked)], list[Floats]()
         found, shape = None, seen.shape
@@ -257,15 +265,15 @@ class Refinement:
             # Where none is found but one is needed, a die goes a part of the way.
             for halving in range(MOST_HALVINGS if turn == 0 else 1):
                 part = 0.5**halving
-                odds = np.exp(part * wanted + (1.0 - part) * asked[-1])
-                odds /= odds.sum()
-                again = self.design(die, odds, sensitivity)
+                probabilities = np.exp(part * wanted + (1.0 - part) * asked[-1])
+                probabilities /= probabilities.sum()
+                again = self.design(die, probabilities, sensitivity)
                 if again is not None:
                     break
             if again is None:
                 break
-            found = again, odds
-            asked.append(np.log(odds))
+            found = again, probabilities
+            asked.append(np.log(probabilities))
             shape, number = self.measures(again), None
         return found
 
@@ -299,8 +307,9 @@ class _Seen:
     thrown: list[Thrown]
 
 
-class _KnownOdds:
-    """What throws say of the odds of dice over those in the model, by orbits of outcomes."""
+class _KnownProbabilities:
+    """What throws say of the probabilities of dice over those in the model, by orbits of
+    outcomes."""
 
     def __init__(self, refinement: Refinement, first: Floats, dice: int) -> None:
         """Nothing yet, of so many dice at most, with measures as those of the first (f,)."""
@@ -320,11 +329,11 @@ class _KnownOdds:
         for place, one in zip(self.places, seen.thrown, strict=True):
             counts = np.rint(self._by_orbit(one.counts[:-1])).astype(np.int64)
             features = self._features(seen.shape, seen.number, place)
-            self.bias.learn(features, self._by_orbit(one.odds), counts)
+            self.bias.learn(features, self._by_orbit(one.probabilities), counts)
 
     def logarithms(self, shape: Floats, number: int | None, table: Floats) -> Floats:
-        """(..., k) of the outcomes' odds over those in the model on tables (..., d); of a die that
-        was thrown, or of another for None."""
+        """(..., k) of the outcomes' probabilities over those in the model on tables (..., d); of a
+        die that was thrown, or of another for None."""
         return self.bias.logarithms(self._features(shape, number, table))[..., self.orbits]
 
     def variations(self, seen: _Seen) -> list[float]:
@@ -333,7 +342,8 @@ class _KnownOdds:
         return [
             expected_variation(
                 self.bias.belief(
-                    self._features(seen.shape, seen.number, place), self._by_orbit(one.odds)
+                    self._features(seen.shape, seen.number, place),
+                    self._by_orbit(one.probabilities),
                 ),
                 self._by_orbit(self.target),
             )

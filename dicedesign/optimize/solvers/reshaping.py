@@ -1,7 +1,9 @@
-"""Shapes whose finished object has wanted odds, though labels and edges take material away.
+"""Shapes whose finished object has wanted probabilities, though labels and edges take material
+away.
 
 The facets of a convex shape are moved until the object that is made of it, measured as it will be
-written, has the odds: labels shift the center of mass, and with it the odds, by some 1e-4. A body
+written, has the probabilities: labels shift the center of mass, and with it the probabilities, by
+    some 1e-4. A body
 of any shape is stretched along three axes by a few parts in a thousand. Lengths are in millimetres.
 """
 
@@ -19,8 +21,8 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.gradient.odds_model import OddsModel
-from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.coordinates import (
     FacetCoordinates,
     LinkedCoordinates,
@@ -28,11 +30,11 @@ from dicedesign.optimize.coordinates import (
     tied_coordinates,
 )
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, LevenbergMarquardt
-from dicedesign.rest.outcomes import gathered, outcome_odds
+from dicedesign.rest.outcomes import gathered, outcome_probabilities
 from dicedesign.rest.poses import analyse, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
-from dicedesign.tolerances import BALANCED_ODDS, FILE_ODDS
+from dicedesign.tolerances import BALANCED_PROBABILITIES, FILE_PROBABILITIES
 
 MOST_ROUNDS: Final = 6
 """Objects that are made and measured after the first: labels alone need three."""
@@ -41,8 +43,9 @@ SLOW: Final = 0.3
 """Part of an error that two rounds may leave."""
 
 NUDGES: Final = (0.0, 1e-7, 1e-5, 1e-3, 1e-2)
-"""Random changes of the parameters of a shape, tried in turn until one leads to the odds: those of
-a tied shape, as a symmetric one may be, have no derivatives, and those of a thrown one have kinks.
+"""Random changes of the parameters of a shape, tried in turn until one leads to the probabilities:
+those of a tied shape, as a symmetric one may be, have no derivatives, and those of a thrown one
+have kinks.
 """
 
 FOLD: Final = float(np.radians(2.0))
@@ -55,10 +58,10 @@ RANK: Final = 1e-8
 
 @dataclass(frozen=True)
 class Measured:
-    """What a solid does: its center of mass (3,) and the odds (k,) of its outcomes."""
+    """What a solid does: its center of mass (3,) and the probabilities (k,) of its outcomes."""
 
     center_of_mass: Floats
-    odds: Floats
+    probabilities: Floats
 
 
 class Labelled(Protocol):
@@ -110,15 +113,15 @@ def reshaped(
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
-    model: OddsModel | None = None,
+    model: ProbabilityModel | None = None,
 ) -> Reshaped:
-    """Lead the object made of a shape to wanted odds.
+    """Lead the object made of a shape to wanted probabilities.
 
     In each round the object is made and measured. It differs from the plain shape in its center of
-    mass and in what is left of its odds; the shape is then moved, by the shortest way in its
-    half-spaces (`FacetCoordinates`), to where a plain shape with that offset and that difference
-    has the odds. As labels go along with their facets, each round leaves a hundredth of the error.
-    The best object of all rounds is returned.
+    mass and in what is left of its probabilities; the shape is then moved, by the shortest way in
+    its half-spaces (`FacetCoordinates`), to where a plain shape with that offset and that
+    difference has the probabilities. As labels go along with their facets, each round leaves a
+    hundredth of the error. The best object of all rounds is returned.
 
     A shape that is found for such a guess changes what was guessed. Guesses are corrected by
     Anderson's method (J. ACM 12, 1965): by the mean of all before whose changes cancel best.
@@ -128,10 +131,11 @@ def reshaped(
     core: the plain shape, with a rest for each outcome and no other.
     directions: (k, 3) normals of the outcomes' facets.
     placements: labels on facets of it.
-    target: (k,) wanted odds of the object.
+    target: (k,) wanted probabilities of the object.
     made: how the object is made; measure: it, with the directions of its outcomes.
     rounds: objects that are made and measured after the first; 0 for only that.
-    model: of the odds, where they are not those without momentum and with any side down alike.
+    model: of the probabilities, where they are not those without momentum and with any side down
+        alike.
 
     Raises
     ------
@@ -140,20 +144,26 @@ def reshaped(
     labels, size = tuple(placements), core.diameter
     surface = made.balanced(core, labels)
     first = measured = measure(surface, directions)
-    errors = [float(np.abs(first.odds - target).max())]
+    errors = [float(np.abs(first.probabilities - target).max())]
     best = Reshaped(surface, core, labels, first, first, ())
-    # Offsets of the center of mass over the size, and what is left of the odds. The plain shape has
-    # its odds with neither.
+    # Offsets of the center of mass over the size, and what is left of the probabilities. The plain
+    # shape has its probabilities with neither.
     guessed, came = [np.zeros(3 + len(target))], list[Floats]()
     for _ in range(rounds):
-        if min(errors) <= BALANCED_ODDS or (len(errors) > 2 and errors[-1] > SLOW * errors[-3]):
+        if min(errors) <= BALANCED_PROBABILITIES or (
+            len(errors) > 2 and errors[-1] > SLOW * errors[-3]
+        ):
             break
         try:
             offset = measured.center_of_mass - core.centroid
             rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
-            odds = rests.odds if model is None else model.odds(rests)
-            plain = gathered(rests.hull.normals[rests.facets], odds, directions).odds
-            came.append(np.concatenate([offset / size, measured.odds - plain]))
+            probabilities = (
+                rests.probability_values if model is None else model.probabilities(rests)
+            )
+            plain = gathered(
+                rests.hull.normals[rests.facets], probabilities, directions
+            ).probabilities
+            came.append(np.concatenate([offset / size, measured.probabilities - plain]))
             changes, guess = np.stack(came) - np.stack(guessed), came[-1]
             if len(came) > 1:
                 by_guess = np.diff(changes, axis=0).T
@@ -179,7 +189,7 @@ def reshaped(
         except DiceError:
             # A label that no longer fits, or an object without the rests: the best so far it is.
             break
-        errors.append(float(np.abs(measured.odds - target).max()))
+        errors.append(float(np.abs(measured.probabilities - target).max()))
         if errors[-1] == min(errors):
             best = Reshaped(surface, core, labels, measured, first, ())
     return replace(best, errors=tuple(errors))
@@ -192,17 +202,18 @@ def _solved(
     wanted: Floats,
     maker: CandidateMaker,
 ) -> Candidate | None:
-    """A shape nearby that has the wanted odds (k,), or nearly; None where there is none."""
+    """A shape nearby that has the wanted probabilities (k,), or nearly; None where there is
+    none."""
     best, random = None, np.random.default_rng(0)
     for nudge in NUDGES:
         moved = parameters + nudge * random.standard_normal(len(parameters))
         first = maker.attempt(coordinates, moved, directions)
         if first is None:
             continue
-        end = LevenbergMarquardt(wanted, maker, 0.1 * BALANCED_ODDS).solve(first)
+        end = LevenbergMarquardt(wanted, maker, 0.1 * BALANCED_PROBABILITIES).solve(first)
         if best is None or end.error(wanted) < best.error(wanted):
             best = end
-        if best.error(wanted) <= BALANCED_ODDS:
+        if best.error(wanted) <= BALANCED_PROBABILITIES:
             break
     return best
 
@@ -222,8 +233,9 @@ MOST_STEPS: Final = 20
 """Of Newton's method, from one place."""
 
 LENGTHS: Final = (0.0, *np.geomspace(3e-4, 1e-2, 31).tolist())
-"""Of random stretches that it begins with, one after the other until one leads to the odds: those
-of bodies of many corners jump where a facet becomes a rest, which may be in the way."""
+"""Of random stretches that it begins with, one after the other until one leads to the
+probabilities: those of bodies of many corners jump where a facet becomes a rest, which may be in
+    the way."""
 
 MOST_STRETCH: Final = 0.03
 """Largest stretch along an axis, relative: what is beyond is another shape."""
@@ -247,7 +259,7 @@ class Stretched:
     ----------
     matrix: (3, 3) symmetric, the linear map. surface: the image.
     directions: (k, 3) unit, images of the outcomes' directions.
-    unbalanced: (k,) odds before; errors: largest |p - q| before and after.
+    unbalanced: (k,) probabilities before; errors: largest |p - q| before and after.
     """
 
     matrix: Floats
@@ -260,21 +272,24 @@ class Stretched:
 def stretched(
     surface: Surface, directions: Floats, target: Floats, prior: Prior | None = None
 ) -> Stretched:
-    """Stretch a solid until its odds are as near to wanted ones as it can bring them.
+    """Stretch a solid until its probabilities are as near to wanted ones as it can bring them.
 
     A linear image keeps what is flat, convex, closed or in contact, and its center of mass is the
-    image of that of the body: so the odds after it are known from the corners of the hull alone. A
+    image of that of the body: so the probabilities after it are known from the corners of the hull
+        alone. A
     stretch has five parameters beside the size, so that up to six outcomes can be met exactly.
-    Newton's method takes the shortest way, with derivatives from differences of the hull's odds.
+    Newton's method takes the shortest way, with derivatives from differences of the hull's
+    probabilities.
 
-    surface: of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,) odds; prior:
+    surface: of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,)
+        probabilities; prior:
     they are under, if any, which stays where it is as the body is stretched. The best stretch found
     is returned, and none where nothing is gained. Raises DiceError if the body has no rests.
     """
     poses = rest_poses(make_body(surface.points, surface.triangles))
     corners = poses.hull.vertices - poses.center_of_mass
 
-    def odds_of(parameters: Floats, in_file: bool = False) -> Floats:
+    def probabilities_of(parameters: Floats, in_file: bool = False) -> Floats:
         """(k,) after a stretch, with coordinates in single precision in a file; infinite where
         there are no rests."""
         matrix = _matrix(parameters)
@@ -286,47 +301,52 @@ def stretched(
             rests = analyse(hull, np.zeros(3)).under(prior)
         except DiceError:
             return np.full(len(target), np.inf)
-        return outcome_odds(rests, _turned(directions, matrix)).odds
+        return outcome_probabilities(rests, _turned(directions, matrix)).probabilities
 
-    def error_of(odds: Floats) -> float:
-        return float(np.linalg.norm(odds - target))
+    def error_of(probabilities: Floats) -> float:
+        return float(np.linalg.norm(probabilities - target))
 
     def solved(parameters: Floats) -> tuple[Floats, Floats]:
-        """The stretch where Newton's method ends, and the odds after it."""
-        odds = odds_of(parameters)
+        """The stretch where Newton's method ends, and the probabilities after it."""
+        probabilities = probabilities_of(parameters)
         for _ in range(MOST_STEPS):
-            if not 0.1 * BALANCED_ODDS < error_of(odds) < np.inf:
+            if not 0.1 * BALANCED_PROBABILITIES < error_of(probabilities) < np.inf:
                 break
-            slopes = [(odds_of(parameters + h) - odds_of(parameters - h)) / 2.0 for h in steps]
+            slopes = [
+                (probabilities_of(parameters + h) - probabilities_of(parameters - h)) / 2.0
+                for h in steps
+            ]
             inverse = np.linalg.pinv(np.column_stack(slopes), rcond=STRETCH_RANK)
-            step = -STEP * inverse @ (odds - target)
-            while np.abs(step).max() > STEP * BALANCED_ODDS:
+            step = -STEP * inverse @ (probabilities - target)
+            while np.abs(step).max() > STEP * BALANCED_PROBABILITIES:
                 if np.abs(parameters + step).max() <= MOST_STRETCH:
-                    following = odds_of(parameters + step)
-                    if error_of(following) < error_of(odds):
+                    following = probabilities_of(parameters + step)
+                    if error_of(following) < error_of(probabilities):
                         break
                 step = SHORTER * step
             else:
                 break
-            parameters, odds = parameters + step, following
-        return parameters, odds
+            parameters, probabilities = parameters + step, following
+        return parameters, probabilities
 
     steps = STEP * np.eye(6)
     best, random = np.zeros(6), np.random.default_rng(0)
-    first = best_odds = odds_of(best)
+    first = best_probabilities = probabilities_of(best)
     for length in LENGTHS:
-        end, odds = solved(length * random.standard_normal(6))
-        most = max(2.0 * error_of(odds), FILE_ODDS)
+        end, probabilities = solved(length * random.standard_normal(6))
+        most = max(2.0 * error_of(probabilities), FILE_PROBABILITIES)
         if (
-            error_of(odds) < GAINED * error_of(best_odds)
-            and error_of(odds_of(end, in_file=True)) <= most
+            error_of(probabilities) < GAINED * error_of(best_probabilities)
+            and error_of(probabilities_of(end, in_file=True)) <= most
         ):
-            best, best_odds = end, odds
-        if error_of(best_odds) <= BALANCED_ODDS:
+            best, best_probabilities = end, probabilities
+        if error_of(best_probabilities) <= BALANCED_PROBABILITIES:
             break
     matrix, center = _matrix(best), poses.center_of_mass
     image = surface.moved(center + (surface.points - center) @ matrix.T)
-    before, after = (float(np.abs(odds - target).max()) for odds in (first, best_odds))
+    before, after = (
+        float(np.abs(probabilities - target).max()) for probabilities in (first, best_probabilities)
+    )
     return Stretched(matrix, image, _turned(directions, matrix), first, (before, after))
 
 

@@ -76,7 +76,7 @@ class SearchOptions:
     Attributes
     ----------
     helpers: least number of facets without an outcome, 0 to `MOST_HELPERS`: they leave more dice of
-        the same odds to choose from.
+        the same probabilities to choose from.
     """
 
     __pydantic_config__ = STRICT
@@ -91,7 +91,7 @@ def _shapes() -> ModuleType:
 
 
 FEWEST_SIDES: Final = 3
-"""Shapes that are made without regard to the target's odds have at least so many rests."""
+"""Shapes that are made without regard to the target's probabilities have at least so many rests."""
 
 HENDECAHEDRON_FACETS: Final = 11
 
@@ -213,7 +213,7 @@ MESH: Final = StartKind(
 
 SEARCH: Final = StartKind(
     name="search",
-    line="random shapes with odds near the target's, until one leads there",
+    line="random shapes with probabilities near the target's, until one leads there",
     options=SearchOptions,
     check=_check_search,
     search=_search,

@@ -1,10 +1,12 @@
-"""Long starting shapes for any odds: a needle rolls about its axis as its cross-section does.
+"""Long starting shapes for any probabilities: a needle rolls about its axis as its cross-section
+does.
 
 A corner of the section that is farther from the center of mass than its neighbours parts two
-basins, so the angles between such corners are the odds. In each basin, sides come nearer to the
-center from both ends to the rest. The body rolls on over each of them, as the foot of the center on
-its line lies beyond its lower corner. A section of even thickness could not do so in a basin wider
-than half a turn. But the ends of the needle are slanted: it is longer on one side of the section
+basins, so the angles between such corners are the probabilities. In each basin, sides come nearer
+to the center from both ends to the rest. The body rolls on over each of them, as the foot of the
+center on its line lies beyond its lower corner. A section of even thickness could not do so in a
+basin wider than half a turn. But the ends of the needle are slanted: it is longer on one side of
+    the section
 than on the other, which moves the center of mass to where it is wanted. The first body of this kind
 is by J. H. Conway and R. K. Guy, Stability of polyhedra, SIAM Review 11 (1969) 78-82.
 """
@@ -16,7 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.optimize.starts.shapes import start_with_odds
+from dicedesign.optimize.starts.shapes import start_with_probabilities
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -50,19 +52,19 @@ DRAWN: Final = 24
 """Needles tried, the shortest first, until one is near the target."""
 
 CORRECTIONS: Final = 6
-"""How often a section is corrected for what the ends do to the odds."""
+"""How often a section is corrected for what the ends do to the probabilities."""
 
 CLOSE: Final = (1e-3, 0.2)
-"""Largest difference in odds of a needle that is near the target, and the same over the smallest
-probability."""
+"""Largest difference in probabilities of a needle that is near the target, and the same over the
+smallest probability."""
 
 BISECTIONS: Final = 40
 """Halvings of the range in which the first rest is looked for."""
 
 
 def needle_near(target: Floats, rng: np.random.Generator) -> Start | None:
-    """A random needle with one rest for each outcome and no other, whose odds are near the target;
-    None where none of those that were drawn is.
+    """A random needle with one rest for each outcome and no other, whose probabilities are near the
+    target; None where none of those that were drawn is.
 
     target: (k,) wanted probabilities, k at least 2.
     """
@@ -83,17 +85,17 @@ def needle_near(target: Floats, rng: np.random.Generator) -> Start | None:
         lead = rng.uniform(*LEADS)
         lean = LEAN * rng.normal(size=2) * rng.integers(0, 2)
         shares = wanted
-        # Basins are changed by what the odds lack until those are near.
+        # Basins are changed by what the probabilities lack until those are near.
         for _ in range(CORRECTIONS):
             section = _section(2.0 * np.pi * shares, parts, steps, lead)
             needle = None if section is None else _half_spaces(*section[:2], length, lean)
-            made = None if needle is None else start_with_odds(*needle, len(wanted))
+            made = None if needle is None else start_with_probabilities(*needle, len(wanted))
             if section is None or made is None or not np.array_equal(made[2], section[2]):
                 break
-            start, odds, _ = made
-            if np.abs(odds - wanted).max() < close:
+            start, probabilities, _ = made
+            if np.abs(probabilities - wanted).max() < close:
                 return replace(start, directions=start.directions[np.argsort(around)])
-            shares = np.maximum(shares + wanted - odds, shares / 3.0)
+            shares = np.maximum(shares + wanted - probabilities, shares / 3.0)
             shares = shares / shares.sum()
     return None
 

@@ -20,7 +20,7 @@ from dicedesign.geometry.point_groups import (
 )
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.runtime.arrays import Floats
-from dicedesign.tolerances import EQUAL_ODDS
+from dicedesign.tolerances import EQUAL_PROBABILITIES
 
 SAME: Final = 9
 """Decimal digits to which products of matrices are compared."""
@@ -86,8 +86,10 @@ class OrbitLayouts:
         self.smallest = (self.planes or [self.anywhere])[0].size
         """Facets of the smallest orbit of which there is any number."""
         descending = np.argsort(-target, kind="stable")
-        odds = target[descending]
-        breaks = np.flatnonzero(np.diff(odds) < -EQUAL_ODDS * odds[:-1]) + 1
+        probabilities = target[descending]
+        breaks = (
+            np.flatnonzero(np.diff(probabilities) < -EQUAL_PROBABILITIES * probabilities[:-1]) + 1
+        )
         self._classes = [np.sort(members) for members in np.split(descending, breaks)]
         # For the first classes of equal outcomes, the fewest orbits by the pole orbits in use.
         self._fewest = [{frozenset[int](): 0}]
@@ -178,10 +180,11 @@ def group_names() -> list[str]:
 def fitting_groups(target: Floats) -> list[str]:
     """Names of the point groups under which equally probable outcomes can be images of each other.
 
-    Images are equally frequent however the die is thrown. So groups are sorted by how many odds
-    they leave to be found: by the fewest orbits that the outcomes can lie on. Of those with as
+    Images are equally frequent however the die is thrown. So groups are sorted by how many
+    probabilities they leave to be found: by the fewest orbits that the outcomes can lie on. Of
+        those with as
     many, groups by which the facets of the outcomes alone enclose a solid come first, then larger
-    ones. None leaves as many odds as there are outcomes.
+    ones. None leaves as many probabilities as there are outcomes.
 
     target: (k,) wanted probabilities.
     """

@@ -1,5 +1,5 @@
 """Starting shapes for any target, in turns: random polyhedra are drawn into a pool, the nearest in
-odds go first, and between them needles; and variations of a shape that is given."""
+probabilities go first, and between them needles; and variations of a shape that is given."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.coordinates import coordinates_of
 from dicedesign.optimize.starts.needles import needle_near
-from dicedesign.optimize.starts.shapes import repulsion, spread_directions, start_with_odds
+from dicedesign.optimize.starts.shapes import repulsion, spread_directions, start_with_probabilities
 from dicedesign.optimize.starts.start import FEWEST_FACETS, Start
 from dicedesign.runtime.arrays import Floats
 
@@ -23,10 +23,11 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
     """Starting shapes with one rest for each outcome and no other, without end; None where a turn
     found nothing, so that whoever asks can stop.
 
-    First come tangential polyhedra of evenly spread facets, one for each outcome, if even odds are
-    near the target. Then, in turn, come random polyhedra, some facets of which are no rests, the
-    nearest in their sorted probabilities first, with the largest rest for the largest outcome and
-    so on; and a needle (`needle_near`), whose odds are near any target.
+    First come tangential polyhedra of evenly spread facets, one for each outcome, if equal
+    probabilities are near the target. Then, in turn, come random polyhedra, some facets of which
+    are no rests, the nearest in their sorted probabilities first, with the largest rest for the
+    largest outcome and so on; and a needle (`needle_near`), whose probabilities are near any
+    target.
 
     target: (k,) wanted probabilities, k at least 2; seed: of everything random; helpers: least
         number of facets without an outcome.
@@ -44,12 +45,12 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
     def draw() -> tuple[Start, Floats] | None:
         pebble = rng.random() < 0.5
         normals, distances = _pebble(outcomes + helpers, rng) if pebble else _bowl(outcomes, rng)
-        made = start_with_odds(normals, distances, outcomes)
+        made = start_with_probabilities(normals, distances, outcomes)
         if made is None:
             return None
-        start, odds, _ = made
-        order = np.argsort(-odds, kind="stable")[place]
-        return replace(start, directions=start.directions[order]), odds[order]
+        start, probabilities, _ = made
+        order = np.argsort(-probabilities, kind="stable")[place]
+        return replace(start, directions=start.directions[order]), probabilities[order]
 
     return nearest_first(target, helpers, even, draw, lambda: needle_near(target, rng))
 
@@ -68,7 +69,7 @@ def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 def _bowl(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Half-spaces of a bowl under a low roof: walls that lean outward let the body roll onto its
-    bottom, which so gets up to two thirds of the odds."""
+    bottom, which so gets up to two thirds of the probabilities."""
     roof, walls = outcomes - 1 + int(rng.integers(0, 2)), int(rng.integers(3, 9))
     normals = np.concatenate(
         [
@@ -93,12 +94,12 @@ def _cone(facets: int, angle: float, rng: np.random.Generator) -> Floats:
 
 
 EVEN_SHAPES: Final = 2
-"""Shapes of evenly spread facets that are proposed first, where even odds are not far from the
-target."""
+"""Shapes of evenly spread facets that are proposed first, where equal probabilities are not far
+from the target."""
 
 FAR: Final = 0.3
-"""Distance in odds, the root of their summed squared differences, from which on a polyhedron is
-proposed only where there is nothing else."""
+"""Distance in probabilities, the root of their summed squared differences, from which on a
+polyhedron is proposed only where there is nothing else."""
 
 DRAWN: Final = 30
 """Most polyhedra drawn in each turn."""
@@ -132,14 +133,15 @@ def nearest_first(
     """Starting shapes without end, and None where a turn found nothing, so that whoever asks can
     stop.
 
-    First come even shapes, each a turn of its own, if even odds are near the target. Each later
-    turn draws polyhedra into a pool. It proposes the nearest in odds of all in the pool, if they
-    are near, then another shape, and the nearest of those far away if there was neither.
+    First come even shapes, each a turn of its own, if equal probabilities are near the target. Each
+    later turn draws polyhedra into a pool. It proposes the nearest in probabilities of all in the
+    pool, if they are near, then another shape, and the nearest of those far away if there was
+    neither.
 
     target: (k,) wanted probabilities; helpers: least number of facets without an outcome, of which
     even shapes have none; even: makes the shape of a number from 0; draw: makes a
-    random polyhedron and its odds (k,), or None where what was drawn does not suit; another: makes
-    a shape that is proposed in each turn, if not None.
+    random polyhedron and its probabilities (k,), or None where what was drawn does not suit;
+    another: makes a shape that is proposed in each turn, if not None.
     """
 
     def suits(start: Start) -> bool:

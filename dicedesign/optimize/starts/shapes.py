@@ -1,5 +1,6 @@
 """Shapes to begin with: prisms, hendecahedra, evenly spread facets, hulls of meshes; and what
-random ones are made of, directions that repel each other and solids of half-spaces with their odds.
+random ones are made of, directions that repel each other and solids of half-spaces with their
+probabilities.
 """
 
 from __future__ import annotations
@@ -183,15 +184,15 @@ def about_centroid(start: Start) -> Start:
     return replace(start, points=start.points - centroid, origin=origin)
 
 
-def start_with_odds(
+def start_with_probabilities(
     normals: Floats, distances: Floats, outcomes: int
 ) -> tuple[Start, Floats, Integers] | None:
     """The start whose outcomes are on the rests of the solid of half-spaces
     `normals[i] . x <= distances[i]`, (m, 3) and (m,); None where it has not so many rests, is tied,
     or no solid.
 
-    Returns the start, with directions in the order of the half-spaces, odds (k,), and numbers (k,)
-    of the half-spaces.
+    Returns the start, with directions in the order of the half-spaces, probabilities (k,), and
+    numbers (k,) of the half-spaces.
     """
     try:
         points = polyhedron_corners(normals, distances)
@@ -206,8 +207,8 @@ def start_with_odds(
         return None
     bearing = np.argmax(hull.normals[facets] @ unit_vectors(normals).T, axis=1)
     order = np.argsort(bearing)
-    odds = basins[0].areas[order] / (4.0 * np.pi)
-    return normalised_start(points, hull.normals[facets[order]]), odds, bearing[order]
+    probabilities = basins[0].areas[order] / (4.0 * np.pi)
+    return normalised_start(points, hull.normals[facets[order]]), probabilities, bearing[order]
 
 
 ANYWHERE: Final = OrbitSite(np.eye(3), np.eye(3)[None])

@@ -1,5 +1,5 @@
 """Symmetric starting shapes for any target: random polyhedra that a point group maps onto
-themselves, the nearest in their odds first."""
+themselves, the nearest in their probabilities first."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ from dicedesign.optimize.starts.search import (
     UNEVENNESS,
     nearest_first,
 )
-from dicedesign.optimize.starts.shapes import about_centroid, spread_orbits, start_with_odds
+from dicedesign.optimize.starts.shapes import (
+    about_centroid,
+    spread_orbits,
+    start_with_probabilities,
+)
 from dicedesign.optimize.starts.start import FEWEST_FACETS, Start
 from dicedesign.rest.equilibria import classify
 from dicedesign.runtime.arrays import Floats
@@ -34,8 +38,8 @@ CLEARANCE: Final = 0.03
 """Least distance of the foot of the center of mass from the nearest edge's line of any facet, over
 the circumscribed radius."""
 
-FLOOR_ODDS: Final = 0.3
-"""An outcome that is alone with odds above this may become the floor of a bowl."""
+FLOOR_PROBABILITIES: Final = 0.3
+"""An outcome that is alone with probabilities above this may become the floor of a bowl."""
 
 
 def symmetric_shapes_near(
@@ -46,10 +50,10 @@ def symmetric_shapes_near(
     found nothing, so that whoever asks can stop.
 
     The group acts about the origin of their points. Outcomes are spread over as few orbits as
-    possible. Even shapes, equally distant facets evenly spread, come first if even odds are near
-    the target; then random polyhedra, the nearest in their odds first, with the largest orbit
-    probabilities for the largest outcomes among orbits of one size. None is tied or nearly so, as
-    odds jump there.
+    possible. Even shapes, equally distant facets evenly spread, come first if equal probabilities
+    are near the target; then random polyhedra, the nearest in their probabilities first, with the
+    largest orbit probabilities for the largest outcomes among orbits of one size. None is tied or
+    nearly so, as probabilities jump there.
 
     Parameters
     ----------
@@ -77,7 +81,7 @@ def symmetric_shapes_near(
         layout = layouts.draw(rng)
         alone = [target[some[0]] if len(some) == 1 else 0.0 for _, some in layout]
         floor = int(np.argmax(alone))
-        if alone[floor] <= FLOOR_ODDS or rng.random() < 0.5:
+        if alone[floor] <= FLOOR_PROBABILITIES or rng.random() < 0.5:
             polyhedron = _pebble(layouts, layout, axes.tolist(), helpers, rng)
         else:
             polyhedron = _bowl(layouts, layout, floor, rng)
@@ -90,13 +94,14 @@ def _start(
     sites: list[OrbitSite], normals: Floats, distances: Floats, layout: Layout, target: Floats
 ) -> tuple[Start, Floats] | None:
     """The polyhedron of half-spaces on sites, with normals (m, 3) and distances (s,) of the orbits,
-    and its odds (k,); None where its rests have other orbits than the layout or it is nearly tied.
+    and its probabilities (k,); None where its rests have other orbits than the layout or it is
+    nearly tied.
     """
     owners = np.repeat(np.arange(len(sites)), [site.size for site in sites])
-    made = start_with_odds(normals, distances[owners], len(target))
+    made = start_with_probabilities(normals, distances[owners], len(target))
     if made is None:
         return None
-    start, odds, rests = made
+    start, probabilities, rests = made
     hull = convex_hull(start.points)
     equilibria = classify(hull, hull.centroid)
     feet = equilibria.side / equilibria.edge_lengths
@@ -105,13 +110,13 @@ def _start(
     if np.abs(depths).min() < CLEARANCE * norms(equilibria.radii).max():
         return None
     orbits = [np.flatnonzero(owners[rests] == number) for number in np.unique(owners[rests])]
-    found = sorted(orbits, key=lambda orbit: (len(orbit), -odds[orbit[0]]))
+    found = sorted(orbits, key=lambda orbit: (len(orbit), -probabilities[orbit[0]]))
     asked = sorted((some for _, some in layout), key=lambda some: (len(some), -target[some[0]]))
     if [len(orbit) for orbit in found] != [len(some) for some in asked]:
         return None
     order = np.empty(len(target), dtype=np.int64)
     order[np.concatenate(asked)] = np.concatenate(found)
-    return replace(about_centroid(start), directions=start.directions[order]), odds[order]
+    return replace(about_centroid(start), directions=start.directions[order]), probabilities[order]
 
 
 def _pebble(

@@ -1,4 +1,5 @@
-"""The exact method: odds as wanted to rounding, one flat rest for each outcome, other priors."""
+"""The exact method: probabilities as wanted to rounding, one flat rest for each outcome, other
+priors."""
 
 from __future__ import annotations
 
@@ -110,7 +111,7 @@ def test_every_accepted_step_is_told() -> None:
 
 
 OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
-"""Rests of so small odds are lost on the way."""
+"""Rests of so small probabilities are lost on the way."""
 
 
 def test_what_is_not_met_ends_with_the_best_found() -> None:
@@ -160,7 +161,8 @@ def test_a_search_that_finds_no_shape_ends_on_any_machine() -> None:
 
 @pytest.mark.parametrize("target", [TARGETS["uneven"], [1.0 - 1e-6, 5e-7, 5e-7]])
 def test_a_slow_machine_makes_the_same_die(target: list[float]) -> None:
-    """Though it takes it for months: one that has its odds, and one that never gets them."""
+    """Though it takes it for months: one that has its probabilities, and one that never gets
+    them."""
     usual = solved(target, starts=3)
     with slow_machine():
         slow = solved(target, starts=3)

@@ -1,4 +1,4 @@
-"""Dice made better while their odds are kept: what must not change, and what must."""
+"""Dice made better while their probabilities are kept: what must not change, and what must."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ MIXED = Preferences(
 
 @dataclass
 class Run:
-    """A die, the one it became, and those on the way; the odds it has are those to keep."""
+    """A die, the one it became, and those on the way; the probabilities it has are those to
+    keep."""
 
     first: Candidate
     maker: CandidateMaker = field(default_factory=lambda: CandidateMaker(None))
@@ -52,7 +53,7 @@ class Run:
         self.phases = 2 if least_circle > 0.0 else 1
         self.last = improve(
             self.first,
-            self.first.odds.copy(),
+            self.first.probabilities.copy(),
             self.maker,
             preferences,
             least_circle=least_circle,
@@ -69,7 +70,7 @@ class Run:
 
     def check(self) -> None:
         """By the forward model, which shares no step of the method."""
-        target = self.first.odds
+        target = self.first.probabilities
         assert (self.on_the_way or [self.first])[-1] is self.last
         assert (np.diff(self.values) >= 0.0).sum() < self.phases
         for candidate in self.on_the_way:
@@ -131,8 +132,9 @@ def merit(candidate: Candidate) -> float:
 
 
 def best_gain(candidate: Candidate, maker: CandidateMaker) -> float:
-    """The largest relative decrease by small moves in random directions that change no odds."""
-    free = np.linalg.svd(candidate.odds_jacobian)[2][len(candidate.odds) :]
+    """The largest relative decrease by small moves in random directions that change no
+    probabilities."""
+    free = np.linalg.svd(candidate.probability_jacobian)[2][len(candidate.probabilities) :]
     gains = []
     for direction in unit_vectors(np.random.default_rng(0).normal(size=(40, len(free)))):
         parameters = candidate.parameters + 1e-3 * direction @ free
@@ -162,8 +164,8 @@ def test_a_mixture_with_a_center_of_mass_of_one_s_own() -> None:
     assert value(improved, MIXED) < 0.8 * value(candidate, MIXED)
 
 
-def test_symmetry_that_ties_the_odds_is_kept() -> None:
-    """The odds' Jacobian then has half the rank."""
+def test_symmetry_that_ties_the_probabilities_is_kept() -> None:
+    """The probabilities' Jacobian then has half the rank."""
     rng = np.random.default_rng(0)
     normals = unit_vectors(np.eye(3)[[0, 1, 2, 0]] + 0.3 * rng.normal(size=(4, 3)))
     points = polyhedron_corners(
@@ -171,9 +173,9 @@ def test_symmetry_that_ties_the_odds_is_kept() -> None:
     )
     coordinates, parameters = SymmetricCoordinates.of(points, np.zeros(3), point_group("Ci"))
     run = start(coordinates, parameters, points)
-    odds = np.sort(run.first.odds)
-    np.testing.assert_allclose(odds[::2], odds[1::2], atol=1e-14)
-    assert np.linalg.matrix_rank(run.first.odds_jacobian, 1e-9) == len(odds) / 2 - 1
+    probabilities = np.sort(run.first.probabilities)
+    np.testing.assert_allclose(probabilities[::2], probabilities[1::2], atol=1e-14)
+    assert np.linalg.matrix_rank(run.first.probability_jacobian, 1e-9) == len(probabilities) / 2 - 1
     improved = run.improved(CIRCLES)
     run.check()
     assert smallest(improved) > 1.05 * smallest(run.first)

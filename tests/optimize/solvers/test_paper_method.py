@@ -42,7 +42,7 @@ def designed(name: str, finish: str, seed: int = 0) -> DesignResult:
     return descend_as_paper(start, target.probabilities, options, seed=seed)
 
 
-def odds_of(result: DesignResult, center: Floats | None = None) -> Floats:
+def probabilities_of(result: DesignResult, center: Floats | None = None) -> Floats:
     """(k,) by the forward model, each rest counted for the nearest direction."""
     poses = rest_poses(result.hull.vertices, center)
     nearest = np.argmax(poses.normals @ result.directions.T, axis=1)
@@ -57,14 +57,14 @@ def least_angle(result: DesignResult) -> float:
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", sorted(DESIGNS))
-def test_odds_come_near_and_outcomes_stay_apart(name: str, seed: int) -> None:
+def test_probabilities_come_near_and_outcomes_stay_apart(name: str, seed: int) -> None:
     """As published dice do, whose errors are from 0.003 to 0.02."""
     result = designed(name, "none", seed)
     target = DESIGNS[name][1].probabilities
     assert result.status is Status.CONVERGED
-    assert np.abs(odds_of(result) - target).max() < 0.01
+    assert np.abs(probabilities_of(result) - target).max() < 0.01
     assert least_angle(result) > 15.0
-    assert result.error == pytest.approx(np.abs(odds_of(result) - target).max(), abs=1e-12)
+    assert result.error == pytest.approx(np.abs(probabilities_of(result) - target).max(), abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -74,8 +74,8 @@ def test_an_exact_finish_has_one_flat_rest_for_each_outcome(name: str, seed: int
     target = DESIGNS[name][1].probabilities
     assert result.status is Status.CONVERGED
     assert len(rest_poses(result.hull.vertices).normals) == len(target)
-    assert np.abs(odds_of(result) - target).max() <= 1e-12
-    # Any shape has the odds of some: the die is still the one the descent led to.
+    assert np.abs(probabilities_of(result) - target).max() <= 1e-12
+    # Any shape has the probabilities of some: the die is still the one the descent led to.
     outward = np.random.default_rng(0).normal(size=(500, 3))
     outward /= np.linalg.norm(outward, axis=1)[:, None]
     widths = [
@@ -158,15 +158,17 @@ def test_weights_are_those_of_a_dice_energy_in_solid_angles() -> None:
             here.objective.coordinates, target.probabilities, ones.of_probabilities, None
         )
         plain = replace(here, objective=objective).energy.terms
-        areas = 4.0 * np.pi * odds(here)
+        areas = 4.0 * np.pi * probabilities(here)
         expected = ((areas - 4.0 * np.pi * target.probabilities) ** 2).sum()
         for name in ("coplanar", "barycenter", "neighbor", "apart"):
             expected += getattr(weights, name) * whole * plain[name]
         assert whole * here.value == pytest.approx(expected, rel=1e-9)
 
 
-def odds(here: Evaluation) -> Floats:
-    return np.bincount(here.clusters.of_rest, here.rests.odds, minlength=len(here.directions))
+def probabilities(here: Evaluation) -> Floats:
+    return np.bincount(
+        here.clusters.of_rest, here.rests.probability_values, minlength=len(here.directions)
+    )
 
 
 def test_momentum_never_empties_an_outcome() -> None:
@@ -199,19 +201,19 @@ def test_a_fixed_center_of_mass_stays_as_given() -> None:
         start, target.probabilities, PaperOptions(prefer=PLAIN), center_of_mass=center
     )
     assert result.status is Status.CONVERGED
-    assert np.abs(odds_of(result, center) - target.probabilities).max() <= 1e-12
-    assert np.abs(odds_of(result) - target.probabilities).max() > 1e-4
+    assert np.abs(probabilities_of(result, center) - target.probabilities).max() <= 1e-12
+    assert np.abs(probabilities_of(result) - target.probabilities).max() > 1e-4
 
 
 def test_what_cannot_be_reached_is_returned_as_it_is() -> None:
-    """The centroid of a tetrahedron is too far from three of the facets for such odds."""
+    """The centroid of a tetrahedron is too far from three of the facets for such probabilities."""
     target = np.array([0.97, 0.01, 0.01, 0.01])
     options = PaperOptions(steps=60, prefer=PLAIN)
     result = descend_as_paper(repulsion(4, 0), target, options)
     assert result.status is not Status.CONVERGED
     assert result.error > 0.05
     assert result.history[-1].error == result.error
-    assert np.abs(odds_of(result) - target).max() == pytest.approx(result.error, abs=1e-9)
+    assert np.abs(probabilities_of(result) - target).max() == pytest.approx(result.error, abs=1e-9)
     assert np.isfinite(result.hull.vertices).all()
 
 

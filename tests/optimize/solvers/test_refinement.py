@@ -20,24 +20,26 @@ ALONE = np.arange(11)
 CUBE = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
 TABLES = np.random.default_rng(1).normal(size=(16, 2))
 TILT = np.stack([np.linspace(0.2, -0.2, 11), 0.1 * np.cos(np.arange(11))])
-"""What the two measures of a table change in the logarithms of the odds of every die,"""
+"""What the two measures of a table change in the logarithms of the probabilities of every die,"""
 SEEN = 0.6
 """and the part of it that the model knows."""
 
 
-def die_with(odds: np.ndarray, steadiness: float = 0.0) -> DesignResult:
-    """A stand-in that carries its odds in the model where a die has its directions, and in its
-    error which part of the tables' changes its shape takes away."""
-    return DesignResult(Status.CONVERGED, convex_hull(CUBE), odds, steadiness, {}, (), 0, 0, 0)
+def die_with(probabilities: np.ndarray, steadiness: float = 0.0) -> DesignResult:
+    """A stand-in that carries its probabilities in the model where a die has its directions, and in
+    its error which part of the tables' changes its shape takes away."""
+    return DesignResult(
+        Status.CONVERGED, convex_hull(CUBE), probabilities, steadiness, {}, (), 0, 0, 0
+    )
 
 
-def tilted(odds: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
-    found = odds * np.exp(logarithms)
+def tilted(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
+    found = probabilities * np.exp(logarithms)
     return found / found.sum()
 
 
 class World:
-    """Dice whose true odds are those in the model times fixed factors, and a bit more."""
+    """Dice whose true probabilities are those in the model times fixed factors, and a bit more."""
 
     def __init__(self, factors: np.ndarray, drift: float = 0.0) -> None:
         self.factors, self.drift = np.log(factors), drift
@@ -46,39 +48,41 @@ class World:
         self.on_tables: list[int] = []
         self.told: list[np.ndarray | None] = []
 
-    def true_odds(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
-        odds = die.directions
+    def true_probabilities(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
+        probabilities = die.directions
         change = 0.0 if table is None else (1.0 - die.error) * (table @ TILT)
-        return tilted(odds, self.factors + self.drift * np.sqrt(odds) + change)
+        return tilted(probabilities, self.factors + self.drift * np.sqrt(probabilities) + change)
 
-    def known_odds(self, die: DesignResult, table: np.ndarray) -> np.ndarray:
+    def known_probabilities(self, die: DesignResult, table: np.ndarray) -> np.ndarray:
         return tilted(die.directions, SEEN * (1.0 - die.error) * (table @ TILT))
 
     def deviation(self, die: DesignResult, table: np.ndarray | None = None) -> float:
-        return float(0.5 * np.abs(self.true_odds(die, table) - TARGET).sum())
+        return float(0.5 * np.abs(self.true_probabilities(die, table) - TARGET).sum())
 
     def throw(self, die: DesignResult, drops: int, number: int) -> Thrown:
         self.drops.append(drops)
         self.numbers.append(number)
-        odds = np.append(self.true_odds(die), 0.0)
-        return Thrown(np.random.default_rng(number).multinomial(drops, odds), die.directions)
+        probabilities = np.append(self.true_probabilities(die), 0.0)
+        return Thrown(
+            np.random.default_rng(number).multinomial(drops, probabilities), die.directions
+        )
 
     def throw_on_tables(self, die: DesignResult, drops: int, number: int) -> list[Thrown]:
         self.on_tables.append(drops)
         rng = np.random.default_rng([number, 7])
         return [
             Thrown(
-                rng.multinomial(drops, np.append(self.true_odds(die, table), 0.0)),
-                self.known_odds(die, table),
+                rng.multinomial(drops, np.append(self.true_probabilities(die, table), 0.0)),
+                self.known_probabilities(die, table),
             )
             for table in TABLES
         ]
 
     def design(
-        self, die: DesignResult, odds: np.ndarray, bias: np.ndarray | None
+        self, die: DesignResult, probabilities: np.ndarray, bias: np.ndarray | None
     ) -> DesignResult | None:
         self.told.append(bias)
-        return die_with(odds, die.error)
+        return die_with(probabilities, die.error)
 
     def refinement(self, **changes: Any) -> Refinement:
         refinement = Refinement(
@@ -133,11 +137,13 @@ def test_what_is_expected_of_a_die_is_what_it_does() -> None:
 
 
 def test_a_model_that_answers_too_much_is_seen_through() -> None:
-    """Where the true odds move by a third of what the model says, two rounds tell, and the dice of
-    later ones are right."""
+    """Where the true probabilities move by a third of what the model says, two rounds tell, and the
+    dice of later ones are right."""
 
     class Stiff(World):
-        def true_odds(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
+        def true_probabilities(
+            self, die: DesignResult, table: np.ndarray | None = None
+        ) -> np.ndarray:
             return tilted(TARGET, self.factors + np.log(die.directions / TARGET) / 3.0)
 
     world = Stiff(FACTORS)
@@ -168,10 +174,12 @@ def test_a_worse_die_is_not_kept() -> None:
     """The later designs lead astray, ever farther."""
     world = World(FACTORS)
 
-    def astray(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> DesignResult:
+    def astray(
+        die: DesignResult, probabilities: np.ndarray, bias: np.ndarray | None
+    ) -> DesignResult:
         if len(world.drops) < 3:
-            return die_with(odds)
-        return die_with(tilted(odds, 0.1 * len(world.drops) * np.cos(ALONE)))
+            return die_with(probabilities)
+        return die_with(tilted(probabilities, 0.1 * len(world.drops) * np.cos(ALONE)))
 
     die, rounds = world.refined(design=astray, within=0.002)
     assert len(rounds) == 8
@@ -192,11 +200,13 @@ def test_outcomes_of_one_orbit_are_corrected_alike() -> None:
 def test_a_correction_without_a_die_is_halved() -> None:
     world, refused = World(FACTORS), []
 
-    def design(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> DesignResult | None:
-        if 0.5 * np.abs(odds - die.directions).sum() > 0.05:
-            refused.append(odds)
+    def design(
+        die: DesignResult, probabilities: np.ndarray, bias: np.ndarray | None
+    ) -> DesignResult | None:
+        if 0.5 * np.abs(probabilities - die.directions).sum() > 0.05:
+            refused.append(probabilities)
             return None
-        return die_with(odds)
+        return die_with(probabilities)
 
     die, _ = world.refined(design=design)
     assert refused
@@ -227,21 +237,23 @@ def test_a_die_that_is_right_on_more_tables_is_kept() -> None:
     """All are as right on the table that is meant."""
     world = World(np.ones(11))
 
-    def design(die: DesignResult, odds: np.ndarray, bias: np.ndarray | None) -> DesignResult:
-        return die_with(odds, {1: 0.3, 2: 0.9}.get(len(world.drops), 0.5))
+    def design(
+        die: DesignResult, probabilities: np.ndarray, bias: np.ndarray | None
+    ) -> DesignResult:
+        return die_with(probabilities, {1: 0.3, 2: 0.9}.get(len(world.drops), 0.5))
 
     die, rounds = world.refined(tables=TABLES, design=design, rounds=4, within=0.002)
     assert [one.is_kept for one in rounds] == [False, False, True, False]
     assert die.error == 0.9
 
 
-def test_how_much_the_odds_change_with_the_table_is_told_by_throws() -> None:
+def test_how_much_the_probabilities_change_with_the_table_is_told_by_throws() -> None:
     world = World(FACTORS)
     refinement = world.refinement(tables=TABLES, drops=50_000)
     for place, steadiness in enumerate((0.1, 0.9, 0.4)):
         die = die_with(TARGET, steadiness)
-        own = world.true_odds(die)
-        true = [0.5 * np.abs(world.true_odds(die, table) - own).sum() for table in TABLES]
+        own = world.true_probabilities(die)
+        true = [0.5 * np.abs(world.true_probabilities(die, table) - own).sum() for table in TABLES]
         assert refinement.swing(die, place) == pytest.approx(np.quantile(true, 0.9), abs=0.02)
     assert len(set(world.numbers)) == 3
     assert min(world.numbers) >= refinement.rounds
@@ -249,7 +261,7 @@ def test_how_much_the_odds_change_with_the_table_is_told_by_throws() -> None:
 
 def test_the_rounds_end_where_no_die_is_found() -> None:
     world = World(FACTORS)
-    die, rounds = world.refined(design=lambda die, odds, bias: None)
+    die, rounds = world.refined(design=lambda die, probabilities, bias: None)
     assert len(rounds) == 1
     np.testing.assert_array_equal(die.directions, TARGET)
 

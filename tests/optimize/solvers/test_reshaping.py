@@ -1,4 +1,5 @@
-"""Objects led to their odds, by other facets or a linear map: judged on files read back."""
+"""Objects led to their probabilities, by other facets or a linear map: judged on files read
+back."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from dicedesign.optimize.solvers.reshaping import reshaped, stretched
 from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
-from dicedesign.rest.outcomes import outcome_odds
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 
@@ -46,7 +47,7 @@ def made(**entries: object) -> Work:
     ],
     ids=str,
 )
-def test_the_file_has_the_odds(entries: dict[str, object], tmp_path: Path) -> None:
+def test_the_file_has_the_probabilities(entries: dict[str, object], tmp_path: Path) -> None:
     work = made(**entries)
     assert work.status is Status.CONVERGED, work.remarks
     path = tmp_path / "die.stl"
@@ -55,7 +56,7 @@ def test_the_file_has_the_odds(entries: dict[str, object], tmp_path: Path) -> No
     judge = trimesh.load_mesh(path)
     assert judge.is_watertight
     poses = rest_poses(read_body(path), judge.center_mass)
-    outcomes = outcome_odds(poses, work.die.directions)
+    outcomes = outcome_probabilities(poses, work.die.directions)
     assert outcomes.max_abs_error(work.target.probabilities) < 1e-6
     assert outcomes.elsewhere < 1e-9
     balance = work.balance
@@ -70,7 +71,7 @@ def test_facets_almost_in_one_plane(seed: int) -> None:
     a degree, and a label may not run along."""
     solid, directions, placements = folded_die(seed)
     made = ConvexObject(EngravingOptions(), None)
-    target = outcome_odds(rest_poses(solid.vertices), directions).odds
+    target = outcome_probabilities(rest_poses(solid.vertices), directions).probabilities
     end = reshaped(solid, directions, placements, target, made, measure_resting(None))
     assert end.errors[0] > 1e-6
     assert min(end.errors) < 1e-9
@@ -155,19 +156,19 @@ def box(*sizes: float) -> Surface:
     return Surface(hull.vertices, hull.triangles)
 
 
-def odds_of(surface: Surface, directions: np.ndarray) -> np.ndarray:
+def probabilities_of(surface: Surface, directions: np.ndarray) -> np.ndarray:
     poses = rest_poses(make_body(surface.points, surface.triangles))
-    return outcome_odds(poses, directions).odds
+    return outcome_probabilities(poses, directions).probabilities
 
 
-def test_a_box_becomes_the_box_with_the_odds() -> None:
-    """Opposite sides of a box are alike, and its proportions follow from the odds."""
+def test_a_box_becomes_the_box_with_the_probabilities() -> None:
+    """Opposite sides of a box are alike, and its proportions follow from the probabilities."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
-    wanted = odds_of(box(10.0, 10.2, 9.9), sides)
+    wanted = probabilities_of(box(10.0, 10.2, 9.9), sides)
     end = stretched(box(10.0, 10.0, 10.0).moved(box(10.0, 10.0, 10.0).points + 3.0), sides, wanted)
     assert end.errors[0] > 1e-3
     assert end.errors[1] < 1e-11
-    np.testing.assert_allclose(odds_of(end.surface, end.directions), wanted, atol=1e-11)
+    np.testing.assert_allclose(probabilities_of(end.surface, end.directions), wanted, atol=1e-11)
     lengths = np.linalg.eigvalsh(end.matrix) * 10.0
     np.testing.assert_allclose(
         np.sort(lengths / lengths.mean()), np.sort([10.0, 10.2, 9.9]) / 10.033333333, rtol=1e-6
@@ -175,8 +176,8 @@ def test_a_box_becomes_the_box_with_the_odds() -> None:
     np.testing.assert_allclose(end.surface.centroid, np.full(3, 3.0), atol=1e-12)
 
 
-def test_odds_that_no_stretch_has_are_not_made_worse() -> None:
-    """A box has equal odds on opposite sides, whatever its proportions."""
+def test_probabilities_that_no_stretch_has_are_not_made_worse() -> None:
+    """A box has equal probabilities on opposite sides, whatever its proportions."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
     wanted = np.array([0.2, 0.16, 0.16, 0.14, 0.17, 0.17])
     end = stretched(box(10.0, 10.0, 10.0), sides, wanted)

@@ -1,4 +1,4 @@
-"""The Sobolev operator and one step towards wanted odds, against dense linear algebra."""
+"""The Sobolev operator and one step towards wanted probabilities, against dense linear algebra."""
 
 from __future__ import annotations
 
@@ -109,8 +109,8 @@ def first_candidate(vertices: bool) -> tuple[CandidateMaker, Candidate]:
 def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) -> None:
     """With little damping it is the s of least s^T W s among those with J s = q - p."""
     maker, candidate = first_candidate(vertices=True)
-    shift = 2e-4 * np.cos(np.arange(len(candidate.odds)))
-    target = candidate.odds + shift - shift.mean()
+    shift = 2e-4 * np.cos(np.arange(len(candidate.probabilities)))
+    target = candidate.probabilities + shift - shift.mean()
     candidates: list[Candidate] = []
     approach = LevenbergMarquardt(
         target,
@@ -123,15 +123,15 @@ def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) ->
     approach.solve(candidate)
     step = candidates[1].parameters - candidate.parameters
 
-    odds = candidate.jacobian(candidate.rests.probabilities[candidate.rest_of_outcome])
+    probabilities = candidate.jacobian(candidate.rests.probabilities[candidate.rest_of_outcome])
     hull = candidate.rests.hull
-    metric = np.eye(odds.shape[1])
+    metric = np.eye(probabilities.shape[1])
     if options is not None:
         laplacian = graph_laplacian(hull).toarray()
         one = np.eye(len(laplacian)) + options.smoothing * laplacian
         metric = np.kron(np.linalg.matrix_power(one, options.power), np.eye(3))
-    # Odds sum to 1, so that the last row says nothing new.
-    rows, misses = odds[:-1], (target - candidate.odds)[:-1]
+    # Probabilities sum to 1, so that the last row says nothing new.
+    rows, misses = probabilities[:-1], (target - candidate.probabilities)[:-1]
     zeros = np.zeros((len(rows), len(rows)))
     conditions = np.block([[metric, rows.T], [rows, zeros]])
     shortest = np.linalg.solve(conditions, np.concatenate([np.zeros(len(metric)), misses]))
@@ -143,8 +143,8 @@ def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) ->
 @pytest.mark.parametrize("vertices", [False, True])
 def test_a_near_target_is_met_in_few_steps(vertices: bool) -> None:
     maker, candidate = first_candidate(vertices)
-    shift = 1e-3 * np.sin(1.0 + np.arange(len(candidate.odds)))
-    target = candidate.odds + shift - shift.mean()
+    shift = 1e-3 * np.sin(1.0 + np.arange(len(candidate.probabilities)))
+    target = candidate.probabilities + shift - shift.mean()
     candidates: list[Candidate] = []
     end = LevenbergMarquardt(target, maker, 1e-13, on_candidate=candidates.append).solve(candidate)
     assert end is candidates[-1]

@@ -54,7 +54,7 @@ def fewest_orbits(classes: list[int], name: str) -> int | None:
 
 
 def target_of(classes: list[int]) -> np.ndarray:
-    """Odds of which so many are equal, in a random order."""
+    """Probabilities of which so many are equal, in a random order."""
     weights = np.repeat(1.0 + np.arange(len(classes)), classes)
     return np.random.default_rng(0).permutation(weights / weights.sum())
 
@@ -85,7 +85,7 @@ def test_layouts_are_those_that_trying_everything_finds(name: str) -> None:
     assert possible >= (1 if name == "Oh" else 3)
 
 
-def test_odds_that_differ_by_rounding_are_equal() -> None:
+def test_probabilities_that_differ_by_rounding_are_equal() -> None:
     target = np.array([0.1 + 0.2, 0.3, 0.2, 0.2])
     layout = OrbitLayouts(target, point_group("Ci")).draw(np.random.default_rng(0))
     assert target[0] != target[1]
@@ -100,7 +100,7 @@ def test_odds_that_differ_by_rounding_are_equal() -> None:
         ([1, 1, 1], "C2", "got 1 of probability 0.166667 where orbits have 2 facets, and on axes"),
     ],
 )
-def test_odds_that_fill_no_orbits_are_refused_in_words(
+def test_probabilities_that_fill_no_orbits_are_refused_in_words(
     classes: list[int], name: str, text: str
 ) -> None:
     with pytest.raises(InputError, match=text):
@@ -124,25 +124,25 @@ def test_fair_dice_are_the_solids_whose_faces_are_all_alike(outcomes: int, name:
 
 
 @pytest.mark.parametrize(
-    ("target", "odds_left"),
+    ("target", "probabilities_left"),
     [
         (binomial(4).probabilities, 3),
         (sum_of_dice([6, 6]).probabilities, 6),
     ],
 )
-def test_images_share_their_odds(target: np.ndarray, odds_left: int) -> None:
-    """In shapes that are made for the first groups, each orbit of facets has one odds, and there
-    are as many orbits as different odds."""
+def test_images_share_their_probabilities(target: np.ndarray, probabilities_left: int) -> None:
+    """In shapes that are made for the first groups, each orbit of facets has one probabilities, and
+    there are as many orbits as different probabilities."""
     for name in fitting_groups(target)[:2]:
         group = point_group(name)
         starts = symmetric_shapes_near(target, group, 0)
         start = next(one for one in starts if one is not None)
         orbits = orbits_of_directions(start.directions, group)
-        assert len(np.unique(orbits)) == odds_left
+        assert len(np.unique(orbits)) == probabilities_left
         for orbit in np.unique(orbits):
             assert np.ptp(target[orbits == orbit]) < 1e-12
         assert len(convex_hull(start.points).normals) >= len(target)
 
 
-def test_different_odds_allow_none() -> None:
+def test_different_probabilities_allow_none() -> None:
     assert fitting_groups(np.array([0.5, 0.3, 0.2])) == []

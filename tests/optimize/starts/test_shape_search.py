@@ -1,4 +1,5 @@
-"""Starting shapes for any odds, needles and the pool that sorts them, and those with a symmetry."""
+"""Starting shapes for any probabilities, needles and the pool that sorts them, and those with a
+symmetry."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from dicedesign.optimize.starts.search import (
     nearest_first,
     shapes_near,
 )
-from dicedesign.optimize.starts.shapes import start_with_odds
+from dicedesign.optimize.starts.shapes import start_with_probabilities
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.optimize.targets import binomial, sum_of_dice
@@ -49,9 +50,9 @@ def shapes(target: np.ndarray, seed: int) -> Iterator[Start]:
     return (start for start in shapes_near(target, seed) if start is not None)
 
 
-def outcome_odds(start: Start) -> np.ndarray:
-    """(k,) odds of the outcomes by the forward model, of a start with one rest for each and no
-    other."""
+def outcome_probabilities(start: Start) -> np.ndarray:
+    """(k,) probabilities of the outcomes by the forward model, of a start with one rest for each
+    and no other."""
     poses = rest_poses(start.points)
     outcome = np.argmax(poses.normals @ start.directions.T, axis=1)
     assert np.array_equal(np.sort(outcome), np.arange(len(start.directions)))
@@ -59,25 +60,27 @@ def outcome_odds(start: Start) -> np.ndarray:
     return poses.probabilities[np.argsort(outcome)]
 
 
-def test_rests_and_odds_of_half_spaces_are_those_of_the_forward_model() -> None:
+def test_rests_and_probabilities_of_half_spaces_are_those_of_the_forward_model() -> None:
     rng, solids, unbounded = np.random.default_rng(0), 0, 0
     while solids < 60:
         normals, distances = random_half_spaces(rng)
         if not _bounded(normals):
             unbounded += 1
-            assert all(start_with_odds(normals, distances, count) is None for count in (2, 4))
+            assert all(
+                start_with_probabilities(normals, distances, count) is None for count in (2, 4)
+            )
             continue
         solids += 1
         poses = rest_poses(polyhedron_corners(normals, distances))
         units = normals / np.linalg.norm(normals, axis=1)[:, None]
         expected = np.argmax(poses.normals @ units.T, axis=1)
-        made = start_with_odds(normals, distances, len(expected))
+        made = start_with_probabilities(normals, distances, len(expected))
         assert made is not None
-        start, odds, rests = made
+        start, probabilities, rests = made
         assert rests.tolist() == sorted(expected.tolist())
-        np.testing.assert_allclose(outcome_odds(start), odds, atol=1e-12)
+        np.testing.assert_allclose(outcome_probabilities(start), probabilities, atol=1e-12)
         np.testing.assert_allclose(start.directions, units[rests], atol=1e-9)
-        assert start_with_odds(normals, distances, len(expected) + 1) is None
+        assert start_with_probabilities(normals, distances, len(expected) + 1) is None
     assert unbounded > 5
 
 
@@ -87,16 +90,16 @@ def _bounded(normals: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_needles_have_the_odds_wanted(name: str) -> None:
+def test_needles_have_the_probabilities_wanted(name: str) -> None:
     target = TARGETS[name]
     rng = np.random.default_rng(0)
     starts = [needle_near(target, rng) for _ in range(6)]
     found = [start for start in starts if start is not None]
     assert found
     for start in found:
-        odds = outcome_odds(start)
-        assert np.abs(odds - target).max() < 1e-3
-        assert (np.abs(odds - target) < 0.2 * target).all()
+        probabilities = outcome_probabilities(start)
+        assert np.abs(probabilities - target).max() < 1e-3
+        assert (np.abs(probabilities - target) < 0.2 * target).all()
         # Slanted ends put the center of mass on the axis, from where the section was drawn.
         center = convex_hull(start.points).centroid * start.scale + start.origin
         assert np.abs(center / start.scale).max() < 1e-9
@@ -113,8 +116,8 @@ def test_a_seed_proposes_the_same_shapes_again() -> None:
 
 
 class Pool:
-    """What `nearest_first` makes of distances in odds that are drawn one after the other; the start
-    of each has it as its scale, even ones have -1 and others 0."""
+    """What `nearest_first` makes of distances in probabilities that are drawn one after the other;
+    the start of each has it as its scale, even ones have -1 and others 0."""
 
     uneven = np.array([0.8, 0.2])
 
@@ -165,7 +168,7 @@ CASES = {
 def test_starts_are_symmetric_and_have_a_rest_for_each_outcome(name: str) -> None:
     target, group = CASES[name][0], point_group(CASES[name][1])
     for start in islice(filter(None, symmetric_shapes_near(target, group, 0)), 4):
-        odds = outcome_odds(start)
+        probabilities = outcome_probabilities(start)
         hull = convex_hull(start.points)
         assert len(find_basins(hull, hull.centroid)) == 1
         extents = np.ptp(start.points, axis=0)
@@ -177,10 +180,10 @@ def test_starts_are_symmetric_and_have_a_rest_for_each_outcome(name: str) -> Non
             assert gaps.min(axis=1).max() < 1e-10
             cosines = (start.directions @ element.T) @ start.directions.T
             image = np.argmax(cosines, axis=1)
-            np.testing.assert_allclose(odds[image], odds, atol=1e-12)
+            np.testing.assert_allclose(probabilities[image], probabilities, atol=1e-12)
             np.testing.assert_allclose(target[image], target, rtol=1e-12)
 
 
-def test_odds_that_fill_no_orbits_are_refused_before_a_shape_is_asked_for() -> None:
+def test_probabilities_that_fill_no_orbits_are_refused_before_a_shape_is_asked_for() -> None:
     with pytest.raises(InputError, match="expected outcomes of equal probability to fill whole"):
         symmetric_shapes_near(sum_of_dice([6, 6]).probabilities, point_group("D3h"), 0)

@@ -1,12 +1,13 @@
-"""Odds other than those of a body let go without momentum and with any side down alike: of a thrown
-body, or under a prior.
+"""Probabilities other than those of a body let go without momentum and with any side down alike: of
+a thrown body, or under a prior.
 
-Odds under a prior are those of the forward model. As a basin changes, only what its border sweeps
-over counts: the density there times the speed of the border. Its points are functions of the
+Probabilities under a prior are those of the forward model. As a basin changes, only what its border
+sweeps over counts: the density there times the speed of the border. Its points are functions of the
 vertices that torch knows (`separatrix_points`), and what flows over the arcs between them are
 integrals along these alone, for every density.
 
-Odds of thrown dice, and how they change from table to table: values and derivatives come from
+Probabilities of thrown dice, and how they change from table to table: values and derivatives come
+    from
 compiled kernels, or where there are none from the formulas of `dicedesign.throws` in NumPy and
 torch.
 """
@@ -24,7 +25,7 @@ from torch import Tensor
 from dicedesign.errors import InputError
 from dicedesign.geometry.triangles import solid_inertia
 from dicedesign.gradient.body_function import adjoint_function
-from dicedesign.gradient.rest_odds import RestEvaluation, hull_inertia
+from dicedesign.gradient.rest_probabilities import RestEvaluation, hull_inertia
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.border_arcs import Borders
@@ -32,13 +33,13 @@ from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.prior import DensityPrior, Prior, prior_of
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.momentum_odds import hull_odds, landing_odds
+from dicedesign.throws.momentum_probabilities import hull_probabilities, landing_probabilities
 from dicedesign.throws.tables import Table
 from dicedesign.throws.transition_features import Transitions, body_features
 
 
 @dataclass(frozen=True)
-class ThrownOdds:
+class ThrowProbabilities:
     """The momentum model of a table, for hulls.
 
     Attributes
@@ -49,27 +50,29 @@ class ThrownOdds:
     model: tuple[MomentumModel, MomentumModel] | None
 
     @classmethod
-    def on(cls, table: str) -> ThrownOdds:
+    def on(cls, table: str) -> ThrowProbabilities:
         """That of a table by its name or file; raises as `momentum_model`."""
         return cls._of(momentum_model(table))
 
     @classmethod
-    def _of(cls, model: MomentumModel | None) -> ThrownOdds:
+    def _of(cls, model: MomentumModel | None) -> ThrowProbabilities:
         return cls(None if model is None else (model, model.converted(torch.as_tensor)))
 
-    def onto(self, table: Table) -> ThrownOdds:
+    def onto(self, table: Table) -> ThrowProbabilities:
         """That of another table, or of the nearest one that the model knows."""
         return self._of(None if self.model is None else self.model[0].near(table))
 
-    def odds(self, rests: RestEvaluation) -> Floats:
-        """(k,) odds of the rests, in the order of `rests.paths.rests`."""
-        if self.model is None or len(rests.odds) == 1:
-            return rests.odds
+    def probabilities(self, rests: RestEvaluation) -> Floats:
+        """(k,) probabilities of the rests, in the order of `rests.paths.rests`."""
+        if self.model is None or len(rests.probability_values) == 1:
+            return rests.probability_values
         hull, center = rests.hull, rests.equilibria.center_of_mass
         inertia = kernels.solid_inertia(hull)
         if inertia is kernels.UNDECIDED:
             inertia = solid_inertia(hull.vertices, hull.triangles)
-        return hull_odds(hull, rests.paths, center, inertia, rests.odds, self.model[0])
+        return hull_probabilities(
+            hull, rests.paths, center, inertia, rests.probability_values, self.model[0]
+        )
 
     def tensor(self, rests: RestEvaluation) -> Tensor:
         """The same, with gradients."""
@@ -81,15 +84,19 @@ class ThrownOdds:
             gradients = self._gradients(rests, slopes[None])
             if gradients is kernels.UNDECIDED:
                 return None
-            by_vertices, by_center, by_odds = (rows[0] for rows in gradients)
+            by_vertices, by_center, by_probabilities = (rows[0] for rows in gradients)
             by_vertices = rests.with_center(by_vertices.reshape(-1, 3), by_center)
-            return (by_vertices, by_odds) if given is None else (by_vertices, by_odds, by_center)
+            return (
+                (by_vertices, by_probabilities)
+                if given is None
+                else (by_vertices, by_probabilities, by_center)
+            )
 
         def formula(vertices: Tensor, resting: Tensor, given: Tensor | None = None) -> Tensor:
             return self._formula(rests, vertices, resting, given)
 
         inputs = (rests.vertices, resting) if given is None else (rests.vertices, resting, given)
-        return adjoint_function(self.odds(rests), adjoint, formula, *inputs)
+        return adjoint_function(self.probabilities(rests), adjoint, formula, *inputs)
 
     def jacobian(self, rests: RestEvaluation) -> Floats:
         """(k, 3 n) derivatives in the hull's vertices, with which the center of mass of a uniform
@@ -100,17 +107,18 @@ class ThrownOdds:
         gradients = self._gradients(rests, np.eye(len(resting)))
         if gradients is kernels.UNDECIDED:
             return rests.jacobian_of(self.tensor)
-        rows, by_center, by_odds = gradients
-        return rests.rows_with_center(rows, by_center) + by_odds @ resting
+        rows, by_center, by_probabilities = gradients
+        return rests.rows_with_center(rows, by_center) + by_probabilities @ resting
 
     def _gradients(
         self, rests: RestEvaluation, weights: Floats
     ) -> tuple[Floats, Floats, Floats] | None:
-        """Gradients (r, 3 n), (r, 3), (r, k) of weighted sums (r, k) of the odds in the vertices,
-        in the center of mass and in the odds without momentum; None without kernels."""
+        """Gradients (r, 3 n), (r, 3), (r, k) of weighted sums (r, k) of the probabilities in the
+        vertices, in the center of mass and in the probabilities without momentum; None without
+        kernels."""
         assert self.model is not None
         body = rests.hull, rests.paths, self.model[0], rests.equilibria.center_of_mass
-        return kernels.thrown_gradients(*body, rests.odds, weights)
+        return kernels.thrown_gradients(*body, rests.probability_values, weights)
 
     def _formula(
         self, rests: RestEvaluation, vertices: Tensor, resting: Tensor, given: Tensor | None
@@ -123,28 +131,28 @@ class ThrownOdds:
             center = center + torch.as_tensor(rests.offset)
         transitions = Transitions.of(rests.hull, rests.paths)
         features = body_features(transitions, vertices, center, inertia, resting, torch)
-        odds: Tensor = landing_odds(features, transitions, self.model[1], torch)
-        return odds
+        probabilities: Tensor = landing_probabilities(features, transitions, self.model[1], torch)
+        return probabilities
 
 
 USUAL_SWING: Final = 0.021
-"""Root of the summed squares of the odds' changes on another table, of an ordinary die: the mean
-over the tables."""
+"""Root of the summed squares of the probabilities' changes on another table, of an ordinary die:
+the mean over the tables."""
 
 
 @dataclass(frozen=True)
 class TableSensitivity:
-    """What the odds of a die shall be on other tables, and what is known of them.
+    """What the probabilities of a die shall be on other tables, and what is known of them.
 
     Attributes
     ----------
     thrown: the model of the table itself.
     tables: the others, n of them.
-    wanted: (k,) odds of the outcomes, on all tables.
-    bias: (n, k) logarithm of the odds on the others over those of the model; None for 0.
+    wanted: (k,) probabilities of the outcomes, on all tables.
+    bias: (n, k) logarithm of the probabilities on the others over those of the model; None for 0.
     """
 
-    thrown: ThrownOdds
+    thrown: ThrowProbabilities
     tables: tuple[Table, ...]
     wanted: Floats
     bias: Floats | None = None
@@ -155,12 +163,13 @@ class TableSensitivity:
         return self.thrown.model is not None and len(self.tables) > 0
 
     @cached_property
-    def others(self) -> list[ThrownOdds]:
+    def others(self) -> list[ThrowProbabilities]:
         """The models of the other tables."""
         return [self.thrown.onto(table) for table in self.tables]
 
     def residuals(self, rests: RestEvaluation, facets: Integers) -> Tensor:
-        """(n k,) how far the odds on the other tables, less their bias, are from those wanted.
+        """(n k,) how far the probabilities on the other tables, less their bias, are from those
+        wanted.
 
         facets: (k,) of the outcomes.
         """
@@ -168,16 +177,16 @@ class TableSensitivity:
         bias = np.zeros((len(self.tables), len(facets))) if self.bias is None else self.bias
         parts = []
         for thrown, of_table in zip(self.others, bias, strict=True):
-            odds = thrown.tensor(rests)[of_outcomes] * torch.as_tensor(np.exp(of_table))
-            parts.append(odds / odds.sum() - torch.as_tensor(self.wanted))
+            probabilities = thrown.tensor(rests)[of_outcomes] * torch.as_tensor(np.exp(of_table))
+            parts.append(probabilities / probabilities.sum() - torch.as_tensor(self.wanted))
         return torch.cat(parts) / (USUAL_SWING * len(parts) ** 0.5)
 
 
-class OddsModel(Protocol):
-    """Odds of the rests of a hull, in the order of `RestEvaluation.paths.rests`, as numbers, with
-    gradients, and with the derivatives of all at once."""
+class ProbabilityModel(Protocol):
+    """Probabilities of the rests of a hull, in the order of `RestEvaluation.paths.rests`, as
+    numbers, with gradients, and with the derivatives of all at once."""
 
-    def odds(self, rests: RestEvaluation) -> Floats:
+    def probabilities(self, rests: RestEvaluation) -> Floats:
         """(k,) summing to 1."""
 
     def tensor(self, rests: RestEvaluation) -> Tensor:
@@ -188,44 +197,47 @@ class OddsModel(Protocol):
         solid moves."""
 
 
-def odds_model(table: str | None, prior: Prior | str | None) -> OddsModel | None:
-    """The model of the odds of a body that is thrown onto a table, or let go under a prior; None
-    for neither. Raises InputError for both."""
+def probability_model(table: str | None, prior: Prior | str | None) -> ProbabilityModel | None:
+    """The model of the probabilities of a body that is thrown onto a table, or let go under a
+    prior; None for neither. Raises InputError for both."""
     if table is not None and prior is not None:
         raise InputError(
             "prior: expected none with a table, onto which bodies are thrown with any side down "
             "alike, got both; leave one of them out"
         )
     if prior is not None:
-        return OddsUnderPrior.of(prior)
-    return None if table is None else ThrownOdds.on(table)
+        return ProbabilitiesUnderPrior.of(prior)
+    return None if table is None else ThrowProbabilities.on(table)
 
 
 @dataclass(frozen=True)
-class OddsUnderPrior:
-    """The odds under a prior that has a density, for hulls."""
+class ProbabilitiesUnderPrior:
+    """The probabilities under a prior that has a density, for hulls."""
 
     prior: DensityPrior
 
     @classmethod
-    def of(cls, prior: Prior | str) -> OddsUnderPrior:
+    def of(cls, prior: Prior | str) -> ProbabilitiesUnderPrior:
         """Those under a prior or what its text names. Raises InputError where it has no density."""
         found = prior_of(prior)
         if not isinstance(found, DensityPrior):
             raise InputError(
                 f"prior: expected one with a density, which has derivatives, got "
-                f"{type(found).__name__}, whose odds jump; take VonMisesFisher.fitted of the "
+                f"{type(found).__name__}, whose probabilities jump; take VonMisesFisher.fitted of "
+                "the "
                 "directions, or a function of your own (DensityFunction)"
             )
         return cls(found)
 
-    def odds(self, rests: RestEvaluation) -> Floats:
-        """See `OddsModel`."""
-        areas = 4.0 * np.pi * rests.odds
-        return self.prior.odds(rests.basins or Basins(rests.equilibria, rests.paths, areas)).odds
+    def probabilities(self, rests: RestEvaluation) -> Floats:
+        """See `ProbabilityModel`."""
+        areas = 4.0 * np.pi * rests.probability_values
+        return self.prior.probabilities(
+            rests.basins or Basins(rests.equilibria, rests.paths, areas)
+        ).probabilities
 
     def tensor(self, rests: RestEvaluation) -> Tensor:
-        """See `OddsModel`; only first derivatives are known, second ones are NaN."""
+        """See `ProbabilityModel`; only first derivatives are known, second ones are NaN."""
 
         def formula(vertices: Tensor, center: Tensor) -> Tensor:
             return self._formula(rests, vertices, center)
@@ -234,16 +246,16 @@ class OddsUnderPrior:
             by_vertices, by_center = self._pulled_back(rests, slopes[None])
             return by_vertices[0].reshape(-1, 3), by_center[0]
 
-        return rests.function(self.odds(rests), gradient, formula)
+        return rests.function(self.probabilities(rests), gradient, formula)
 
     def jacobian(self, rests: RestEvaluation) -> Floats:
-        """See `OddsModel`."""
+        """See `ProbabilityModel`."""
         rows = self._pulled_back(rests, np.eye(len(rests.paths.rests)))
         return rests.rows_with_center(*rows)
 
     def _pulled_back(self, rests: RestEvaluation, weights: Floats) -> tuple[Floats, Floats]:
-        """Gradients (r, 3 n) and (r, 3) of weighted sums (r, k) of the odds in the vertices and in
-        the center of mass."""
+        """Gradients (r, 3 n) and (r, 3) of weighted sums (r, k) of the probabilities in the
+        vertices and in the center of mass."""
         hull, paths = rests.hull, rests.paths
         shape = len(weights), 3 * len(hull.vertices)
         if len(paths.saddles) == 0:
@@ -268,17 +280,17 @@ class OddsUnderPrior:
         return borders.point_slopes(self.prior.fluxes(borders.arcs))
 
     def _formula(self, rests: RestEvaluation, vertices: Tensor, center: Tensor) -> Tensor:
-        """(k,) odds whose derivatives are taken by torch."""
-        odds, paths = torch.from_numpy(self.odds(rests)), rests.paths
+        """(k,) probabilities whose derivatives are taken by torch."""
+        probabilities, paths = torch.from_numpy(self.probabilities(rests)), rests.paths
         if len(paths.saddles) == 0:
-            return odds + 0.0 * (vertices.sum() + center.sum())
+            return probabilities + 0.0 * (vertices.sum() + center.sum())
         points = separatrix_points(paths, vertices, center, torch)
         slopes = torch.from_numpy(self._point_slopes(rests, points))
         flow: Tensor = _Flow.apply(points, slopes)
         across = flow[::2] - flow[1::2]
         basins = torch.from_numpy(paths.basins)
-        gained = torch.zeros_like(odds).index_add(0, basins[:, 0], across)
-        return odds + gained.index_add(0, basins[:, 1], -across)
+        gained = torch.zeros_like(probabilities).index_add(0, basins[:, 0], across)
+        return probabilities + gained.index_add(0, basins[:, 1], -across)
 
 
 class _Flow(torch.autograd.Function):

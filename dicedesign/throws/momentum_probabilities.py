@@ -1,11 +1,11 @@
-"""The momentum model: odds of a thrown die from its Morse-Smale complex.
+"""The momentum model: probabilities of a thrown die from its Morse-Smale complex.
 
-A die that hits the table with much energy leaves it in some basin with the odds of its area. From
-then on every impact takes energy, and lets the die leave its basin over one of the saddles around
-it, the less often the higher that is above the rest compared with the energy that is left; the
-latter is a temperature that falls from impact to impact. A die that has gone over a saddle may be
-carried on over the next at once, if it keeps enough of its speed. How often it leaves and is
-carried on depends on the features of `dicedesign.throws.transition_features`, by two small
+A die that hits the table with much energy leaves it in some basin with the probabilities of its
+area. From then on every impact takes energy, and lets the die leave its basin over one of the
+saddles around it, the less often the higher that is above the rest compared with the energy that is
+left; the latter is a temperature that falls from impact to impact. A die that has gone over a
+saddle may be carried on over the next at once, if it keeps enough of its speed. How often it leaves
+and is carried on depends on the features of `dicedesign.throws.transition_features`, by two small
 networks that are fitted to simulated throws of random dice. What the table is changes the
 temperature, and the networks as further features would.
 
@@ -42,18 +42,18 @@ from dicedesign.throws.transition_features import Features, Transitions, body_fe
 from dicedesign.tolerances import ROUNDING
 
 
-def landing_odds(
+def landing_probabilities(
     features: Features, transitions: Transitions, model: MomentumModel, xp: ModuleType
 ) -> Any:
-    """Odds (k,) of the rests of a thrown body, nonnegative and with the sum of the odds without
-    momentum.
+    """Probabilities (k,) of the rests of a thrown body, nonnegative and with the sum of the
+    probabilities without momentum.
 
     model: its constants may be (m,) for each transition and its biases and shifts (m, o), (t, o)
         and so on, of a body of parts that know nothing of each other, each on a table of its own.
     """
     rests, ways = transitions.rests, len(transitions.source)
     if ways == 0:
-        return features.odds
+        return features.probabilities
     source, target = xp.asarray(transitions.source), xp.asarray(transitions.target)
     first, second = xp.asarray(transitions.first), xp.asarray(transitions.second)
     time = 0.5 - (np.arange(IMPACTS) + 0.5) / IMPACTS
@@ -70,21 +70,21 @@ def landing_odds(
     rates = _bounded((going[:, :3] @ terms).T - stretch * known / temperature + free, xp)
     barred = (model.carry_barrier / temperature)[:, first]
     weights = _bounded((going_on @ terms).T - barred * features.exits, xp)
-    odds = features.odds
+    probabilities = features.probabilities
     for rate, weight in zip(rates, weights, strict=True):
         leaving = _sums(rate, source, rests)
         # A rest that nothing leads away from is never left.
         share = -xp.expm1(-leaving) / (leaving + 1e-300)
-        gone = odds * share
+        gone = probabilities * share
         flow = gone[source] * rate
-        odds = odds - gone * leaving
+        probabilities = probabilities - gone * leaving
         stays = 1.0 / (1.0 + _sums(weight, first, ways))
         carried = weight * stays[first]
         for _ in range(CARRIES):
-            odds = odds + _sums(flow * stays, target, rests)
+            probabilities = probabilities + _sums(flow * stays, target, rests)
             flow = _sums(flow[first] * carried, second, ways)
-        odds = odds + _sums(flow, target, rests)
-    return odds
+        probabilities = probabilities + _sums(flow, target, rests)
+    return probabilities
 
 
 def _bounded(logarithm: Any, xp: ModuleType) -> Any:
@@ -99,39 +99,41 @@ def _sums(values: Any, index: Any, count: int) -> Any:
     return values.new_zeros(count).index_add(0, index, values)
 
 
-def hull_odds(
+def hull_probabilities(
     hull: ConvexHull,
     paths: Separatrices,
     center: Floats,
     inertia: Floats,
-    odds: Floats,
+    probabilities: Floats,
     model: MomentumModel,
 ) -> Floats:
-    """Odds (k,) of a thrown body's rests, numbered as in `paths.rests`.
+    """Probabilities (k,) of a thrown body's rests, numbered as in `paths.rests`.
 
     center: (3,) center of mass; inertia: (3, 3) tensor of inertia about it over the mass, in the
-    squared unit of length; odds: (k,) without momentum; model: in NumPy.
+    squared unit of length; probabilities: (k,) without momentum; model: in NumPy.
     """
-    thrown = kernels.thrown_odds(hull, paths, model, center, inertia, odds)
+    thrown = kernels.throw_probabilities(hull, paths, model, center, inertia, probabilities)
     if thrown is None:
         transitions = Transitions.of(hull, paths)
-        features = body_features(transitions, hull.vertices, center, inertia, odds, np)
-        thrown = landing_odds(features, transitions, model, np)
+        features = body_features(transitions, hull.vertices, center, inertia, probabilities, np)
+        thrown = landing_probabilities(features, transitions, model, np)
     return thrown
 
 
-def thrown_odds(body: Body, poses: RestPoses, table: str = "board-game") -> Floats:
-    """Odds (k,) of the rests of a body that is thrown onto a table, in the order of `poses`, by the
-    momentum model. The body has the inertia that `rigid_body` gives it.
+def throw_probabilities(body: Body, poses: RestPoses, table: str = "board-game") -> Floats:
+    """Probabilities (k,) of the rests of a body that is thrown onto a table, in the order of
+    `poses`, by the momentum model. The body has the inertia that `rigid_body` gives it.
 
     table: its name, or the path of its .json file. Raises InputError: as `momentum_model`, or for
     rests under a prior.
     """
-    return momentum_odds(poses, rigid_body(body, poses), momentum_model(table))
+    return momentum_probabilities(poses, rigid_body(body, poses), momentum_model(table))
 
 
-def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None) -> Floats:
-    """Odds (k,) of a thrown body's rests, in the order of `poses`.
+def momentum_probabilities(
+    poses: RestPoses, body: RigidBody, model: MomentumModel | None
+) -> Floats:
+    """Probabilities (k,) of a thrown body's rests, in the order of `poses`.
 
     Of a body that balances within rounding they are the mean of both sides, as those of `poses`.
     Raises InputError for rests under a prior.
@@ -146,7 +148,9 @@ def momentum_odds(poses: RestPoses, body: RigidBody, model: MomentumModel | None
     total = np.zeros(len(poses.hull.normals))
     for side in poses.basins:
         hull, center = side.equilibria.hull, side.equilibria.center_of_mass
-        odds = side.areas / (4.0 * math.pi)
-        total[side.paths.rests] += hull_odds(hull, side.paths, center, body.inertia, odds, model)
+        probabilities = side.areas / (4.0 * math.pi)
+        total[side.paths.rests] += hull_probabilities(
+            hull, side.paths, center, body.inertia, probabilities, model
+        )
     mean: Floats = total[poses.facets] / len(poses.basins)
     return mean

@@ -11,7 +11,7 @@ import torch
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.gradient.rest_odds import evaluate_rests
+from dicedesign.gradient.rest_probabilities import evaluate_rests
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])

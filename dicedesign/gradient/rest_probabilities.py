@@ -126,7 +126,7 @@ class RestEvaluation:
         return separatrices(self.equilibria) if self.basins is None else self.basins.paths
 
     @cached_property
-    def odds(self) -> Floats:
+    def probability_values(self) -> Floats:
         """(k,) probabilities of the rests as numbers (eq. 9, 10).
 
         Raises DegenerateBodyError where the basins do not close, as `rest_poses` does.
@@ -137,10 +137,10 @@ class RestEvaluation:
 
     @cached_property
     def probabilities(self) -> Tensor:
-        """(k,) the same, with gradients."""
+        """(k,) probabilities of the rests as a tensor with gradients (eq. 9, 10)."""
         hull, paths, center = self.hull, self.paths, self.equilibria.center_of_mass
         return self.function(
-            self.odds,
+            self.probability_values,
             lambda slopes: kernels.area_gradient(hull, paths, center, slopes / (4.0 * np.pi)),
             partial(rest_probabilities, hull, paths),
         )

@@ -1,4 +1,4 @@
-"""Odds of thrown bodies by the momentum model, compiled and by its formulas."""
+"""Probabilities of thrown bodies by the momentum model, compiled and by its formulas."""
 
 from __future__ import annotations
 
@@ -14,18 +14,22 @@ from numpy.typing import NDArray
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.triangles import solid_inertia
-from dicedesign.gradient.odds_model import ThrownOdds
-from dicedesign.gradient.rest_odds import RestEvaluation
+from dicedesign.gradient.probability_model import ThrowProbabilities
+from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws.momentum_odds import hull_odds, landing_odds, momentum_odds
+from dicedesign.throws.momentum_probabilities import (
+    hull_probabilities,
+    landing_probabilities,
+    momentum_probabilities,
+)
 from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.transition_features import Transitions, body_features
 from tests.reference import solids
 
 Floats = NDArray[np.float64]
 
-BOARD_GAME = ThrownOdds.on("board-game")
+BOARD_GAME = ThrowProbabilities.on("board-game")
 
 
 def random_points(seed: int, count: int) -> Floats:
@@ -94,17 +98,17 @@ def assert_near(found: Floats, expected: Floats, tolerance: float) -> None:
 
 
 @compiled_only
-def test_odds_are_those_of_the_formulas(points: Floats) -> None:
+def test_probabilities_are_those_of_the_formulas(points: Floats) -> None:
     for rests in both_ways(points):
-        found = BOARD_GAME.odds(rests)
+        found = BOARD_GAME.probabilities(rests)
         with without_kernels():
-            expected = BOARD_GAME.odds(rests)
+            expected = BOARD_GAME.probabilities(rests)
         assert np.abs(found - expected).max() < 1e-12
         assert found.min() >= 0.0
         assert found.sum() == pytest.approx(1.0, abs=1e-12)
-        assert np.abs(found - rests.odds).max() > 1e-6
+        assert np.abs(found - rests.probability_values).max() > 1e-6
         by_torch = BOARD_GAME._formula(
-            rests, rests.vertices, torch.from_numpy(rests.odds), rests.given_center
+            rests, rests.vertices, torch.from_numpy(rests.probability_values), rests.given_center
         )
         assert np.abs(found - by_torch.detach().numpy()).max() < 1e-12
         assert np.array_equal(BOARD_GAME.tensor(rests).detach().numpy(), found)
@@ -113,9 +117,9 @@ def test_odds_are_those_of_the_formulas(points: Floats) -> None:
 @compiled_only
 def test_gradients_are_those_of_the_formulas(smooth_points: Floats) -> None:
     for rests in both_ways(smooth_points):
-        if len(rests.odds) > 50:
+        if len(rests.probability_values) > 50:
             continue
-        weights = torch.linspace(-1.0, 1.0, len(rests.odds), dtype=torch.float64)
+        weights = torch.linspace(-1.0, 1.0, len(rests.probability_values), dtype=torch.float64)
         found = gradients((BOARD_GAME.tensor(rests) * weights).sum(), rests)
         formula = BOARD_GAME._formula(
             rests, rests.vertices, rests.probabilities, rests.given_center
@@ -132,19 +136,19 @@ def test_the_jacobian_is_that_of_differences(name: str) -> None:
     found = BOARD_GAME.jacobian(RestEvaluation(classify(hull, hull.centroid), vertices))
     step = 1e-6
 
-    def odds(moved: Floats) -> Floats:
+    def probabilities(moved: Floats) -> Floats:
         after = convex_hull(moved)
         rests = RestEvaluation(classify(after, after.centroid), torch.tensor(after.vertices))
         # The facets of a moved hull may come in another order.
         order = np.lexsort(np.round(after.normals[rests.paths.rests], 3).T)
-        return BOARD_GAME.odds(rests)[order]
+        return BOARD_GAME.probabilities(rests)[order]
 
     rests = RestEvaluation(classify(hull, hull.centroid), vertices).paths.rests
     order = np.lexsort(np.round(hull.normals[rests], 3).T)
     rng = np.random.default_rng(1)
     for _ in range(4):
         way = rng.normal(size=hull.vertices.shape)
-        after, before = (odds(hull.vertices + sign * step * way) for sign in (1.0, -1.0))
+        after, before = (probabilities(hull.vertices + sign * step * way) for sign in (1.0, -1.0))
         slope = (found @ way.ravel())[order]
         assert_near((after - before) / (2.0 * step), slope, 1e-6)
 
@@ -156,17 +160,17 @@ def test_one_rest_is_always_reached() -> None:
     center = 0.9 * hull.vertices[hull.tail[: hull.facet_start[1]]].mean(axis=0)
     vertices = torch.tensor(hull.vertices, requires_grad=True)
     rests = RestEvaluation(classify(hull, center), vertices, torch.tensor(center))
-    assert BOARD_GAME.odds(rests) == pytest.approx([1.0])
+    assert BOARD_GAME.probabilities(rests) == pytest.approx([1.0])
     assert BOARD_GAME.tensor(rests).detach().numpy() == pytest.approx([1.0])
     assert np.abs(BOARD_GAME.jacobian(rests)).max() < 1e-12
     assert BOARD_GAME.model is not None
     inertia = solid_inertia(hull.vertices, hull.triangles)
-    found = hull_odds(hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.model[0])
+    found = hull_probabilities(hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.model[0])
     assert found == pytest.approx([1.0])
 
 
 @compiled_only
-def test_a_tied_body_has_the_odds_of_both_sides() -> None:
+def test_a_tied_body_has_the_probabilities_of_both_sides() -> None:
     rng = np.random.default_rng(4)
     tied = 0
     assert BOARD_GAME.model is not None
@@ -177,9 +181,9 @@ def test_a_tied_body_has_the_odds_of_both_sides() -> None:
             continue
         tied += 1
         body = rigid_body(make_body(points), poses)
-        found = momentum_odds(poses, body, BOARD_GAME.model[0])
+        found = momentum_probabilities(poses, body, BOARD_GAME.model[0])
         with without_kernels():
-            expected = momentum_odds(poses, body, BOARD_GAME.model[0])
+            expected = momentum_probabilities(poses, body, BOARD_GAME.model[0])
         # Barriers as low as the center is moved aside are known to a few digits.
         assert found == pytest.approx(expected, abs=1e-4)
         assert found.sum() == pytest.approx(1.0, abs=1e-12)
@@ -191,10 +195,14 @@ def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
     assert BOARD_GAME.model is not None
     model, inertia = BOARD_GAME.model[0], solid_inertia(hull.vertices, hull.triangles)
     transitions = Transitions.of(hull, rests.paths)
-    features = body_features(transitions, hull.vertices, hull.centroid, inertia, rests.odds, np)
+    features = body_features(
+        transitions, hull.vertices, hull.centroid, inertia, rests.probability_values, np
+    )
     found = []
     for height in (-1e-16, 0.0, 1e-16, 1e-12):
         barriers = np.where(np.arange(len(features.barriers)) == 0, height, features.barriers)
-        found.append(landing_odds(replace(features, barriers=barriers), transitions, model, np))
+        found.append(
+            landing_probabilities(replace(features, barriers=barriers), transitions, model, np)
+        )
     assert np.isfinite(found).all()
     assert np.abs(np.array(found) - found[0]).max() < 1e-6

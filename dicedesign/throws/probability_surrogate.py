@@ -1,5 +1,5 @@
-"""Odds of a die as smooth functions of how it is thrown, the likelihood of what came up in sessions
-that nobody measured, and points by their weights under a posterior."""
+"""Probabilities of a die as smooth functions of how it is thrown, the likelihood of what came up in
+sessions that nobody measured, and points by their weights under a posterior."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from dicedesign.throws.sessions import Offsets, session_points
 from dicedesign.throws.throw_counts import CountedDie
 
 LENGTHS: Final = (0.05, 50.0)
-"""Range of the lengths over which odds change, in units of the parameters' ranges; the upper end
-stands for no influence."""
+"""Range of the lengths over which probabilities change, in units of the parameters' ranges; the
+upper end stands for no influence."""
 
 VARIANCES: Final = (1e-3, 20.0)
-"""Range of the variance of logarithmic odds over all throws."""
+"""Range of the variance of logarithmic probabilities over all throws."""
 
 EXCESSES: Final = (1e-5, 0.3)
 """Range of the variance at one point beyond that of counting."""
 
 LEVEL: Final = 4.0
-"""Prior variance of the mean logarithmic odds about that of the observations."""
+"""Prior variance of the mean logarithmic probabilities about that of the observations."""
 
 NODES: Final = 9
 """Of the Gauss-Hermite rule, exact for polynomials of degree 17."""
 
 
-class LogOddsProcess:
-    """A Gaussian process through noisy logarithmic odds at points of the unit cube.
+class LogProbabilityProcess:
+    """A Gaussian process through noisy logarithmic probabilities at points of the unit cube.
 
     Its covariance is squared exponential with a length for each parameter. Lengths, variance and
     excess noise are those of the largest marginal likelihood.
@@ -84,11 +84,11 @@ class LogOddsProcess:
         return np.asarray(self.variance * np.exp(-0.5 * squares) + LEVEL)
 
     def means(self, points: Floats) -> Floats:
-        """Expected logarithmic odds (m,) at points (m, d)."""
+        """Expected logarithmic probabilities (m,) at points (m, d)."""
         return np.asarray(self._covariance(points) @ self._weights + self.mean)
 
     def variances(self, points: Floats) -> Floats:
-        """Variances (m,) of the logarithmic odds at points (m, d)."""
+        """Variances (m,) of the logarithmic probabilities at points (m, d)."""
         solved = solve_triangular(self._factor[0], self._covariance(points).T, lower=True)
         return np.asarray(self.variance + LEVEL - np.square(solved).sum(axis=0))
 
@@ -99,25 +99,26 @@ class LogOddsProcess:
 
 
 BLOCK: Final = 2**13
-"""Sets whose odds are found at a time, which bounds the memory."""
+"""Sets whose probabilities are found at a time, which bounds the memory."""
 
 
 @dataclass(frozen=True)
-class OddsSurrogate:
-    """The odds of one die's g outcomes, each against those after it, as independent processes.
+class ProbabilitySurrogate:
+    """The probabilities of one die's g outcomes, each against those after it, as independent
+    processes.
 
     Attributes
     ----------
     die: what was thrown in a session, and what came up.
-    processes: g - 1; number j is of the logarithm of the odds of outcome j over the sum of those
-        after it.
+    processes: g - 1; number j is of the logarithm of the probabilities of outcome j over the sum of
+        those after it.
     """
 
     die: CountedDie
-    processes: tuple[LogOddsProcess, ...]
+    processes: tuple[LogProbabilityProcess, ...]
 
     @classmethod
-    def through(cls, die: CountedDie, points: Floats, counts: Integers) -> OddsSurrogate:
+    def through(cls, die: CountedDie, points: Floats, counts: Integers) -> ProbabilitySurrogate:
         """The surrogate of simulated counts (n, g) at points (n, d) of the unit cube.
 
         Source: empirical logits, Cox, Analysis of Binary Data, 1970, chapter 3. That such ratios of
@@ -127,28 +128,29 @@ class OddsSurrogate:
         came, others = counts[:, :-1] + 0.5, after[:, :-1] + 0.5
         values, noise = np.log(came / others), 1.0 / came + 1.0 / others
         each = zip(values.T, noise.T, strict=True)
-        return cls(die, tuple(LogOddsProcess(points, *process) for process in each))
+        return cls(die, tuple(LogProbabilityProcess(points, *process) for process in each))
 
-    def odds(self, points: Floats, rng: np.random.Generator | None = None) -> Floats:
-        """Expected odds (m, g) at points (m, d), or with random numbers odds as they may be, each
-        point's independently of others'."""
-        left, odds = np.ones(len(points)), []
+    def probabilities(self, points: Floats, rng: np.random.Generator | None = None) -> Floats:
+        """Expected probabilities (m, g) at points (m, d), or with random numbers probabilities as
+        they may be, each point's independently of others'."""
+        left, probabilities = np.ones(len(points)), []
         for process in self.processes:
             logarithms = process.means(points)
             if rng is not None:
                 spread = np.sqrt(process.variances(points))
                 logarithms = logarithms + spread * rng.normal(size=len(points))
             part = expit(logarithms)
-            odds.append(left * part)
+            probabilities.append(left * part)
             left = left * (1.0 - part)
-        return np.stack([*odds, left], axis=1)
+        return np.stack([*probabilities, left], axis=1)
 
     def log_likelihood(self, points: Floats, exact: bool) -> Floats:
         """Logarithm (m,) of the probability of the die's real counts over that of the same
-        counts if their frequencies were the odds.
+        counts if their frequencies were the probabilities.
 
-        exact: take the mean of the probability over what the odds may be, not that of the expected
-        odds, which is cheaper.
+        exact: take the mean of the probability over what the probabilities may be, not that of the
+            expected
+        probabilities, which is cheaper.
         """
         nodes, weights = np.polynomial.hermite_e.hermegauss(NODES if exact else 1)
         counts = self.die.counts
@@ -176,7 +178,7 @@ class OddsSurrogate:
 
 
 def log_likelihoods(
-    surrogates: Sequence[OddsSurrogate], points: Floats, offsets: Offsets, exact: bool
+    surrogates: Sequence[ProbabilitySurrogate], points: Floats, offsets: Offsets, exact: bool
 ) -> Floats:
     """(n, dice) logarithms of the mean likelihood over equally likely sessions (k, 4), each die
     thrown in one of its own, at points (n, 5) of the prior."""
