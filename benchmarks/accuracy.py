@@ -3,7 +3,7 @@
 Ask several methods for the resting probabilities of bodies, and compare them with the 60-digit
 oracle: this model in double precision and with its coordinates rounded to single, many directions
 traced, solid angles of facets, and trimesh. The last two take a body to land on the facet that it
-falls towards, however it would roll on the way. The picture has errors over seconds.
+falls toward, however it would roll on the way. The picture has errors over seconds.
 """
 
 from __future__ import annotations

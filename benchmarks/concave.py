@@ -127,7 +127,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             cells = [found.get(name) for name in MEASURED]
             row(Path(case.model).name, case.target, case.fill, *cells, reason or "as wanted")
             made.append((case, found, reason))
-    return summarise(made, report)
+    return summarize(made, report)
 
 
 def cases_of(options: argparse.Namespace) -> Iterator[Case]:
@@ -228,7 +228,7 @@ def shortfalls(found: dict[str, Any], tolerance: float) -> Iterator[str]:
         yield f"took {found['s']:.0f} s"
 
 
-def summarise(made: list[tuple[Case, dict[str, Any], str]], report: Report) -> bool:
+def summarize(made: list[tuple[Case, dict[str, Any], str]], report: Report) -> bool:
     """A row for each target and fill; whether the goals are reached, which are for the fill by
     correspondence."""
     row = report.table(

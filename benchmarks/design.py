@@ -33,8 +33,8 @@ from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, descend_as_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finished
-from dicedesign.recipe.convex import normalised_center, wanted_probabilities
-from dicedesign.rest.poses import analyse
+from dicedesign.recipe.convex import normalized_center, wanted_probabilities
+from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import Start
 from dicedesign.throws.distances import total_variation
@@ -221,7 +221,7 @@ class Ending:
     def of(cls, result: DesignResult, target: Floats, center: Floats | None) -> Ending:
         """Of a design for (k,) probabilities, with a center of mass (3,) or that of the solid."""
         hull = result.hull
-        poses = analyse(hull, hull.centroid if center is None else center)
+        poses = analyze(hull, hull.centroid if center is None else center)
         of_rest = cluster(poses.normals, result.directions).of_rest
         sums = np.bincount(of_rest, poses.probabilities, len(target))
         # Rests come the most probable first.
@@ -254,7 +254,7 @@ class PaperProblem:
         self.recipe, self.start = recipe, start
         self.options = replace(recipe.method.paper, prefer=Preferences(), tolerance=None)
         self.target = wanted_probabilities(recipe)
-        self.center = normalised_center(recipe, start)
+        self.center = normalized_center(recipe, start)
 
     def descend(self, seed: int, options: PaperOptions) -> DesignResult:
         """The descent alone."""

@@ -106,7 +106,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             for table, models, found in compared:
                 row(shape.name, rests, found[0], table, models, *found[1:4])
                 places.setdefault((table, models), []).append(found)
-    summarise(places, report)
+    summarize(places, report)
     published = {} if options.distances is None else read_published(options.distances)
     row = report.table(
         "paper",
@@ -262,7 +262,7 @@ def compare(
     return wasserstein, one, variation, other
 
 
-def summarise(places: dict[tuple[str, str], list[Floats]], report: Report) -> None:
+def summarize(places: dict[tuple[str, str], list[Floats]], report: Report) -> None:
     """Means over the shapes, and correlations with the asymmetry."""
     row = report.table(
         "summary",

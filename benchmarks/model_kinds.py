@@ -195,7 +195,7 @@ def _knot(rng: Generator) -> Distance:
 
 
 def _room(line: Floats) -> float:
-    """Least distance between places of a closed line (n, 3) that are not neighbours on it: half
+    """Least distance between places of a closed line (n, 3) that are not neighbors on it: half
     the way between them is longer than the distance."""
     steps = np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1)
     along = np.append(0.0, steps.cumsum())

@@ -56,7 +56,7 @@ def compute_stable_poses(
     InputError: another argument is not as described.
     """
     # Imported here, as the package's other floors are imported on first use.
-    from dicedesign.rest.poses import analyse, generator_of, rest_poses
+    from dicedesign.rest.poses import analyze, generator_of, rest_poses
 
     if not (is_finite_number(sigma) and sigma >= 0.0):
         raise InputError(f"sigma: expected a finite number of at least 0, got {sigma!r}; change it")
@@ -75,7 +75,7 @@ def compute_stable_poses(
         scatter = float(np.sqrt(sigma))
         centers = _inside(poses, scatter, int(n_samples), generator_of(seed))
         for center in centers:
-            sample = analyse(poses.hull, center)
+            sample = analyze(poses.hull, center)
             np.add.at(probabilities, _facets_in(poses.hull, sample), sample.probabilities)
         probabilities /= len(centers)
     kept = np.flatnonzero(probabilities > max(threshold, 0.0))

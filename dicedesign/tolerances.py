@@ -34,7 +34,7 @@ relative to half the largest extent of the points; then any triangles that Qhull
 facet to COPLANAR_TOLERANCE. What is not above this counts as rounding."""
 
 REUSE_MARGIN: Final = 1e-7
-"""A hull keeps its connectivity only if all corners of every facet's neighbours but those of the
+"""A hull keeps its connectivity only if all corners of every facet's neighbors but those of the
 common edge are this far below its plane, relative to the same: four orders of magnitude above what
 counts as coplanar. Then no edge is shorter either."""
 
@@ -117,10 +117,10 @@ LEVEL_ANGLE: Final = math.radians(5.0)
 within this of up, in radians: labels on it are seen as if it were level."""
 
 LEAST_MM: Final = 1e-3
-"""Smallest distance, in millimetres, between two corners of a solid that can be made."""
+"""Smallest distance, in millimeters, between two corners of a solid that can be made."""
 
 MOST_MM: Final = 1000.0
-"""Largest distance, in millimetres, between two corners of a solid that can be made."""
+"""Largest distance, in millimeters, between two corners of a solid that can be made."""
 
 MATCHED_PROBABILITIES: Final = 0.02
 """Outcomes whose probabilities without momentum are told belong to the rests of a mesh that have

@@ -1,7 +1,7 @@
 """An engine of one's own: throws in Bullet, whose contacts are hard, impulses with a coefficient of
 restitution. It needs `pip install pybullet`, which is compiled where there is no wheel of it.
 
-Bullet has thresholds in absolute units, made for bodies of a metre. So it is told of a die in units
+Bullet has thresholds in absolute units, made for bodies of a meter. So it is told of a die in units
 of its radius and of the time in which a body falls by half of that.
 """
 

@@ -1,4 +1,4 @@
-"""An energy of one's own: run by the built-in method, and by an optimiser of torch.
+"""An energy of one's own: run by the built-in method, and by an optimizer of torch.
 
 A term sees the shape as it is now: the hull, its rests with their probabilities, the clusters of
     rests that
@@ -45,7 +45,7 @@ def built_in(weight: float) -> None:
 
 
 def with_torch(weight: float) -> None:
-    """Any optimiser: the energy is a tensor that autograd differentiates in the vertices."""
+    """Any optimizer: the energy is a tensor that autograd differentiates in the vertices."""
     vertices = torch.tensor(START.points, requires_grad=True)
     weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
     adam = torch.optim.Adam([vertices], lr=8e-3)

@@ -133,7 +133,7 @@ def narrowed(picture: Image.Image) -> Image.Image:
 
 
 def save(picture: Image.Image, path: Path, colors: int = 96) -> None:
-    """Few colours do for drawings, and keep the repository small."""
+    """Few colors do for drawings, and keep the repository small."""
     picture.quantize(colors).save(path, optimize=True)
 
 

@@ -69,7 +69,7 @@ def test_transforms_are_those_of_trimesh(seed: int) -> None:
 
 
 def test_where_facets_topple_trimesh_is_wrong() -> None:
-    """A facet that does not hold is left to several neighbours; trimesh gives one of them all."""
+    """A facet that does not hold is left to several neighbors; trimesh gives one of them all."""
     mesh = blob(3, 12)
     ours, other = compute_stable_poses(mesh), by_normal(*trimesh.poses.compute_stable_poses(mesh))
     exact = hull_probabilities(convex_hull(mesh.vertices), [mesh.center_mass])
@@ -90,7 +90,7 @@ def test_a_threshold_leaves_poses_out_and_scales_none() -> None:
 
 
 def test_sigma_is_the_mean_over_centers_of_mass() -> None:
-    """The same draws, each analysed alone."""
+    """The same draws, each analyzed alone."""
     mesh, sigma, count = blob(6), 4e-3, 12
     transforms, probabilities = compute_stable_poses(mesh, sigma=sigma, n_samples=count, seed=3)
     rng = np.random.default_rng(3)

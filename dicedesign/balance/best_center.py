@@ -24,7 +24,7 @@ from dicedesign.balance.regions import Halfspaces, Stability, least_within, poin
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms
-from dicedesign.rest.poses import RestPoses, analyse
+from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.runtime.arrays import Floats
 
 ENOUGH: Final = 1e-12
@@ -273,7 +273,7 @@ def best_center(
     if isinstance(goal, FewestRests):
         starts = search.apart(stability.counts(search.samples).astype(np.float64))
         center = fewest_rests(stability, within, starts, search.options.steps)
-        now, wanted = analyse(hull, center), None
+        now, wanted = analyze(hull, center), None
         directions = now.normals
         reached = len(now.facets) < len(poses.facets) or len(now.facets) == 1
     else:
@@ -286,7 +286,7 @@ def best_center(
             raise InputError(
                 "region: expected a center of mass with rests, got none; take a larger region"
             )
-        now, served = analyse(hull, center), objective(rests, 0.0)
+        now, served = analyze(hull, center), objective(rests, 0.0)
         directions = served.directions
         if isinstance(goal, Standing):
             wanted = None

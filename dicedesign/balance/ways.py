@@ -1,6 +1,6 @@
 """Ways to put a center of mass where it is wanted: cavities, drained by holes, and infill.
 
-Lengths are in millimetres.
+Lengths are in millimeters.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
     hull = convex_hull(surface.points, single_precision=True)
     apart = norms(places[:, None] - hull.vertices[None]).min(axis=1)
     fits = ((inward * normals).sum(axis=1) <= -STEEP) & (apart > APART * radius)
-    # Holes that open towards what the body rests on come last.
+    # Holes that open toward what the body rests on come last.
     rests = rests_at(hull, center)
     facets = np.zeros(0, dtype=np.int64) if rests is None else rests.facets
     is_stood_on = (hull.depths(places)[:, facets] < 0.1 * radius).any(axis=1)

@@ -1,4 +1,4 @@
-"""The meshes in a folder, thousands of them analysed: a few in each task, tasks side by side."""
+"""The meshes in a folder, thousands of them analyzed: a few in each task, tasks side by side."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NoReturn
 
-from dicedesign.batch.rest_table import Entry, Stamp, analysed_entry, broken_entry
+from dicedesign.batch.rest_table import Entry, Stamp, analyzed_entry, broken_entry
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.reading import OWN_ENDINGS, mesh_endings
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
@@ -76,13 +76,13 @@ Center = tuple[float, float, float] | Literal["hull"] | None
 """A center of mass, as in `rest_poses`."""
 
 
-def analyse_files(
+def analyze_files(
     folder: str,
     stamps: Mapping[str, Stamp],
     center_of_mass: Center = None,
     coplanar_tolerance: float | None = None,
 ) -> dict[str, Entry]:
-    """The entries of some files. One that cannot be analysed, for whatever reason, gets an entry
+    """The entries of some files. One that cannot be analyzed, for whatever reason, gets an entry
     that says so.
 
     folder: where they are.
@@ -101,7 +101,7 @@ def analyse_files(
                 body = read_body(path)
             poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
             seconds = time.perf_counter() - started
-            entries[file] = analysed_entry(file, stamp, poses, seconds)
+            entries[file] = analyzed_entry(file, stamp, poses, seconds)
         except Exception as error:
             # Thousands of files are not given up for one, even where the fault is ours.
             said = str(error) if isinstance(error, DiceError) else f"{file}: {error!r}"
@@ -122,12 +122,12 @@ def run_batch(
     on_entries: Callable[[dict[str, Entry]], None],
     on_quiet: Callable[[], None] | None = None,
 ) -> None:
-    """Analyse files of a folder. Files whose worker was lost run again at the end, one at a time,
+    """Analyze files of a folder. Files whose worker was lost run again at the end, one at a time,
     so that none is blamed for another.
 
     Parameters
     ----------
-    folder, stamps, center_of_mass, coplanar_tolerance: see `analyse_files`.
+    folder, stamps, center_of_mass, coplanar_tolerance: see `analyze_files`.
     executor: runs it; processes or machines that can import this package and see the folder.
     jobs: how many workers there are, at least 1.
     on_entries: called with the entries of each task once it has ended.
@@ -139,7 +139,7 @@ def run_batch(
     lost = run_in_batches(
         list(stamps.items()),
         lambda task: executor.submit(
-            analyse_files, folder, dict(task), center_of_mass, coplanar_tolerance
+            analyze_files, folder, dict(task), center_of_mass, coplanar_tolerance
         ),
         jobs,
         on_entries,
@@ -148,7 +148,7 @@ def run_batch(
     )
     for file, stamp in lost:
         reason = (
-            f"{file}: expected workers that stay, but all {LONE_RUNS} that analysed it were lost; "
+            f"{file}: expected workers that stay, but all {LONE_RUNS} that analyzed it were lost; "
             "see whether memory suffices"
         )
         on_entries({file: broken_entry(file, stamp, reason)})

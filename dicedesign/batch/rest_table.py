@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 ColumnType = Literal["text", "whole", "real"]
-"""Content of a column; numbers are empty where a file could not be analysed."""
+"""Content of a column; numbers are empty where a file could not be analyzed."""
 
 STAMPED: dict[str, ColumnType] = {
     "bytes": "whole",
@@ -57,7 +57,7 @@ columns from "rests" on are of the file."""
 
 @dataclass(frozen=True)
 class Stamp:
-    """State of a file when it was analysed, and the options then.
+    """State of a file when it was analyzed, and the options then.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Entry:
     ----------
     stamp: see `Stamp`.
     text: the rows as CSV.
-    rests: their number; 0 for a file that could not be analysed.
+    rests: their number; 0 for a file that could not be analyzed.
     """
 
     stamp: Stamp
@@ -88,8 +88,8 @@ class Entry:
     rests: int
 
 
-def analysed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Entry:
-    """The rows of a file's rests; `seconds` were spent on reading and analysing it."""
+def analyzed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Entry:
+    """The rows of a file's rests; `seconds` were spent on reading and analyzing it."""
     count = len(poses.probabilities)
     # What the rows have in common becomes text once.
     name = csv_line([escaped_name(file)])[:-1]
@@ -124,7 +124,7 @@ def analysed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) ->
 
 
 def broken_entry(file: str, stamp: Stamp, error: str, seconds: float = 0.0) -> Entry:
-    """The row of a file that could not be analysed, with the reason in one line."""
+    """The row of a file that could not be analyzed, with the reason in one line."""
     row: dict[str, object] = dict.fromkeys(COLUMNS, "")
     row |= {"file": escaped_name(file), "rests": 0, "seconds": round(seconds, 6)}
     row |= {"error": " ".join(error.split())}

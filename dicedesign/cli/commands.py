@@ -135,7 +135,7 @@ class Search(WithWorkers):
     """Search for a die that prints and rolls better.
 
     Design many dice of one recipe, with other seeds, assignments of labels and weights of
-    preferences, and rank them by the smallest circle in a labelled facet and the momentum margin.
+    preferences, and rank them by the smallest circle in a labeled facet and the momentum margin.
     The same command goes on where an earlier one ended or was killed. Needs the extra 'search';
     --scheduler needs 'cluster'.
 
@@ -207,7 +207,7 @@ class Pose(WithRests, WithJson, WithWorkers):
 
     They stand in the most probable pose, or in another, on the plane z = 0 with the center of mass
     on the z axis, in their own unit of length. GLB files keep their materials, PLY files their
-    colours; other formats hold the shape alone.
+    colors; other formats hold the shape alone.
 
     Options:
     meshes (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or a folder for all meshes in it

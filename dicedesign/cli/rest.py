@@ -127,7 +127,7 @@ def _under_prior(options: Rest, text: str, poses: RestPoses) -> RestPoses:
 
 
 def _list_folder(options: Rest) -> int:
-    """Analyse the meshes of a folder."""
+    """Analyze the meshes of a folder."""
     # Imported here, as one mesh does without.
     from dicedesign.batch.batch import list_folder, run_batch
     from dicedesign.batch.rest_table import RestTable, Stamp, table_format
@@ -206,11 +206,11 @@ def _check_table(options: Rest, before: dict[str, Entry], stamps: dict[str, Stam
 
 def _print_counts(table: RestTable) -> int:
     counts = [entry.rests for entry in table.entries.values()]
-    analysed, broken = sum(count > 0 for count in counts), counts.count(0)
-    print(f"{printable(table.path)}: {analysed} files with {sum(counts)} resting poses")
+    analyzed, broken = sum(count > 0 for count in counts), counts.count(0)
+    print(f"{printable(table.path)}: {analyzed} files with {sum(counts)} resting poses")
     if broken:
-        print_note(f"{broken} files could not be analysed; see the column 'error'")
-    return 0 if analysed else 1
+        print_note(f"{broken} files could not be analyzed; see the column 'error'")
+    return 0 if analyzed else 1
 
 
 def drop(options: Drop) -> int:

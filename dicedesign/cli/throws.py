@@ -43,7 +43,7 @@ DROPS: Final = 10_000
 
 CONFIDENCE: Final = 0.95
 
-MM_PER_METRE: Final = 1e3
+MM_PER_METER: Final = 1e3
 
 
 def throw(options: Throw) -> int:
@@ -54,7 +54,7 @@ def throw(options: Throw) -> int:
     from dicedesign.throws.simulation import check_throws, simulate
     from dicedesign.throws.tables import table_named, with_hand
 
-    size = None if options.size is None else options.size / MM_PER_METRE
+    size = None if options.size is None else options.size / MM_PER_METER
     with named("--table"):
         name = with_hand(options.table, options.hand)
         table = table_named(name)
@@ -80,8 +80,8 @@ def throw(options: Throw) -> int:
         tensor = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     body = rigid_body(mesh, poses, tensor)
     if labels is not None and size is None:
-        # Its files are in millimetres.
-        table = table.sized(2.0 * body.radius / MM_PER_METRE)
+        # Its files are in millimeters.
+        table = table.sized(2.0 * body.radius / MM_PER_METER)
     started = time.perf_counter()
     momentum = None if model is None else momentum_probabilities(poses, body, model)
     with workers_of(options, "drops", drops) as workers:

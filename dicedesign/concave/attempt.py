@@ -41,7 +41,7 @@ from dicedesign.geometry.sphere import best_similarity, norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
-from dicedesign.rest.poses import analyse
+from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
 
 ROOM = 0.8
@@ -325,7 +325,7 @@ class Attempts:
         rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
         reached = convex_hull(rounded.points, single_precision=True)
         shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
-        poses = analyse(reached, rounded.centroid + shift)
+        poses = analyze(reached, rounded.centroid + shift)
         directions = design.directions @ back.rotation.T
         outcomes = outcome_probabilities(poses, directions)
         error = outcomes.error(self.target)

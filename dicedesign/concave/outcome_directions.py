@@ -17,7 +17,7 @@ from dicedesign.concave.slopes import great_arcs, largest_rise
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import even_directions
-from dicedesign.rest.poses import analyse
+from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats, Integers
 
 SPREAD = 60
@@ -122,7 +122,7 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
 
 def _candidates(hull: ConvexHull, count: int, random: np.random.Generator) -> Floats:
     """(m, 3) the rests, the most probable first, and directions between them."""
-    rests = analyse(hull, np.zeros(3), "given").normals
+    rests = analyze(hull, np.zeros(3), "given").normals
     spread = _spread(max(SPREAD, SPREAD_EACH * count), random)
     least = min(DISTINCT, 0.5 * math.sqrt(4.0 * math.pi / len(spread)))
     kept = np.zeros((0, 3))

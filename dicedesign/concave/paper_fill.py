@@ -258,7 +258,7 @@ mended when the step is done, and kept to from the next one on."""
 def solve_quadratic_program(
     hessian: csc_array, gradient: Floats, rows: csc_array, bounds: Floats
 ) -> Floats | None:
-    """The x that minimises `x . H x / 2 + g . x` where `A x <= b`, or None where none was found.
+    """The x that minimizes `x . H x / 2 + g . x` where `A x <= b`, or None where none was found.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ class PointsInside:
         return points / np.maximum(excess, 1.0)[:, None]
 
     def step(self, points: Floats, hessian: csc_array, gradient: Floats) -> Floats | None:
-        """Moves d (n, 3) that minimise `d . H d / 2 + g . d` with all points inside; None where the
+        """Moves d (n, 3) that minimize `d . H d / 2 + g . d` with all points inside; None where the
         program cannot be solved.
 
         points: (n, 3), inside; hessian: (3n, 3n) H, symmetric positive semidefinite; gradient:

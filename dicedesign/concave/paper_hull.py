@@ -19,7 +19,7 @@ from dicedesign.optimize.options import PaperOptions
 from dicedesign.optimize.solvers.paper import descend_as_paper
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.rest.poses import analyse
+from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
 
 TRIALS = 10
@@ -120,7 +120,7 @@ def descend_hull(
     moved = np.zeros_like(original)
     moved[source] = vertices - original[source]
     probabilities = outcome_probabilities(
-        analyse(convex_hull(vertices), np.zeros(3), "given"), normals
+        analyze(convex_hull(vertices), np.zeros(3), "given"), normals
     )
     return problem.designed(vertices, source, moved, normals, probabilities.error(problem.target))
 
@@ -131,7 +131,7 @@ def _shaken_error(problem: HullProblem, design: DesignedHull) -> float:
     for _ in range(SHAKES):
         shaken = design.hull.vertices + SHAKE * random.normal(size=design.hull.vertices.shape)
         try:
-            poses = analyse(convex_hull(shaken), design.center_of_mass, "given")
+            poses = analyze(convex_hull(shaken), design.center_of_mass, "given")
         except DiceError:
             # The center of mass is outside then.
             errors.append(1.0)

@@ -244,7 +244,7 @@ def least_displacement(
     misses: Floats,
 ) -> Floats:
     """(n, 3) the displacement from the original that takes least work, among those that meet the
-    linearised equations and, softly, the inequalities.
+    linearized equations and, softly, the inequalities.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@ go along with their facets, and a hidden hollow that balances them.
 
 A ball is rolled over a core: the rounded solid is the hull of points at the radius from the core's
 corners. Height over the table is then that of the core plus the radius, so that a perfectly round
-solid has the probabilities of its core. Lengths are in millimetres.
+solid has the probabilities of its core. Lengths are in millimeters.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, joined, solid_properties
 from dicedesign.optimize.solvers.reshaping import Measured
 from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import MomentumModel
@@ -54,7 +54,7 @@ class ConvexObject:
     edges: EdgeOptions | None
     offset: Floats | None = None
 
-    def unlabelled(self, core: ConvexHull) -> Surface:
+    def unlabeled(self, core: ConvexHull) -> Surface:
         """The solid without labels."""
         hull = core
         if self.edges is not None:
@@ -66,12 +66,12 @@ class ConvexObject:
         """The solid by which the object is judged: engraved, with a hidden hollow where that is to
         balance it; whole where the labels are filled. Raises EngravingError."""
         if self.labels is None or self.labels.balance == "fill":
-            return self.unlabelled(core)
+            return self.unlabeled(core)
         return self.engraved(core, placements)
 
     def engraved(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """The solid with its labels cut in, whatever fills them. Raises EngravingError."""
-        plain = self.unlabelled(core)
+        plain = self.unlabeled(core)
         if self.labels is None or not placements:
             return plain
         marked = engrave(plain.points, plain.triangles, self.placed(placements), self.labels)
@@ -80,7 +80,7 @@ class ConvexObject:
     def inlay(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """The bodies that fill the labels."""
         assert self.labels is not None
-        plain = self.unlabelled(core)
+        plain = self.unlabeled(core)
         return inlay(plain.points, plain.triangles, self.placed(placements), self.labels)
 
     @staticmethod
@@ -164,7 +164,7 @@ def measure_resting(
             poses = rest_poses(make_body(surface.points, surface.triangles))
         else:
             hull = convex_hull(surface.points)
-            poses = analyse(hull, hull.centroid + offset)
+            poses = analyze(hull, hull.centroid + offset)
         probabilities = outcome_probabilities(poses.under(prior), directions).probabilities
         return Measured(poses.center_of_mass, probabilities)
 
@@ -241,7 +241,7 @@ def hollowed(surface: Surface, center: Floats) -> Surface:
 
 
 TURN: Final = math.radians(11.0)
-"""Largest angle between neighbouring flat strips of a fillet: no part of the angles of the regular
+"""Largest angle between neighboring flat strips of a fillet: no part of the angles of the regular
 solids, so that a small change of a shape is a small change of its strips."""
 
 CROWDED: Final = 0.02

@@ -1,4 +1,4 @@
-"""A die on its way: as designed, as a solid in millimetres, and what its file does."""
+"""A die on its way: as designed, as a solid in millimeters, and what its file does."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from dicedesign.rest.outcomes import (
     outcome_margins,
     outcome_probabilities,
 )
-from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Numbers, RoundOfThrows, Status
 from dicedesign.results.result import FacetOfDie, HullsMade, Result, Step
@@ -240,9 +240,9 @@ def make_solid(die: Design, size_mm: float) -> Solid:
     center = die.hull.centroid if given is None else given
     hull = convex_hull((die.hull.vertices - center) * (size_mm / die.hull.diameter))
     if given is None:
-        poses = analyse(hull, hull.centroid, "uniform solid").under(die.prior)
+        poses = analyze(hull, hull.centroid, "uniform solid").under(die.prior)
     else:
-        poses = analyse(hull, np.zeros(3), "given").under(die.prior)
+        poses = analyze(hull, np.zeros(3), "given").under(die.prior)
     return Solid(
         points=hull.vertices,
         triangles=hull.triangles,

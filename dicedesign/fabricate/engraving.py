@@ -1,7 +1,7 @@
 """Labels on their places on a die, cut into it as pockets or left standing in sunk fields, and what
 fills them; with checks of what comes out, and which of its triangles belong to labels.
 
-Lengths are in millimetres, volumes in cubic millimetres.
+Lengths are in millimeters, volumes in cubic millimeters.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def _read(path: Path) -> tuple[Floats, Integers]:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A body in one material, perhaps with labels in another colour.
+    """A body in one material, perhaps with labels in another color.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Part:
     labels: Booleans | None = None
 
     def groups(self) -> list[tuple[str, str, Integers]]:
-        """Name, colour and triangles (s, 3) of each colour that the part has."""
+        """Name, color and triangles (s, 3) of each color that the part has."""
         if self.labels is None or not self.labels.any():
             return [(self.name, self.color, self.triangles)]
         return [
@@ -75,10 +75,10 @@ class Contents:
     title: str
     parts: Sequence[Part]
     facts: Mapping[str, str] = field(default_factory=dict)
-    unit: str = "millimetres"
+    unit: str = "millimeters"
 
     def materials(self) -> list[tuple[str, str]]:
-        """Names and colours of all groups of the parts, each once."""
+        """Names and colors of all groups of the parts, each once."""
         groups = (group for part in self.parts for group in part.groups())
         return list(dict.fromkeys((name, color) for name, color, _ in groups))
 
@@ -185,7 +185,7 @@ RELATIONS: Final = (
 
 
 def three_mf(contents: Contents) -> bytes:
-    """Contents as a 3MF file: an object for each part, the colours of its triangles, and one thing
+    """Contents as a 3MF file: an object for each part, the colors of its triangles, and one thing
     to print that holds them all."""
     import zipfile
 
@@ -241,8 +241,8 @@ def _escape(text: str) -> str:
 
 THREE_MF: Final = FileFormat(
     name="3mf",
-    line="3MF, the printers' own format, with labels in a colour of their own",
-    carries="name, parts, colours, target, probabilities, recipe, checksum",
+    line="3MF, the printers' own format, with labels in a color of their own",
+    carries="name, parts, colors, target, probabilities, recipe, checksum",
     write=three_mf,
 )
 
@@ -262,7 +262,7 @@ ROUGHNESS: Final = 0.6
 
 
 def glb(contents: Contents) -> bytes:
-    """Contents as GLB: a node for each part, a material for each colour of one. Faces are flat, as
+    """Contents as GLB: a node for each part, a material for each color of one. Faces are flat, as
     programs have to show those without normals."""
     data, materials = b"", contents.materials()
     views: list[dict[str, Any]] = []
@@ -324,13 +324,13 @@ GLB: Final = FileFormat(
     unit="m",
     upward="y",
     precision="float32",
-    carries="name, parts, colours, target, probabilities, recipe, checksum",
+    carries="name, parts, colors, target, probabilities, recipe, checksum",
     write=glb,
 )
 
 
 def obj(contents: Contents) -> bytes:
-    """Contents as Wavefront OBJ: an object for each part, and a group for each colour of one."""
+    """Contents as Wavefront OBJ: an object for each part, and a group for each color of one."""
     text, first = f"# {contents.title}, lengths in {contents.unit}, z upward\n", 1
     for part in contents.parts:
         text += f"o {part.name}\n" + rows("v {!r} {!r} {!r}\n", part.points)

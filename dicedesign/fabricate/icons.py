@@ -1,7 +1,7 @@
 """Icons from SVG files: paths, shapes and strokes as a plane section.
 
 The file is read as data of strangers: nothing is loaded, run or looked up, and what is neither a
-path nor a shape in a plain colour is refused by name. picosvg reads shapes and transforms, and
+path nor a shape in a plain color is refused by name. picosvg reads shapes and transforms, and
 skia-pathops outlines strokes; its unions are not used, as paths that cross themselves often keep
 them busy for hours.
 """
@@ -42,7 +42,7 @@ STROKE_WIDTH: Final = 1000.0
 """In units of Skia, whose tolerance is a quarter of one."""
 
 DARK: Final = 0.5
-"""Luminance below which a colour is cut; what is lighter covers what lies beneath."""
+"""Luminance below which a color is cut; what is lighter covers what lies beneath."""
 
 LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
 """Of red, green and blue, ITU-R BT.709."""
@@ -89,7 +89,7 @@ def icon_section(path: str, label: str) -> CrossSection:
     Raises
     ------
     InputError: the file cannot be read, is no SVG of at most `MOST_BYTES`, has scripts, entities,
-        text, pictures or whatever else is neither path nor shape, fills that are no plain colours,
+        text, pictures or whatever else is neither path nor shape, fills that are no plain colors,
         too many shapes or corners, or shows nothing.
     """
     with named(f"engrave.icons: label {label!r}"):
@@ -280,12 +280,12 @@ def _section(outlines: Sequence[Outline]) -> CrossSection:
     return section.translate((-left, -bottom)).scale((scale, scale))
 
 
-def _luminance(colour: str) -> float | None:
-    """Of a colour of CSS, in [0, 1]: a name, #rgb, #rrggbb, rgb(), or currentColor, which is 0.
+def _luminance(color: str) -> float | None:
+    """Of a color of CSS, in [0, 1]: a name, #rgb, #rrggbb, rgb(), or currentColor, which is 0.
     None where it shows nothing. Raises InputError for others, such as the url() of a gradient."""
     from PIL import ImageColor
 
-    plain = colour.lower()
+    plain = color.lower()
     if plain in ("none", "transparent"):
         return None
     try:
@@ -301,11 +301,11 @@ def _luminance(colour: str) -> float | None:
         red, green, blue, alpha = channels[:4]
         light = float(np.dot(LUMINANCE, np.clip((red, green, blue), 0.0, 255.0))) / 255.0
         if not math.isfinite(light):
-            raise ValueError(colour)
+            raise ValueError(color)
     except ValueError:
         _refuse(
-            "plain colours such as black or #202020",
-            repr(colour[:60]),
+            "plain colors such as black or #202020",
+            repr(color[:60]),
             "fill shapes with one, or export them again",
         )
     return light if alpha > 0.0 else None

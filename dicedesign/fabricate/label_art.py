@@ -168,7 +168,7 @@ ROWS: Final = {
     19: (4, 4, 3, 4, 4),
     20: (4, 4, 4, 4, 4),
 }
-"""Pips in each row, from the top, of numbers without a usual pattern; rows are centred."""
+"""Pips in each row, from the top, of numbers without a usual pattern; rows are centerd."""
 
 MOST_PIPS: Final = max(ROWS)
 

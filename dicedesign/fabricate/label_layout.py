@@ -2,7 +2,7 @@
 size and upright.
 
 A label lies on the facet that the die rests on, on the one that is level on top then, or around the
-corner that is on top, upright toward it, as on a tetrahedron. Lengths are in millimetres.
+corner that is on top, upright toward it, as on a tetrahedron. Lengths are in millimeters.
 """
 
 from __future__ import annotations

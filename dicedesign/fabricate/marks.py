@@ -1,6 +1,6 @@
 """Marks on a body of any shape: the outcome that it shows, on the side that is up when it lies so.
 
-Lengths are in millimetres, volumes in cubic millimetres.
+Lengths are in millimeters, volumes in cubic millimeters.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SMALLEST: Final = 3.0
 """Smallest digit height tried, in spacings of the relief."""
 
 EVENNESS: Final = 2.0
-"""Millimetres of the height of its digits that a millimetre counts for by which the surface rises
+"""Millimeters of the height of its digits that a millimeter counts for by which the surface rises
 and falls beneath a mark."""
 
 PLACES: Final = 3

@@ -40,7 +40,7 @@ from dicedesign.gradient.facet_measures import offset_derivatives
 from dicedesign.gradient.probability_model import ProbabilityModel
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.rest.outcomes import OutcomeProbabilities, gathered, outcome_probabilities
-from dicedesign.rest.poses import RestPoses, analyse
+from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.result import InfillProbabilities, PrintTolerances
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chances_noticed
@@ -414,7 +414,7 @@ def infill_probabilities(
     def printed(part: float) -> tuple[float, Floats, OutcomeProbabilities, bool]:
         """Mass, center of mass, probabilities, and whether the test notices them."""
         mass, center = weighed(volume, poses.center_of_mass, inside, part)
-        outcomes = outcome_probabilities(analyse(poses.hull, center).under(poses.prior), directions)
+        outcomes = outcome_probabilities(analyze(poses.hull, center).under(poses.prior), directions)
         change = outcomes.probabilities[shown] - solid[shown]
         chances = chances_noticed(solid[shown] / solid[shown].sum(), ROLLS, change[None])
         return mass, center, outcomes, bool(chances[0] > NOTICED)

@@ -1,6 +1,6 @@
 """How a die is printed: what its printer will not make, and how it lies best on the bed.
 
-Lengths are in millimetres.
+Lengths are in millimeters.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ STANDARD_NOZZLE: Final = 0.4
 
 @dataclass(frozen=True, kw_only=True)
 class Printer(Extension):
-    """A kind of printer. Lengths are in millimetres.
+    """A kind of printer. Lengths are in millimeters.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ BELOW: Final = {
     "density_gradient": 0.5,
     "bubble_mm3": MOST_MM**3,
 }
-"""What each error is below: those in millimetres are beyond the largest die."""
+"""What each error is below: those in millimeters are beyond the largest die."""
 
 
 @dataclass(frozen=True)

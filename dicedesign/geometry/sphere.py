@@ -44,7 +44,7 @@ def foot_on_line(a: Any, b: Any, v: Any, xp: ModuleType) -> Any:
 
 def signed_solid_angle(n: Any, a: Any, b: Any, xp: ModuleType) -> Any:
     """Signed area in (-2 pi, 2 pi) of the spherical triangle (n, a, b), positive if n, a, b turn
-    counter-clockwise seen from outside. Vectors need not be normalised.
+    counter-clockwise seen from outside. Vectors need not be normalized.
 
     n, a, b: (..., 3); returns (...).
     Source: Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30(2), 1983; used in eq. 10.

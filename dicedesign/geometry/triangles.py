@@ -45,7 +45,7 @@ def edge_keys(triangles: Integers) -> Integers:
 
 
 def edge_neighbors(triangles: Integers) -> Integers:
-    """Neighbours of triangles (t, 3): `[t, k]` lies across the edge opposite to corner k, or is -1
+    """Neighbors of triangles (t, 3): `[t, k]` lies across the edge opposite to corner k, or is -1
     where not exactly one triangle runs along that edge the other way around and none the same
     way."""
     tail, head = np.roll(triangles, -1, axis=1).ravel(), np.roll(triangles, -2, axis=1).ravel()

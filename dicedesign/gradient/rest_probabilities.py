@@ -270,7 +270,7 @@ class RestEvaluation:
 
     @property
     def saddle_directions(self) -> Tensor:
-        """(s, 3) directions, not normalised, from the center of mass to the saddles of `paths`
+        """(s, 3) directions, not normalized, from the center of mass to the saddles of `paths`
         (eq. 7, 8)."""
         tail, head = (self.vertices[ends] for ends in self.paths.saddle_ends.T)
         return foot_on_line(tail - self.center, head - self.center, head - tail, torch)

@@ -96,7 +96,7 @@ def listed(probabilities: Sequence[float]) -> Target:
     return Target(tuple(str(i + 1) for i in range(len(values))), values)
 
 
-def relabelled(target: Target, labels: Sequence[str] | None) -> Target:
+def relabeled(target: Target, labels: Sequence[str] | None) -> Target:
     """The same distribution under other labels; None leaves it as it is. Raises InputError."""
     if labels is None:
         return target

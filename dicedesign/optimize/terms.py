@@ -51,7 +51,7 @@ class Clusters:
         return len(self.directions) - len(np.unique(self.of_rest))
 
     def means(self, rest_normals: Floats) -> tuple[Floats, Floats]:
-        """(k, 3) the normalised means of the clusters' normals, of all rests (r, 3); an empty
+        """(k, 3) the normalized means of the clusters' normals, of all rests (r, 3); an empty
         cluster keeps its direction (section 3.2). And the lengths (k, 1) of their sums."""
         sums = np.zeros_like(self.directions)
         np.add.at(sums, self.of_rest, rest_normals)
@@ -173,7 +173,7 @@ def coplanar_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
 
 def barycenter_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     """E_bc (eq. 14): squared distances of rest normals from the barycenter of their cluster's
-    region, which is the normalised mean of the maxima on the region's border."""
+    region, which is the normalized mean of the maxima on the region's border."""
     import torch
 
     rests, clusters, paths = state.rests, state.clusters, state.rests.paths
@@ -290,7 +290,7 @@ def apart_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, 
     by_mean = np.zeros_like(means)
     np.add.at(by_mean, first, pull)
     np.add.at(by_mean, second, -pull)
-    # Through the normalisation of the sum of each cluster's normals.
+    # Through the normalization of the sum of each cluster's normals.
     across = by_mean - means * (by_mean * means).sum(1)[:, None]
     return value, (across / np.where(lengths > 0.0, lengths, 1.0))[clusters.of_rest]
 

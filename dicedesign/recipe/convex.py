@@ -25,7 +25,7 @@ from dicedesign.optimize.terms import cluster
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.solid import check_orbits
-from dicedesign.rest.poses import analyse, rest_poses
+from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
 from dicedesign.results.result import HullsMade, Step
@@ -56,7 +56,7 @@ def design_as_paper(work: Work) -> Design:
     from dicedesign.optimize.solvers.paper import descend_as_paper
 
     recipe, start = work.recipe, work.start
-    center = normalised_center(recipe, start)
+    center = normalized_center(recipe, start)
     # Only the exact method searches.
     assert start is not None
     assert recipe.method.paper is not None
@@ -77,7 +77,7 @@ def _own_directions(result: DesignResult, center: Floats | None) -> Floats:
     """(k, 3) normals of the most probable rest of each cluster, whose mean may be no rest at all;
     an empty cluster keeps its direction."""
     hull, directions = result.hull, result.directions.copy()
-    poses = analyse(hull, hull.centroid if center is None else center)
+    poses = analyze(hull, hull.centroid if center is None else center)
     # Rests come the most probable first.
     clusters, first = np.unique(cluster(poses.normals, directions).of_rest, return_index=True)
     directions[clusters] = poses.normals[first]
@@ -146,7 +146,7 @@ def solver(work: Work) -> Callable[..., DesignResult]:
     return partial(
         solve_exactly,
         options=exact_options(recipe),
-        center_of_mass=normalised_center(recipe, work.start),
+        center_of_mass=normalized_center(recipe, work.start),
         group=recipe.group(),
         least_circle=recipe.min_inradius_mm / recipe.size_mm,
         prior=recipe.prior_read(),
@@ -184,12 +184,12 @@ def _ranked(start: Start, wanted: Floats, prior: Prior) -> Start:
     return replace(start, directions=directions)
 
 
-def normalised_center(recipe: Recipe, start: Start | None) -> Floats | None:
+def normalized_center(recipe: Recipe, start: Start | None) -> Floats | None:
     """(3,) the given center of mass in the coordinates of `Start.points`; None for the uniform
     solid."""
     if recipe.center_of_mass is None or start is None:
         return None
-    return start.normalised(np.array(recipe.center_of_mass))
+    return start.normalized(np.array(recipe.center_of_mass))
 
 
 def designed_die(
@@ -203,7 +203,7 @@ def designed_die(
         directions=result.directions,
         error=result.error,
         steps=tuple(map(_step, result.history)),
-        center_of_mass=normalised_center(recipe, work.start),
+        center_of_mass=normalized_center(recipe, work.start),
         terms=result.terms,
         starts=result.starts,
         evaluations=result.evaluations,

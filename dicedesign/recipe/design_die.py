@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Die:
     """A designed die, and what the file does that it makes.
 
-    Lengths are in millimetres, with the center of mass at the origin. Probabilities are those
+    Lengths are in millimeters, with the center of mass at the origin. Probabilities are those
     without momentum, in the order of the labels: of the solid without its labels in double
     precision here, of the same as a file holds it in `file`, and with the labels cut in in
     `result.engraved`.

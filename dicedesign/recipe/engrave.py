@@ -124,7 +124,7 @@ def _measure(
     to be thrown the probabilities that the plain shape has by the momentum model."""
     given, table = work.solid.center_of_mass, work.recipe.method.table
     if given is not None or table is None:
-        offset = None if given is None else given - made.unlabelled(core).centroid
+        offset = None if given is None else given - made.unlabeled(core).centroid
         prior = work.die.prior
         model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
         return measure_resting(prior, offset), model, work.target.probabilities

@@ -43,7 +43,7 @@ from dicedesign.recipe.reading import recipe_text
 from dicedesign.report.figures import FIGURES, figure_files
 from dicedesign.report.raster import upward_of
 from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.rest.poses import analyse, rest_poses
+from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -109,7 +109,7 @@ def find_tolerances(work: Work) -> None:
         # What rounds an edge moves with the facets beside it, which the core has alone, and with
         # the finished die's center of mass its probabilities too.
         body = make_body(core.vertices, core.triangles)
-        poses = analyse(core, poses.center_of_mass, poses.center_of_mass_source)
+        poses = analyze(core, poses.center_of_mass, poses.center_of_mass_source)
         poses = poses.under(work.die.prior)
     # Of the printer where the die lies on its bed as is best.
     axes = np.array(work.printability.placement)[:3, :3]

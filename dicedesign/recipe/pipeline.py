@@ -431,7 +431,7 @@ def run(
 
     Files are written once the die is finished, each whole or not at all, and result.json last: a
     folder that has it is complete. A concave die alone keeps a checkpoint after each attempt. A die
-    that did not converge and cannot be labelled is reported without die.stl.
+    that did not converge and cannot be labeled is reported without die.stl.
 
     Parameters
     ----------
@@ -439,7 +439,7 @@ def run(
     out: folder of the results, made if missing; None for outputs/NAME.
     changes: texts "dotted.key=value" that change a file's entries.
     enlarge: where the labels do not fit at the recipe's size, take the smallest whole number of
-        millimetres at which they do; the recipe that is written says so.
+        millimeters at which they do; the recipe that is written says so.
     resume: go on from the checkpoint of a concave die in the folder.
     listeners: progress callbacks.
 

@@ -161,7 +161,7 @@ def number(work: Work) -> None:
 
 
 def enlarge(work: Work) -> None:
-    """Take the smallest whole number of millimetres at which the labels fit, if the recipe's size
+    """Take the smallest whole number of millimeters at which the labels fit, if the recipe's size
     is too small for them; the recipe that is written says so."""
     # What draws labels and cuts them is loaded for dice that have them alone.
     from dicedesign.fabricate.convex_object import core_of

@@ -165,10 +165,10 @@ def _ablations(
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import descend_as_paper
     from dicedesign.optimize.terms import cluster
-    from dicedesign.recipe.convex import normalised_center, wanted_probabilities
+    from dicedesign.recipe.convex import normalized_center, wanted_probabilities
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.report.solid_figures import Ablation
-    from dicedesign.rest.poses import analyse
+    from dicedesign.rest.poses import analyze
     from dicedesign.runtime.workers import one_tensor_thread
 
     paper = recipe.method.paper
@@ -179,7 +179,7 @@ def _ablations(
         )
     start = design_recipe(recipe, last="start").start
     assert start is not None
-    center = normalised_center(recipe, start)
+    center = normalized_center(recipe, start)
     weighted = [term.name for term, _ in paper.weights.active if term.weight is not None]
     cases = {"all terms": list[str](), **{f"without {name}": [name] for name in weighted}}
     if len(weighted) > 1:
@@ -202,7 +202,7 @@ def _ablations(
                 seed=recipe.seed,
                 on_step=lambda _: on_step(),
             )
-            poses = analyse(die.hull, die.hull.centroid if center is None else center)
+            poses = analyze(die.hull, die.hull.centroid if center is None else center)
             outcomes = cluster(poses.normals, die.directions).of_rest
             dice.append(Ablation(name, die.error, poses, outcomes))
     return dice

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
 
-from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
+from dicedesign.optimize.targets import Target, binomial, fair, listed, relabeled, sum_of_dice
 
 LONGEST_LABEL: Final = 24
 """Characters that a facet may bear, in one line or more."""
@@ -98,4 +98,4 @@ class TargetRecipe(Strict):
         """The distribution with its labels."""
         name = self.one_of(*TARGETS)
         make: Any = TARGETS[name]
-        return relabelled(make(getattr(self, name)), self.labels)
+        return relabeled(make(getattr(self, name)), self.labels)

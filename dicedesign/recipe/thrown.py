@@ -26,7 +26,7 @@ from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.convex import (
     designed_die,
     exact_options,
-    normalised_center,
+    normalized_center,
     solver,
     starts_of,
     wanted_probabilities,
@@ -92,7 +92,7 @@ def _refine(
     the steadiest of some that further starts lead to."""
     recipe, options, solve = work.recipe, exact_options(work.recipe), solver(work)
     wanted, group, name = wanted_probabilities(recipe), recipe.group(), options.thrown_onto
-    center, model = normalised_center(recipe, work.start), momentum_model(name)
+    center, model = normalized_center(recipe, work.start), momentum_model(name)
     others: tuple[Table, ...] = ()
     is_free = len(np.unique(wanted)) > 1 or group is None
     if options.prefer.robustness > 0.0 and sensitivity.is_known and is_free:

@@ -45,7 +45,7 @@ def course_of(history: Sequence[Step], tolerance: float) -> Sheet:
     """Error and energy of a design against its run time, or its steps without a clock.
 
     Each stage of a design of several has an energy of its own, so that the curve is broken between
-    coloured stretches. Of a design that went on by preference once its target was met, the energy
+    colored stretches. Of a design that went on by preference once its target was met, the energy
     is drawn from there on: before, it is the error once more. Values of zero are drawn at the lower
     end of a logarithmic axis, which is then marked 0.
 

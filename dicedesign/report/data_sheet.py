@@ -164,7 +164,7 @@ def _printing(result: Result) -> Iterator[str]:
     )
     filled = "with 100 % infill" if infill is None else "as full as is said below"
     yield (
-        f"In millimetres, of {material}, {filled}. Let it cool, and remove supports without "
+        f"In millimeters, of {material}, {filled}. Let it cool, and remove supports without "
         "rounding what it rests on."
     )
     if printed is not None:

@@ -45,7 +45,7 @@ class Disc:
     Attributes
     ----------
     short: the axis as short integers.
-    middle: (2,) pixels of the centre.
+    middle: (2,) pixels of the center.
     """
 
     short: tuple[int, int, int]
@@ -53,7 +53,7 @@ class Disc:
 
     @property
     def frame(self) -> Floats:
-        """(3, 3) unit directions of the paper's x and y, and of the centre."""
+        """(3, 3) unit directions of the paper's x and y, and of the center."""
         upward = np.array([0.0, 1.0, 0.0] if self.short[:2] == (0, 0) else [0.0, 0.0, 1.0])
         right = np.cross(upward, self.short)
         return unit_vectors(np.stack([right, np.cross(self.short, right), self.short]))
@@ -73,10 +73,10 @@ class Disc:
         return self.middle + RADIUS * points * [1.0, -1.0]
 
     def pixels(self, size: int) -> Floats:
-        """Unit directions (size, size, 3) of the centres of a grid over [-1, 1]^2, lowest row
-        first; centres off the disc stand for the nearest point of its rim."""
-        centres = (2.0 * np.arange(size) + 1.0) / size - 1.0
-        points = np.stack(np.meshgrid(centres, centres), axis=-1)
+        """Unit directions (size, size, 3) of the centers of a grid over [-1, 1]^2, lowest row
+        first; centers off the disc stand for the nearest point of its rim."""
+        centers = (2.0 * np.arange(size) + 1.0) / size - 1.0
+        points = np.stack(np.meshgrid(centers, centers), axis=-1)
         points = points / np.maximum(norms(points), 1.0)[..., None]
         squared = (points * points).sum(-1)[..., None]
         flat = points * np.sqrt(2.0 - squared)

@@ -109,8 +109,8 @@ FIGURES: Final = Registry(
             "the die as it lies after each outcome",
             "How the die lies after each outcome",
             "Above, the die on a table, with the outcome and its probability; below, its "
-            "underside, as seen when the die is tipped backward. Coloured are the facets of its "
-            "convex hull that it rests on, in the colour of their outcome.",
+            "underside, as seen when the die is tipped backward. Colored are the facets of its "
+            "convex hull that it rests on, in the color of their outcome.",
         ),
         _figure(
             "table",
@@ -197,7 +197,7 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die within its convex hull",
             "The die within its convex hull",
-            "A body rolls like its convex hull, which touches the table. Coloured are the facets "
+            "A body rolls like its convex hull, which touches the table. Colored are the facets "
             "that the die rests on, by outcome; those on the far side are paler.",
         ),
         _figure(
@@ -254,7 +254,7 @@ FIGURES: Final = Registry(
             "directions of the die by the facet that it comes to rest on",
             "Where the die ends up",
             "Every point is a direction of the die that points down when it is let go; its "
-            "colour tells on which facet the die comes to rest if it rolls there without "
+            "color tells on which facet the die comes to rest if it rolls there without "
             "momentum.",
         ),
         _figure(
@@ -388,7 +388,7 @@ BODY_FIGURES: Final = Registry(
         for name, line, draw in (
             (
                 "heights",
-                "height of the center of mass over the Gauss map, by colour",
+                "height of the center of mass over the Gauss map, by color",
                 lambda it: _drawn("gauss_map:heights_figure", it.poses),
             ),
             (

@@ -112,7 +112,7 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> S
 
 @styled
 def heights_figure(poses: RestPoses) -> Sheet:
-    """The support function by colour, with separatrices and stationary points, as two equal-area
+    """The support function by color, with separatrices and stationary points, as two equal-area
     discs: it is lowest at the rests, and has creases on the arcs of the hull's edges. Source:
     figure 4 of the paper."""
     hull, center = poses.hull, poses.center_of_mass
@@ -123,7 +123,7 @@ def heights_figure(poses: RestPoses) -> Sheet:
         heights = np.stack([(row @ (hull.vertices - center).T).max(-1) for row in directions])
         return _height_colors((heights - lowest) / max(highest - lowest, np.finfo(float).tiny))
 
-    sheet = complex_figure(poses, paint, "Its colour tells how high the center of mass then is.")
+    sheet = complex_figure(poses, paint, "Its color tells how high the center of mass then is.")
     middle, middle_row = sheet.width / 2.0, sheet.height - 69.0
     scale = sheet.axes(middle - 130.0, middle_row - 8.0, middle + 130.0, middle_row + 8.0)
     scale.imshow(_height_colors(np.linspace(0.0, 1.0, 260))[None], aspect="auto")
@@ -134,7 +134,7 @@ def heights_figure(poses: RestPoses) -> Sheet:
 
 
 def _height_colors(parts: Floats) -> Floats:
-    """(..., 3) colours of parts (...) from 0 to 1 of what is highest."""
+    """(..., 3) colors of parts (...) from 0 to 1 of what is highest."""
     places = np.linspace(0.0, 1.0, len(LOW_TO_HIGH))
     return np.stack([np.interp(parts, places, own) for own in rgb(LOW_TO_HIGH).T], axis=-1)
 
@@ -265,7 +265,7 @@ def place_texts(
     obstacles: Floats,
     font_size: float,
 ) -> Floats:
-    """Centres (k, 2) for texts beside their anchors.
+    """Centers (k, 2) for texts beside their anchors.
 
     Each text in turn takes the place nearest to its anchor where it covers the fewest of the
     obstacles and of the texts placed before; a text prefers to stay above its anchor, inside of its

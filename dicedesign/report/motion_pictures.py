@@ -189,7 +189,7 @@ def moving_picture(filmed: FilmedDie) -> bytes:
     last = len(film.seconds) - 1
     frames = np.linspace(0, last, min(last + 1, MOST_FRAMES)).round().astype(int).tolist()
     pictures = trim([filmed.picture(k, middle, camera, GIF_PIXELS, depth) for k in frames])
-    # In 64 colours that all of them share, and that eight pictures tell.
+    # In 64 colors that all of them share, and that eight pictures tell.
     samples = np.concatenate(pictures[:: math.ceil(len(pictures) / 8)])
     palette = Image.fromarray(samples).quantize(64)
     first, *others = (

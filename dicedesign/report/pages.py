@@ -138,7 +138,7 @@ def live_die(die: FinishedDie, parts: Sequence[Part]) -> LiveDie:
 
 
 def rest_colors(die: FinishedDie) -> list[str]:
-    """A colour for each rest, "#rrggbb": that of its basin on the Gauss map, and of its outcome
+    """A color for each rest, "#rrggbb": that of its basin on the Gauss map, and of its outcome
     where a die keeps the shape of a surface, as in the figures of either."""
     rests = range(len(die.plain.poses.facets))
     if die.reshaped is None:
@@ -202,7 +202,7 @@ def three_script() -> str | None:
     """The library that draws the 3D view of a page: three.js as trimesh brings it, without
     trimesh's own viewer; None where no trimesh with one is installed.
 
-    It is under the MIT licence, whose notice is its first line.
+    It is under the MIT license, whose notice is its first line.
     """
     found = find_spec("trimesh")
     if found is None or found.origin is None:
@@ -432,9 +432,9 @@ def throwing_advice(thrown: ThrowProbabilities | None, prior: str | None = None)
     )
 
 
-def _lengths(metres: Spread) -> str:
-    in_cm = most_of(metres) < 1.0
-    return f"{_ends(scaled(metres, 100.0 if in_cm else 1.0), 3)} {'cm' if in_cm else 'm'}"
+def _lengths(meters: Spread) -> str:
+    in_cm = most_of(meters) < 1.0
+    return f"{_ends(scaled(meters, 100.0 if in_cm else 1.0), 3)} {'cm' if in_cm else 'm'}"
 
 
 def _ends(spread: Spread, digits: int) -> str:

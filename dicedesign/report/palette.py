@@ -1,4 +1,4 @@
-"""Colours of figures."""
+"""Colors of figures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DISTINCT: Final = (
     "#56b4e9",
     "#8c8c8c",
 )
-"""Line colours that the colour-blind tell apart. Source: M. Okabe and K. Ito, Color Universal
+"""Line colors that the color-blind tell apart. Source: M. Okabe and K. Ito, Color Universal
 Design (2008), whose yellow, hard to see on white, is gray here."""
 
 BASINS: Final = (
@@ -59,17 +59,17 @@ BASINS: Final = (
     "#33a09b",
     "#c46aa3",
 )
-"""Colours of basins, the most probable first; they repeat after twenty."""
+"""Colors of basins, the most probable first; they repeat after twenty."""
 
 LOW_TO_HIGH: Final = ("#2a1a52", "#31508f", "#2a8c8c", "#7fbf5a", "#f4e67a")
-"""Of a quantity, at equal steps; ever lighter, so that it can be told without colours too."""
+"""Of a quantity, at equal steps; ever lighter, so that it can be told without colors too."""
 
 
 def repeated(colors: Sequence[str], count: int) -> list[str]:
-    """`count` colours, from the first again after the last."""
+    """`count` colors, from the first again after the last."""
     return [colors[k % len(colors)] for k in range(count)]
 
 
 def rgb(colors: Sequence[str]) -> Floats:
-    """(k, 3) red, green and blue from 0 to 1 of colours as "#rrggbb"."""
+    """(k, 3) red, green and blue from 0 to 1 of colors as "#rrggbb"."""
     return np.array([[int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)] for color in colors])

@@ -134,7 +134,7 @@ def camera_on(points: Floats, direction: ArrayLike, up: ArrayLike) -> Camera:
 def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Integers, Floats]:
     """Nearest triangle in each pixel, by a depth buffer.
 
-    A pixel sees a triangle if it contains the pixel's centre; triangles with a common edge leave
+    A pixel sees a triangle if it contains the pixel's center; triangles with a common edge leave
     no gap between them. Both sides of a triangle are seen.
 
     Parameters
@@ -154,7 +154,7 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
     first = np.ceil(left[:, 0] - 0.5).clip(0, size).astype(np.int64)
     count = (np.ceil(right[:, 0] - 0.5).clip(0, size).astype(np.int64) - first).clip(0)
     span, column = ragged_ranges(first, count)
-    # A span that contains the centre of a pixel has a width above 0.
+    # A span that contains the center of a pixel has a width above 0.
     slope = np.zeros(len(owner))
     np.divide(right[:, 1] - left[:, 1], right[:, 0] - left[:, 0], out=slope, where=count > 0)
     depth = column + 0.5
@@ -171,7 +171,7 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
 
 
 def _spans(corners: Floats, size: int) -> tuple[Integers, Integers, Floats, Floats]:
-    """Where the centre lines of pixel rows cut triangles (t, 3, 3).
+    """Where the center lines of pixel rows cut triangles (t, 3, 3).
 
     Returns the triangle and the row (s,) of each span and its ends (s, 2): column and depth.
     """

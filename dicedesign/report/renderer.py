@@ -1,4 +1,4 @@
-"""Pictures of a solid: flat or smooth, perhaps coloured, within a shell of glass, or on a table."""
+"""Pictures of a solid: flat or smooth, perhaps colored, within a shell of glass, or on a table."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from dicedesign.report.raster import Camera, Picture, rasterize
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 
 MATERIAL: Final = np.array([0.94, 0.88, 0.76])
-"""Colour of a die under full light."""
+"""Color of a die under full light."""
 
 LINE: Final = np.array([0.20, 0.18, 0.16])
-"""Colour of outlines."""
+"""Color of outlines."""
 
 SAMPLES: Final = 2
 """Samples along a side of each pixel."""
@@ -31,7 +31,7 @@ AMBIENT: Final = 0.38
 RECESS_SHADE: Final = 0.45
 
 PAINT_SHADE: Final = 0.55
-"""Of the shading of coloured surfaces: weak, as darkness may have a meaning there."""
+"""Of the shading of colored surfaces: weak, as darkness may have a meaning there."""
 
 SMOOTH_DEGREES: Final = 35.0
 
@@ -116,7 +116,7 @@ def render(
     """Picture of a surface, lit from the upper left, with silhouettes and steps outlined.
 
     Recesses are darker than their surroundings. Of a shell, the edges are drawn and the tinted
-    triangles coloured, those on its far side paler.
+    triangles colored, those on its far side paler.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def render(
 def _surface_layer(
     surface: Surface, positions: Floats, camera: Camera, side: int
 ) -> tuple[Floats, Floats]:
-    """Colours (side, side, 3) times opacities, and these (side, side, 1), of the surface with
+    """Colors (side, side, 3) times opacities, and these (side, side, 1), of the surface with
     points at positions (n, 3), in samples of a window of a side in pixels."""
     fine = SAMPLES * side
     seen, depth = rasterize(positions, surface.triangles, fine)
@@ -214,7 +214,7 @@ def _glass_layer(
 
 
 def brightness(normals: Floats) -> Floats:
-    """(...) share of the material's colour that surfaces of unit normals (..., 3) show, with x to
+    """(...) share of the material's color that surfaces of unit normals (..., 3) show, with x to
     the right, y up and z to the camera; the light comes from the upper left."""
     return AMBIENT + (1.0 - AMBIENT) * (normals @ LIGHT).clip(0.0)
 
@@ -242,7 +242,7 @@ def _at_length_1(vectors: Floats) -> Floats:
 def _weights(
     corners: Floats, triangle: Integers, row: NDArray[np.intp], column: NDArray[np.intp]
 ) -> tuple[Floats, Booleans]:
-    """Barycentric coordinates (m, 3) of samples' centres in triangles that they see, and whether
+    """Barycentric coordinates (m, 3) of samples' centers in triangles that they see, and whether
     these are seen from outside.
 
     corners: (t, 3, 3) of triangles, column, row and depth; triangle: (m,) of each sample; row,
@@ -305,7 +305,7 @@ def _outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: floa
         border = (triangle[sample] < 0) | (triangle[sample + step] < 0)
         both = sample[~border]
         first, second = normals[triangle[both]], normals[triangle[both + step]]
-        # How far each of two neighbouring surface points lies from the other one's plane.
+        # How far each of two neighboring surface points lies from the other one's plane.
         rise = height[both + step] - height[both]
         away = [np.abs(n[:, :2] @ offset + n[:, 2] * rise) for n in (first, second)]
         sharp = (first * second).sum(-1) < np.cos(np.radians(sharp_degrees))

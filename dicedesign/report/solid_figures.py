@@ -50,7 +50,7 @@ SIDES: Final[dict[str, tuple[int, int, int]]] = {
 }
 
 READ_COLOR: Final = "#f2dd6e"
-"""Of the facet that is read; its label has the accent colour."""
+"""Of the facet that is read; its label has the accent color."""
 
 CELL: Final = 210.0
 """Pixels of the widest or tallest face."""
@@ -104,7 +104,7 @@ def print_orientation_figure(
     colors = np.where(touching[:, None], (0.42, 0.60, 0.80), MATERIAL)
     colors = np.where(hanging[:, None], (0.87, 0.35, 0.22), colors)
     colored = color_triangles(points, triangles, colors)
-    # From beside nothing is coloured where nothing hangs over.
+    # From beside nothing is colored where nothing hangs over.
     solid = colored if hanging.any() else Surface(points, triangles, smooth=False)
     pictures = [render_on_table(solid, UP, beside, PIXELS), render(colored, beneath, PIXELS)]
     return picture_grid(pictures, ["on the bed", "from beneath"], 2)
@@ -163,7 +163,7 @@ def reading_figure(
 
 
 def paint_labels(points: Floats, triangles: Integers, labels: Sequence[Placement]) -> Surface:
-    """A solid of points (n, 3) and triangles (t, 3) with some labels and their facets in colour;
+    """A solid of points (n, 3) and triangles (t, 3) with some labels and their facets in color;
     the labels alone, where there are several around a corner, as the facets bear others too."""
     areas, middles = doubled_area_vectors(points, triangles), points[triangles].mean(axis=1)
     colors = np.tile(MATERIAL, (len(triangles), 1))
@@ -262,7 +262,7 @@ def _facet_of(hull: ConvexHull, placement: Placement) -> int:
 
 @styled
 def faces_figure(faces: Sequence[Face]) -> Sheet:
-    """Faces side by side, all on one scale, and a bar of so many millimetres.
+    """Faces side by side, all on one scale, and a bar of so many millimeters.
 
     Raises InputError: there is no face.
     """
@@ -374,7 +374,7 @@ def ablation_figure(ablations: Sequence[Ablation]) -> Sheet:
         sheet.text(ablation.name, (left + side, top + 12.0))
         sheet.text(told, (left + side, top + 42.0), size=NOTE)
     note = (
-        "Each die from two opposite sides. In pale colours the facets of the outcomes, in a strong "
+        "Each die from two opposite sides. In pale colors the facets of the outcomes, in a strong "
         "one further rests that count for one of them."
     )
     sheet.text(note, (sheet.width / 2.0, sheet.height - 22.0), size=NOTE)

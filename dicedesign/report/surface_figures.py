@@ -54,7 +54,7 @@ MOVED: Final = (
     "#621980",
     "#3b0f70",
 )
-"""From pale to dark in steps that look equal, also to colour-blind people: nine of magma, by S. van
+"""From pale to dark in steps that look equal, also to color-blind people: nine of magma, by S. van
 der Walt and N. Smith (2015), without its ends, on which shading could not be seen."""
 
 REST_COLUMNS: Final = 4
@@ -151,7 +151,7 @@ def displacement_colors(shares: Floats) -> Floats:
 def displacement_figure(
     before: Floats, after: Floats, triangles: Integers, cameras: Sequence[Camera]
 ) -> Sheet:
-    """The surface after its deformation, coloured by how far each point was moved.
+    """The surface after its deformation, colored by how far each point was moved.
 
     Distances are in percent of the diagonal of the box along the axes that holds the surface
     before; the mean in the title is that over the points.
@@ -212,7 +212,7 @@ def crossings(die: FinishedDie) -> Sheet:
 def hull_figure(
     surface: Surface, shell: Shell, labels: Sequence[str], cameras: Sequence[Camera]
 ) -> Sheet:
-    """A surface within its convex hull, with the facets of the hull that it rests on coloured.
+    """A surface within its convex hull, with the facets of the hull that it rests on colored.
 
     surface: what to draw; shell: its hull, with the tints that `outcome_tints` gives; labels: k
     outcomes, at least one; cameras: at least one.

@@ -299,7 +299,7 @@ class Equilibria:
     @cached_property
     def saddle_directions(self) -> Floats:
         """(h, 3) direction from c to the nearest point of each edge's line (eq. 7, 8), not
-        normalised. Only hinge edges have that point inside the edge."""
+        normalized. Only hinge edges have that point inside the edge."""
         r = self.radii
         return foot_on_line(r[self.hull.tail], r[self.hull.head], self.edge_vectors, np)
 

@@ -126,7 +126,7 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
 
     paths: the separatrices of a hull.
     vertices: (n, 3) and center: (3,), NumPy or torch.
-    Returns (2 s, depth + 2, 3), all but the maxima normalised. A branch that has crossed its last
+    Returns (2 s, depth + 2, 3), all but the maxima normalized. A branch that has crossed its last
     edge waits there, so that superfluous segments have length zero.
     """
     radii = vertices - center

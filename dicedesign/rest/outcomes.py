@@ -102,7 +102,7 @@ def outcome_margins(poses: RestPoses, outcomes: OutcomeProbabilities) -> Floats:
 
 
 def asymmetry(poses: RestPoses) -> float:
-    """The asymmetry rho of a body, 0 to 1/2 times the number of pairs of neighbouring basins.
+    """The asymmetry rho of a body, 0 to 1/2 times the number of pairs of neighboring basins.
 
     A pair counts once, at the lowest saddle of its border, over which a body rolls at the least
     speed. With every saddle counted, a coin would have the more the more corners it is drawn with:

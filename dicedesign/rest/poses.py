@@ -315,10 +315,10 @@ def rest_poses(
         raise DegenerateBodyError(f"{body.name}: {said}") from error
     hull_seconds = time.perf_counter() - started
     center, source, notes = resolve_center_of_mass(body, hull.centroid, center_of_mass)
-    return analyse(hull, center, source, (*body.notes, *notes), hull_seconds)
+    return analyze(hull, center, source, (*body.notes, *notes), hull_seconds)
 
 
-def analyse(
+def analyze(
     hull: ConvexHull,
     center_of_mass: Floats,
     center_of_mass_source: str = "given",

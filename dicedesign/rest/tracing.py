@@ -239,6 +239,6 @@ def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
             return current
         current = following
     raise DegenerateBodyError(
-        "body: two neighbouring facets lie at the same height within rounding, and a path between "
+        "body: two neighboring facets lie at the same height within rounding, and a path between "
         "them cannot be decided; merge them with a larger coplanar tolerance"
     )

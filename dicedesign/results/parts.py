@@ -1,6 +1,6 @@
 """The sections of a `Result`, and the status of a design.
 
-Probabilities are in the order of the labels. Lengths are in millimetres, angles in degrees, unless
+Probabilities are in the order of the labels. Lengths are in millimeters, angles in degrees, unless
 a docstring says otherwise.
 """
 

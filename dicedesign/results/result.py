@@ -1,7 +1,7 @@
 """The result of a run: what result.json holds, typed.
 
 `Result` is written as it stands, a key for each attribute; an optional one that is None has none.
-Probabilities are in the order of the labels, lengths in millimetres unless they are called
+Probabilities are in the order of the labels, lengths in millimeters unless they are called
 relative, angles in degrees.
 """
 
@@ -63,7 +63,7 @@ class Step:
     Attributes
     ----------
     step: its number, from 0, the start, on. seconds: since the design began; None without a clock.
-    energy: what is minimised; terms: its weighted terms, by name.
+    energy: what is minimized; terms: its weighted terms, by name.
     max_abs_error: largest |p - q|, or None where the step does not know.
     stage, attempt: of a concave die "hull", "fill" or "balance", each with an energy of its own,
         and the number of the attempt.

@@ -26,7 +26,7 @@ FLOOR = 0.93
 
 
 def room_picture(room: Room) -> bytes:
-    """PNG of the room from one side and above, each mesh in a colour of its own, with shadows."""
+    """PNG of the room from one side and above, each mesh in a color of its own, with shadows."""
     colors = rgb(BASINS)
     counts = np.bincount([body.model for body in room.bodies])
     points: list[Floats] = []

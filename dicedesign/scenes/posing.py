@@ -57,8 +57,8 @@ def check_ending(ending: str, name: str) -> None:
 def posed_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
     """The content of a file of a format: a mesh file's body, moved, in its own unit of length.
 
-    Colours, materials, textures and the names of parts are kept where a GLB file is written, and
-    the colours of a PLY file in another; all else holds the shape alone.
+    Colors, materials, textures and the names of parts are kept where a GLB file is written, and
+    the colors of a PLY file in another; all else holds the shape alone.
 
     Parameters
     ----------

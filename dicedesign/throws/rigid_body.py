@@ -23,7 +23,7 @@ class RigidBody:
     """A body in the frame of its principal axes about its center of mass, in units of its radius:
     the largest distance of a point from the center of mass.
 
-    The hull touches the table, whatever hollows the body has. The neighbours of vertex v are the
+    The hull touches the table, whatever hollows the body has. The neighbors of vertex v are the
     entries `start[v] : start[v + 1]` of `neighbors`, `left` and `right`.
 
     Attributes

@@ -22,7 +22,7 @@ from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
-from dicedesign.rest.poses import RestPoses, analyse
+from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
@@ -119,7 +119,7 @@ class DesignedShape:
     @cached_property
     def poses(self) -> RestPoses:
         """Its rests, by the forward model."""
-        return analyse(self.hull, self.hull.centroid, "uniform solid")
+        return analyze(self.hull, self.hull.centroid, "uniform solid")
 
     @cached_property
     def outcomes(self) -> OutcomeProbabilities:

@@ -219,7 +219,7 @@ class DieFiles:
             size_mm = float(size) if size else None
         except ValueError:
             self._refuse(
-                f"size: expected a number of millimetres, got {size!r}; correct it, or leave it "
+                f"size: expected a number of millimeters, got {size!r}; correct it, or leave it "
                 "empty"
             )
             return

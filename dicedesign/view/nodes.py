@@ -74,7 +74,7 @@ def _quads(corners: Floats) -> Mesh:
 
 
 DIRECTIONS: Final = even_directions(6000)
-"""At which the sphere is coloured; the arcs hide that borders between dots are not sharp."""
+"""At which the sphere is colored; the arcs hide that borders between dots are not sharp."""
 
 DOT: Final = 0.036
 """Size of a dot that leaves no gaps, on a sphere of radius 1."""
@@ -157,7 +157,7 @@ class Sphere:
             point_shape="circle",
             precision="float32",
         )
-        # Viser makes the material of dots anew with their colours, and the browser would compile it
+        # Viser makes the material of dots anew with their colors, and the browser would compile it
         # each time if no others had it.
         scene.add_point_cloud(
             "/sphere/unseen", np.zeros((2, 3)), np.zeros((2, 3), dtype=np.uint8), point_size=1e-3

@@ -1,4 +1,4 @@
-"""The die of a session in millimetres, with its labels, and the files of it."""
+"""The die of a session in millimeters, with its labels, and the files of it."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from dicedesign.errors import MeshFileError, printable
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body, resolve_center_of_mass
 from dicedesign.geometry.meshes.reading import read_body, without_solids
-from dicedesign.rest.poses import analyse
+from dicedesign.rest.poses import analyze
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT
 from dicedesign.view.viewed_body import MOST_POINTS, Outcomes, ViewedBody, farthest_points
@@ -120,7 +120,7 @@ def _approximate(body: Body, name: str, tell: Tell) -> ViewedBody:
         "probabilities "
         "are approximate; `dicedesign rest` takes all"
     )
-    return ViewedBody.of(body, name=name, poses=analyse(hull, center, source, (*notes, said)))
+    return ViewedBody.of(body, name=name, poses=analyze(hull, center, source, (*notes, said)))
 
 
 def _finished(result: Result, tell: Tell) -> ViewedBody:

@@ -14,7 +14,7 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
-from dicedesign.rest.poses import RestPoses, analyse, rest_poses
+from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import MomentumModel
@@ -145,7 +145,7 @@ class Row:
     Attributes
     ----------
     label: of the outcome, or the number of the rest.
-    color: number of its colour, which it keeps while the body is dragged.
+    color: number of its color, which it keeps while the body is dragged.
     rest: in `poses`, the one that it stands on when asked to; -1 where it has none.
     probabilities: set down; wanted: None where nothing is.
     """
@@ -299,12 +299,12 @@ class ViewedBody:
         """The body with its center of mass at a point (3,), or where the way there leaves the hull;
         and whether it does. Raises InputError: it is not three finite numbers."""
         center, inside = nearest_inside(self.hull, np.asarray(point, dtype=np.float64))
-        return self._analysed(self.hull, center, "given", follows=False), not inside
+        return self._analyzed(self.hull, center, "given", follows=False), not inside
 
     def with_uniform_center(self) -> ViewedBody:
         """The body with the center of mass of its uniform solid hull, which it keeps to from now
         on."""
-        return self._analysed(self.hull, self.hull.centroid, "uniform solid hull", follows=True)
+        return self._analyzed(self.hull, self.hull.centroid, "uniform solid hull", follows=True)
 
     def with_vertex(self, vertex: int, place: Floats) -> ViewedBody:
         """The body with a vertex of its hull at a place (3,). Raises DegenerateBodyError."""
@@ -329,7 +329,7 @@ class ViewedBody:
         hull = convex_hull(points)
         center = hull.centroid if self.follows else nearest_inside(hull, self.center)[0]
         source = "uniform solid hull" if self.follows else "given"
-        moved = self._analysed(hull, center, source, follows=self.follows)
+        moved = self._analyzed(hull, center, source, follows=self.follows)
         body = Body(hull.vertices, hull.triangles, self.solid.body.name, False, ())
         return replace(moved, solid=Solid(body, moved.poses), dragged=True)
 
@@ -337,10 +337,10 @@ class ViewedBody:
         """The body with the numbers that its rests have in another, which it is a little beside."""
         return replace(self, numbers=_numbers(self.poses, other.poses, other.numbers))
 
-    def _analysed(
+    def _analyzed(
         self, hull: ConvexHull, center: Floats, source: str, *, follows: bool
     ) -> ViewedBody:
-        poses = analyse(hull, center, source).under(self.poses.prior)
+        poses = analyze(hull, center, source).under(self.poses.prior)
         numbers = _numbers(poses, self.poses, self.numbers)
         return replace(self, poses=poses, numbers=numbers, follows=follows)
 

@@ -21,7 +21,7 @@ from common.long_run import FILES, begun, shorten
 from common.signals import heed_interrupts
 
 from dicedesign.batch import batch
-from dicedesign.batch.batch import analyse_files, run_batch
+from dicedesign.batch.batch import analyze_files, run_batch
 from dicedesign.batch.rest_table import Entry, RestTable, Stamp, broken_entry
 from dicedesign.cli.main import main
 from dicedesign.runtime import workers
@@ -29,18 +29,18 @@ from dicedesign.runtime import workers
 
 @pytest.fixture
 def done(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Runs batches in this process, and lists the files that are analysed."""
+    """Runs batches in this process, and lists the files that are analyzed."""
     files: list[str] = []
 
     def counted(folder: str, stamps: dict[str, Any], *rest: Any) -> Any:
         files.extend(stamps)
-        return analyse_files(folder, stamps, *rest)
+        return analyze_files(folder, stamps, *rest)
 
     @contextmanager
     def local_workers(jobs: int) -> Iterator[Executor]:
         yield Inline()
 
-    monkeypatch.setattr(batch, "analyse_files", counted)
+    monkeypatch.setattr(batch, "analyze_files", counted)
     monkeypatch.setattr(workers, "local_workers", local_workers)
     return files
 
@@ -66,12 +66,12 @@ def test_jobs_do_not_matter(
         assert captured.out == f"{out}: 6 files with {len(rows) - 1} resting poses\n"
         assert captured.err == (
             "note: 1 files are no meshes\n"
-            "note: 1 files could not be analysed; see the column 'error'\n"
+            "note: 1 files could not be analyzed; see the column 'error'\n"
         )
     assert without_seconds(tmp_path / "1.csv") == without_seconds(tmp_path / "2.csv")
 
 
-def test_only_what_is_new_or_changed_is_analysed(
+def test_only_what_is_new_or_changed_is_analyzed(
     meshes: Path, tmp_path: Path, done: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "t.csv"
@@ -96,7 +96,7 @@ def test_only_what_is_new_or_changed_is_analysed(
     assert done == ["a.stl", "broken.obj", "new.obj"]
     captured = capsys.readouterr()
     assert f"note: 1 files of {out} are gone, and so are their rows\n" in captured.err
-    assert "could not be analysed" not in captured.err
+    assert "could not be analyzed" not in captured.err
     resumed = without_seconds(out)
     main([*rest[:-1], str(tmp_path / "fresh.csv")])
     assert resumed == without_seconds(tmp_path / "fresh.csv")
@@ -186,7 +186,7 @@ def test_folders_without_meshes_and_tables_of_other_folders(
     assert main(["rest", str(empty), "--out", str(out)]) == 2
     assert "got one of other files, such as 'a.stl'" in capsys.readouterr().err
     assert out.read_bytes() == before
-    # Nothing that could be analysed.
+    # Nothing that could be analyzed.
     other = tmp_path / "other.csv"
     assert main(["rest", str(empty), "--out", str(other)]) == 1
     assert capsys.readouterr().out == f"{other}: 0 files with 0 resting poses\n"
@@ -239,13 +239,13 @@ def test_only_the_file_that_takes_workers_down_is_given_up(monkeypatch: pytest.M
     def made_up(_: str, stamps: dict[str, Stamp], *__: Any) -> dict[str, Entry]:
         return {file: Entry(stamp, f"{file}\n", 1) for file, stamp in stamps.items()}
 
-    monkeypatch.setattr(batch, "analyse_files", made_up)
+    monkeypatch.setattr(batch, "analyze_files", made_up)
     stamps = {f"{i}.stl": Stamp(100, 1) for i in range(6)}
     entries: dict[str, Entry] = {}
     lossy = Lossy(lambda count, folder, files, *_: "4.stl" in files)
     run_batch("there", stamps, lossy, 2, on_entries=entries.update)
     reason = (
-        "4.stl: expected workers that stay, but all 3 that analysed it were lost; see whether "
+        "4.stl: expected workers that stay, but all 3 that analyzed it were lost; see whether "
         "memory suffices"
     )
     assert entries.pop("4.stl") == broken_entry("4.stl", stamps.pop("4.stl"), reason)
@@ -256,9 +256,9 @@ def test_workers_load_nothing_heavy(meshes: Path) -> None:
     heavy = {"torch", "manifold3d", "matplotlib", "pydantic", "fontTools", "tqdm", "distributed"}
     for file, more in (("a.stl", {"trimesh"}), ("b/hull.PLY", set())):
         script = (
-            "import json, sys; from dicedesign.batch.batch import analyse_files;"
+            "import json, sys; from dicedesign.batch.batch import analyze_files;"
             "from dicedesign.batch.rest_table import Stamp;"
-            f"entries = analyse_files({str(meshes)!r}, {{{file!r}: Stamp(1, 1)}});"
+            f"entries = analyze_files({str(meshes)!r}, {{{file!r}: Stamp(1, 1)}});"
             f"assert entries[{file!r}].rests > 0;"
             "print(json.dumps([name for name, module in sys.modules.items() if module]))"
         )

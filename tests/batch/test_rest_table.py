@@ -14,7 +14,7 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
-from dicedesign.batch.batch import analyse_files, list_folder
+from dicedesign.batch.batch import analyze_files, list_folder
 from dicedesign.batch.rest_table import (
     COLUMNS,
     STAMPED,
@@ -35,9 +35,9 @@ FILES = ["a.stl", "b.xyz", "b/box.obj", "b/hull.PLY", "c.off", "open, as it is.o
 TYPES: dict[str, Any] = {"text": str, "whole": int, "real": float}
 
 
-def analysed(folder: Path) -> dict[str, Entry]:
+def analyzed(folder: Path) -> dict[str, Entry]:
     stamps = {file: Stamp(*state) for file, state in list_folder(folder).meshes.items()}
-    return analyse_files(str(folder), stamps)
+    return analyze_files(str(folder), stamps)
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:
@@ -63,7 +63,7 @@ def test_which_files_are_meshes(meshes: Path) -> None:
 
 
 def test_rows_are_the_rests_of_each_file(meshes: Path, tmp_path: Path) -> None:
-    entries = analysed(meshes)
+    entries = analyzed(meshes)
     for name in ("t.csv", "t.parquet"):
         RestTable(tmp_path / name, entries)
         assert RestTable.read(tmp_path / name) == entries
@@ -102,7 +102,7 @@ def test_rows_are_the_rests_of_each_file(meshes: Path, tmp_path: Path) -> None:
 
 
 def test_a_center_and_a_tolerance_are_taken(meshes: Path) -> None:
-    entries = analyse_files(str(meshes), {"a.stl": Stamp(1, 1)}, (0.1, 0.2, 0.3), 1e-3)
+    entries = analyze_files(str(meshes), {"a.stl": Stamp(1, 1)}, (0.1, 0.2, 0.3), 1e-3)
     (values, *_) = csv.reader(entries["a.stl"].text.splitlines())
     row = dict(zip(COLUMNS, values, strict=True))
     expected = rest_poses(read_body(meshes / "a.stl"), (0.1, 0.2, 0.3), coplanar_tolerance=1e-3)
@@ -130,7 +130,7 @@ def test_broken_files_and_odd_names_are_rows_too(
     monkeypatch.setattr(
         reading, "read_body", lambda path: 1 // 0 if path.name == "ours.obj" else read_body(path)
     )
-    entries = analysed(meshes)
+    entries = analyzed(meshes)
     path = tmp_path / f"t.{ending}"
     RestTable(path, entries)
     # Bytes that are not UTF-8 are escapes, and names that look like escapes are others.
@@ -158,7 +158,7 @@ def test_broken_files_and_odd_names_are_rows_too(
 
 def test_a_file_with_rows_missing_is_not_in_the_table(meshes: Path, tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
-    RestTable(path, analysed(meshes))
+    RestTable(path, analyzed(meshes))
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join(line for line in lines if not line.startswith("c.off,2,")))
     assert sorted(RestTable.read(path)) == [file for file in FILES if file != "c.off"]

@@ -149,7 +149,7 @@ def test_rest_with_a_table_adds_throw_probabilities(
     assert main(["rest", str(mesh), "--table", "board-game", "--json"]) == 0
     rests = json.loads(capsys.readouterr().out)["rests"]
     assert sum(rest["thrown"] for rest in rests) == pytest.approx(1.0)
-    # Momentum favours what is probable already.
+    # Momentum favors what is probable already.
     assert rests[0]["thrown"] > rests[0]["probability"]
     assert rests[-1]["thrown"] < rests[-1]["probability"]
     assert main(["rest", str(mesh), "--table", "carpet", "--json"]) == 0

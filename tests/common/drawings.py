@@ -10,7 +10,7 @@ from dicedesign.report.sheet import Sheet
 
 
 def painted(sheet: Sheet, color: str) -> np.ndarray:
-    """(h, w) pixels of a colour."""
+    """(h, w) pixels of a color."""
     wanted = np.rint(255.0 * rgb([color])[0])
     return (np.abs(sheet.pixels() - wanted) <= 2).all(axis=2)
 
@@ -22,7 +22,7 @@ def is_whole(sheet: Sheet) -> bool:
 
 
 def curves(axes: Axes) -> dict[str, np.ndarray]:
-    """Points (n, 2) of labelled curves."""
+    """Points (n, 2) of labeled curves."""
     return {
         line.get_label(): np.asarray(line.get_xydata(), dtype=float)
         for line in axes.lines

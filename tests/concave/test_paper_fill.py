@@ -57,7 +57,7 @@ def fill(
 
 
 def bent_by(surface: Surface, points: Floats) -> float:
-    """Sum of squared changes of angle between neighbouring triangles."""
+    """Sum of squared changes of angle between neighboring triangles."""
     angles = []
     for places in (surface.points, points):
         mesh = trimesh.Trimesh(places, surface.triangles, process=False)

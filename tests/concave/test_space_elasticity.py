@@ -55,7 +55,7 @@ def test_on_a_larger_one_they_are_lumped() -> None:
 
 def test_relative_displacements_by_brute_force() -> None:
     """Least work, over displacements of all points, with wanted places of the corners relative to
-    the center of mass, whose motion is linearised: dense, in all coordinates at once."""
+    the center of mass, whose motion is linearized: dense, in all coordinates at once."""
     held = bumpy()
     surface = held.elasticity.surface
     size, count = len(surface.points), len(held.corners)

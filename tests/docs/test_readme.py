@@ -53,8 +53,8 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
         if recipe.method.concave is None and not recipe.method.thrown
     ]
     assert [row[0] for row in told] == [recipe.name for recipe in recipes]
-    for recipe, (_, outcomes, labelled, stray, designed, error) in zip(recipes, told, strict=True):
-        assert int(outcomes) == int(labelled) == len(recipe.target.target().labels)
+    for recipe, (_, outcomes, labeled, stray, designed, error) in zip(recipes, told, strict=True):
+        assert int(outcomes) == int(labeled) == len(recipe.target.target().labels)
         assert int(stray) == 0
         assert float(designed) <= recipe.method.tolerance
         assert float(error) <= max(recipe.method.tolerance, FILE_PROBABILITIES)

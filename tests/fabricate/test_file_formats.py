@@ -52,7 +52,7 @@ def facts(model) -> dict[str, str]:
 
 
 def materials(model) -> dict[tuple[int, int], tuple[str, str]]:
-    """Name and colour by the numbers of list and entry."""
+    """Name and color by the numbers of list and entry."""
     found, step = {}, model.GetBaseMaterialGroups()
     while step.MoveNext():
         group = step.GetCurrentBaseMaterialGroup()
@@ -72,7 +72,7 @@ def test_names_units_and_facts_are_read(contents, tmp_path: Path) -> None:
     assert thing.IsManifoldAndOriented()
 
 
-def test_labels_have_a_colour_of_their_own(contents, tmp_path: Path) -> None:
+def test_labels_have_a_color_of_their_own(contents, tmp_path: Path) -> None:
     model = read(THREE_MF.write(contents), tmp_path / "box.3mf")
     (thing,), known, (part,) = objects(model), materials(model), contents.parts
     assert sorted(known.values()) == [("die", BODY_COLOR), ("labels", LABEL_COLOR)]
@@ -116,12 +116,12 @@ GLB = FILE_FORMATS["glb"]
 
 
 def light(color: str) -> np.ndarray:
-    """Amounts of light of a colour in sRGB (IEC 61966-2-1)."""
+    """Amounts of light of a color in sRGB (IEC 61966-2-1)."""
     shown = [int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
     return np.array([s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in shown])
 
 
-def test_colours_and_facts_are_read(contents) -> None:
+def test_colors_and_facts_are_read(contents) -> None:
     data = GLB.write(contents)
     file = GLTF2.load_from_bytes(data)
     assert file.asset.version == "2.0"
@@ -164,7 +164,7 @@ def die() -> Surface:
 
 
 def by_trimesh(data: bytes, name: str) -> trimesh.Trimesh:
-    """The file in millimetres, z upward, with corners at one place joined."""
+    """The file in millimeters, z upward, with corners at one place joined."""
     mesh = trimesh.load(io.BytesIO(data), file_type=name, force="mesh", process=False)
     kind = FILE_FORMATS[name]
     scale = {"mm": 1.0, "m": 1000.0}[kind.unit]

@@ -92,10 +92,10 @@ DARK = ["#1a1A1a", "rgb(12.5%, 0%, 3%)", "currentColor", "RebeccaPurple", "rgb(0
 LIGHT = ["white", "#EEE", "rgb(99.9%,90%,80%)", "LightGray", "rgba(255,255,255,1)"]
 
 
-def test_dark_colours_are_cut_and_light_ones_are_not(tmp_path: Path) -> None:
-    for colour in [*DARK, *LIGHT]:
-        content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{colour}"/>'
-        area = 1.0 if colour in DARK else 0.75
+def test_dark_colors_are_cut_and_light_ones_are_not(tmp_path: Path) -> None:
+    for color in [*DARK, *LIGHT]:
+        content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{color}"/>'
+        area = 1.0 if color in DARK else 0.75
         assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(area)
 
 
@@ -120,8 +120,8 @@ BAD = [
     ("<circle r='5' transform='scale(inf)'/>", "coordinates below"),
     ("<circle r='5' transform='spin(3)'/>", r"can be read, got .*spin\(3\)"),
     (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "at most 2000 characters as d of <path>"),
-    ("<circle r='5' fill='url(#g)'/>", r"plain colours .*, got 'url\(#g\)'"),
-    ("<circle r='5' fill='rgb(1, 2, nan)'/>", "plain colours"),
+    ("<circle r='5' fill='url(#g)'/>", r"plain colors .*, got 'url\(#g\)'"),
+    ("<circle r='5' fill='rgb(1, 2, nan)'/>", "plain colors"),
     ("<circle r='5' opacity='some'/>", "a <circle> that can be read, got .*'some'"),
     (f"<path d='M0 0L{'1 2 3 1 ' * 8000}z'/>", "at most 10000 corners, got 160[0-9]+; simplify"),
     ("<g>" * 150 + "<circle r='5'/>" + "</g>" * 150, "groups within each other"),

@@ -81,8 +81,8 @@ def test_around_a_corner_labels_stand_upright_toward_it() -> None:
     placements = place_labels(places, EngravingOptions(), hull.diameter)
     for place, placement in zip(places, placements, strict=True):
         top = hull.vertices[(hull.vertices @ -hull.normals[place.outcome]).argmax()]
-        towards = top - placement.frame[:3, 3]
-        assert towards @ placement.frame[:3, 1] > 0.8 * np.linalg.norm(towards)
+        toward = top - placement.frame[:3, 3]
+        assert toward @ placement.frame[:3, 1] > 0.8 * np.linalg.norm(toward)
 
 
 def test_what_cannot_be_read_from_above_is_read_from_below() -> None:

@@ -15,7 +15,7 @@ from dicedesign.fabricate.convex_object import rounded
 from dicedesign.fabricate.finish_options import EdgeOptions, core_scale
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
-from dicedesign.rest.poses import analyse
+from dicedesign.rest.poses import analyze
 
 CUBE = convex_hull(np.array(np.meshgrid([-5.0, 5.0], [-5.0, 5.0], [-5.0, 5.0])).reshape(3, -1).T)
 
@@ -39,7 +39,7 @@ def test_a_rounded_body_has_the_probabilities_of_its_core(
     no rests on edges and corners either. The center of mass is the same."""
     core = random_hull(seed)
     body = rounded(core, core.centroid, EdgeOptions(radius, shape))
-    before, after = analyse(core, core.centroid), analyse(body, core.centroid)
+    before, after = analyze(core, core.centroid), analyze(body, core.centroid)
     assert len(after.normals) == len(before.normals)
     pairs = np.argmax(before.normals @ after.normals.T, axis=1)
     np.testing.assert_allclose(after.normals[pairs], before.normals, atol=1e-9)
@@ -51,7 +51,7 @@ def test_a_rounded_body_has_the_probabilities_of_its_core(
 def test_a_cube_keeps_its_faces_and_steiners_volume() -> None:
     radius = 2.0
     body = rounded(CUBE, np.zeros(3), EdgeOptions(radius))
-    poses = analyse(body, np.zeros(3))
+    poses = analyze(body, np.zeros(3))
     np.testing.assert_allclose(poses.probabilities, np.full(6, 1 / 6), atol=1e-12)
     np.testing.assert_allclose(poses.areas, np.full(6, 100.0), rtol=1e-9)
     np.testing.assert_allclose(np.ptp(body.vertices, axis=0), np.full(3, 14.0), rtol=1e-12)
@@ -72,7 +72,7 @@ def test_chamfers_are_two_strips_over_a_saddle() -> None:
     edges = body.normals[(np.abs(body.normals).min(axis=1) < 1e-9) & (slopes[:, 0] > 1e-9)]
     assert len(edges) == 24
     np.testing.assert_allclose(edges.max(axis=1) ** 2 + edges.min(axis=1) ** 2 <= 1.0 + 1e-9, True)
-    assert len(analyse(body, np.zeros(3)).normals) == 6
+    assert len(analyze(body, np.zeros(3)).normals) == 6
 
 
 def test_radii_that_suit_no_size() -> None:

@@ -228,7 +228,7 @@ def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:
     np.testing.assert_allclose(state.maxima.detach().reshape(-1, 2, 3), ends, atol=1e-9)
 
 
-def test_means_of_clusters_are_normalised_and_an_empty_cluster_keeps_its_own(random_points) -> None:
+def test_means_of_clusters_are_normalized_and_an_empty_cluster_keeps_its_own(random_points) -> None:
     rests, clusters = case(random_points(3, 16, ROUND), 3)
     normals = rests.rest_normals.detach().numpy()
     far = unit(np.array([[0.1, -0.2, 0.3]]))

@@ -44,7 +44,7 @@ import numpy as np
 
 from dicedesign.optimize.terms import TERMS, Term, TermOption
 from dicedesign.optimize.preferences import PREFERENCES, Preference
-from dicedesign.optimize.starts.start import STARTS, StartKind, normalised_start
+from dicedesign.optimize.starts.start import STARTS, StartKind, normalized_start
 from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines import ENGINES, Engine
 
@@ -88,7 +88,7 @@ class Wedge:
 
 def wedge(options, task):
     corners = np.array([(1.0, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
-    return normalised_start(corners * [1.0, 1.0, options.stretch], -corners / np.sqrt(3.0))
+    return normalized_start(corners * [1.0, 1.0, options.stretch], -corners / np.sqrt(3.0))
 
 
 STARTS.register(StartKind(name="wedge", line="a tetrahedron", options=Wedge, make=wedge))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.targets import Target, binomial, fair, listed, relabelled, sum_of_dice
+from dicedesign.optimize.targets import Target, binomial, fair, listed, relabeled, sum_of_dice
 
 
 def enumerated(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
@@ -55,10 +55,10 @@ def test_listed_keeps_values() -> None:
     assert listed([1 / 3] * 3).probabilities.dtype == np.float64
 
 
-def test_relabelled_keeps_the_distribution() -> None:
+def test_relabeled_keeps_the_distribution() -> None:
     target = fair(3)
-    assert relabelled(target, None) is target
-    renamed = relabelled(target, ["a", "b", "c"])
+    assert relabeled(target, None) is target
+    renamed = relabeled(target, ["a", "b", "c"])
     assert isinstance(renamed, Target)
     assert renamed.labels == ("a", "b", "c")
     np.testing.assert_array_equal(renamed.probabilities, target.probabilities)
@@ -86,11 +86,11 @@ def test_relabelled_keeps_the_distribution() -> None:
             "probabilities: expected a sum of 1, got 0.9; write fractions such as 1/3",
         ),
         (
-            lambda: relabelled(fair(2), ["a"]),
+            lambda: relabeled(fair(2), ["a"]),
             "labels: expected 2, one for each outcome, got 1",
         ),
         (
-            lambda: relabelled(fair(3), ["a", "b", "a"]),
+            lambda: relabeled(fair(3), ["a", "b", "a"]),
             "labels: expected distinct labels, got 'a' more than once",
         ),
     ],

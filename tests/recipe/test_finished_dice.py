@@ -54,7 +54,7 @@ def test_a_slicer_takes_them_without_repair(folder: Path) -> None:
         assert told_of(folder / f"die.{kind}")["manifold"] == "yes"
 
 
-def test_every_file_has_the_probabilities_names_and_colours(folder: Path) -> None:
+def test_every_file_has_the_probabilities_names_and_colors(folder: Path) -> None:
     result = json.loads((folder / "result.json").read_text())
     assert result["status"] == "converged"
     for kind, most in WITHIN.items():

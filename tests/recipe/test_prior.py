@@ -44,7 +44,7 @@ def test_the_target_is_met_under_the_prior(target: dict[str, object], prior: str
     assert even.max_abs_error(wanted) > 0.01
 
 
-def test_the_labelled_file_has_the_probabilities_of_directions_that_are_drawn(
+def test_the_labeled_file_has_the_probabilities_of_directions_that_are_drawn(
     tmp_path: Path,
 ) -> None:
     axis = (0.0, 0.6, -0.8)

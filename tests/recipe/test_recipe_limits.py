@@ -15,7 +15,7 @@ from dicedesign.recipe.recipe import Recipe
 GOOD: dict[str, Any] = {"name": "die", "target": {"fair": 4}, "start": {"repulsion": {}}}
 
 
-def labelled(label: str) -> dict[str, Any]:
+def labeled(label: str) -> dict[str, Any]:
     return {"target": {"probabilities": [0.25] * 4, "labels": ["a", "b", "c", label]}}
 
 
@@ -24,7 +24,7 @@ def labelled(label: str) -> dict[str, Any]:
     [
         {"size_mm": 1000.0},
         {"size_mm": 30.0, "min_inradius_mm": 14.999},
-        labelled("ä"),
+        labeled("ä"),
     ],
 )
 def test_what_is_just_within_is_taken(entries: dict[str, Any]) -> None:
@@ -36,7 +36,7 @@ def test_what_is_just_within_is_taken(entries: dict[str, Any]) -> None:
     [
         ({"size_mm": 1000.1}, "size_mm"),
         ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
-        (labelled("\ud800"), "labels"),
+        (labeled("\ud800"), "labels"),
         ({"start": {"repulsion": {}, "repulsions": {}}}, "start"),
     ],
 )

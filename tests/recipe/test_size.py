@@ -41,7 +41,7 @@ def fits(work: Work, size_mm: float) -> bool:
     return True
 
 
-def test_it_is_the_smallest_whole_number_of_millimetres() -> None:
+def test_it_is_the_smallest_whole_number_of_millimeters() -> None:
     work = sized_work(5.0)
     size = work.recipe.size_mm
     assert size == int(size) > 5.0

@@ -224,7 +224,7 @@ class Oracle:
 
     def leave(self, u: Numbers, p: int, entries: set[int]) -> tuple[int, Numbers]:
         """Where the great circle through u and r_p leaves the cell of p, other than through the
-        arcs of the edges to `entries`, on which u lies: the neighbouring cell and the point."""
+        arcs of the edges to `entries`, on which u lies: the neighboring cell and the point."""
         plane = cross(u, self.r[p])
         found = []
         for q in self.neighbors[p]:

@@ -121,7 +121,7 @@ def coincident(angle: float) -> DesignProblem:
 
 
 def loaded_box() -> DesignProblem:
-    """A cube, unperturbed, that should favour one of its faces: every path of it is a tie."""
+    """A cube, unperturbed, that should favor one of its faces: every path of it is a tie."""
     start = Start(np.array(list(product((-1.0, 1.0), repeat=3))), AXES)
     return DesignProblem(start, listed([0.3, *[0.14] * 5]).probabilities, perturbation=0.0)
 

@@ -121,8 +121,8 @@ def test_probabilities_are_those_of_the_printed_file() -> None:
     die = finished_box()
     probabilities = np.array(die.result.probabilities)[::-1]
     engraved = Engraved(tuple(probabilities), 0.0, 0.25)
-    labelled = replace(die, result=replace(die.result, engraved=engraved))
-    found = sheet_facts(labelled, "die.stl", "ab")
+    labeled = replace(die, result=replace(die.result, engraved=engraved))
+    found = sheet_facts(labeled, "die.stl", "ab")
     assert [row[2] for row in found.rows] == [f"{100.0 * value:.3f}" for value in probabilities]
     for row in found.rows:
         assert float(row[3]) == pytest.approx(float(row[2]) - float(row[1]), abs=0.0011)

@@ -44,11 +44,11 @@ class Opened:
         return str(self.page.evaluate("document.getElementById('view').dataset.shown || ''"))
 
     def marked_pixels(self) -> float:
-        """Share of the view that has the colour of what is pointed at."""
+        """Share of the view that has the color of what is pointed at."""
         return float((np.abs(self.pixels() - ACCENT).max(axis=2) < 40.0).mean())
 
     def pixels(self) -> np.ndarray:
-        """Colours (h, w, 3) of the view, from 0 to 255."""
+        """Colors (h, w, 3) of the view, from 0 to 255."""
         data = self.page.locator("canvas").screenshot()
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
 

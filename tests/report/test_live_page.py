@@ -76,7 +76,7 @@ def test_what_is_cut_in_belongs_to_the_facet_around_it() -> None:
             np.testing.assert_allclose(normals[~inside], outward, atol=1e-6)
 
 
-def test_parts_hold_each_triangle_once_in_the_colour_of_its_basin() -> None:
+def test_parts_hold_each_triangle_once_in_the_color_of_its_basin() -> None:
     points, triangles = with_pocket(1, 2)
     die = engraved_with(points, triangles)
     middles = points[triangles].mean(axis=1)

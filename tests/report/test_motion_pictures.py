@@ -53,7 +53,7 @@ def falling(frames: int, height: float = 0.1) -> Film:
 
 
 def colored(picture: np.ndarray) -> tuple[float, float, float]:
-    """Middle column and middle row of the die's colour, which is no grey, and its width."""
+    """Middle column and middle row of the die's color, which is no gray, and its width."""
     rows, columns = np.nonzero(np.ptp(picture.astype(int), axis=2) > 12)
     middles = (columns.min() + columns.max() + 1) / 2, (rows.min() + rows.max() + 1) / 2
     return *middles, float(np.ptp(columns) + 1)

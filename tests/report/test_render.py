@@ -42,8 +42,8 @@ def test_silhouette_of_a_sphere():
 def test_depth_is_that_of_the_surface():
     sphere = trimesh.creation.icosphere(subdivisions=5)
     _, depth = seen_by(sphere.vertices, sphere.faces, FRONT, 300)
-    centres = (np.arange(300) + 0.5) / 100.0 - 1.5
-    squared = np.square(centres)[:, None] + np.square(centres)
+    centers = (np.arange(300) + 0.5) / 100.0 - 1.5
+    squared = np.square(centers)[:, None] + np.square(centers)
     inside = squared < 0.9
     np.testing.assert_allclose(depth[inside] / 100.0, np.sqrt(1.0 - squared[inside]), atol=2e-3)
 
@@ -66,7 +66,7 @@ def test_the_kernel_sees_the_triangles_that_numpy_sees() -> None:
         count = int(rng.integers(3, 60))
         positions = rng.normal(size=(count, 3)) * rng.choice([5, 30, 200]) + rng.choice([0, 20, 50])
         if case % 3 == 0:
-            # Corners and edges on pixels' centres, equal depths.
+            # Corners and edges on pixels' centers, equal depths.
             positions = np.round(positions) + 0.5
         triangles = rng.integers(0, count, size=(80, 3))
         seen, depth = rasterize(positions, triangles, 64)
@@ -109,8 +109,8 @@ def test_two_triangles_share_a_normal_up_to_35_degrees(degrees: float, shared: b
 
 def test_a_coarse_sphere_is_shaded_like_the_sphere() -> None:
     picture = render(sphere(3), FRONT, 120)
-    centres = (np.arange(120) + 0.5) / 40.0 - 1.5
-    x, y = np.meshgrid(centres, -centres)
+    centers = (np.arange(120) + 0.5) / 40.0 - 1.5
+    x, y = np.meshgrid(centers, -centers)
     inside = x**2 + y**2 < 0.7
     normals = np.stack([x, y, np.sqrt(np.where(inside, 1.0 - x**2 - y**2, 0.0))], axis=-1)
     light = brightness(normals[inside])
@@ -122,14 +122,14 @@ def test_a_coarse_sphere_is_shaded_like_the_sphere() -> None:
     assert np.abs(flat / flat.max() - light / light.max()).max() > 2.0 * error.max()
 
 
-def test_colours_of_points_are_interpolated() -> None:
+def test_colors_of_points_are_interpolated() -> None:
     red_to_blue = np.array([[1, 0, 0], [0, 0, 1], [0, 0, 1], [1, 0, 0]], float)
     picture = render(Surface(square(0.0), HALVES, red_to_blue), FRONT, 90)
     row = picture[45, 17:73].astype(float)
     share = row[:, 2] / row.sum(axis=1)
     np.testing.assert_allclose(share, (np.arange(17, 73) + 0.5 - 15.0) / 60.0, atol=0.02)
     assert row[:, 1].max() == 0
-    # Colours do not depend on the triangle of the square that a pixel sees.
+    # Colors do not depend on the triangle of the square that a pixel sees.
     np.testing.assert_array_equal(picture[20:70, 20], np.broadcast_to(picture[20, 20], (50, 3)))
 
 

@@ -38,14 +38,14 @@ from tests.reference.solids import PLATONIC
 BOX = np.array([(x, y, z) for x in (-9, 9) for y in (-6, 6) for z in (-4, 4)], dtype=float)
 
 
-def labelled(texts: list[str], facets: list[int]):
+def labeled(texts: list[str], facets: list[int]):
     hull = convex_hull(BOX)
     places = die_readings(hull, np.array(facets), texts, "down")[0].places
     return hull, place_labels(places, EngravingOptions(), hull.diameter)
 
 
 def test_faces_are_those_of_the_hull_with_the_areas_of_their_labels() -> None:
-    hull, placements = labelled(["8", "16"], [3, 1])
+    hull, placements = labeled(["8", "16"], [3, 1])
     faces = faces_of(hull, placements, {3: "8: 50 %"})
     assert [face.title for face in faces] == ["8: 50 %", "", "", "", "", ""]
     areas = sorted(signed_area(face.outline) for face in faces)
@@ -159,7 +159,7 @@ def area_of_color(surface: Surface, color: Floats) -> float:
         (PLATONIC["tetrahedron"], "up", 3, "raised"),
     ],
 )
-def test_what_is_in_colour_is_the_label_that_is_read(
+def test_what_is_in_color_is_the_label_that_is_read(
     points: Floats, read: str, places: int, style: str
 ) -> None:
     """Its floor, or its top where it stands with others in a field."""
@@ -178,7 +178,7 @@ def test_what_is_in_colour_is_the_label_that_is_read(
 
 
 def test_the_straight_view_shows_the_label() -> None:
-    """As large a part of the picture of the facet is in its colour as of the facet itself."""
+    """As large a part of the picture of the facet is in its color as of the facet itself."""
     work = engraved(box(1.0, 1.0, 1.0), SIDES, "up")
     assert work.engraved is not None
     mine = labels_of(work, 2)

@@ -1,4 +1,4 @@
-"""Views of a surface before and after, in its hull, coloured by displacement, and at rest."""
+"""Views of a surface before and after, in its hull, colored by displacement, and at rest."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def clear(shell: Shell) -> Shell:
 
 
 def share_tinted(tinted: np.ndarray, plain: np.ndarray, color: np.ndarray) -> float:
-    """Of the pixels drawn in a picture of clear glass, those that tints bring near a colour."""
+    """Of the pixels drawn in a picture of clear glass, those that tints bring near a color."""
     drawn = (plain < 255).any(axis=2)
     change = (tinted[drawn].astype(float) - plain[drawn]) / 255.0
     wanted = color - plain[drawn] / 255.0
@@ -132,7 +132,7 @@ def test_the_overlay_shows_the_hull_and_its_rests() -> None:
     assert is_whole(figure)
 
 
-def test_displacement_is_written_in_percent_of_the_diagonal_and_coloured() -> None:
+def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=4)
     before = np.asarray(mesh.vertices)
     after = before + np.where(before[:, :1] > 0.0, [[0.1, 0.0, 0.0]], 0.0)

@@ -35,7 +35,7 @@ def by_normal(poses: RestPoses) -> dict[tuple[float, ...], float]:
 
 
 @pytest.mark.parametrize("points", BALANCED)
-def test_a_balanced_body_is_the_mean_of_its_neighbours(points: list[list[int]]) -> None:
+def test_a_balanced_body_is_the_mean_of_its_neighbors(points: list[list[int]]) -> None:
     poses = rest_poses(points)
     assert poses.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     moves = 1e-9 * aside_directions(poses.hull, poses.center_of_mass)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dicedesign.batch.batch import analyse_files
+from dicedesign.batch.batch import analyze_files
 from dicedesign.batch.rest_table import RestTable, Stamp
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -93,7 +93,7 @@ def make_samples(folder: Path) -> None:
     table = resources.files("dicedesign.throws").joinpath("named/board-game.json")
     (folder / "table.json").write_bytes(table.read_bytes())
     (folder / "good.yaml").write_text(RECIPE)
-    RestTable(folder / "rests.csv", analyse_files(str(folder), {"good.stl": Stamp(1, 1)}))
+    RestTable(folder / "rests.csv", analyze_files(str(folder), {"good.stl": Stamp(1, 1)}))
     ended = run_command(["run", "good.yaml", "--out", "die"], folder)
     assert faults_of(ended, 0) == []
     for name in ("recipe.yaml", "result.json"):

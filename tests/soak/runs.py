@@ -62,7 +62,7 @@ numbering: odd
 print: {printer: laser}
 print: {infill: 20}
 files: [stl, dxf]
-centre: uniform
+center: uniform
 """
 """Entries that no recipe may have, one on each line."""
 

@@ -107,10 +107,10 @@ def test_the_paper_has_1212_directions() -> None:
     assert directions.shape == (PAPER_DIRECTIONS, 3) == (1212, 3)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=1e-14)
     assert areas.sum() == pytest.approx(1.0)
-    # Those of the icosahedron's corners have five neighbours and are the smallest.
+    # Those of the icosahedron's corners have five neighbors and are the smallest.
     assert np.count_nonzero(areas < 1.01 * areas.min()) == 12
     assert areas.max() < 2.0 * areas.min()
-    # Neighbours are nearly as far apart as on a regular grid of as many points.
+    # Neighbors are nearly as far apart as on a regular grid of as many points.
     cosines = directions @ directions.T - 2.0 * np.eye(PAPER_DIRECTIONS)
     nearest = np.arccos(cosines.max(axis=1))
     assert 0.75 < nearest.min() / np.sqrt(8 * np.pi / np.sqrt(3) / PAPER_DIRECTIONS) <= 1.0

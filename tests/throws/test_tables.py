@@ -103,7 +103,7 @@ def test_numbers_out_of_range(changes: dict, message: str) -> None:
     [
         ("{", "expected JSON, but Expecting property name"),
         ('{"name": "x"}', "got name; correct it"),
-        (json.dumps({**GOOD, "colour": 1}), "got name, .*, colour; correct it"),
+        (json.dumps({**GOOD, "color": 1}), "got name, .*, color; correct it"),
     ],
 )
 def test_files_that_are_no_tables(tmp_path: Path, text: str, message: str) -> None:

@@ -59,7 +59,7 @@ def test_the_published_dice() -> None:
 
 
 def test_a_mesh(box: Path, tmp_path: Path) -> None:
-    """Other columns and empty lines do not matter, nor blanks; sizes are in millimetres."""
+    """Other columns and empty lines do not matter, nor blanks; sizes are in millimeters."""
     text = "note,die,mesh,outcome,throws,geometric,size_mm\n"
     probabilities = _probabilities(box)
     for i, name in enumerate("ABCDEF"):
@@ -80,7 +80,7 @@ def _probabilities(box: Path) -> np.ndarray:
 
 
 def test_a_run(run: Path, tmp_path: Path) -> None:
-    """Its labels say which facet is which, its size is in millimetres, and it needs no
+    """Its labels say which facet is which, its size is in millimeters, and it needs no
     probabilities."""
     text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\nb,run,y,9\n"
     (die,) = read_throw_counts(written(tmp_path, text))

@@ -78,7 +78,7 @@ def test_a_ray_meets_the_facet_that_it_enters(viewed: ViewedBody) -> None:
         way = -hull.normals[facet] + 0.2 * rng.normal(size=3)
         met = met_facet(hull, point - 9.0 * way, way)
         assert met is not None
-        # A slanting ray may come through a neighbour first.
+        # A slanting ray may come through a neighbor first.
         entered, where = met
         assert abs(hull.heights(where)[entered]) < 1e-9
         assert hull.heights(where).min() > -1e-9

@@ -206,7 +206,7 @@ def test_what_cannot_be_is_said_beside_the_field(new_die: NewDie) -> None:
     assert new_die.table("facets", 0) == ["a", "b", "<i>c"]
     for size, words in (
         ("4", "use size_mm = "),
-        ("large", "size: expected a number of millimetres, got 'large'"),
+        ("large", "size: expected a number of millimeters, got 'large'"),
     ):
         new_die.field("Size in mm", size)
         new_die.page.wait_for_timeout(500.0)

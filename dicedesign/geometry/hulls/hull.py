@@ -53,7 +53,7 @@ class ConvexHull(kernels.Handled):
     facet_start: (m + 1,) half-edges of facet f are `facet_start[f] : facet_start[f + 1]`. The first
         one starts at the facet's lowest vertex, and facets are sorted by their first half-edges.
     tail: (h,) vertex where a half-edge starts.
-    twin: (h,) the opposite half-edge, which lies in the neighbouring facet.
+    twin: (h,) the opposite half-edge, which lies in the neighboring facet.
     """
 
     vertices: Floats

@@ -34,7 +34,7 @@ from dicedesign.tolerances import COPLANAR_WIDENINGS, FLATNESS_TOLERANCE, ROUNDI
 
 def hull_triangles(points: Floats) -> tuple[Integers, Integers]:
     """Triangles (t, 3) of the hull of points (n, 3), counter-clockwise seen from outside, and their
-    neighbours (t, 3): `neighbors[t, k]` lies across the edge opposite to corner k.
+    neighbors (t, 3): `neighbors[t, k]` lies across the edge opposite to corner k.
 
     Raises scipy's QhullError where the points span no solid.
     """
@@ -110,7 +110,7 @@ def facet_labels(
                     labels[beside] = labels[seed]
                     front.extend(beside)
         labels = np.unique(labels, return_inverse=True)[1].astype(np.int64)
-        # A sliver among slivers finds no plane in its neighbours, but it does in their groups.
+        # A sliver among slivers finds no plane in its neighbors, but it does in their groups.
         largest = largest_of(labels)
         base = largest[labels[right]]
         missed = (labels[left] != labels[right]) & (area[largest[labels[left]]] < area[base])
@@ -127,7 +127,7 @@ HalfEdges = tuple[Integers, Integers, Integers, Integers]
 def facet_loops(
     points: int, triangles: Integers, neighbors: Integers, labels: Integers
 ) -> HalfEdges | None:
-    """Polygonal half-edge structure of labelled triangles, or None where it is no polyhedron.
+    """Polygonal half-edge structure of labeled triangles, or None where it is no polyhedron.
 
     points: how many there are; triangles: (t, 3) of them, a closed surface, counter-clockwise seen
     from outside; neighbors: (t, 3) across the edge opposite to each corner; labels: (t,) facet of
@@ -275,7 +275,7 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     points: (n, 3), finite; scaled: (n, 3) the same moved and scaled along the axes so that
     coordinates are at most 1, rounded.
 
-    Returns triangles (t, 3), counter-clockwise seen from outside, their neighbours (t, 3) across
+    Returns triangles (t, 3), counter-clockwise seen from outside, their neighbors (t, 3) across
     the edge opposite to each corner, and facet numbers (t,) from 0; None where all points lie on
     one plane. Facets are exactly flat, and edges between two of them exactly convex.
     """

@@ -197,7 +197,7 @@ def bad_line(path: Path, number: int, expected: str, line: str) -> MeshFileError
 STL_HEADER: Final = 84
 """Bytes before the first triangle: 80 of any text, then the number of triangles."""
 
-STL_TITLE: Final = b"dicedesign, binary STL, lengths in millimetres".ljust(STL_HEADER - 4)
+STL_TITLE: Final = b"dicedesign, binary STL, lengths in millimeters".ljust(STL_HEADER - 4)
 """Text at the start of the files that this package writes."""
 
 STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])

@@ -243,7 +243,7 @@ FLIP_PASSES: Final = 3
 """Most passes over all edges each time."""
 
 STEP: Final = 0.6
-"""Part of the way to the middle of its neighbours that a point is moved."""
+"""Part of the way to the middle of its neighbors that a point is moved."""
 
 EXCESS: Final = 1e-9
 """Angle, in radians, by which those opposite to an edge must exceed 180 degrees to flip it."""
@@ -255,7 +255,7 @@ def evened(
     """The points and triangles of a closed surface, moved along it and joined otherwise so that the
     triangles are more even.
 
-    In turns points are moved toward the middle of their neighbours and back onto the surface, and
+    In turns points are moved toward the middle of their neighbors and back onto the surface, and
     edges flipped until the angles opposite to each sum to no more than 180 degrees.
 
     Parameters

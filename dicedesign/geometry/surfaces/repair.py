@@ -310,7 +310,7 @@ def repaired(body: Body) -> RepairedMesh:
         )
     raise InputError(
         f"{body.name}: expected triangles whose solid has a surface that does not meet itself, got "
-        f"none on {len(GRIDS)} grids; take the mesh apart, or mend it in a modelling program"
+        f"none on {len(GRIDS)} grids; take the mesh apart, or mend it in a modeling program"
     )
 
 

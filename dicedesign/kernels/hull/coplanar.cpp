@@ -6,9 +6,9 @@
 namespace dicedesign {
 namespace {
 
-class Labelling {
+class Labeling {
 public:
-    Labelling(const std::vector<Vec>& points, const Triangles& triangles, double tolerance)
+    Labeling(const std::vector<Vec>& points, const Triangles& triangles, double tolerance)
         : points_(points), triangles_(triangles), tolerance_(tolerance),
           count_(static_cast<int>(triangles.size())), doubled_(count_), area_(count_),
           label_(count_) {
@@ -143,7 +143,7 @@ private:
         }
     }
 
-    // A sliver among slivers finds no plane in its neighbours, but it does in their groups.
+    // A sliver among slivers finds no plane in its neighbors, but it does in their groups.
     bool join_missed() {
         std::vector<int> missed;
         for (int t = 0; t < count_; ++t) {
@@ -174,7 +174,7 @@ private:
 
 FacetLabels facet_labels(const std::vector<Vec>& points, const Triangles& triangles,
                          double tolerance) {
-    return Labelling(points, triangles, tolerance).run();
+    return Labeling(points, triangles, tolerance).run();
 }
 
 }  // namespace dicedesign

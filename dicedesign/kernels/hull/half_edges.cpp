@@ -7,7 +7,7 @@ namespace dicedesign {
 namespace {
 
 // An edge of triangle t has the number 4 t + k, where k is the corner opposite to it. Half-edges
-// are found facet by facet as triangles come, and put in order at the end: neighbours are near each
+// are found facet by facet as triangles come, and put in order at the end: neighbors are near each
 // other in memory until then.
 class FacetLoops {
 public:

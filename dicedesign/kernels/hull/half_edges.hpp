@@ -1,4 +1,4 @@
-// From labelled triangles to facets as loops of half-edges.
+// From labeled triangles to facets as loops of half-edges.
 #pragma once
 
 #include <optional>

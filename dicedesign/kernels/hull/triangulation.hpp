@@ -22,7 +22,7 @@ inline constexpr int NONE = -1;
 inline constexpr int NEXT[3] = {1, 2, 0};
 inline constexpr int LAST[3] = {2, 0, 1};
 
-// The edge of a triangle that a neighbour lies across; no processor would guess a branch here.
+// The edge of a triangle that a neighbor lies across; no processor would guess a branch here.
 inline int edge_to(const Triangle& triangle, int neighbor) {
     return (triangle.neighbor[1] == neighbor) + 2 * (triangle.neighbor[2] == neighbor);
 }

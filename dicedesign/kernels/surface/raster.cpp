@@ -12,7 +12,7 @@ struct End {
     double column, depth;
 };
 
-// The first of the pixels in a row or column, from 0 to below size, whose centre is not before a
+// The first of the pixels in a row or column, from 0 to below size, whose center is not before a
 // place.
 Index pixel_from(double place, Index size) {
     const double first = std::ceil(place - 0.5);
@@ -20,7 +20,7 @@ Index pixel_from(double place, Index size) {
     return first < static_cast<double>(size) ? static_cast<Index>(first) : size;
 }
 
-// Where the centre line of a row cuts a triangle.
+// Where the center line of a row cuts a triangle.
 void cut(const Vec* const corner[3], double center, End& left, End& right) {
     left = {INFINITE, INFINITE};
     right = {-INFINITE, -INFINITE};

@@ -9,7 +9,7 @@ namespace {
 struct Use {
     Index high;  // the end with the higher number
     Index triangle;
-    bool upward;  // whether it runs towards that end
+    bool upward;  // whether it runs toward that end
 };
 
 // Calls a function with the uses of each edge, as a range.

@@ -5,14 +5,14 @@
 
 namespace dicedesign {
 
-// A hull about its center of mass, with its basins. The neighbours of vertex v are entries
+// A hull about its center of mass, with its basins. The neighbors of vertex v are entries
 // `start[v]` to `start[v + 1]` of the three lists.
 struct Landscape {
     Index vertices;
     const Vec* vertex;      // from the center of mass
     const Index* start;
     const Index* neighbor;
-    const Index* left;      // facet left of the edge to the neighbour
+    const Index* left;      // facet left of the edge to the neighbor
     const Index* right;
     const Vec* normal;      // of each facet
     const Index* rest;      // to which each facet rolls

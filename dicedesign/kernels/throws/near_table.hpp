@@ -15,7 +15,7 @@ inline constexpr double SKIN = 0.05;
 // Far more than the rounding of such a height and of larger ones, relative to them.
 inline constexpr double HEIGHT_ROUNDING = 1e-9;
 
-// The table's list of neighbours (Verlet, Physical Review 159, 1967). Since all vertices were
+// The table's list of neighbors (Verlet, Physical Review 159, 1967). Since all vertices were
 // looked at, none has come lower by more than the body fell plus the radius times how far the unit
 // vector `up` moved. Until that is as far as those not in the list were above the table, they are
 // above it.

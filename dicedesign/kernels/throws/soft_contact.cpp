@@ -57,7 +57,7 @@ double contact_cost(Contact& c, double weight, double friction) {
     return 0.5 * w * beyond * beyond;
 }
 
-// The function that is minimised, and its gradient.
+// The function that is minimized, and its gradient.
 double cost_of(const Acceleration masses, const Acceleration free, const Acceleration at,
                Contact* contacts, int count, double weight, double friction,
                Acceleration gradient) {

@@ -29,7 +29,7 @@ struct Contact {
     bool active;
 };
 
-// The acceleration that minimises Gauss' measure of constraint plus the contacts' costs: MuJoCo's
+// The acceleration that minimizes Gauss' measure of constraint plus the contacts' costs: MuJoCo's
 // convex formulation of soft contact with elliptic friction cones (its documentation, chapter
 // "Computation"), here by Newton's method with backtracking.
 //

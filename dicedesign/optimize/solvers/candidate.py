@@ -28,7 +28,7 @@ from dicedesign.optimize.coordinates import Coordinates, Shape
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.descent import SobolevGradient
 from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.rest.poses import analyse
+from dicedesign.rest.poses import analyze
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
@@ -244,7 +244,7 @@ def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
         off = ROUNDED * size * random.uniform(-1.0, 1.0, corners.shape)
         try:
             hull = convex_hull(corners + off, single_precision=True)
-            poses = analyse(hull, hull.centroid if center is None else center.numpy())
+            poses = analyze(hull, hull.centroid if center is None else center.numpy())
             errors.append(
                 outcome_probabilities(poses.under(prior), candidate.directions).error(target)
             )
@@ -284,7 +284,7 @@ MOST_STEPS: Final = 80
 
 @dataclass(frozen=True)
 class LevenbergMarquardt:
-    """Steps from a die towards probabilities.
+    """Steps from a die toward probabilities.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Make a die better by one's preferences while its probabilities stay what they are.
 
 A die has more parameters than outcomes, so the dice of the same probabilities form a manifold p =
-q. On it the sum of squared residuals is minimised by BFGS, which copes with the kinks that a shape
+q. On it the sum of squared residuals is minimized by BFGS, which copes with the kinks that a shape
 has where its edges change: a step goes along the tangent space of the manifold, the null space of
     the probabilities'
 Jacobian, and Newton's method across brings it back.
@@ -97,7 +97,7 @@ def improve(
     preferences: what is made better.
     sensitivity: of the probabilities when thrown, or None for probabilities without momentum.
     least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
-        outcome shall have, 0 for any. While one has less, steps are towards that alone; once all
+        outcome shall have, 0 for any. While one has less, steps are toward that alone; once all
         have it they keep it.
     tolerance: largest |p - q|.
     steps: most steps.
@@ -136,7 +136,7 @@ def improve(
 
 @dataclass(frozen=True)
 class _Goal:
-    """What is minimised, and subject to what; see `improve`.
+    """What is minimized, and subject to what; see `improve`.
 
     Attributes
     ----------

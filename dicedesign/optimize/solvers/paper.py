@@ -28,7 +28,7 @@ from dicedesign.optimize.solvers.exact import solve_exactly
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.terms import EnergyWeights
 from dicedesign.rest.equilibria import classify
-from dicedesign.rest.poses import RestPoses, analyse
+from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
@@ -281,7 +281,7 @@ def finished(
 def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iterator[Start]:
     """Shapes near a result with one rest for each outcome and no other."""
     center = maker.center_of_mass
-    poses = analyse(result.hull, result.hull.centroid if center is None else center)
+    poses = analyze(result.hull, result.hull.centroid if center is None else center)
     for angle in ABSORBED:
         coordinates, parameters, directions = flattened(poses, result.directions, angle)
         if np.isnan(parameters).any():

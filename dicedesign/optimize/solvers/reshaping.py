@@ -4,7 +4,7 @@ away.
 The facets of a convex shape are moved until the object that is made of it, measured as it will be
 written, has the probabilities: labels shift the center of mass, and with it the probabilities, by
     some 1e-4. A body
-of any shape is stretched along three axes by a few parts in a thousand. Lengths are in millimetres.
+of any shape is stretched along three axes by a few parts in a thousand. Lengths are in millimeters.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from dicedesign.optimize.coordinates import (
 )
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, LevenbergMarquardt
 from dicedesign.rest.outcomes import gathered, outcome_probabilities
-from dicedesign.rest.poses import analyse, rest_poses
+from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import BALANCED_PROBABILITIES, FILE_PROBABILITIES
@@ -64,7 +64,7 @@ class Measured:
     probabilities: Floats
 
 
-class Labelled(Protocol):
+class Labeled(Protocol):
     """How an object is made of a plain shape and labels on its facets."""
 
     def balanced(self, core: ConvexHull, placements: Sequence[Any]) -> Surface:
@@ -109,7 +109,7 @@ def reshaped(
     directions: Floats,
     placements: Sequence[Any],
     target: Floats,
-    made: Labelled,
+    made: Labeled,
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
@@ -298,7 +298,7 @@ def stretched(
             image = image.astype(np.float32).astype(np.float64)
         try:
             hull = convex_hull(image, single_precision=in_file)
-            rests = analyse(hull, np.zeros(3)).under(prior)
+            rests = analyze(hull, np.zeros(3)).under(prior)
         except DiceError:
             return np.full(len(target), np.inf)
         return outcome_probabilities(rests, _turned(directions, matrix)).probabilities

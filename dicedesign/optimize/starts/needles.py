@@ -1,7 +1,7 @@
 """Long starting shapes for any probabilities: a needle rolls about its axis as its cross-section
 does.
 
-A corner of the section that is farther from the center of mass than its neighbours parts two
+A corner of the section that is farther from the center of mass than its neighbors parts two
 basins, so the angles between such corners are the probabilities. In each basin, sides come nearer
 to the center from both ends to the rest. The body rolls on over each of them, as the foot of the
 center on its line lies beyond its lower corner. A section of even thickness could not do so in a

@@ -117,7 +117,7 @@ UNEVENNESS: Final = 0.6
 """Largest standard deviation of the logarithms of facet distances."""
 
 NEARNESS: Final = 1.5
-"""A facet in favour is nearer than others by a factor of up to the exponential of this."""
+"""A facet in favor is nearer than others by a factor of up to the exponential of this."""
 
 STRETCH: Final = (-1.5, 1.0)
 """Range of the logarithm by which a polyhedron is stretched along one axis."""

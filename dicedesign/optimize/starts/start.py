@@ -31,7 +31,7 @@ class Start:
     points: (n, 3) whose convex hull is the shape, of half extent 1 about the middle of its box.
     directions: (k, 3) unit normals of the facets that carry outcomes, in the order in which an
         assignment names them.
-    origin, scale: how the points were normalised: (3,) and a length in the shape's own
+    origin, scale: how the points were normalized: (3,) and a length in the shape's own
         coordinates, with point = (own - origin) / scale.
     pinned: numbers of the directions whose facets stay in their planes; the exact method alone
         heeds it.
@@ -45,13 +45,13 @@ class Start:
     pinned: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def normalised(self, own: Floats) -> Floats:
+    def normalized(self, own: Floats) -> Floats:
         """Points (..., 3) of the shape's own coordinates in those of `points`."""
         return (own - self.origin) / self.scale
 
 
-def normalised_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
-    """A start in normalised coordinates from points (n, 3) and unit directions (k, 3)."""
+def normalized_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
+    """A start in normalized coordinates from points (n, 3) and unit directions (k, 3)."""
     origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
     centered = points - origin
     scale = float(np.abs(centered).max())

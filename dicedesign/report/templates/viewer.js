@@ -50,7 +50,7 @@
     return new Response(whole);
   }
 
-  // Vectors in the page are in the body's frame, in mm; in a GLB y is upward, in metres.
+  // Vectors in the page are in the body's frame, in mm; in a GLB y is upward, in meters.
   function vector(text) {
     const [x, y, z] = text.split(" ").map(Number);
     return new THREE.Vector3(x, z, -y);

@@ -111,7 +111,7 @@ def test_what_is_reused_is_what_would_be_built() -> None:
 
 
 def test_an_edge_that_flips_is_seen() -> None:
-    """The fourth point of a bipyramid's equator goes through the diagonal of its neighbours."""
+    """The fourth point of a bipyramid's equator goes through the diagonal of its neighbors."""
     points = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
     hull = convex_hull(points)
     tilted = points + np.outer([1, -1, 1, -1, 0, 0], [0.0, 0.0, 0.1])

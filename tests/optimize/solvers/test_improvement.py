@@ -126,7 +126,7 @@ def test_every_preference_is_served(name: str) -> None:
 
 
 def merit(candidate: Candidate) -> float:
-    """What is minimised for large circles."""
+    """What is minimized for large circles."""
     barrier = barrier_residuals(candidate.rests).detach()
     return value(candidate, CIRCLES) + float((barrier**2).sum())
 

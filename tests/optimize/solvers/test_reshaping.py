@@ -67,7 +67,7 @@ def test_the_file_has_the_probabilities(entries: dict[str, object], tmp_path: Pa
 
 @pytest.mark.parametrize("seed", range(3))
 def test_facets_almost_in_one_plane(seed: int) -> None:
-    """A border between two of them runs by millimetres as one of them is turned by its hundredth of
+    """A border between two of them runs by millimeters as one of them is turned by its hundredth of
     a degree, and a label may not run along."""
     solid, directions, placements = folded_die(seed)
     made = ConvexObject(EngravingOptions(), None)
@@ -78,7 +78,7 @@ def test_facets_almost_in_one_plane(seed: int) -> None:
 
 
 def folded_die(seed: int) -> tuple[ConvexHull, np.ndarray, list[Placement]]:
-    """A labelled die of eight facets, on each of which a fold of an eighth of a degree parts a
+    """A labeled die of eight facets, on each of which a fold of an eighth of a degree parts a
     strip from what the die rests on, with corners off by up to a few 1e-12 of its size."""
     start = repulsion(8, 0)
     plain = convex_hull(15.0 * start.points)

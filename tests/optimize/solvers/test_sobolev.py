@@ -1,4 +1,4 @@
-"""The Sobolev operator and one step towards wanted probabilities, against dense linear algebra."""
+"""The Sobolev operator and one step toward wanted probabilities, against dense linear algebra."""
 
 from __future__ import annotations
 
