@@ -32,12 +32,12 @@ from dicedesign.tolerances import SMALLEST_EXTENT
 if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
     from dicedesign.balance.goals import Goal
-    from dicedesign.scenes.posing import Job
+    from dicedesign.scenes.posing import PoseJob
 
 
 def pose(options: Pose) -> int:
     """Write meshes in poses."""
-    from dicedesign.scenes.posing import PoseChoice, stand, stand_many
+    from dicedesign.scenes.posing import PoseChoice, write_pose, write_poses
 
     check_whole("--pose", options.pose)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
@@ -63,10 +63,10 @@ def pose(options: Pose) -> int:
         for folder in sorted({job.target.parent for job in jobs}):
             make_writable_folder(folder)
     if len(jobs) == 1:
-        stood = [stand(jobs[0], choice)]
+        stood = [write_pose(jobs[0], choice)]
     else:
         with workers_of(options, "files", len(jobs)) as workers:
-            stood = stand_many(
+            stood = write_poses(
                 jobs,
                 choice,
                 workers.executor,
@@ -107,10 +107,10 @@ def pose(options: Pose) -> int:
     return 0 if written else 1
 
 
-def _list_jobs(options: Pose) -> Iterator[Job]:
+def _list_jobs(options: Pose) -> Iterator[PoseJob]:
     """What is to be done, file by file."""
     from dicedesign.batch.batch import list_folder
-    from dicedesign.scenes.posing import Job, check_ending
+    from dicedesign.scenes.posing import PoseJob, check_ending
 
     first, out = options.meshes[0], options.out
     into_folder = len(options.meshes) > 1 or os.path.isdir(first)
@@ -126,7 +126,7 @@ def _list_jobs(options: Pose) -> Iterator[Job]:
         check_ending(f".{options.format}", "--format")
     if not into_folder:
         check_ending(out.suffix, f"--out {out}")
-        yield Job(first, first.name, out)
+        yield PoseJob(first, first.name, out)
         return
     for mesh in options.meshes:
         is_folder = os.path.isdir(mesh)
@@ -134,7 +134,7 @@ def _list_jobs(options: Pose) -> Iterator[Job]:
             target = out / name
             if options.format is not None:
                 target = target.with_suffix(f".{options.format}")
-            yield Job(mesh / name if is_folder else mesh, name, target)
+            yield PoseJob(mesh / name if is_folder else mesh, name, target)
 
 
 def _refuse_overwriting(source: Path, target: Path, expected: str) -> None:
@@ -151,7 +151,7 @@ def scatter(options: Scatter) -> int:
     from dicedesign.batch.batch import list_folder
     from dicedesign.geometry.meshes.reading import without_solids
     from dicedesign.runtime.workers import progress_bar
-    from dicedesign.scenes.room import room_glb, scattered
+    from dicedesign.scenes.room import room_glb, scatter_bodies
 
     check_whole("--count", options.count, most=MOST_BODIES)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
@@ -177,7 +177,7 @@ def scatter(options: Scatter) -> int:
             else:
                 bar.update(1)
 
-        room = scattered(
+        room = scatter_bodies(
             options.folder,
             list(files.meshes),
             options.count,
@@ -316,8 +316,8 @@ def _goal(options: Balance) -> Goal:
         raise InputError("--poses: expected --target p,q,... with it, got none; add it")
     if options.equal is not None:
         return EqualProbabilities(options.equal)
-    if options.stand is not None:
-        return Standing(pose=options.stand)
+    if options.write_pose is not None:
+        return Standing(pose=options.write_pose)
     if options.stand_down is not None:
         return Standing(down=vector("--stand-down", options.stand_down))
     if options.target is None:

@@ -54,7 +54,7 @@ def check_ending(ending: str, name: str) -> None:
         )
 
 
-def posed_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
+def pose_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
     """The content of a file of a format: a mesh file's body, moved, in its own unit of length.
 
     Colors, materials, textures and the names of parts are kept where a GLB file is written, and
@@ -156,7 +156,7 @@ class PoseChoice:
 
 
 @dataclass(frozen=True)
-class Job:
+class PoseJob:
     """A file to be read, its name among the others, and the file to be written."""
 
     source: Path
@@ -165,7 +165,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Stood:
+class PoseResult:
     """What became of a job.
 
     Attributes
@@ -178,7 +178,7 @@ class Stood:
     error: why nothing was written, in one line, or empty.
     """
 
-    job: Job
+    job: PoseJob
     rest: int = -1
     rests: int = 0
     probability: float = 0.0
@@ -187,18 +187,18 @@ class Stood:
     error: str = ""
 
 
-def stand(job: Job, choice: PoseChoice) -> Stood:
+def write_pose(job: PoseJob, choice: PoseChoice) -> PoseResult:
     """Write a mesh file's body in a pose. Raises as `read_body`, `rest_poses`, `PoseChoice.of`,
-    `posed_bytes` and `atomic_write`."""
+    `pose_bytes` and `atomic_write`."""
     with without_solids():
         body = read_body(job.source)
         poses = rest_poses(
             body, choice.center_of_mass, coplanar_tolerance=choice.coplanar_tolerance
         )
         rest, transform = choice.of(poses, job.name)
-        data = posed_bytes(job.source, body, transform, job.target.suffix)
+        data = pose_bytes(job.source, body, transform, job.target.suffix)
     atomic_write(job.target, data)
-    return Stood(
+    return PoseResult(
         job,
         rest,
         len(poses.probabilities),
@@ -208,15 +208,15 @@ def stand(job: Job, choice: PoseChoice) -> Stood:
     )
 
 
-def stand_all(jobs: Sequence[Job], choice: PoseChoice) -> list[Stood]:
+def write_each(jobs: Sequence[PoseJob], choice: PoseChoice) -> list[PoseResult]:
     """A worker's task: each file on its own; one that cannot be done says why."""
     stood = []
     for job in jobs:
         try:
-            stood.append(stand(job, choice))
+            stood.append(write_pose(job, choice))
         except Exception as error:
             # Thousands of files are not given up for one, even where the fault is ours.
-            stood.append(Stood(job, error=reason(error, job.source)))
+            stood.append(PoseResult(job, error=reason(error, job.source)))
     return stood
 
 
@@ -226,15 +226,15 @@ def reason(error: Exception, path: Path) -> str:
     return " ".join(text.split())
 
 
-def stand_many(
-    jobs: Sequence[Job],
+def write_poses(
+    jobs: Sequence[PoseJob],
     choice: PoseChoice,
     executor: Executor,
     workers: int,
     *,
     on_done: Callable[[int], None],
     on_quiet: Callable[[], None] | None = None,
-) -> list[Stood]:
+) -> list[PoseResult]:
     """What became of many jobs, in their order.
 
     Parameters
@@ -245,16 +245,16 @@ def stand_many(
 
     Raises DiceError: the executor cannot go on.
     """
-    done: dict[Path, Stood] = {}
+    done: dict[Path, PoseResult] = {}
 
-    def on_stood(stood: list[Stood]) -> None:
+    def on_stood(stood: list[PoseResult]) -> None:
         done.update((one.job.target, one) for one in stood)
         on_done(len(stood))
 
     lost = run_in_batches(
-        jobs, lambda task: executor.submit(stand_all, task, choice), workers, on_stood, on_quiet
+        jobs, lambda task: executor.submit(write_each, task, choice), workers, on_stood, on_quiet
     )
     for job in lost:
         text = "expected workers that stay, but those that posed it were lost; see whether memory"
-        done[job.target] = Stood(job, error=f"{job.source}: {text} suffices")
+        done[job.target] = PoseResult(job, error=f"{job.source}: {text} suffices")
     return [done[job.target] for job in jobs]

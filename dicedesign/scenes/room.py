@@ -129,7 +129,7 @@ def _tries(chance: np.random.Generator) -> Iterator[Floats]:
     yield from chance.permutation(np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2))
 
 
-def fitting_floor(
+def fit_floor(
     footprints: Sequence[Footprint],
     chance: np.random.Generator,
     proportions: tuple[float, float] = (4.0, 3.0),
@@ -184,7 +184,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Lying:
+class PlacedBody:
     """A body on the floor.
 
     Attributes
@@ -214,7 +214,7 @@ class Room:
     """
 
     models: tuple[Model, ...]
-    bodies: tuple[Lying, ...]
+    bodies: tuple[PlacedBody, ...]
     floor: tuple[float, float]
 
     def plain(self) -> dict[str, Any]:
@@ -235,7 +235,7 @@ class Room:
         }
 
 
-def scattered(
+def scatter_bodies(
     folder: Path,
     names: Sequence[str],
     count: int,
@@ -298,16 +298,16 @@ def scattered(
         model = models[k % len(models)]
         transforms, rests = model.poses.sample(1, draws)
         transform = np.diag([model.scale] * 3 + [1.0]) @ transforms[0]
-        body = Lying(k % len(models), int(rests[0]), transform)
+        body = PlacedBody(k % len(models), int(rests[0]), transform)
         lying.append(body)
         footprints.append(Footprint.under(body.placed(model.poses.hull.vertices)[:, :2]))
     if floor is None:
-        floor, shifts = fitting_floor(footprints, places)
+        floor, shifts = fit_floor(footprints, places)
     else:
         shifts = pack(footprints, floor, places)
         missing = int(np.isnan(shifts[:, 0]).sum())
         if missing:
-            enough, _ = fitting_floor(footprints, places, floor)
+            enough, _ = fit_floor(footprints, places, floor)
             raise InputError(
                 f"--floor: expected room for {count} bodies, but only {count - missing} found a "
                 f"place on {floor[0]:g} by {floor[1]:g}; take --floor {enough[0]:g},{enough[1]:g}, "

@@ -9,7 +9,7 @@ import pytest
 from manifold3d import CrossSection
 from scipy.optimize import linprog
 
-from dicedesign.scenes.room import Footprint, fitting_floor, gap, pack
+from dicedesign.scenes.room import Footprint, fit_floor, gap, pack
 
 
 def polygons(count: int, seed: int) -> list[Footprint]:
@@ -36,7 +36,7 @@ def check_places(footprints: list[Footprint], shifts: np.ndarray, floor: tuple[f
 @pytest.mark.parametrize("seed", range(2))
 def test_all_have_a_place_on_the_floor_that_is_said_to_fit(seed: int) -> None:
     footprints = polygons(40, seed)
-    floor, shifts = fitting_floor(footprints, np.random.default_rng(seed))
+    floor, shifts = fit_floor(footprints, np.random.default_rng(seed))
     assert not np.isnan(shifts).any()
     check_places(footprints, shifts, floor)
     covered = sum(footprint.area for footprint in footprints)
@@ -59,7 +59,7 @@ def test_a_crowded_floor_holds_many_and_leaves_out_the_rest() -> None:
 
 def test_one_seed_is_one_layout() -> None:
     footprints = polygons(20, 5)
-    once, again = (fitting_floor(footprints, np.random.default_rng(9)) for _ in range(2))
+    once, again = (fit_floor(footprints, np.random.default_rng(9)) for _ in range(2))
     assert once[0] == again[0]
     np.testing.assert_array_equal(once[1], again[1])
 
