@@ -316,8 +316,8 @@ def _goal(options: Balance) -> Goal:
         raise InputError("--poses: expected --target p,q,... with it, got none; add it")
     if options.equal is not None:
         return EqualProbabilities(options.equal)
-    if options.write_pose is not None:
-        return Standing(pose=options.write_pose)
+    if options.stand is not None:
+        return Standing(pose=options.stand)
     if options.stand_down is not None:
         return Standing(down=vector("--stand-down", options.stand_down))
     if options.target is None:
