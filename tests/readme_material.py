@@ -90,8 +90,7 @@ def gallery(outputs: Path, target: Path) -> None:
     concave = outputs / "fair_d3_duck"
     for name in ("rests", "before_after"):
         save(narrowed(Image.open(concave / f"{name}.png")), target / f"concave_{name}.png", 255)
-    for name in ("table", "film"):
-        save(narrowed(Image.open(outputs / "2d6_table" / f"{name}.png")), target / f"{name}.png")
+    save(narrowed(Image.open(outputs / "2d6_table" / "table.png")), target / "table.png")
     for path in sorted((outputs / "bench").glob("*.png")):
         save(narrowed(Image.open(path)), target / path.name)
     room(outputs, target)

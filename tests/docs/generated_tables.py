@@ -1,4 +1,4 @@
-"""Tables of the documentation that are made from the code: recipe keys, public names, statuses,
+"""Tables of the documentation that are made from the code: recipe keys, statuses,
 and what each registry has.
 
     python tests/docs/generated_tables.py
@@ -34,7 +34,6 @@ from dicedesign.optimize.starts.start import STARTS
 from dicedesign.recipe.recipe import Recipe, StartRecipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.parts import Status
-from dicedesign.runtime.registry import Registry
 from dicedesign.throws.tables import HANDS, least_of, most_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,9 +56,6 @@ REGISTRIES = {
 COMMANDS = {"kinds of figures": "dicedesign figure "}
 """What is written before the names of a table's entries."""
 
-SUBMODULES = ("energies", "methods", "starts", "extensions")
-"""Modules with public names that only some need."""
-
 BLOCK = re.compile(r"(<!-- table: ([\w ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 
@@ -71,7 +67,6 @@ def tables() -> dict[str, Callable[[], str]]:
     }
     return {
         "recipe keys": recipe_table,
-        "public names": names_table,
         "benches": bench_table,
         "statuses": status_table,
         "file formats": format_table,
@@ -191,39 +186,6 @@ def priors_table() -> str:
     """How each prior is written, and what it says."""
     rows = [(f"`{kind.form}`", kind.line) for kind in PRIORS]
     return markdown(("prior", "meaning"), rows)
-
-
-def names_table() -> str:
-    """Public names by module, with what their docstrings say first."""
-    rows = []
-    for module in ("", *SUBMODULES):
-        for number, name in enumerate(public_names(module)):
-            value = getattr(import_module(f"dicedesign.{module}".rstrip(".")), name)
-            meaning = (
-                f"every {value.kind} that there is, by name; `register` adds one"
-                if isinstance(value, Registry)
-                else first_sentence(value)
-            )
-            rows.append(
-                (f"`dd.{module}`".replace(".`", "`") if number == 0 else "", f"`{name}`", meaning)
-            )
-    return markdown(("module", "name", "meaning"), rows)
-
-
-def public_names(module: str = "") -> list[str]:
-    """Everything public in a module, in alphabetical order, from the file that lists it."""
-    file = f"{module}.py" if module else "__init__.pyi"
-    tree = ast.parse((ROOT / "dicedesign" / file).read_text(encoding="utf-8"))
-    names = (
-        alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
-    )
-    return sorted(set(names) - set(SUBMODULES), key=str.lower)
-
-
-def first_sentence(value: object) -> str:
-    """What a docstring says first."""
-    paragraph = " ".join((inspect.getdoc(value) or "").split("\n\n")[0].split())
-    return tidy(re.split(r"\. (?=[A-Z])", paragraph)[0])
 
 
 def recipe_table() -> str:

@@ -35,9 +35,6 @@ EXAMPLES = sorted(
     if path.name != "bullet_engine.py" or find_spec("pybullet") is not None
 )
 
-EXTENDS = ROOT / "docs" / "adding.md"
-"""Its code adds to what the package has, so it runs last."""
-
 TYPED = list(dict.fromkeys(line for page in PAGES for line in commands(page)))
 """All lines of all pages, each once."""
 
@@ -63,9 +60,7 @@ def ordered_parts() -> dict[str, str]:
     first = next(line for line in TYPED if "dicedesign run" in line).split("dicedesign ")[1]
     lines = [arguments(line) for line in TYPED if line.startswith("dicedesign ")]
     parts = {line: called(line) for line in [first, *lines] if not line.startswith(LONG)}
-    for page in sorted(PAGES, key=lambda page: page == EXTENDS):
-        if page == EXTENDS:
-            parts |= {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES}
+    for page in PAGES:
         for number, code in enumerate(blocks(page, "python"), start=1):
             parts[f"{page.name}, Python {number}"] = code
         for number, text in enumerate(blocks(page, "yaml"), start=1):
@@ -73,17 +68,17 @@ def ordered_parts() -> dict[str, str]:
                 name = f"{page.stem}-{number}.yaml"
                 written = f"open({name!r}, 'w').write({text!r})\n"
                 parts[f"{page.name}, recipe {number}"] = written + called(f"run {name}")
-    return parts
+    # Last, as they register extensions.
+    return parts | {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES}
 
 
 def test_commands_examples_and_code_run(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "recipes", tmp_path / "recipes")
-    (tmp_path / "rolls.csv").write_text(blocks(ROOT / "docs" / "table.md", "csv")[0])
+    (tmp_path / "rolls.csv").write_text(blocks(ROOT / "docs" / "tables.md", "csv")[0])
     parts = ordered_parts()
-    told = run_parts(parts, tmp_path)
-    assert list(told) == list(parts)
-    silent = {name for name, text in told.items() if not text}
-    assert {name for name in silent if "def run(options, report)" not in parts[name]} == set()
+    printed = run_parts(parts, tmp_path)
+    assert list(printed) == list(parts)
+    assert {name for name, text in printed.items() if not text} == set()
 
 
 @pytest.mark.parametrize("line", [line for line in TYPED if line.startswith(PROGRAMS)])

@@ -1,0 +1,53 @@
+"""Add a starting shape: two pyramids, base to base.
+
+`options` is a dataclass whose fields a recipe may give, `check` refuses impossible options while
+the recipe is read, and `make` returns points and the outward unit normals (k, 3) of the facets
+that bear the outcomes, in the order of a recipe's `assignment`. `search` instead of `make` yields
+one shape after another; `surface` gives a closed surface for a concave die.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import dicedesign as dd
+from dicedesign.optimize.starts.start import STARTS, StartKind, normalized_start
+from dicedesign.runtime.registry import STRICT
+
+
+@dataclass(frozen=True)
+class BipyramidOptions:
+    """`height` of each tip over the base's circumscribed radius."""
+
+    __pydantic_config__ = STRICT
+
+    height: float = 1.0
+
+
+def check(options, outcomes):
+    if outcomes < 6 or outcomes % 2:
+        raise ValueError(f"start.bipyramid: expected an even number from 6 on, got {outcomes}")
+
+
+def make(options, task):
+    angles = 4.0 * np.pi * np.arange(task.outcomes // 2) / task.outcomes
+    ring = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    tip = np.array([[0.0, 0.0, options.height]])
+    upper = np.cross(np.roll(ring, -1, axis=0) - ring, tip - ring)
+    upper /= np.linalg.norm(upper, axis=1, keepdims=True)
+    directions = np.concatenate([upper, upper * [1.0, 1.0, -1.0]])
+    return normalized_start(np.concatenate([ring, tip, -tip]), directions)
+
+
+STARTS.register(
+    StartKind(
+        name="bipyramid",
+        line="two pyramids, base to base; an even number of outcomes",
+        options=BipyramidOptions,
+        check=check,
+        make=make,
+    )
+)
+
+die = dd.design({"fair": 8}, start={"bipyramid": {"height": 1.2}})
+print(die.message)
