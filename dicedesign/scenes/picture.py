@@ -1,4 +1,4 @@
-"""A picture of a room."""
+"""Picture of a floor with bodies on it."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from dicedesign.report.palette import BASINS, rgb
 from dicedesign.report.raster import Camera, encoded, framed, rasterize, trim
 from dicedesign.report.renderer import Surface, render, shadowed_table
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.scenes.room import Room
+from dicedesign.scenes.room import FLOOR_TRIANGLES, Room
 
 PIXELS = 1600
+"""Side of the picture before it is trimmed."""
 
-MOST_TRIANGLES = 3_000_000
-"""Of all bodies together; of more, those with the most triangles are drawn as their hulls."""
+MAX_TRIANGLES = 3_000_000
+"""Limit for all bodies together; above it, meshes with many triangles are drawn as their hulls."""
 
 RISE, TURN = np.radians([38.0, 20.0])
-"""From where it is seen: above the floor, and from its front edge."""
+"""Camera angles: elevation above the floor, and rotation about the vertical from its front."""
 
-CREASE = 400
-"""Triangles of a mesh up to which it is drawn with flat faces and edges."""
+MAX_FLAT_TRIANGLES = 400
+"""Meshes of at most this many triangles are drawn with flat faces and sharp edges."""
 
-FLOOR = 0.93
-"""Brightness of the floor."""
+FLOOR_BRIGHTNESS = 0.93
 
 
 def room_picture(room: Room) -> bytes:
-    """PNG of the room from one side and above, each mesh in a color of its own, with shadows."""
+    """PNG of the room from one side and above, with one color per mesh, and shadows."""
     colors = rgb(BASINS)
     counts = np.bincount([body.model for body in room.bodies])
     points: list[Floats] = []
@@ -34,30 +34,29 @@ def room_picture(room: Room) -> bytes:
     tints, start = [], 0
     for body in room.bodies:
         model = room.models[body.model]
-        own_points, own_triangles = model.body.points, model.body.triangles
-        assert own_triangles is not None
-        if counts[body.model] * len(own_triangles) * len(room.models) > MOST_TRIANGLES:
-            own_points, own_triangles = model.poses.hull.vertices, model.poses.hull.triangles
-        # Faces meet in edges only where they share no points.
-        if len(own_triangles) <= CREASE:
-            own_points = own_points[own_triangles].reshape(-1, 3)
-            own_triangles = np.arange(len(own_points)).reshape(-1, 3)
-        points.append(body.placed(own_points))
-        triangles.append(own_triangles + start)
-        tints.append(np.tile(colors[body.model % len(colors)], (len(own_points), 1)))
-        start += len(own_points)
+        corners, faces = model.body.points, model.body.triangles
+        assert faces is not None
+        if counts[body.model] * len(faces) * len(room.models) > MAX_TRIANGLES:
+            corners, faces = model.poses.hull.vertices, model.poses.hull.triangles
+        # Edges stay sharp only where faces share no points.
+        if len(faces) <= MAX_FLAT_TRIANGLES:
+            corners = corners[faces].reshape(-1, 3)
+            faces = np.arange(len(corners)).reshape(-1, 3)
+        points.append(body.to_room(corners))
+        triangles.append(faces + start)
+        tints.append(np.tile(colors[body.model % len(colors)], (len(corners), 1)))
+        start += len(corners)
     all_points, all_triangles = np.concatenate(points), np.concatenate(triangles)
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [*room.floor, 0.0] / 2.0
     up = np.array([0.0, 0.0, 1.0])
     level = np.array([np.sin(TURN), -np.cos(TURN), 0.0])
     camera = Camera(np.cos(RISE) * level + np.sin(RISE) * up, up, np.zeros(3), 1.0)
-    (camera,) = framed([camera], [np.concatenate([all_points, corners])])
+    (camera,) = framed([camera], [np.concatenate([all_points, room.floor_corners])])
     heights = all_points[:, 2].clip(0.0)
-    reach = float(max(heights.max(), 1e-300))
-    table = shadowed_table(all_points, all_triangles, heights, up, camera, PIXELS, reach)
-    square = np.array([[0, 1, 2], [0, 2, 3]])
-    on_floor, _ = rasterize(camera.pixel_positions(corners, PIXELS), square, PIXELS)
-    table[on_floor >= 0] *= FLOOR
+    highest = float(max(heights.max(), 1e-300))
+    table = shadowed_table(all_points, all_triangles, heights, up, camera, PIXELS, highest)
+    floor = camera.pixel_positions(room.floor_corners, PIXELS)
+    on_floor, _ = rasterize(floor, FLOOR_TRIANGLES, PIXELS)
+    table[on_floor >= 0] *= FLOOR_BRIGHTNESS
     surface = Surface(all_points, all_triangles, np.concatenate(tints))
     (picture,) = trim([render(surface, camera, PIXELS, backdrop=table)])
     return encoded(picture)

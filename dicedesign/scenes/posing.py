@@ -1,4 +1,4 @@
-"""Mesh files stood in poses."""
+"""Write mesh files in stable poses."""
 
 from __future__ import annotations
 
@@ -32,22 +32,21 @@ if TYPE_CHECKING:
     import trimesh
 
 
-POINTS = ".xyz"
-"""Ending of files of points."""
+POINTS_ENDING = ".xyz"
 
 Y_UP = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
-"""The turn (4, 4) that makes y upward where z was."""
+"""Rotation (4, 4) that turns z upward into y upward."""
 
 
 def check_ending(ending: str, name: str) -> None:
-    """Raise InputError for an ending, such as ".stl", of files that cannot be written.
+    """Raise InputError for an ending, such as ".stl", whose format cannot be written.
 
-    name: what the message begins with.
+    name: subject of the message.
     """
-    if ending.lower() != POINTS and ending[1:].lower() not in FILE_FORMATS:
-        known = ", ".join([*(f".{known}" for known in FILE_FORMATS.names), POINTS])
+    if ending.lower() != POINTS_ENDING and ending[1:].lower() not in FILE_FORMATS:
+        known = ", ".join([*(f".{known}" for known in FILE_FORMATS.names), POINTS_ENDING])
         raise InputError(
             f"{name}: expected a format that can be written, {known}, got {ending!r}; choose one "
             "of them"
@@ -55,62 +54,63 @@ def check_ending(ending: str, name: str) -> None:
 
 
 def pose_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
-    """The content of a file of a format: a mesh file's body, moved, in its own unit of length.
+    """Content of a mesh file after a rigid motion, in the unit of length of the original.
 
-    Colors, materials, textures and the names of parts are kept where a GLB file is written, and
-    the colors of a PLY file in another; all else holds the shape alone.
+    A GLB file keeps colors, materials, textures and part names. A PLY file written from a PLY file
+    keeps its colors. Other formats hold the shape alone.
 
     Parameters
     ----------
-    path: the mesh file; body: what was read from it.
+    path: mesh file; body: the body read from it.
     transform: (4, 4) rigid motion.
-    ending: of the file to be written, such as ".stl".
+    ending: format to write, such as ".stl".
 
     Raises
     ------
-    InputError: as `check_ending`; the body has no triangles for a format that needs some; or
-        coordinates that the format cannot hold.
+    InputError: the format cannot be written, needs triangles that the body does not have, or cannot
+        hold its coordinates.
     """
     check_ending(ending, str(path))
     kind = ending[1:].lower()
     points = body.points @ transform[:3, :3].T + transform[:3, 3]
-    if ending.lower() == POINTS:
+    if ending.lower() == POINTS_ENDING:
         return rows("{!r} {!r} {!r}\n", points).encode()
     if body.triangles is None:
         raise InputError(
             f"{path}: expected triangles for a file ending in {ending}, got points alone; write "
-            f"one ending in {POINTS}"
+            f"one ending in {POINTS_ENDING}"
         )
     if kind == "glb":
         scene = load_scene(path, body)
         scene.apply_transform(transform)
-        data: bytes = scene.export(file_type="glb")
-        return data
+        return cast("bytes", scene.export(file_type="glb"))
     if kind == "ply" and path.suffix.lower() == ".ply":
         mesh: Any = load_scene(path, body).to_geometry()
         if mesh.visual.kind in ("vertex", "face"):
-            data = mesh.apply_transform(transform).export(file_type="ply")
-            return data
+            return cast("bytes", mesh.apply_transform(transform).export(file_type="ply"))
     part = Part(path.stem, BODY_COLOR, points, body.triangles)
     contents = Contents(path.stem, [part], unit="the unit of the mesh that was posed")
     return file_bytes(contents, FILE_FORMATS[kind], str(path))
 
 
 def load_scene(path: Path, body: Body) -> trimesh.Scene:
-    """The scene of a mesh file that `read_body` has read: with its materials where trimesh reads
-    files of its kind, or it is an OBJ file that names some, and else its body's shape alone."""
+    """Scene of a mesh file that `read_body` has read.
+
+    It has the materials of an OBJ file that names some, and of every format that trimesh reads.
+    Otherwise it holds the shape alone.
+    """
     with quiet_trimesh():
         import trimesh
 
         ending = path.suffix.lower()
         if ending not in OWN_ENDINGS or (ending == ".obj" and b"mtllib" in path.read_bytes()):
-            with contextlib.suppress(Exception):  # its readers raise whatever they run into
-                loaded: Any = trimesh.load(str(path), force="scene", process=False)
-                for name, geometry in list(loaded.geometry.items()):
+            with contextlib.suppress(Exception):  # trimesh raises errors of any kind
+                loaded_scene: Any = trimesh.load(str(path), force="scene", process=False)
+                for name, geometry in list(loaded_scene.geometry.items()):
                     if not isinstance(geometry, trimesh.Trimesh):
-                        loaded.delete_geometry(name)
-                if loaded.geometry:
-                    return cast("trimesh.Scene", loaded)
+                        loaded_scene.delete_geometry(name)
+                if loaded_scene.geometry:
+                    return cast("trimesh.Scene", loaded_scene)
         scene = trimesh.Scene()
         scene.add_geometry(trimesh.Trimesh(body.points, body.triangles, process=False), path.stem)
         return scene
@@ -118,14 +118,14 @@ def load_scene(path: Path, body: Body) -> trimesh.Scene:
 
 @dataclass(frozen=True)
 class PoseChoice:
-    """Which pose of a body, and how its rests are found.
+    """Choice of a pose, and the options of the analysis that finds it.
 
     Attributes
     ----------
-    number: of the rest, the most probable being 1.
-    seed: to draw a rest by its probabilities instead, and a heading; None draws nothing.
+    number: rank of the rest; 1 is the most probable.
+    seed: draws the rest by its probability, and the heading at random; None takes `number`.
     center_of_mass, coplanar_tolerance: as in `rest_poses`.
-    y_up: whether bodies stand on y = 0 instead of z = 0.
+    y_up: bodies stand on y = 0 instead of z = 0.
     """
 
     number: int = 1
@@ -134,17 +134,17 @@ class PoseChoice:
     coplanar_tolerance: float | None = None
     y_up: bool = False
 
-    def of(self, poses: RestPoses, name: str) -> tuple[int, Floats]:
-        """A rest, counted from 0, and its transform (4, 4).
+    def choose(self, poses: RestPoses, name: str) -> tuple[int, Floats]:
+        """Return a rest, counted from 0, and its transform (4, 4).
 
-        name: of the body. One seed draws for each name on its own, so that it does not matter
-        which other bodies there are. Raises InputError: there is no rest of that number.
+        name: name of the body. The seed and the name determine the draw, so that it does not depend
+        on the other bodies. Raises InputError: no rest has that number.
         """
         rests = len(poses.probabilities)
         if self.seed is not None:
-            own = [self.seed, zlib.crc32(name.encode("utf-8", "surrogateescape"))]
-            transforms, drawn = poses.sample(1, np.random.default_rng(own))
-            rest, transform = int(drawn[0]), transforms[0]
+            seeds = [self.seed, zlib.crc32(name.encode("utf-8", "surrogateescape"))]
+            transforms, sampled_rests = poses.sample(1, np.random.default_rng(seeds))
+            rest, transform = int(sampled_rests[0]), transforms[0]
         elif self.number <= rests:
             rest, transform = self.number - 1, poses.transforms[self.number - 1]
         else:
@@ -157,7 +157,7 @@ class PoseChoice:
 
 @dataclass(frozen=True)
 class PoseJob:
-    """A file to be read, its name among the others, and the file to be written."""
+    """Mesh file to read, its name among the others, and the file to write."""
 
     source: Path
     name: str
@@ -166,16 +166,16 @@ class PoseJob:
 
 @dataclass(frozen=True)
 class PoseResult:
-    """What became of a job.
+    """Result of a `PoseJob`.
 
     Attributes
     ----------
-    job: what was to be done.
-    rest: in which it stands, counted from 0; rests: how many there are.
-    probability: of that rest.
-    transform: (4, 4) from the mesh to the file, as lists.
-    notes: about the body, one sentence each.
-    error: why nothing was written, in one line, or empty.
+    job: the job.
+    rest: rest that the body stands on, counted from 0; rests: number of rests.
+    probability: probability of that rest.
+    transform: (4, 4) from the mesh to the written file, as tuples.
+    notes: remarks about the body, one sentence each.
+    error: why nothing was written, in one line; empty after success.
     """
 
     job: PoseJob
@@ -188,14 +188,16 @@ class PoseResult:
 
 
 def write_pose(job: PoseJob, choice: PoseChoice) -> PoseResult:
-    """Write a mesh file's body in a pose. Raises as `read_body`, `rest_poses`, `PoseChoice.of`,
-    `pose_bytes` and `atomic_write`."""
+    """Write a mesh in a pose.
+
+    Raises as `read_body`, `rest_poses`, `PoseChoice.choose`, `pose_bytes` and `atomic_write`.
+    """
     with without_solids():
         body = read_body(job.source)
         poses = rest_poses(
             body, choice.center_of_mass, coplanar_tolerance=choice.coplanar_tolerance
         )
-        rest, transform = choice.of(poses, job.name)
+        rest, transform = choice.choose(poses, job.name)
         data = pose_bytes(job.source, body, transform, job.target.suffix)
     atomic_write(job.target, data)
     return PoseResult(
@@ -209,19 +211,19 @@ def write_pose(job: PoseJob, choice: PoseChoice) -> PoseResult:
 
 
 def write_each(jobs: Sequence[PoseJob], choice: PoseChoice) -> list[PoseResult]:
-    """A worker's task: each file on its own; one that cannot be done says why."""
-    stood = []
+    """Write meshes in a worker process; a failed job records its error."""
+    results = []
     for job in jobs:
         try:
-            stood.append(write_pose(job, choice))
+            results.append(write_pose(job, choice))
         except Exception as error:
-            # Thousands of files are not given up for one, even where the fault is ours.
-            stood.append(PoseResult(job, error=reason(error, job.source)))
-    return stood
+            # One file does not end a run over thousands, even if the bug is ours.
+            results.append(PoseResult(job, error=error_line(error, job.source)))
+    return results
 
 
-def reason(error: Exception, path: Path) -> str:
-    """Why a file could not be used, in one line."""
+def error_line(error: Exception, path: Path) -> str:
+    """Message of an error on one line; an unexpected error names the file."""
     text = str(error) if isinstance(error, DiceError) else f"{path}: {error!r}"
     return " ".join(text.split())
 
@@ -235,26 +237,27 @@ def write_poses(
     on_done: Callable[[int], None],
     on_quiet: Callable[[], None] | None = None,
 ) -> list[PoseResult]:
-    """What became of many jobs, in their order.
+    """Run many jobs; the results are in the order of the jobs.
 
     Parameters
     ----------
-    jobs: with different targets.
-    executor: runs them, so many `workers` at a time.
-    on_done: told how many ended; on_quiet: called whenever none has for some seconds.
+    jobs: jobs with different targets.
+    executor: runs the jobs, at most `workers` batches at a time.
+    on_done: called with the number of jobs in each finished batch; on_quiet: called whenever no job
+        ends for some seconds.
 
-    Raises DiceError: the executor cannot go on.
+    Raises DiceError: the executor is broken.
     """
-    done: dict[Path, PoseResult] = {}
+    results: dict[Path, PoseResult] = {}
 
-    def on_stood(stood: list[PoseResult]) -> None:
-        done.update((one.job.target, one) for one in stood)
-        on_done(len(stood))
+    def on_results(batch: list[PoseResult]) -> None:
+        results.update((result.job.target, result) for result in batch)
+        on_done(len(batch))
 
-    lost = run_in_batches(
-        jobs, lambda task: executor.submit(write_each, task, choice), workers, on_stood, on_quiet
+    lost_jobs = run_in_batches(
+        jobs, lambda task: executor.submit(write_each, task, choice), workers, on_results, on_quiet
     )
-    for job in lost:
+    for job in lost_jobs:
         text = "expected workers that stay, but those that posed it were lost; see whether memory"
-        done[job.target] = PoseResult(job, error=f"{job.source}: {text} suffices")
-    return [done[job.target] for job in jobs]
+        results[job.target] = PoseResult(job, error=f"{job.source}: {text} suffices")
+    return [results[job.target] for job in jobs]

@@ -1,4 +1,4 @@
-"""Bodies lying about on a floor, each in a pose drawn by its probability."""
+"""Scatter bodies on a floor, each in a pose drawn by its probability."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -16,104 +16,102 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.reading import quiet_trimesh, read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
-from dicedesign.scenes.posing import Y_UP, load_scene, reason
+from dicedesign.scenes.posing import Y_UP, error_line, load_scene
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """A convex polygon.
+    """Convex polygon.
 
     Attributes
     ----------
-    corners: (m, 2), counter-clockwise.
-    outward: (e, 2) outward unit normals of its edges.
-    reach: (e,) how far it reaches along them.
-    area: of it.
+    corners: (m, 2), counterclockwise.
+    normals: (e, 2) outward unit normals of the edges.
+    offsets: (e,) support function of the polygon at the normals.
+    area: area of the polygon.
     """
 
     corners: Floats
-    outward: Floats
-    reach: Floats
+    normals: Floats
+    offsets: Floats
     area: float
 
     @classmethod
     def under(cls, points: Floats) -> Footprint:
-        """The convex hull of points (n, 2) that are not all on one line."""
+        """Return the convex hull of points (n, 2), which must not lie on one line."""
         hull = ConvexHull(points)
-        corners, outward = points[hull.vertices], hull.equations[:, :2]
-        # Beyond all corners, not just the edge's own: the shortest edges have any direction.
-        return cls(corners, outward, (corners @ outward.T).max(axis=0), float(hull.volume))
+        corners, normals = points[hull.vertices], hull.equations[:, :2]
+        # The maximum is over all corners: rounding gives very short edges any direction.
+        return cls(corners, normals, (corners @ normals.T).max(axis=0), float(hull.volume))
 
 
-def gap(one: Footprint, other: Footprint, shift: Floats) -> float:
-    """The widest strip beside an edge of one of two footprints, the other of them shifted by (2,),
-    that has them on different sides; 0 or less where they meet.
+def gap(first: Footprint, second: Footprint, shift: Floats) -> float:
+    """Width of the widest separating strip along an edge; 0 or less if the polygons intersect.
 
-    Convex polygons that do not meet always have such a strip beside one of their edges.
+    shift: (2,) translation of the second polygon. Disjoint convex polygons always have a separating
+    line parallel to one of their edges.
     """
-    beside_one = (other.corners @ one.outward.T).min(axis=0) + one.outward @ shift - one.reach
-    beside_other = (one.corners @ other.outward.T).min(axis=0) - other.outward @ shift - other.reach
-    return float(max(beside_one.max(), beside_other.max()))
+    along_first = (second.corners @ first.normals.T).min(axis=0) + first.normals @ shift
+    along_second = (first.corners @ second.normals.T).min(axis=0) - second.normals @ shift
+    return float(max((along_first - first.offsets).max(), (along_second - second.offsets).max()))
 
 
 CLEARANCE = 1e-6
-"""Least distance between two footprints, over the largest radius: far more than rounding."""
+"""Least distance between two footprints over the largest radius, far above rounding errors."""
 
-ROUNDS, TRIES = 8, 24
-"""Times that so many random places are drawn for each body before all of the floor is looked at."""
+RANDOM_ROUNDS, PLACES_PER_ROUND = 8, 24
+"""Random places tried for each body before the grid."""
 
-MESH = 24
-"""Places along each side when all of the floor is looked at."""
+GRID_PLACES = 24
+"""Grid places along each side of the floor."""
 
-FILLED = 0.35
-"""Part of a floor of our choice that is covered; up to two thirds can be."""
+COVERED_PART = 0.35
+"""Part of the floor that is covered, if its size is free; `pack` can cover up to two thirds."""
 
-WIDER = 1.1
-"""Each side of the next floor that is tried over that of the last."""
+FLOOR_GROWTH = 1.1
+"""Factor on the sides of the floor after a failed attempt."""
 
 
 def pack(
     footprints: Sequence[Footprint], floor: tuple[float, float], chance: np.random.Generator
 ) -> Floats:
-    """Shifts (n, 2) of footprints to places on a floor where no two meet; NaN for those that found
-    none.
+    """Shifts (n, 2) that place footprints on a floor without intersections; NaN if none fits.
 
-    The largest come first. Each is tried at random places, then at those of a mesh over all of the
-    floor in random order.
+    The largest footprints come first. Each is tried at random places, then at all places of a grid
+    in random order.
 
-    floor: its sides along x and y, around the origin.
+    floor: sides along x and y; the center is the origin.
     """
     sides, shifts = np.array(floor), np.full((len(footprints), 2), np.nan)
-    # Discs about the middles of their boxes tell most pairs that do not meet, and those that are
-    # far away are not looked at: they are in cells that are no neighbors.
+    # Discs around the footprints separate most pairs, and the cells of a grid limit the pairs.
     corners = [footprint.corners for footprint in footprints]
-    middles = np.array([(p.min(axis=0) + p.max(axis=0)) / 2.0 for p in corners])
-    arms = [p - m for p, m in zip(corners, middles, strict=True)]
-    outer = np.sqrt([(arm * arm).sum(-1).max() for arm in arms])
-    clearance = CLEARANCE * float(outer.max())
-    size = 2.0 * float(outer.max()) + clearance
+    centers = np.array([(p.min(axis=0) + p.max(axis=0)) / 2.0 for p in corners])
+    arms = [p - center for p, center in zip(corners, centers, strict=True)]
+    radii = np.sqrt([(arm * arm).sum(-1).max() for arm in arms])
+    clearance = CLEARANCE * float(radii.max())
+    cell_size = 2.0 * float(radii.max()) + clearance
     cells: dict[tuple[int, int], list[int]] = {}
 
     def is_free(k: int, shift: Floats, column: int, row: int) -> bool:
-        """Whether a footprint that is shifted into a cell meets no other."""
-        around = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
-        others = np.array([n for cell in around for n in cells.get(cell, ())], dtype=np.int64)
-        between = shift + middles[k] - (shifts[others] + middles[others])
+        """Whether a footprint, shifted into a cell, meets no other."""
+        neighbors = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        others = np.array([n for cell in neighbors for n in cells.get(cell, ())], dtype=np.int64)
+        between = shift + centers[k] - (shifts[others] + centers[others])
         squared = (between * between).sum(-1)
-        near = squared < (outer[k] + outer[others] + clearance) ** 2
-        # The nearest are the likeliest to be met.
+        near = squared < (radii[k] + radii[others] + clearance) ** 2
+        # The nearest are the most likely to intersect.
         return all(
             gap(footprints[k], footprints[n], shifts[n] - shift) > clearance
             for n in others[near][np.argsort(squared[near])].tolist()
         )
 
-    for k in np.argsort(-outer, kind="stable").tolist():
+    for k in np.argsort(-radii, kind="stable").tolist():
         room = sides - np.ptp(corners[k], axis=0)
         if (room < 0.0).any():
             continue
-        for part in _tries(chance):
-            shift = part * room - sides / 2.0 - corners[k].min(axis=0)
-            column, row = np.floor((shift + middles[k]) / size).astype(int).tolist()
+        for place in _places_to_try(chance):
+            shift = place * room - sides / 2.0 - corners[k].min(axis=0)
+            column, row = np.floor((shift + centers[k]) / cell_size).astype(int).tolist()
             if is_free(k, shift, column, row):
                 shifts[k] = shift
                 cells.setdefault((column, row), []).append(k)
@@ -121,11 +119,11 @@ def pack(
     return shifts
 
 
-def _tries(chance: np.random.Generator) -> Iterator[Floats]:
-    """Places (2,) as parts of the room there is, from 0 to 1, in the order of trying."""
-    for _ in range(ROUNDS):
-        yield from chance.random((TRIES, 2))
-    grid = (np.arange(MESH) + chance.random()) / MESH
+def _places_to_try(chance: np.random.Generator) -> Iterator[Floats]:
+    """Yield places (2,) in the unit square."""
+    for _ in range(RANDOM_ROUNDS):
+        yield from chance.random((PLACES_PER_ROUND, 2))
+    grid = (np.arange(GRID_PLACES) + chance.random()) / GRID_PLACES
     yield from chance.permutation(np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2))
 
 
@@ -134,41 +132,41 @@ def fit_floor(
     chance: np.random.Generator,
     proportions: tuple[float, float] = (4.0, 3.0),
 ) -> tuple[tuple[float, float], Floats]:
-    """A floor with room for all footprints, and their shifts on it, as of `pack`.
+    """Floor with room for all footprints, and their shifts (n, 2) on it.
 
-    proportions: of its sides. It is not the smallest: about a third of it is covered.
+    proportions: ratio of the sides. About a third of the floor is covered.
     """
     extents = np.array([np.ptp(footprint.corners, axis=0) for footprint in footprints])
     covered = sum(footprint.area for footprint in footprints)
     unit = np.array(proportions) / np.sqrt(proportions[0] * proportions[1])
-    scale = max(np.sqrt(covered / FILLED), float((extents / unit).max()))
+    scale = max(np.sqrt(covered / COVERED_PART), float((extents / unit).max()))
     while True:
-        floor = (_rounded_up(scale * unit[0]), _rounded_up(scale * unit[1]))
+        floor = (_round_up(scale * unit[0]), _round_up(scale * unit[1]))
         shifts = pack(footprints, floor, chance)
         if not np.isnan(shifts).any():
             return floor, shifts
-        scale *= WIDER
+        scale *= FLOOR_GROWTH
 
 
-def _rounded_up(length: float) -> float:
-    """A length in three digits, so that it can be told."""
+def _round_up(length: float) -> float:
+    """Round up to three digits, for messages."""
     place = math.floor(math.log10(length)) - 2
     return float(f"{math.ceil(length / 10.0**place)}e{place}")
 
 
-LARGEST_RATIO = 100.0
-"""Between the sizes of two meshes that may stand in one room as they are."""
+MAX_SIZE_RATIO = 100.0
+"""Limit of the ratio between the sizes of two meshes that are not scaled."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A mesh file of which a room has one or more.
+    """Mesh of which a room has one or more copies.
 
     Attributes
     ----------
-    name: within its folder; path: of the file.
-    body: what it holds; poses: how that comes to rest, in the file's unit.
-    scale: from the file's unit to that of the room.
+    name: path within the folder; path: full path.
+    body, poses: the mesh and its rests, in the unit of the file.
+    scale: from the unit of the file to the unit of the room.
     """
 
     name: str
@@ -179,46 +177,55 @@ class Model:
 
     @property
     def size(self) -> float:
-        """The longest side of the box around it, in the file's unit."""
+        """Longest side of the bounding box, in the unit of the file."""
         return float(np.ptp(self.poses.hull.vertices, axis=0).max())
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedBody:
-    """A body on the floor.
+    """Body on the floor.
 
     Attributes
     ----------
-    model: its number in the room; rest: in which it lies, counted from 0.
-    transform: (4, 4) from the mesh file to the room: a turn, a scale and a shift.
+    model: index of its mesh in the room; rest: rest that it stands on, counted from 0.
+    transform: (4, 4) similarity from the mesh file to the room.
     """
 
     model: int
     rest: int
     transform: Floats
 
-    def placed(self, points: Floats) -> Floats:
-        """Points (n, 3) of the mesh file in the room."""
+    def to_room(self, points: Floats) -> Floats:
+        """Transform points (n, 3) of the mesh file into the room."""
         return np.asarray(points @ self.transform[:3, :3].T + self.transform[:3, 3])
+
+
+FLOOR_TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """A floor, z = 0 around the origin, with bodies on it whose footprints do not meet.
+    """Floor at z = 0, centered at the origin, with bodies whose footprints do not intersect.
 
     Attributes
     ----------
-    models: the meshes that there are.
-    bodies: on the floor, in the order in which they were drawn.
-    floor: its sides along x and y.
+    models: meshes of the bodies.
+    bodies: bodies in the order of sampling.
+    floor: sides along x and y.
     """
 
     models: tuple[Model, ...]
     bodies: tuple[PlacedBody, ...]
     floor: tuple[float, float]
 
+    @property
+    def floor_corners(self) -> Floats:
+        """(4, 3) corners of the floor; `FLOOR_TRIANGLES` refers to them."""
+        signs = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        return signs * [*self.floor, 0.0] / 2.0
+
     def plain(self) -> dict[str, Any]:
-        """All there is to know, as plain data."""
+        """Plain data for JSON."""
         bodies = [(body, self.models[body.model]) for body in self.bodies]
         return {
             "floor": self.floor,
@@ -245,62 +252,60 @@ def scatter_bodies(
     size: float | None = None,
     on_mesh: Callable[[str], None] = lambda error: None,
 ) -> Room:
-    """Bodies from a folder on a floor.
+    """Scatter bodies from a folder on a floor.
 
-    The meshes take turns in an order drawn by lot, so that none comes twice before all came once.
-    One that cannot be read is left out.
+    The meshes take turns in random order. A mesh that cannot be read is skipped.
 
     Parameters
     ----------
-    folder, names: the mesh files by their paths within the folder, at least one.
-    count: of bodies, above 0; seed: of all chance, at least 0.
-    floor: its sides along x and y, above 0, or None for one with room for all.
-    size: to which the longest side of the box around each mesh is scaled; None leaves the meshes
-        as they are.
-    on_mesh: called after each mesh is read, with what is wrong with it, or "".
+    folder, names: folder, and mesh files by their paths within it, at least one.
+    count: number of bodies, above 0; seed: random seed, at least 0.
+    floor: sides along x and y, above 0; None makes room for all bodies.
+    size: longest side of the bounding box of each mesh after scaling; None does not scale.
+    on_mesh: called for each mesh with its error message, or with "" after success.
 
     Raises
     ------
-    InputError: no mesh can be read; sizes differ more than `LARGEST_RATIO` times; not all bodies
-        find a place on the floor.
+    InputError: no mesh can be read, sizes differ by more than `MAX_SIZE_RATIO` times, or the floor
+        has no room for all bodies.
     """
     order, draws, places = (np.random.default_rng([seed, k]) for k in range(3))
     models: list[Model] = []
     for name in (names[k] for k in order.permutation(len(names)).tolist()):
         if len(models) == count:
             break
-        path, said = folder / name, ""
+        path, message = folder / name, ""
         try:
             mesh = read_body(path)
             if mesh.triangles is None:
                 raise InputError(f"{path}: expected triangles, got points alone; leave it out")
             model = Model(name, path, mesh, rest_poses(mesh))
         except Exception as error:
-            # A room is not given up for one file, even where the fault is ours.
-            said = reason(error, path)
+            # One file does not end the run, even if the bug is ours.
+            message = error_line(error, path)
         else:
             models.append(model if size is None else replace(model, scale=size / model.size))
-        on_mesh(said)
+        on_mesh(message)
     if not models:
         raise InputError(
             f"{folder}: expected a mesh that can be read, got {len(names)} that cannot; see the "
             "notes above"
         )
-    small, large = (find(models, key=lambda model: model.size) for find in (min, max))
-    if size is None and large.size > LARGEST_RATIO * small.size:
+    small, large = (pick(models, key=lambda model: model.size) for pick in (min, max))
+    if size is None and large.size > MAX_SIZE_RATIO * small.size:
         raise InputError(
-            f"{folder}: expected meshes whose sizes differ at most {LARGEST_RATIO:g} times, got "
+            f"{folder}: expected meshes whose sizes differ at most {MAX_SIZE_RATIO:g} times, got "
             f"{small.size:.3g} of {small.name} and {large.size:.3g} of {large.name}; scale all to "
             "one size with --size"
         )
-    lying, footprints = [], []
+    bodies, footprints = [], []
     for k in range(count):
         model = models[k % len(models)]
         transforms, rests = model.poses.sample(1, draws)
         transform = np.diag([model.scale] * 3 + [1.0]) @ transforms[0]
         body = PlacedBody(k % len(models), int(rests[0]), transform)
-        lying.append(body)
-        footprints.append(Footprint.under(body.placed(model.poses.hull.vertices)[:, :2]))
+        bodies.append(body)
+        footprints.append(Footprint.under(body.to_room(model.poses.hull.vertices)[:, :2]))
     if floor is None:
         floor, shifts = fit_floor(footprints, places)
     else:
@@ -313,35 +318,33 @@ def scatter_bodies(
                 f"place on {floor[0]:g} by {floor[1]:g}; take --floor {enough[0]:g},{enough[1]:g}, "
                 "or fewer"
             )
-    for body, shift in zip(lying, shifts, strict=True):
+    for body, shift in zip(bodies, shifts, strict=True):
         body.transform[:2, 3] += shift
-    return Room(tuple(models), tuple(lying), floor)
+    return Room(tuple(models), tuple(bodies), floor)
 
 
 def room_glb(room: Room) -> bytes:
-    """The content of a GLB file, the same for the same room.
+    """Content of a GLB file; it depends on the room alone.
 
-    The node "room" turns z upward into the y of the format; below it are the nodes "floor" and
-    "body 0", "body 1", ..., whose matrices are the bodies' transforms. Meshes keep their materials.
+    The node "room" turns z upward into y upward. Its children are the nodes "floor" and "body 0",
+    "body 1", ..., whose matrices are the transforms of the bodies. Meshes keep their materials.
     """
     with quiet_trimesh():
         import trimesh
 
         scene = trimesh.Scene()
         scene.graph.update(frame_to="room", matrix=Y_UP)
-        wide, deep = (side / 2.0 for side in room.floor)
-        corners = [[-wide, -deep, 0.0], [wide, -deep, 0.0], [wide, deep, 0.0], [-wide, deep, 0.0]]
-        plane = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
-        scene.geometry["floor"] = plane
+        floor = trimesh.Trimesh(room.floor_corners, FLOOR_TRIANGLES, process=False)
+        scene.geometry["floor"] = floor
         scene.graph.update(frame_to="floor", frame_from="room", matrix=np.eye(4), geometry="floor")
-        # The meshes of each model once, their names and places in the model.
+        # The file holds the geometry of each model once.
         parts = []
         for model in room.models:
-            own: Any = load_scene(model.path, model.body)
-            for name, geometry in own.geometry.items():
+            source: Any = load_scene(model.path, model.body)
+            for name, geometry in source.geometry.items():
                 scene.geometry[f"{model.name}: {name}"] = geometry
-            placed = [own.graph[node] for node in own.graph.nodes_geometry]
-            parts.append([(f"{model.name}: {name}", matrix) for matrix, name in placed])
+            nodes = [source.graph[node] for node in source.graph.nodes_geometry]
+            parts.append([(f"{model.name}: {name}", matrix) for matrix, name in nodes])
         for k, body in enumerate(room.bodies):
             node = f"body {k}"
             scene.graph.update(frame_to=node, frame_from="room", matrix=body.transform)
@@ -352,5 +355,4 @@ def room_glb(room: Room) -> bytes:
                     matrix=matrix,
                     geometry=geometry,
                 )
-        data: bytes = scene.export(file_type="glb")
-        return data
+        return cast("bytes", scene.export(file_type="glb"))

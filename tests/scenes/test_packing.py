@@ -1,4 +1,4 @@
-"""Footprints, and places on a floor: inside it, apart from each other, and how many there are."""
+"""Footprints are placed inside the floor, apart from each other."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def polygons(count: int, seed: int) -> list[Footprint]:
 
 
 def check_places(footprints: list[Footprint], shifts: np.ndarray, floor: tuple[float, ...]) -> None:
-    """By boolean operations on polygons, pair by pair."""
+    """Judge by boolean operations on pairs of polygons."""
     shapes = []
     for footprint, shift in zip(footprints, shifts, strict=True):
         if np.isnan(shift).any():
@@ -29,12 +29,12 @@ def check_places(footprints: list[Footprint], shifts: np.ndarray, floor: tuple[f
         moved = footprint.corners + shift
         assert (np.abs(moved) <= np.array(floor) / 2.0 + 1e-12).all()
         shapes.append(CrossSection([moved]))
-    for one, other in combinations(shapes, 2):
-        assert (one ^ other).area() == 0.0
+    for first, second in combinations(shapes, 2):
+        assert (first ^ second).area() == 0.0
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_all_have_a_place_on_the_floor_that_is_said_to_fit(seed: int) -> None:
+def test_fit_floor_has_room_for_all(seed: int) -> None:
     footprints = polygons(40, seed)
     floor, shifts = fit_floor(footprints, np.random.default_rng(seed))
     assert not np.isnan(shifts).any()
@@ -44,50 +44,50 @@ def test_all_have_a_place_on_the_floor_that_is_said_to_fit(seed: int) -> None:
     assert floor[0] / floor[1] == pytest.approx(4.0 / 3.0, rel=0.01)
 
 
-def test_a_crowded_floor_holds_many_and_leaves_out_the_rest() -> None:
+def test_a_small_floor_holds_many() -> None:
     footprints = polygons(120, 7)
     floor = (16.0, 9.0)
     shifts = pack(footprints, floor, np.random.default_rng(1))
     check_places(footprints, shifts, floor)
-    placed = ~np.isnan(shifts[:, 0])
-    covered = sum(f.area for f, there in zip(footprints, placed, strict=True) if there)
-    assert not placed.all()
+    fits = ~np.isnan(shifts[:, 0])
+    covered = np.array([footprint.area for footprint in footprints])[fits].sum()
+    assert not fits.all()
     assert covered > 0.5 * floor[0] * floor[1]
-    # What is larger than the floor has no place.
+    # A footprint larger than the floor has no place.
     assert np.isnan(pack(footprints[:5], (0.1, 100.0), np.random.default_rng(1))).all()
 
 
-def test_one_seed_is_one_layout() -> None:
+def test_a_seed_determines_the_layout() -> None:
     footprints = polygons(20, 5)
-    once, again = (fit_floor(footprints, np.random.default_rng(9)) for _ in range(2))
-    assert once[0] == again[0]
-    np.testing.assert_array_equal(once[1], again[1])
+    first, second = (fit_floor(footprints, np.random.default_rng(9)) for _ in range(2))
+    assert first[0] == second[0]
+    np.testing.assert_array_equal(first[1], second[1])
 
 
-def meet(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two convex hulls of points have one in common, by a linear program."""
-    n, m = len(one), len(other)
-    rows = np.vstack([np.hstack([one.T, -other.T]), np.r_[np.ones(n), np.zeros(m)]])
-    rows = np.vstack([rows, np.r_[np.zeros(n), np.ones(m)]])
+def intersect(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether the convex hulls of two point sets intersect, by a linear program."""
+    n, m = len(first), len(second)
+    sums = [np.r_[np.ones(n), np.zeros(m)], np.r_[np.zeros(n), np.ones(m)]]
+    rows = np.vstack([np.hstack([first.T, -second.T]), *sums])
     return bool(linprog(np.zeros(n + m), A_eq=rows, b_eq=[0.0, 0.0, 1.0, 1.0]).status == 0)
 
 
-def test_repeated_points_and_points_on_edges_are_no_corners() -> None:
+def test_footprints_drop_repeated_points_and_points_on_edges() -> None:
     grid = np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0)), axis=-1).reshape(-1, 2)
     polygon = Footprint.under(np.concatenate([grid, grid, grid[:1] + 1e-17]))
     assert sorted(map(tuple, polygon.corners.tolist())) == [(0, 0), (0, 2), (3, 0), (3, 2)]
     assert polygon.area == 6.0
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_a_strip_is_there_where_two_have_no_point_in_common(seed: int) -> None:
+@pytest.mark.parametrize("seed", range(10))
+def test_the_gap_separates_disjoint_polygons(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    one, other = (rng.normal(size=(8, 2)) * [1.5, 0.4] for _ in range(2))
+    first, second = (rng.normal(size=(8, 2)) * [1.5, 0.4] for _ in range(2))
     shift = rng.normal(size=2) * 1.5
-    found = gap(Footprint.under(one), Footprint.under(other), shift)
-    assert (found <= 0.0) == meet(one, other + shift)
-    # As wide as it is, the second may be pushed by nearly that without meeting the first.
-    if found > 0.0:
+    width = gap(Footprint.under(first), Footprint.under(second), shift)
+    assert (width <= 0.0) == intersect(first, second + shift)
+    # The second polygon can move by the width of the gap in any direction.
+    if width > 0.0:
         for angle in np.linspace(0.0, 2.0 * np.pi, 9):
-            push = 0.999 * found * np.array([np.cos(angle), np.sin(angle)])
-            assert not meet(one, other + shift + push)
+            push = 0.999 * width * np.array([np.cos(angle), np.sin(angle)])
+            assert not intersect(first, second + shift + push)

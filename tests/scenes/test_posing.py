@@ -1,4 +1,4 @@
-"""Many files in poses: in order, each on its own, and what happens when workers are lost."""
+"""`write_poses` returns one result per file, in order, even when workers are lost."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from dicedesign.scenes import posing
 from dicedesign.scenes.posing import PoseChoice, PoseJob, PoseResult, write_each, write_poses
 
 
-def made_up(jobs: list[PoseJob], choice: PoseChoice) -> list[PoseResult]:
-    """All done, without a file."""
+def succeed(jobs: list[PoseJob], choice: PoseChoice) -> list[PoseResult]:
+    """Report success without writing files."""
     return [PoseResult(job, 0, 1, 1.0) for job in jobs]
 
 
-def named(count: int) -> list[PoseJob]:
+def list_jobs(count: int) -> list[PoseJob]:
     return [PoseJob(Path(f"{k}.stl"), f"{k}.stl", Path("out", f"{k}.stl")) for k in range(count)]
 
 
 def run(jobs: list[PoseJob], executor: Any, workers: int = 2) -> tuple[list[PoseResult], int]:
     counts: list[int] = []
-    stood = write_poses(jobs, PoseChoice(), executor, workers, on_done=counts.append)
-    return stood, sum(counts)
+    results = write_poses(jobs, PoseChoice(), executor, workers, on_done=counts.append)
+    return results, sum(counts)
 
 
-def test_only_the_file_that_takes_workers_down_is_given_up(
+def test_only_the_file_that_kills_workers_fails(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(posing, "write_each", made_up)
-    jobs = named(100)
+    monkeypatch.setattr(posing, "write_each", succeed)
+    jobs = list_jobs(100)
     executor = Lossy(lambda count, task, *_: jobs[42] in task)
-    stood, ended = run(jobs, executor)
-    assert [one.job for one in stood] == jobs
-    assert [k for k, one in enumerate(stood) if one.error] == [42]
-    assert "42.stl: expected workers that stay" in stood[42].error
+    results, ended = run(jobs, executor)
+    assert [result.job for result in results] == jobs
+    assert [k for k, result in enumerate(results) if result.error] == [42]
+    assert "42.stl: expected workers" in results[42].error
     assert ended == 99
 
 
-def test_each_file_is_written_or_says_why_not(tmp_path: Path) -> None:
+def test_each_file_is_written_or_has_an_error(tmp_path: Path) -> None:
     good, bad = tmp_path / "good.stl", tmp_path / "bad.stl"
     trimesh.creation.box((1, 2, 3)).export(good)
     bad.write_text("rubbish")
     jobs = [PoseJob(path, path.name, tmp_path / f"{path.stem}.obj") for path in (bad, good)]
-    told, (stood, ended) = write_each(jobs, PoseChoice()), run(jobs, Inline())
-    assert told == stood
+    results, ended = run(jobs, Inline())
+    assert results == write_each(jobs, PoseChoice())
     assert ended == 2
-    assert "bad.stl: expected a .stl file" in stood[0].error
-    assert stood[1].rests == 6
+    assert "bad.stl: expected a .stl file" in results[0].error
+    assert results[1].rests == 6
     assert [path.name for path in tmp_path.glob("*.obj")] == ["good.obj"]
