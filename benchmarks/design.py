@@ -30,7 +30,7 @@ from benchmarks.frame import (
 )
 from dicedesign import InputError, Recipe, rigid_body, simulate, table_named
 from dicedesign.energies import Preferences, cluster
-from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, descend_as_paper
+from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finished
 from dicedesign.recipe.convex import normalized_center, wanted_probabilities
@@ -260,7 +260,7 @@ class PaperProblem:
         """The descent alone."""
         options = replace(options, finish="none")
         center = self.center
-        return descend_as_paper(self.start, self.target, options, center_of_mass=center, seed=seed)
+        return solve_paper(self.start, self.target, options, center_of_mass=center, seed=seed)
 
     def over_seeds(self, seeds: Sequence[int], report: Report) -> bool:
         """Two rows, without a finish and with it; whether enough dice are good."""

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.frame import Report, add_recipes, make_die, read_recipes
 from dicedesign import NoStartError, Recipe, rest_poses
 from dicedesign.energies import Preferences
-from dicedesign.methods import ExactOptions, PaperOptions, descend_as_paper, solve_exactly
+from dicedesign.methods import ExactOptions, PaperOptions, solve_exact, solve_paper
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.runtime.arrays import Floats
@@ -108,7 +108,7 @@ def attempt(number: int) -> Attempt:
         tolerance=TOLERANCE, prefer=Preferences(), starts=MOST_STARTS, seconds=SECONDS
     )
     start = time.perf_counter()
-    result = solve_exactly(shapes_near(target, number), target, exact)
+    result = solve_exact(shapes_near(target, number), target, exact)
     middle = time.perf_counter()
     paper = min(paper_error(target, number + 1000 * turn) for turn in range(result.starts))
     end = time.perf_counter()
@@ -130,7 +130,7 @@ def paper_error(target: Floats, seed: int) -> float:
     """Error at the end of the paper's method, from evenly spread facets in a random order."""
     order = np.random.default_rng(seed).permutation(len(target))
     start = repulsion(len(target), seed)
-    return descend_as_paper(start, target[order], PaperOptions(finish="none"), seed=seed).error
+    return solve_paper(start, target[order], PaperOptions(finish="none"), seed=seed).error
 
 
 def design_recipe(recipe: Recipe) -> tuple[object, ...]:

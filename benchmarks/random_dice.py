@@ -19,7 +19,7 @@ from dicedesign import DiceError, Table, make_body, rest_poses, rigid_body, simu
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.shapes import spread_directions
 from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
@@ -213,7 +213,7 @@ def _designed(
     )
     # Far finer than thousands of throws tell.
     options = ExactOptions(tolerance=1e-6, starts=4)
-    result = solve_exactly(islice(shapes, 12), target, options, group=group)
+    result = solve_exact(islice(shapes, 12), target, options, group=group)
     if result.status is not Status.CONVERGED:
         return None
     points = result.hull.vertices

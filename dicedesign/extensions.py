@@ -3,7 +3,7 @@
 from dicedesign.fabricate.printers import PRINTERS as PRINTERS
 from dicedesign.fabricate.printers import Printer as Printer
 from dicedesign.optimize.preferences import PREFERENCES as PREFERENCES
-from dicedesign.optimize.preferences import BearingFacets as BearingFacets
+from dicedesign.optimize.preferences import OutcomeFacets as OutcomeFacets
 from dicedesign.optimize.preferences import Preference as Preference
 from dicedesign.optimize.starts.start import STARTS as STARTS
 from dicedesign.optimize.starts.start import StartKind as StartKind

@@ -8,5 +8,5 @@ from dicedesign.optimize.options import PaperOptions as PaperOptions
 from dicedesign.optimize.options import PaperWeights as PaperWeights
 from dicedesign.optimize.options import RefineOptions as RefineOptions
 from dicedesign.optimize.options import SobolevOptions as SobolevOptions
-from dicedesign.optimize.solvers.exact import solve_exactly as solve_exactly
-from dicedesign.optimize.solvers.paper import descend_as_paper as descend_as_paper
+from dicedesign.optimize.solvers.exact import solve_exact as solve_exact
+from dicedesign.optimize.solvers.paper import solve_paper as solve_paper

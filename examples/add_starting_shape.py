@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.optimize.starts.start import STARTS, StartKind, normalized_start
+from dicedesign.optimize.starts.start import STARTS, StartKind, normalize_start
 from dicedesign.runtime.registry import STRICT
 
 
@@ -36,7 +36,7 @@ def make(options, task):
     upper = np.cross(np.roll(ring, -1, axis=0) - ring, tip - ring)
     upper /= np.linalg.norm(upper, axis=1, keepdims=True)
     directions = np.concatenate([upper, upper * [1.0, 1.0, -1.0]])
-    return normalized_start(np.concatenate([ring, tip, -tip]), directions)
+    return normalize_start(np.concatenate([ring, tip, -tip]), directions)
 
 
 STARTS.register(

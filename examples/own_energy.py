@@ -13,7 +13,7 @@ import torch
 import dicedesign as dd
 from dicedesign.energies import ClusteredRests, EnergyWeights, energy_terms
 from dicedesign.extensions import TERMS, Term
-from dicedesign.methods import PaperOptions, PaperWeights, descend_as_paper
+from dicedesign.methods import PaperOptions, PaperWeights, solve_paper
 from dicedesign.starts import prism
 
 
@@ -37,7 +37,7 @@ START = prism(3)
 def built_in(weight: float) -> None:
     """In a recipe: method: {paper: {weights: {firm_rests: 0.3}}}."""
     weights = PaperWeights(firm_rests=weight)
-    die = descend_as_paper(START, TARGET, PaperOptions(weights=weights, finish="none"))
+    die = solve_paper(START, TARGET, PaperOptions(weights=weights, finish="none"))
     print(
         f"the paper's method, weight {weight:g}: largest |p - q| {die.error:.2g}, "
         f"least angle from a rest to a saddle {least_angle(die.hull.vertices):.1f} degrees"

@@ -28,7 +28,7 @@ from dicedesign.optimize.energy import Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.descent import LineSearch
-from dicedesign.optimize.solvers.paper import descend_as_paper
+from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.shapes import hendecahedron
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import sum_of_dice
@@ -68,7 +68,7 @@ def descend(**options: Any) -> DesignResult:
     center = options.pop("center_of_mass", None)
     given = {"step": "line_search", "steps": 4, "finish": "none", **options}
     target = sum_of_dice([6, 6]).probabilities
-    return descend_as_paper(
+    return solve_paper(
         hendecahedron("circus"), target, PaperOptions(**given), center_of_mass=center
     )
 
@@ -241,7 +241,7 @@ def test_the_sobolev_factor_lasts_as_long_as_the_edges(
     points = large(30).points
     start = Start(points, rest_poses(points).normals[:4])
     options = PaperOptions(step="line_search", steps=40, finish="none", sobolev=SobolevOptions())
-    descend_as_paper(start, np.full(4, 0.25), options)
+    solve_paper(start, np.full(4, 0.25), options)
     edges = []
     for _, at, _ in searches:
         hull = at.rests.hull

@@ -16,7 +16,7 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.optimize.options import PaperOptions
-from dicedesign.optimize.solvers.paper import descend_as_paper
+from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.start import Start
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyze
@@ -95,7 +95,7 @@ def descend_hull(
     """
     original = problem.hull.vertices
 
-    design = descend_as_paper(
+    design = solve_paper(
         Start(original, directions),
         problem.target,
         PaperOptions(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class BearingFacets:
+class OutcomeFacets:
     """A die with one rest for each outcome: what a preference sees.
 
     Attributes
@@ -52,7 +52,7 @@ class Preference(Extension):
             none.
     """
 
-    residuals: Callable[[BearingFacets], Tensor | None]
+    residuals: Callable[[OutcomeFacets], Tensor | None]
 
 
 CIRCLE_POWER: Final = 4.0
@@ -64,7 +64,7 @@ USUAL_CIRCLE: Final = 0.5
 that of the caps that as many equal parts of a sphere are."""
 
 
-def circle_residuals(die: BearingFacets) -> Tensor:
+def circle_residuals(die: OutcomeFacets) -> Tensor:
     """Shares of the squared high-power mean of the inverse radii."""
     from dicedesign.gradient.facet_measures import soft_circle_radii
 
@@ -78,7 +78,7 @@ USUAL_OFFSET: Final = 0.1
 """Root of the mean square distance of ordinary normals from the barycenters of their basins."""
 
 
-def margin_residuals(die: BearingFacets) -> Tensor:
+def margin_residuals(die: OutcomeFacets) -> Tensor:
     """Offsets of the normals from the barycenters. These are the true ones: the mean of the maxima
     on the border, which eq. 14 takes for them, jumps where a maximum joins or leaves."""
     import torch
@@ -97,7 +97,7 @@ USUAL_INEQUALITY: Final = 0.4
 """Root of the weighted sum of the squares of ordinary saddles' relative differences of angles."""
 
 
-def asymmetry_residuals(die: BearingFacets) -> Tensor:
+def asymmetry_residuals(die: OutcomeFacets) -> Tensor:
     """2 phi - 1 of every saddle, with the sign that makes it smooth, by the root of its weight in
     rho, which counts the lowest saddle of each border alone."""
     import torch
@@ -116,7 +116,7 @@ USUAL_SPREAD: Final = 0.2
 """Relative standard deviation of ordinary distances from the center of mass."""
 
 
-def roundness_residuals(die: BearingFacets) -> Tensor:
+def roundness_residuals(die: OutcomeFacets) -> Tensor:
     """Distances of vertices and of planes from the center of mass, as parts of their means."""
     import torch
 
@@ -136,7 +136,7 @@ USUAL_RATIO: Final = 0.7
 """Standard deviation of the logarithms of ordinary areas."""
 
 
-def area_residuals(die: BearingFacets) -> Tensor:
+def area_residuals(die: OutcomeFacets) -> Tensor:
     """Logarithms of the areas less their mean."""
     logarithms = die.rests.facet_areas[die.facets].log()
     return (logarithms - logarithms.mean()) / (USUAL_RATIO * np.sqrt(len(die.facets)))
@@ -146,13 +146,13 @@ USUAL_HELPERS: Final = 0.2
 """Part of an ordinary die's surface that bears no outcome."""
 
 
-def helper_residuals(die: BearingFacets) -> Tensor:
+def helper_residuals(die: OutcomeFacets) -> Tensor:
     """The part of the surface that bears no outcome."""
     areas = die.rests.facet_areas
     return (1.0 - areas[die.facets].sum() / areas.sum())[None] / USUAL_HELPERS
 
 
-def robustness_residuals(die: BearingFacets) -> Tensor | None:
+def robustness_residuals(die: OutcomeFacets) -> Tensor | None:
     """See `TableSensitivity.residuals`; None for probabilities without momentum."""
     return None if die.sensitivity is None else die.sensitivity.residuals(die.rests, die.facets)
 
@@ -165,7 +165,7 @@ USUAL_SLOPE: Final = 2.0
 facets, in units of the diameter."""
 
 
-def tolerance_residuals(die: BearingFacets) -> Tensor:
+def tolerance_residuals(die: OutcomeFacets) -> Tensor:
     """(m,) slope of all probabilities in the offset of each facet. Where these are independent and
     of one standard deviation, the sum of squares is in proportion to the summed variance of the
     probabilities."""
@@ -269,7 +269,7 @@ class Preferences(Numbers):
         return max(getattr(self, name) for name in PREFERENCES.names)
 
 
-def preference_residuals(die: BearingFacets, preferences: Preferences) -> list[Tensor]:
+def preference_residuals(die: OutcomeFacets, preferences: Preferences) -> list[Tensor]:
     """Residuals of each preference with a weight, whose sum of squares is the weighted sum of all
     but `nearness`, which is about parameters."""
     residuals = []

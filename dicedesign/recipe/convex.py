@@ -17,7 +17,7 @@ from dicedesign.optimize.coordinates import SymmetricCoordinates, orbits_of_dire
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
-from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.orbit_layouts import fitting_groups
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
@@ -53,14 +53,14 @@ def design_exactly(work: Work) -> Design:
 
 def design_as_paper(work: Work) -> Design:
     """The die of a recipe, from its start. Raises InputError if that does not suit the target."""
-    from dicedesign.optimize.solvers.paper import descend_as_paper
+    from dicedesign.optimize.solvers.paper import solve_paper
 
     recipe, start = work.recipe, work.start
     center = normalized_center(recipe, start)
     # Only the exact method searches.
     assert start is not None
     assert recipe.method.paper is not None
-    result = descend_as_paper(
+    result = solve_paper(
         start,
         wanted_probabilities(recipe),
         recipe.method.paper,
@@ -141,10 +141,10 @@ def exact_options(recipe: Recipe) -> ExactOptions:
 
 
 def solver(work: Work) -> Callable[..., DesignResult]:
-    """`solve_exactly` with all that a recipe says but the starts and the target."""
+    """`solve_exact` with all that a recipe says but the starts and the target."""
     recipe = work.recipe
     return partial(
-        solve_exactly,
+        solve_exact,
         options=exact_options(recipe),
         center_of_mass=normalized_center(recipe, work.start),
         group=recipe.group(),

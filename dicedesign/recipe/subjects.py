@@ -163,7 +163,7 @@ def _ablations(
     recipe's design.
     """
     from dicedesign.optimize.options import PaperWeights
-    from dicedesign.optimize.solvers.paper import descend_as_paper
+    from dicedesign.optimize.solvers.paper import solve_paper
     from dicedesign.optimize.terms import cluster
     from dicedesign.recipe.convex import normalized_center, wanted_probabilities
     from dicedesign.recipe.design_die import design_recipe
@@ -194,7 +194,7 @@ def _ablations(
                 tolerance=None,
                 steps=paper.steps if steps is None else min(steps, paper.steps),
             )
-            die = descend_as_paper(
+            die = solve_paper(
                 start,
                 wanted_probabilities(recipe),
                 options,

@@ -27,7 +27,7 @@ from dicedesign.optimize.coordinates import (
 )
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import Preferences
-from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.shapes import (
     HENDECAHEDRA,
@@ -164,7 +164,7 @@ def test_the_others_move_as_without_pins() -> None:
 def test_a_design_leaves_pinned_facets_where_they_are(pinned: tuple[int, ...]) -> None:
     target = np.array([0.2, 0.1, 0.15, 0.15, 0.1, 0.1, 0.2])
     start = replace(START, pinned=pinned)
-    result = solve_exactly(
+    result = solve_exact(
         shapes_like(start, 0), target, ExactOptions(prefer=Preferences(roundness=1.0))
     )
     assert result.status is Status.CONVERGED

@@ -21,8 +21,8 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.energy import Energy
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import PREFERENCES, Preferences
-from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.solvers.paper import descend_as_paper
+from dicedesign.optimize.solvers.exact import solve_exact
+from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.optimize.starts.start import STARTS, Task, made_start
@@ -44,7 +44,7 @@ import numpy as np
 
 from dicedesign.optimize.terms import TERMS, Term, TermOption
 from dicedesign.optimize.preferences import PREFERENCES, Preference
-from dicedesign.optimize.starts.start import STARTS, StartKind, normalized_start
+from dicedesign.optimize.starts.start import STARTS, StartKind, normalize_start
 from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines import ENGINES, Engine
 
@@ -88,7 +88,7 @@ class Wedge:
 
 def wedge(options, task):
     corners = np.array([(1.0, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
-    return normalized_start(corners * [1.0, 1.0, options.stretch], -corners / np.sqrt(3.0))
+    return normalize_start(corners * [1.0, 1.0, options.stretch], -corners / np.sqrt(3.0))
 
 
 STARTS.register(StartKind(name="wedge", line="a tetrahedron", options=Wedge, make=wedge))
@@ -219,7 +219,7 @@ def test_a_term_without_a_kernel_is_added(
 @pytest.mark.usefixtures("outside")
 def test_a_descent_lowers_it(tmp_path: Path) -> None:
     recipe = read(tmp_path, start={"wedge": {"stretch": 1.4}}, method=descent(low_peaks=500.0))
-    result = descend_as_paper(
+    result = solve_paper(
         made_start(recipe.start.name, recipe.start.options, Task(4)),
         recipe.target.target().probabilities,
         recipe.method.paper,
@@ -236,7 +236,7 @@ def test_the_exact_method_prefers_it() -> None:
     def smallest_area(prefer: Preferences) -> float:
         starts = shapes_like(repulsion(6, 3), 1)
         next(starts)
-        result = solve_exactly(starts, target, ExactOptions(prefer=prefer, tolerance=1e-10))
+        result = solve_exact(starts, target, ExactOptions(prefer=prefer, tolerance=1e-10))
         assert result.status is Status.CONVERGED
         hull = result.hull.vertices / result.hull.diameter
         rests = evaluate_rests(torch.tensor(hull))

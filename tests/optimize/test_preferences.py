@@ -22,7 +22,7 @@ from dicedesign.optimize.preferences import (
     USUAL_OFFSET,
     USUAL_RATIO,
     USUAL_SPREAD,
-    BearingFacets,
+    OutcomeFacets,
     Preferences,
     preference_residuals,
 )
@@ -49,7 +49,7 @@ def only(name: str, weight: float = 1.0) -> Preferences:
 def total(rests: RestEvaluation, name: str, facets: np.ndarray | None = None) -> float:
     """The sum of squares of one term; facets are all stable ones if not given."""
     bearing = np.flatnonzero(rests.equilibria.stable) if facets is None else facets
-    (residuals,) = preference_residuals(BearingFacets(rests, bearing), only(name))
+    (residuals,) = preference_residuals(OutcomeFacets(rests, bearing), only(name))
     return float((residuals.detach() ** 2).sum())
 
 
@@ -131,11 +131,11 @@ def test_weights_multiply_the_terms() -> None:
     facets = candidate.outcome_facets
     weights = dict(zip(TERMS, [0.5, 2.0, 1.0, 0.0, 3.0, 0.25, 0.75], strict=True))
     residuals = preference_residuals(
-        BearingFacets(candidate.rests, facets), Preferences(**weights, nearness=7.0)
+        OutcomeFacets(candidate.rests, facets), Preferences(**weights, nearness=7.0)
     )
     expected = sum(weights[name] * total(candidate.rests, name, facets) for name in TERMS)
     assert float((torch.cat(residuals).detach() ** 2).sum()) == pytest.approx(expected)
-    assert preference_residuals(BearingFacets(candidate.rests, facets), Preferences()) == []
+    assert preference_residuals(OutcomeFacets(candidate.rests, facets), Preferences()) == []
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -167,13 +167,13 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
         there = maker.attempt(candidate.coordinates, parameters, candidate.directions)
         assert there is not None
         (residuals,) = preference_residuals(
-            BearingFacets(there.rests, there.outcome_facets), only(name)
+            OutcomeFacets(there.rests, there.outcome_facets), only(name)
         )
         return residuals.detach().numpy()
 
     slopes = (
         candidate.jacobian(
-            *preference_residuals(BearingFacets(candidate.rests, facets), only(name))
+            *preference_residuals(OutcomeFacets(candidate.rests, facets), only(name))
         )
         @ along
     )
@@ -199,7 +199,7 @@ def test_robust_is_who_has_the_wanted_probabilities_on_other_tables() -> None:
     wanted = BOARD_GAME.probabilities(candidate.rests)[where]
     known = sensitivity(candidate, wanted)
     (residuals,) = preference_residuals(
-        BearingFacets(candidate.rests, facets, known), only("robustness")
+        OutcomeFacets(candidate.rests, facets, known), only("robustness")
     )
     expected = (
         np.concatenate([probabilities - wanted for probabilities in there])
@@ -211,7 +211,7 @@ def test_robust_is_who_has_the_wanted_probabilities_on_other_tables() -> None:
     # A bias that makes up for the change leaves nothing to wish for.
     known = sensitivity(candidate, wanted, np.log(wanted / np.array(there)))
     (residuals,) = preference_residuals(
-        BearingFacets(candidate.rests, facets, known), only("robustness")
+        OutcomeFacets(candidate.rests, facets, known), only("robustness")
     )
     np.testing.assert_allclose(residuals.detach(), 0.0, atol=1e-12)
 

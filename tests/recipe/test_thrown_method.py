@@ -16,7 +16,7 @@ from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult
-from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.recipe.pipeline import Listeners, Work, run_stages
 from dicedesign.recipe.reading import checked_recipe
@@ -37,9 +37,7 @@ def model_of(table: str) -> TableSensitivity:
 
 
 def solved(options: ExactOptions) -> DesignResult:
-    return solve_exactly(
-        shapes_near(TARGET, 0), TARGET, options, sensitivity=model_of("board-game")
-    )
+    return solve_exact(shapes_near(TARGET, 0), TARGET, options, sensitivity=model_of("board-game"))
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,8 @@ from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.optimize.energy import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
-from dicedesign.optimize.solvers.exact import solve_exactly
-from dicedesign.optimize.solvers.paper import descend_as_paper
+from dicedesign.optimize.solvers.exact import solve_exact
+from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
@@ -49,7 +49,7 @@ def run_method(
         exact = ExactOptions(
             coordinates=design.coordinates, tolerance=design.tolerance, evaluations=design.steps
         )
-        return solve_exactly(shapes_like(design.start, 0), design.target, exact, **watched)
+        return solve_exact(shapes_like(design.start, 0), design.target, exact, **watched)
     paper = PaperOptions(
         step="line_search" if design.method == "line search" else "momentum",
         steps=design.steps,
@@ -57,7 +57,7 @@ def run_method(
         finish="exact" if design.method == "paper with finish" else "none",
         tolerance=design.tolerance,
     )
-    return descend_as_paper(
+    return solve_paper(
         design.start,
         design.target,
         paper,

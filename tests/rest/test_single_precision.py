@@ -14,7 +14,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import Preferences
-from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.shapes import hendecahedron
 from dicedesign.optimize.targets import sum_of_dice
@@ -33,7 +33,7 @@ def body(name: str) -> ConvexHull:
     if name == "die":
         start, target = hendecahedron("circus"), sum_of_dice([6, 6]).probabilities
         options = ExactOptions(prefer=Preferences())
-        return solve_exactly(shapes_like(start, 0), target, options).hull
+        return solve_exact(shapes_like(start, 0), target, options).hull
     points = (solids.prism(12) if name == "prism" else solids.platonic(name)).points
     return convex_hull(points / np.sqrt((points[0] ** 2).sum()))
 

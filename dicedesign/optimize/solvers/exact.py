@@ -43,7 +43,7 @@ MOST_EMPTY_TURNS: Final = 600
 """Turns of a search for starts that may find nothing: about a minute."""
 
 
-def solve_exactly(
+def solve_exact(
     starts: Iterable[Start | None],
     target: Floats,
     options: ExactOptions,
@@ -145,7 +145,7 @@ class _Best:
 
 @dataclass
 class _Search:
-    """The best die so far, over all starts; see `solve_exactly`."""
+    """The best die so far, over all starts; see `solve_exact`."""
 
     target: Floats
     options: ExactOptions

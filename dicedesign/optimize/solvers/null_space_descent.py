@@ -20,7 +20,7 @@ from torch import Tensor
 
 from dicedesign.gradient.facet_measures import circle_radii
 from dicedesign.gradient.probability_model import TableSensitivity
-from dicedesign.optimize.preferences import BearingFacets, Preferences, preference_residuals
+from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preference_residuals
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.runtime.arrays import Floats
 
@@ -168,7 +168,7 @@ class _Point:
     def residuals(self) -> list[Tensor]:
         """Vectors whose squares are summed, but for `away`."""
         goal, rests, facets = self.goal, self.candidate.rests, self.candidate.outcome_facets
-        die = BearingFacets(rests, facets, goal.sensitivity, self.candidate.model)
+        die = OutcomeFacets(rests, facets, goal.sensitivity, self.candidate.model)
         parts = [
             *preference_residuals(die, goal.preferences),
             np.sqrt(goal.preferences.largest or 1.0) * barrier_residuals(rests),

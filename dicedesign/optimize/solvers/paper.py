@@ -24,7 +24,7 @@ from dicedesign.optimize.solvers.candidate import (
     DesignStep,
 )
 from dicedesign.optimize.solvers.descent import LineSearch, Momentum, SobolevGradient, has_slope
-from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.terms import EnergyWeights
 from dicedesign.rest.equilibria import classify
@@ -40,7 +40,7 @@ STALL: Final = (60, 0.02)
 less than this part."""
 
 
-def descend_as_paper(
+def solve_paper(
     start: Start,
     target: Floats,
     options: PaperOptions,
@@ -252,7 +252,7 @@ def finished(
 
     end, evaluations, built, reused = None, 0, 0, 0
     try:
-        end = solve_exactly(
+        end = solve_exact(
             _starts(result, target, maker),
             target,
             ExactOptions(tolerance=options.reached, prefer=options.prefer),

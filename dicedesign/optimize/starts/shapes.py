@@ -20,7 +20,7 @@ from dicedesign.optimize.starts.start import (
     FEWEST_FACETS,
     Start,
     check_prism,
-    normalized_start,
+    normalize_start,
 )
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.equilibria import classify
@@ -56,7 +56,7 @@ def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:
         points = np.concatenate([points, apex, -apex])
     middle = corner + np.pi / sides
     directions = np.stack([np.cos(middle), np.sin(middle), np.zeros(sides)], axis=1)
-    return normalized_start(points, directions)
+    return normalize_start(points, directions)
 
 
 def _bisymmetric() -> Start:
@@ -85,7 +85,7 @@ def _bisymmetric() -> Start:
     inside = np.array([0.0, 0.0, 1.2])
     offsets = np.array([6, 3, 1, 1, 2, 0, 2, 1, 1, 3, 6]) - normals @ inside
     directions = normals / np.linalg.norm(normals, axis=1)[:, None]
-    return normalized_start(polyhedron_corners(normals, offsets), directions)
+    return normalize_start(polyhedron_corners(normals, offsets), directions)
 
 
 def _circus() -> Start:
@@ -101,7 +101,7 @@ def _circus() -> Start:
     roof /= np.linalg.norm(roof, axis=1)[:, None]
     pairs = np.stack([wall, roof], axis=1).reshape(10, 3)
     directions = np.concatenate([pairs[:5], [[0.0, 0.0, -1.0]], pairs[5:]])
-    return normalized_start(polyhedron_corners(directions, np.ones(11)), directions)
+    return normalize_start(polyhedron_corners(directions, np.ones(11)), directions)
 
 
 HENDECAHEDRA: Final = {"bisymmetric": _bisymmetric, "circus": _circus}
@@ -143,7 +143,7 @@ def repulsion(outcomes: int, seed: int) -> Start:
             "body bounded by fewer facets does not exist, start from a prism"
         )
     points = spread_directions(outcomes, np.random.default_rng(seed), REPULSION_STEPS)
-    return normalized_start(polyhedron_corners(points, np.ones(outcomes)), points)
+    return normalize_start(polyhedron_corners(points, np.ones(outcomes)), points)
 
 
 def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) -> Start:
@@ -174,7 +174,7 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
     offsets = ((hull.vertices[hull.tail] - hull.centroid) * hull.normals[hull.facet]).sum(-1)
     heights = np.add.reduceat(offsets, hull.facet_start[:-1]) / np.diff(hull.facet_start)
     corners = polyhedron_corners(hull.normals, heights) + hull.centroid
-    return normalized_start(corners, poses.normals[:outcomes], poses.notes)
+    return normalize_start(corners, poses.normals[:outcomes], poses.notes)
 
 
 def about_centroid(start: Start) -> Start:
@@ -208,7 +208,7 @@ def start_with_probabilities(
     bearing = np.argmax(hull.normals[facets] @ unit_vectors(normals).T, axis=1)
     order = np.argsort(bearing)
     probabilities = basins[0].areas[order] / (4.0 * np.pi)
-    return normalized_start(points, hull.normals[facets[order]]), probabilities, bearing[order]
+    return normalize_start(points, hull.normals[facets[order]]), probabilities, bearing[order]
 
 
 ANYWHERE: Final = OrbitSite(np.eye(3), np.eye(3)[None])

@@ -50,7 +50,7 @@ class Start:
         return (own - self.origin) / self.scale
 
 
-def normalized_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
+def normalize_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
     """A start in normalized coordinates from points (n, 3) and unit directions (k, 3)."""
     origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
     centered = points - origin

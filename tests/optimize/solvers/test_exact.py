@@ -25,7 +25,7 @@ from dicedesign.optimize.solvers.candidate import (
     DesignStep,
     largest_jump,
 )
-from dicedesign.optimize.solvers.exact import solve_exactly
+from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_like, shapes_near
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start
@@ -50,7 +50,7 @@ TARGETS = {
 
 def solved(target: list[float], seed: int = 0, **options: Any) -> DesignResult:
     wanted = np.array(target)
-    return solve_exactly(shapes_near(wanted, seed), wanted, ExactOptions(**options))
+    return solve_exact(shapes_near(wanted, seed), wanted, ExactOptions(**options))
 
 
 def check_exact(result: DesignResult, target: np.ndarray, tolerance: float = 1e-12) -> None:
@@ -90,7 +90,7 @@ def test_vertices_meet_targets_too(name: str, metric: SobolevOptions | None) -> 
 )
 def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> None:
     options = ExactOptions(prefer=Preferences())
-    result = solve_exactly(shapes_like(start, 0), target, options)
+    result = solve_exact(shapes_like(start, 0), target, options)
     check_exact(result, target)
     # It has no more facets, and those of the outcomes lie nearest to where they were.
     assert len(result.hull.normals) <= len(convex_hull(start.points).normals)
@@ -102,7 +102,7 @@ def test_every_accepted_step_is_told() -> None:
     seen: list[DesignStep] = []
     target = np.array(TARGETS["uneven"])
     options = ExactOptions(prefer=Preferences())
-    result = solve_exactly(shapes_near(target, 0), target, options, on_step=seen.append)
+    result = solve_exact(shapes_near(target, 0), target, options, on_step=seen.append)
     assert tuple(seen) == result.history
     assert [step.step for step in seen] == list(range(len(seen)))
     assert seen[-1].error <= 1e-12
@@ -138,7 +138,7 @@ def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
     target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
     start = repulsion(4, 0)
     beside = replace(start, points=start.points + 5.0)
-    result = solve_exactly([beside, start], target, ExactOptions(), center_of_mass=center)
+    result = solve_exact([beside, start], target, ExactOptions(), center_of_mass=center)
     assert (result.status, result.starts) == (Status.CONVERGED, 2)
     poses = rest_poses(result.hull.vertices, center)
     np.testing.assert_allclose(poses.probabilities, target, atol=2e-12)
@@ -147,15 +147,15 @@ def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
 def test_a_search_that_finds_no_shape_ends_on_any_machine() -> None:
     starts = Mock(side_effect=repeat(None))
     with pytest.raises(NoStartError, match="got none; take another start"):
-        solve_exactly(iter(starts, ...), np.array([0.5, 0.5]), ExactOptions())
+        solve_exact(iter(starts, ...), np.array([0.5, 0.5]), ExactOptions())
     ends = starts.call_count
     with slow_machine(), pytest.raises(NoStartError):
-        solve_exactly(iter(starts, ...), np.array([0.5, 0.5]), ExactOptions())
+        solve_exact(iter(starts, ...), np.array([0.5, 0.5]), ExactOptions())
     assert starts.call_count == 2 * ends
     # Turns between shapes count as well.
     turns = [None] * (ends - 1)
     target = np.full(4, 0.25)
-    result = solve_exactly([*turns, repulsion(4, 0)], target, ExactOptions())
+    result = solve_exact([*turns, repulsion(4, 0)], target, ExactOptions())
     assert result.status is Status.CONVERGED
 
 
@@ -187,14 +187,14 @@ def test_bad_arguments_are_refused_in_words(
     options: dict[str, Any], arguments: dict[str, Any], text: str
 ) -> None:
     with pytest.raises(InputError, match=text):
-        solve_exactly([], np.array([0.5, 0.5]), ExactOptions(**options), **arguments)
+        solve_exact([], np.array([0.5, 0.5]), ExactOptions(**options), **arguments)
 
 
 def test_the_solver_takes_a_prior_by_its_text() -> None:
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     start = Start(cube, rest_poses(cube).normals)
     target = np.array([0.3, 0.14, 0.14, 0.14, 0.14, 0.14])
-    found = solve_exactly([start], target, ExactOptions(), prior="vmf:0,0,1:1")
+    found = solve_exact([start], target, ExactOptions(), prior="vmf:0,0,1:1")
     assert found.status is Status.CONVERGED
     poses = rest_poses(found.hull.vertices).under("vmf:0,0,1:1")
     nearest = np.argmax(found.directions @ poses.normals.T, axis=1)
@@ -205,7 +205,7 @@ def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
     cube = repulsion(6, 0)
     pair = Start(cube.points, cube.directions[:2])
     with pytest.raises(InputError, match="expected a shape with one rest for each of 2 outcomes"):
-        solve_exactly([pair], np.array([0.5, 0.5]), ExactOptions())
+        solve_exact([pair], np.array([0.5, 0.5]), ExactOptions())
 
 
 @pytest.mark.parametrize(

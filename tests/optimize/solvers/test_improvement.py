@@ -12,7 +12,7 @@ from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_measures import circle_radii
 from dicedesign.optimize.coordinates import Coordinates, FacetCoordinates, SymmetricCoordinates
-from dicedesign.optimize.preferences import BearingFacets, Preferences, preference_residuals
+from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preference_residuals
 from dicedesign.optimize.solvers import null_space_descent as improvement
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
 from dicedesign.optimize.solvers.null_space_descent import improve
@@ -108,7 +108,7 @@ def smallest(candidate: Candidate) -> float:
 
 def value(candidate: Candidate, preferences: Preferences) -> float:
     residuals = preference_residuals(
-        BearingFacets(candidate.rests, candidate.outcome_facets), preferences
+        OutcomeFacets(candidate.rests, candidate.outcome_facets), preferences
     )
     return sum(float((vector.detach() ** 2).sum()) for vector in residuals)
 

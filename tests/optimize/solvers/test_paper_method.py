@@ -19,7 +19,7 @@ from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
-from dicedesign.optimize.solvers.paper import descend_as_paper, flattened
+from dicedesign.optimize.solvers.paper import flattened, solve_paper
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, fair, listed, sum_of_dice
@@ -39,7 +39,7 @@ PLAIN = Preferences()
 def designed(name: str, finish: str, seed: int = 0) -> DesignResult:
     start, target = DESIGNS[name]
     options = PaperOptions(finish=finish, prefer=PLAIN)
-    return descend_as_paper(start, target.probabilities, options, seed=seed)
+    return solve_paper(start, target.probabilities, options, seed=seed)
 
 
 def probabilities_of(result: DesignResult, center: Floats | None = None) -> Floats:
@@ -90,7 +90,7 @@ def test_the_history_goes_on_through_the_finish() -> None:
     steps: list[DesignStep] = []
     start, target = DESIGNS["binomial4"]
     options = PaperOptions(prefer=PLAIN, steps=80)
-    result = descend_as_paper(start, target.probabilities, options, on_step=steps.append)
+    result = solve_paper(start, target.probabilities, options, on_step=steps.append)
     assert tuple(steps) == result.history
     assert [step.step for step in steps] == list(range(len(steps)))
     seconds = [step.seconds for step in steps]
@@ -102,7 +102,7 @@ def test_the_history_goes_on_through_the_finish() -> None:
 def test_preferences_make_the_finished_die_better() -> None:
     start, target = DESIGNS["binomial4"]
     options = PaperOptions(prefer=Preferences(circles=1.0))
-    better = descend_as_paper(start, target.probabilities, options)
+    better = solve_paper(start, target.probabilities, options)
     assert better.error <= 1e-12
     radii = []
     for result in (designed("binomial4", "exact"), better):
@@ -118,7 +118,7 @@ def test_every_step_rule_and_preconditioner_lowers_the_energy(step: str, power: 
     start, target = DESIGNS["2d6"]
     sobolev = None if power is None else SobolevOptions(power=power)
     options = PaperOptions(step=step, steps=60, sobolev=sobolev, finish="none")
-    result = descend_as_paper(start, target.probabilities, options)
+    result = solve_paper(start, target.probabilities, options)
     energies = [entry.energy for entry in result.history]
     assert np.isfinite(energies).all()
     # A line search ends in front of the first jump, which may come soon.
@@ -134,7 +134,7 @@ def test_a_center_near_a_facet_is_shaken_by_less() -> None:
     center = poses.hull.polygon(0).mean(axis=0) - 1e-4 * poses.hull.normals[0]
     for seed in range(6):
         options = PaperOptions(steps=2, finish="none")
-        result = descend_as_paper(
+        result = solve_paper(
             start, fair(6).probabilities, options, center_of_mass=center.tolist(), seed=seed
         )
         assert np.isfinite(result.hull.vertices).all()
@@ -145,7 +145,7 @@ def test_weights_are_those_of_a_dice_energy_in_solid_angles() -> None:
     start, target = DESIGNS["2d6"]
     weights = PaperWeights(coplanar=3.0, barycenter=0.7, neighbor=0.5, apart=0.2)
     seen: list[Evaluation] = []
-    descend_as_paper(
+    solve_paper(
         start,
         target.probabilities,
         PaperOptions(weights=weights, steps=1, finish="none", perturbation=0.05),
@@ -176,7 +176,7 @@ def test_momentum_never_empties_an_outcome() -> None:
     start = prism(6, height=1.0)
     target = np.array([0.5, 0.3, 0.15, 0.03, 0.015, 0.005])
     seen: list[Evaluation] = []
-    descend_as_paper(
+    solve_paper(
         start,
         target,
         PaperOptions(weights=PaperWeights(apart=0.0), steps=150, finish="none"),
@@ -188,7 +188,7 @@ def test_momentum_never_empties_an_outcome() -> None:
 def test_a_seed_decides_everything_and_the_clock_nothing() -> None:
     start, target = DESIGNS["binomial4"]
     with slow_machine():
-        slow = descend_as_paper(start, target.probabilities, PaperOptions(prefer=PLAIN))
+        slow = solve_paper(start, target.probabilities, PaperOptions(prefer=PLAIN))
     usual, other = designed("binomial4", "exact"), designed("binomial4", "exact", 1)
     assert slow.hull.vertices.tobytes() == usual.hull.vertices.tobytes()
     assert other.hull.vertices.tobytes() != usual.hull.vertices.tobytes()
@@ -197,7 +197,7 @@ def test_a_seed_decides_everything_and_the_clock_nothing() -> None:
 def test_a_fixed_center_of_mass_stays_as_given() -> None:
     start, target = DESIGNS["d6"]
     center = rest_poses(start.points).center_of_mass + np.array([0.1, -0.05, 0.02])
-    result = descend_as_paper(
+    result = solve_paper(
         start, target.probabilities, PaperOptions(prefer=PLAIN), center_of_mass=center
     )
     assert result.status is Status.CONVERGED
@@ -209,7 +209,7 @@ def test_what_cannot_be_reached_is_returned_as_it_is() -> None:
     """The centroid of a tetrahedron is too far from three of the facets for such probabilities."""
     target = np.array([0.97, 0.01, 0.01, 0.01])
     options = PaperOptions(steps=60, prefer=PLAIN)
-    result = descend_as_paper(repulsion(4, 0), target, options)
+    result = solve_paper(repulsion(4, 0), target, options)
     assert result.status is not Status.CONVERGED
     assert result.error > 0.05
     assert result.history[-1].error == result.error
@@ -247,13 +247,13 @@ def test_bad_options_are_refused_in_words(options, text: str) -> None:
 def test_bad_bodies_are_refused() -> None:
     start, target = DESIGNS["d6"]
     with pytest.raises(InputError, match="expected 6 outcomes"):
-        descend_as_paper(start, fair(5).probabilities, PaperOptions())
+        solve_paper(start, fair(5).probabilities, PaperOptions())
     far = np.array([9.0, 0.0, 0.0])
     with pytest.raises(OutsideHullError):
-        descend_as_paper(start, target.probabilities, PaperOptions(), center_of_mass=far)
+        solve_paper(start, target.probabilities, PaperOptions(), center_of_mass=far)
     flat = Start(np.eye(4, 3) * [1.0, 1.0, 0.0], start.directions)
     with pytest.raises(DegenerateBodyError):
-        descend_as_paper(flat, target.probabilities, PaperOptions())
+        solve_paper(flat, target.probabilities, PaperOptions())
 
 
 @compiled_only
