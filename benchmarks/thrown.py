@@ -140,8 +140,8 @@ def throw_recipes(
             refine = replace(exact.refine, drops=min(exact.refine.drops, 2_000), rounds=1)
             exact = replace(exact, refine=refine)
         seeds = iter(range(FRESH + 100 * recipe.seed, FRESH + 100 * recipe.seed + 100))
-        table = table_named(exact.thrown_onto)
-        others = posterior_tables(exact.thrown_onto) or other_tables(table)
+        table = table_named(exact.table_with_hand)
+        others = posterior_tables(exact.table_with_hand) or other_tables(table)
         for name, method in {
             "resting": replace(exact, probabilities="resting", refine=None),
             "thrown": exact,
@@ -168,7 +168,7 @@ def throw_recipes(
             row(
                 *(recipe.name, name, status, found.value, *found.interval, found.noise_floor),
                 total_variation(die.outcomes.sums(die.poses.probabilities), frequencies),
-                total_variation(die.momentum(momentum_model(exact.thrown_onto)), frequencies),
+                total_variation(die.momentum(momentum_model(exact.table_with_hand)), frequencies),
                 *(seconds, len(work.die.rounds)),
                 *(np.quantile(elsewhere, [OFTEN, 1.0]).tolist() if elsewhere else (None, None)),
             )

@@ -65,7 +65,7 @@ class BodyFunction:
         return BodyFunction(self.inputs + self.outputs, self.inputs, formula, self.adjoint)
 
     @property
-    def pushed_forward(self) -> BodyFunction:
+    def pushforward(self) -> BodyFunction:
         """From the inputs and their tangents to the tangents of the outputs: gradients of inputs
         are linear in those of outputs, and this is the transpose of that."""
 
@@ -191,7 +191,7 @@ class _Applied(torch.autograd.Function):
             torch.zeros_like(tensor) if tangent is None else tangent
             for tensor, tangent in zip(inputs, tangents[2:], strict=True)
         ]
-        pushed: tuple[Tensor, ...] = ctx.function.pushed_forward(which, *inputs, *along)
+        pushed: tuple[Tensor, ...] = ctx.function.pushforward(which, *inputs, *along)
         return pushed
 
     @staticmethod

@@ -266,7 +266,7 @@ class LinkedCoordinates(Coordinates):
         return hull_of
 
 
-def pinned_coordinates(
+def pin_coordinates(
     points: Floats, origin: Floats, pinned: Floats
 ) -> tuple[LinkedCoordinates, Floats]:
     """Normals and distances of all half-spaces but pinned ones, about an origin (3,) inside, and
@@ -284,7 +284,7 @@ def pinned_coordinates(
     return LinkedCoordinates(facets, np.eye(len(whole))[:, free], whole * ~free), whole[free]
 
 
-def tied_coordinates(
+def tie_coordinates(
     hull: ConvexHull, directions: Floats, angle: float
 ) -> tuple[FacetCoordinates | LinkedCoordinates, Floats]:
     """Coordinates of a hull about its centroid, and its parameters.
@@ -393,7 +393,7 @@ def coordinates_of(
     if group is not None:
         return SymmetricCoordinates.of(points, origin, group)
     if len(pinned) > 0:
-        return pinned_coordinates(points, origin, pinned)
+        return pin_coordinates(points, origin, pinned)
     return FacetCoordinates.of(points, origin)
 
 

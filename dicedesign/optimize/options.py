@@ -174,7 +174,7 @@ class ExactOptions:
             raise refused("seconds", "a positive number", self.seconds, "no limit")
 
     @property
-    def thrown_onto(self) -> str:
+    def table_with_hand(self) -> str:
         """Name of the table with the way to throw, for `table_named`."""
         return with_hand(self.table, self.hand)
 

@@ -120,7 +120,7 @@ def _leads_there(work: Work) -> bool:
     quick = replace(options, prefer=Preferences(), starts=TRIED)
     if options.probabilities == "thrown":
         # Other tables do not matter for whether there is a die at all.
-        sensitivity = TableSensitivity(ThrowProbabilities.on(options.thrown_onto), (), wanted)
+        sensitivity = TableSensitivity(ThrowProbabilities.on(options.table_with_hand), (), wanted)
     starts = islice(starts_of(work, wanted), TURNS)
     try:
         result = solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)

@@ -151,7 +151,7 @@ class MethodRecipe(Strict):
     def table(self) -> str | None:
         """Name of the table that the die is thrown onto, with the way to throw, for `table_named`;
         None for a die whose target is meant without momentum."""
-        return self.exact.thrown_onto if self.exact is not None and self.thrown else None
+        return self.exact.table_with_hand if self.exact is not None and self.thrown else None
 
     @property
     def tolerance(self) -> float:

@@ -17,7 +17,7 @@ from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.starts.shapes import about_centroid
-from dicedesign.optimize.starts.start import Task, made_start
+from dicedesign.optimize.starts.start import Task, build_start
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.parts import Status
@@ -77,7 +77,9 @@ def _make_shape(work: Work) -> None:
     center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
     if exact is not None and recipe.method.thrown:
         _check_table(exact, recipe.size_mm)
-    start = made_start(recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center))
+    start = build_start(
+        recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center)
+    )
     if start is None:
         return
     directions: Any = getattr(start, "directions", None)
@@ -108,8 +110,8 @@ def _check_table(options: ExactOptions, size_mm: float) -> None:
     from dicedesign.throws.tables import table_named
 
     with named("method.exact.table"):
-        table = table_named(options.thrown_onto)
-        momentum_model(options.thrown_onto)
+        table = table_named(options.table_with_hand)
+        momentum_model(options.table_with_hand)
     # The radius is at least half of that distance.
     replace(table, size=1e-3 * size_mm)
     if options.refine is not None:

@@ -68,7 +68,7 @@ def design_for_table(work: Work) -> Design:
     """The die of a recipe by the momentum model of its table, corrected by rounds of throws where
     the recipe asks for them. Raises InputError as `exact.design`, or as the start does."""
     wanted, options = wanted_probabilities(work.recipe), exact_options(work.recipe)
-    name = options.thrown_onto
+    name = options.table_with_hand
     others = other_tables(table_named(name), posterior_tables(name))
     sensitivity = TableSensitivity(ThrowProbabilities.on(name), others, wanted)
     starts = iter(starts_of(work, wanted))
@@ -91,7 +91,7 @@ def _refine(
     """The die that rounds of throws at its printed size lead to, and the rounds; from one, or from
     the steadiest of some that further starts lead to."""
     recipe, options, solve = work.recipe, exact_options(work.recipe), solver(work)
-    wanted, group, name = wanted_probabilities(recipe), recipe.group(), options.thrown_onto
+    wanted, group, name = wanted_probabilities(recipe), recipe.group(), options.table_with_hand
     center, model = normalized_center(recipe, work.start), momentum_model(name)
     others: tuple[Table, ...] = ()
     is_free = len(np.unique(wanted)) > 1 or group is None
@@ -177,7 +177,7 @@ def throw(work: Work) -> None:
     """Throw the printed die with random numbers that no round of its design has used, if the recipe
     asks for throws, and judge it by them. One with labels is thrown with them, but where the center
     of mass was given nobody knows how they move it."""
-    name, refine = exact_options(work.recipe).thrown_onto, exact_options(work.recipe).refine
+    name, refine = exact_options(work.recipe).table_with_hand, exact_options(work.recipe).refine
     target, model, tables = work.target.probabilities, momentum_model(name), posterior_tables(name)
     die = DieOnTable.of(
         work.printed.body, work.solid.center_of_mass, work.die.directions, table_named(name)

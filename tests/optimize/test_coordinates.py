@@ -23,7 +23,7 @@ from dicedesign.optimize.coordinates import (
     SymmetricCoordinates,
     VertexCoordinates,
     orbits_of_directions,
-    pinned_coordinates,
+    pin_coordinates,
 )
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import Preferences
@@ -142,7 +142,7 @@ def test_the_others_move_as_without_pins() -> None:
     rng = np.random.default_rng(0)
     origin = convex_hull(START.points).centroid
     pinned = START.directions[list(PINNED)]
-    coordinates, parameters = pinned_coordinates(START.points, origin, pinned)
+    coordinates, parameters = pin_coordinates(START.points, origin, pinned)
     bare, whole = FacetCoordinates.of(START.points, origin)
     assert len(parameters) == len(whole) - 4 * len(PINNED)
     moved = parameters + 0.1 * rng.normal(size=parameters.shape)

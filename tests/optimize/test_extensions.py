@@ -25,7 +25,7 @@ from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.shapes import repulsion
-from dicedesign.optimize.starts.start import STARTS, Task, made_start
+from dicedesign.optimize.starts.start import STARTS, Task, build_start
 from dicedesign.optimize.terms import TERMS, ClusteredRests, EnergyWeights, cluster
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
@@ -154,7 +154,7 @@ def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
     weights = recipe.method.paper.weights
     assert (weights.low_peaks, weights.peak_height, weights.coplanar) == (0.3, 0.25, 2.0)
     assert list(weights.of_terms)[-1] == "low_peaks"
-    start = made_start(recipe.start.name, recipe.start.options, Task(4))
+    start = build_start(recipe.start.name, recipe.start.options, Task(4))
     assert np.ptp(start.points, axis=0).tolist() == [1.0, 1.0, 2.0]
     assert read(tmp_path, **recipe.resolved()) == recipe
     exact = read(tmp_path, method={"exact": {"prefer": {"flat": 0.5}}}).method.exact
@@ -220,7 +220,7 @@ def test_a_term_without_a_kernel_is_added(
 def test_a_descent_lowers_it(tmp_path: Path) -> None:
     recipe = read(tmp_path, start={"wedge": {"stretch": 1.4}}, method=descent(low_peaks=500.0))
     result = solve_paper(
-        made_start(recipe.start.name, recipe.start.options, Task(4)),
+        build_start(recipe.start.name, recipe.start.options, Task(4)),
         recipe.target.target().probabilities,
         recipe.method.paper,
     )

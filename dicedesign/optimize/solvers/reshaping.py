@@ -27,7 +27,7 @@ from dicedesign.optimize.coordinates import (
     FacetCoordinates,
     LinkedCoordinates,
     normals_of,
-    tied_coordinates,
+    tie_coordinates,
 )
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, LevenbergMarquardt
 from dicedesign.rest.outcomes import gathered, outcome_probabilities
@@ -172,7 +172,7 @@ def reshaped(
             guessed.append(guess)
 
             bearing = np.concatenate([directions, made.bearing(labels)])
-            coordinates, parameters = tied_coordinates(core, bearing, FOLD)
+            coordinates, parameters = tie_coordinates(core, bearing, FOLD)
             maker = CandidateMaker(None, model, guess[:3] * size)
             shape = _solved(coordinates, parameters, directions, target - guess[3:], maker)
             if shape is None:

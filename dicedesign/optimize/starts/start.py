@@ -129,7 +129,7 @@ STARTS: Final = Registry(
 )
 
 
-def made_start(name: str, options: Any, task: Task) -> Start | None:
+def build_start(name: str, options: Any, task: Task) -> Start | None:
     """The starting shape of a kind, or None where there is no single one.
 
     Raises
