@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.frame import Report, make_die, processes
 from benchmarks.models import is_model, model_names, random_model
-from dicedesign import InputError, Result, checked_recipe
+from dicedesign import InputError, Result, parse_recipe
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import decimated
@@ -164,7 +164,7 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
                 surface = shape(name) if name in SHAPES else random_model(name)
                 path = Path(folder) / "model.stl"
                 path.write_bytes(stl_bytes(surface.points, surface.triangles))
-            work = make_die(checked_recipe(entries_of(case, path)), "start")
+            work = make_die(parse_recipe(entries_of(case, path)), "start")
         if case.most_points is not None and len(work.surface.points) > case.most_points:
             work.surface, _ = decimated(work.surface, case.most_points)
         found["points"] = len(work.surface.points)

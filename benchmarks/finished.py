@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.frame import Report, Work, add_recipes, make_die, read_recipes
-from dicedesign import EngravingError, Recipe, checked_recipe
+from dicedesign import EngravingError, Recipe, parse_recipe
 from dicedesign.fabricate.print_tolerances import (
     ROLLS,
     ProbabilitySpread,
@@ -117,7 +117,7 @@ def finish(plain: Work, recipe: Recipe, way: str) -> tuple[Any, ...]:
     entries, changes = recipe.resolved(), WAYS[way]
     engrave = {**(entries["engrave"] or {}), **changes.get("engrave", {})}
     work = plain.copy()
-    work.recipe = checked_recipe({**entries, **changes, "engrave": engrave})
+    work.recipe = parse_recipe({**entries, **changes, "engrave": engrave})
     start = time.perf_counter()
     try:
         run_stages(work, after="check", last="engrave")
@@ -174,7 +174,7 @@ def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report)
 def make_print(entries: dict[str, Any], prefer: dict[str, float]) -> Work:
     """A die without labels, better by preferences."""
     method = {"exact": {"prefer": prefer} if prefer else {}}
-    return make_die(checked_recipe({"name": "die", "engrave": False, "method": method, **entries}))
+    return make_die(parse_recipe({"name": "die", "engrave": False, "method": method, **entries}))
 
 
 def spread_of(work: Work, errors: PrintErrors) -> ProbabilitySpread:

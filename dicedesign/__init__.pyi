@@ -36,9 +36,9 @@ from dicedesign.optimize.targets import listed as listed
 from dicedesign.optimize.targets import sum_of_dice as sum_of_dice
 from dicedesign.recipe.design_die import Die as Die
 from dicedesign.recipe.design_die import design as design
-from dicedesign.recipe.pipeline import Listeners as Listeners
+from dicedesign.recipe.pipeline import Callbacks as Callbacks
 from dicedesign.recipe.pipeline import run as run
-from dicedesign.recipe.reading import checked_recipe as checked_recipe
+from dicedesign.recipe.reading import parse_recipe as parse_recipe
 from dicedesign.recipe.reading import read_recipe as read_recipe
 from dicedesign.recipe.recipe import Recipe as Recipe
 from dicedesign.rest.density_priors import DensityFunction as DensityFunction

@@ -18,7 +18,7 @@ from dicedesign.cli.options import (
     workers_of,
 )
 from dicedesign.errors import InputError, RecipeError, check_whole, named, printable
-from dicedesign.recipe.reading import checked_recipe, read_recipe, typed_target
+from dicedesign.recipe.reading import parse_recipe, read_recipe, typed_target
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
@@ -62,7 +62,7 @@ def design(options: Design) -> int:
     if options.size_mm is not None:
         entries["size_mm"] = options.size_mm
     with _named_options():
-        recipe = checked_recipe(entries)
+        recipe = parse_recipe(entries)
     return _run(recipe, options, enlarge=options.size_mm is None and options.mesh is None)
 
 
@@ -88,7 +88,7 @@ def _run(
     """
     recipe = _with_options(recipe, options)
     # Imported here, as a recipe that cannot be read does without.
-    from dicedesign.recipe.pipeline import Listeners, run
+    from dicedesign.recipe.pipeline import Callbacks, run
     from dicedesign.runtime.workers import progress_bar
 
     note_missing_kernels()
@@ -108,8 +108,8 @@ def _run(
             )
 
         describe = bar.set_description_str
-        listeners = Listeners(describe, on_step, on_round, describe)
-        result = run(recipe, options.out, enlarge=enlarge, resume=resume, listeners=listeners)
+        callbacks = Callbacks(describe, on_step, on_round, describe)
+        result = run(recipe, options.out, enlarge=enlarge, resume=resume, callbacks=callbacks)
     for note in result.notes:
         print_note(note)
     _print_result(result)

@@ -58,7 +58,7 @@ def design_concave(work: Work) -> Design:
         progress, told = made, _told(made, options)
         if path is not None and made.attempts > 0:
             work.kept = f"{told}; run it again with --resume to go on"
-        work.listeners.on_attempt(told)
+        work.callbacks.on_attempt(told)
 
     def on_attempt(made: ConcaveProgress) -> None:
         if path is not None:
@@ -77,7 +77,7 @@ def design_concave(work: Work) -> Design:
             wall=None if options.hollow is None else options.hollow.wall_mm / recipe.size_mm,
             seed=recipe.seed,
             resume=progress,
-            on_step=lambda step: work.listeners.on_step(_step(next(numbers), step)),
+            on_step=lambda step: work.callbacks.on_step(_step(next(numbers), step)),
             on_attempt=on_attempt,
         )
     except NoStartError:

@@ -169,7 +169,7 @@ def starts_of(work: Work, wanted: Floats) -> Iterator[Start | None]:
         if prior is not None:
             found = (start and _ranked(start, wanted, prior) for start in found)
     for number, start in enumerate(found):
-        work.listeners.on_start(number)
+        work.callbacks.on_start(number)
         yield start
 
 
@@ -216,14 +216,14 @@ def designed_die(
 
 def step_listener(work: Work) -> Callable[[DesignStep], None]:
     """What tells a run's listener of a solver's steps."""
-    return lambda step: work.listeners.on_step(_step(step))
+    return lambda step: work.callbacks.on_step(_step(step))
 
 
 def shape_listener(work: Work) -> Callable[[Any], None]:
     """What tells a run's listener of the shapes of a solver, which have `rests` and `directions`
     (k, 3) in the order of the start's."""
     order = np.argsort(work.recipe.outcome_of_direction())
-    return lambda shape: work.listeners.on_shape(shape.rests.hull, shape.directions[order])
+    return lambda shape: work.callbacks.on_shape(shape.rests.hull, shape.directions[order])
 
 
 def _step(step: DesignStep) -> Step:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.optimize.targets import Target
-from dicedesign.recipe.pipeline import Listeners, Work, finish, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.pipeline import Callbacks, Work, finish, run_stages
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import NAME, Recipe
 from dicedesign.results.parts import Status
 
@@ -130,9 +130,7 @@ class Die:
         Raises InputError for options that cannot be used, and EngravingError where a label does not
         fit.
         """
-        work = self._finished(
-            checked_recipe({**self.recipe.resolved(), "engrave": options or True})
-        )
+        work = self._finished(parse_recipe({**self.recipe.resolved(), "engrave": options or True}))
         if work.engraved is None:
             raise EngravingError(work.remarks[-1])
         self._work, self._result = work, None
@@ -232,13 +230,13 @@ def design(
         "print": printing,
     }
     entries = {key: entry for key, entry in given.items() if entry is not None}
-    listeners = None if on_step is None else Listeners(on_step=on_step)
-    return Die(design_recipe(checked_recipe(entries), listeners, last="check"))
+    callbacks = None if on_step is None else Callbacks(on_step=on_step)
+    return Die(design_recipe(parse_recipe(entries), callbacks, last="check"))
 
 
-def design_recipe(recipe: Recipe, listeners: Listeners | None = None, last: str = "throws") -> Work:
+def design_recipe(recipe: Recipe, callbacks: Callbacks | None = None, last: str = "throws") -> Work:
     """The work of a recipe up to and with a stage; nothing is written. Raises as `design`."""
-    work = Work(recipe, None, listeners or Listeners())
+    work = Work(recipe, None, callbacks or Callbacks())
     run_stages(work, last=last)
     return work
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.targets import Target
-from dicedesign.recipe.reading import checked_recipe, read_recipe, recipe_text
+from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.folder import PAGE, RECIPE, folder_of_results, write_results
 from dicedesign.results.parts import (
@@ -59,7 +59,7 @@ def _ignore(*_: Any) -> None:
 
 
 @dataclass(frozen=True)
-class Listeners:
+class Callbacks:
     """Progress callbacks. What one raises ends the run.
 
     Attributes
@@ -111,7 +111,7 @@ class Work:
 
     recipe: Recipe
     folder: Path | None = None
-    listeners: Listeners = field(default_factory=Listeners)
+    callbacks: Callbacks = field(default_factory=Callbacks)
     enlarge: bool = False
     resume: bool = False
     clock: Clock = field(init=False)
@@ -142,7 +142,7 @@ class Work:
     files: dict[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.clock = Clock(on_stage=self.listeners.on_stage)
+        self.clock = Clock(on_stage=self.callbacks.on_stage)
 
     def copy(self) -> Work:
         """The same so far; what stages do to one from here on the other does not see."""
@@ -425,7 +425,7 @@ def run(
     changes: Sequence[str] = (),
     enlarge: bool = False,
     resume: bool = False,
-    listeners: Listeners | None = None,
+    callbacks: Callbacks | None = None,
 ) -> Result:
     """Design, check, engrave and report one die, and write what came of it.
 
@@ -454,14 +454,14 @@ def run(
     if isinstance(recipe, str | Path):
         recipe = read_recipe(Path(recipe), changes)
     elif isinstance(recipe, Mapping):
-        recipe = checked_recipe(recipe)
+        recipe = parse_recipe(recipe)
     if resume and recipe.method.concave is None:
         raise InputError(
             f"--resume: expected a recipe of method: {{concave: {{}}}}, got {recipe.method.name}, "
             "which keeps no checkpoint; leave it out"
         )
     folder = Path("outputs") / recipe.name if out is None else Path(out)
-    work = Work(recipe, folder, listeners or Listeners(), enlarge, resume)
+    work = Work(recipe, folder, callbacks or Callbacks(), enlarge, resume)
     with folder_of_results(folder):
         try:
             run_stages(work)

@@ -58,7 +58,7 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     # What a change brought is relative to where the command runs; absolute paths stay.
     _resolve_paths(data, Path())
     try:
-        return checked_recipe(data)
+        return parse_recipe(data)
     except RecipeError as error:
         raise RecipeError(f"{path}: {error}") from error
 
@@ -100,7 +100,7 @@ def _check_entries(data: object) -> None:
         )
 
 
-def checked_recipe(data: Mapping[str, Any]) -> Recipe:
+def parse_recipe(data: Mapping[str, Any]) -> Recipe:
     """The recipe of plain data, as YAML would give them.
 
     Raises RecipeError if an entry is unknown or unusable; the message begins with its dotted key.

@@ -126,9 +126,9 @@ def _finished(folder: Path, recipe: Recipe) -> Lain:
 def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
     """The die of a recipe, designed and read back from its file."""
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.pipeline import Listeners
+    from dicedesign.recipe.pipeline import Callbacks
 
-    die = design_recipe(recipe, Listeners(on_step=lambda _: on_step()), last="check").plain
+    die = design_recipe(recipe, Callbacks(on_step=lambda _: on_step()), last="check").plain
     return Lain(die.body, die.poses, [facet.label or "" for facet in die.facets])
 
 

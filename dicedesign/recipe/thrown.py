@@ -144,7 +144,7 @@ def _refine(
             throw_on_tables=throw_on_tables,
             design=design,
             measures=lambda tried: shape_measures(tried, center),
-            on_round=work.listeners.on_round,
+            on_round=work.callbacks.on_round,
         )
 
     if work.start is None and others:

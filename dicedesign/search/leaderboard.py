@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dicedesign.recipe.reading import checked_recipe, recipe_text
+from dicedesign.recipe.reading import parse_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.folder import remove_files
 from dicedesign.runtime.arrays import Booleans, Floats
@@ -116,7 +116,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
                 "recipe_file": f"trial_{number}.yaml",
             }
         )
-        named = checked_recipe({**entries, "name": f"{recipe.name[:80]}_trial_{number}"})
+        named = parse_recipe({**entries, "name": f"{recipe.name[:80]}_trial_{number}"})
         files[f"trial_{number}.yaml"] = recipe_text(named).encode("utf-8")
         files.setdefault(BEST, files[f"trial_{number}.yaml"])
     picture = pareto_chart(finished, front, [entry["number"] for entry in board]).png()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError, OutputError, missing_extra
-from dicedesign.recipe.reading import checked_recipe, read_recipe, recipe_text
+from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.runtime.files import (
     atomic_write,
@@ -97,7 +97,7 @@ def varied_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Re
         weight = values[f"prefer.{name}"]
         if weight != space[f"prefer.{name}"].own:
             entries["method"]["exact"]["prefer"][name] = weight if weight >= OFF_BELOW else 0.0
-    return checked_recipe(entries)
+    return parse_recipe(entries)
 
 
 def _own_weights(recipe: Recipe) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from dicedesign.errors import DiceError, NoStartError, OutsideHullError
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.runtime.workers import MOST_LOSSES, as_ended, is_lost_worker
 from dicedesign.search.study import SearchStudy
 
@@ -21,7 +21,7 @@ NO_DIE = "NO_DIE"
 def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Design the die of a recipe and measure it; nothing is engraved or written.
 
-    entries: the recipe as plain data, as in `checked_recipe`.
+    entries: the recipe as plain data, as in `parse_recipe`.
 
     Returns plain data: "status" as in result.json, or "no_die"; "message"; "max_abs_error";
     "inradius_mm", radius of the smallest of the largest circles in the outcomes' facets, and
@@ -32,7 +32,7 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises InputError where no other seed would help: a mesh that cannot be read here, say.
     """
-    recipe, started = checked_recipe(entries), time.perf_counter()
+    recipe, started = parse_recipe(entries), time.perf_counter()
     try:
         work = design_recipe(recipe, last="check")
     except (NoStartError, OutsideHullError) as error:

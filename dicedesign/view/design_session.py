@@ -18,8 +18,8 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import FEWEST_FACETS, Start
-from dicedesign.recipe.pipeline import Listeners, Work, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze
@@ -70,12 +70,12 @@ class DieRequest:
                 f"facet, got {', '.join(self.pinned)}; unpin, or take the exact method"
             )
         start = {"mesh": {"path": SHAPE_FILE}} if goes_on else self.start
-        recipe = checked_recipe(self._entries(start or {"search": {}}, "exact"))
+        recipe = parse_recipe(self._entries(start or {"search": {}}, "exact"))
         if self.method == "exact":
             return recipe
         outcomes = len(recipe.target.target().labels)
         suits: dict[str, Any] = {"repulsion" if outcomes >= FEWEST_FACETS else "prism": {}}
-        return checked_recipe(self._entries(start or suits, self.method, goes_on))
+        return parse_recipe(self._entries(start or suits, self.method, goes_on))
 
     def _entries(
         self, start: Mapping[str, Any], method: str, goes_on: bool = False
@@ -402,8 +402,8 @@ class DesignSession:
             self._hold()
             self._require_current()
 
-        listeners = Listeners(on_start=on_start, on_shape=on_shape, on_step=on_step)
-        work = Work(recipe, listeners=listeners)
+        callbacks = Callbacks(on_start=on_start, on_shape=on_shape, on_step=on_step)
+        work = Work(recipe, callbacks=callbacks)
         if origin is None:
             run_stages(work, last="design")
         else:

@@ -17,8 +17,8 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.starts.shapes import mesh_start
 from dicedesign.recipe.output import die_contents
-from dicedesign.recipe.pipeline import Listeners, Work, run_stages
-from dicedesign.recipe.reading import checked_recipe, recipe_text
+from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
+from dicedesign.recipe.reading import parse_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
@@ -146,8 +146,8 @@ def printable_die(
     is_kept = designed is None or not is_straight
     if is_kept:
         entries |= _kept(shape, session.recipe)
-    recipe = checked_recipe(entries)
-    work = Work(recipe, listeners=Listeners(on_stage), enlarge=size_mm is None)
+    recipe = parse_recipe(entries)
+    work = Work(recipe, callbacks=Callbacks(on_stage), enlarge=size_mm is None)
     work.die = designed or _as_it_is(shape, recipe)
     run_stages(work, after="design", last="throws")
     return PrintableDie.of(work, shape, is_kept=is_kept)

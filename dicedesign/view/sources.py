@@ -147,19 +147,19 @@ def _finished(result: Result, tell: Tell) -> ViewedBody:
 
 def _designed(recipe: Recipe, tell: Tell) -> ViewedBody:
     from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.pipeline import Listeners
+    from dicedesign.recipe.pipeline import Callbacks
     from dicedesign.results.result import Step
 
     def on_step(step: Step) -> None:
         off = "" if step.max_abs_error is None else f", off by {step.max_abs_error:.2g} at most"
         tell.words(f"designing {recipe.name}: step {step.step}{off}")
 
-    listeners = Listeners(
+    callbacks = Callbacks(
         on_stage=lambda stage: tell.words(f"designing {recipe.name}: {stage}"),
         on_step=on_step,
         on_attempt=lambda words: tell.words(f"designing {recipe.name}: {words}"),
     )
-    return viewed_work(design_recipe(recipe, listeners, last="engrave"))
+    return viewed_work(design_recipe(recipe, callbacks, last="engrave"))
 
 
 def viewed_work(work: Work) -> ViewedBody:

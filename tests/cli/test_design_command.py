@@ -16,7 +16,7 @@ from common.kernels import usual_notes
 
 from dicedesign import read_body, rest_poses
 from dicedesign.cli.main import main
-from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 
 
@@ -109,9 +109,9 @@ def design_with(monkeypatch: pytest.MonkeyPatch, method: dict[str, Any]) -> None
     """Let the command take options of the method that it has none for."""
 
     def changed(entries: dict[str, Any]) -> Recipe:
-        return checked_recipe({**entries, "method": method})
+        return parse_recipe({**entries, "method": method})
 
-    monkeypatch.setattr("dicedesign.cli.dice.checked_recipe", changed)
+    monkeypatch.setattr("dicedesign.cli.dice.parse_recipe", changed)
 
 
 def test_a_target_out_of_reach_is_told(

@@ -14,7 +14,7 @@ from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError, printable
 from dicedesign.fabricate.file_formats import save_mesh
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.reading import parse_recipe, read_recipe
 
 RECIPE = "name: a\ntarget: {fair: 4}\nsize_mm: 30\nfigures: false\nstart: {mesh: {path: %s}}\n"
 
@@ -62,7 +62,7 @@ def test_half_a_letter_is_refused_by_its_key(key: str) -> None:
     else:
         entries["target"] = {"fair": Path("\udcff")}
     with pytest.raises(RecipeError, match=f"^{key}: expected a text in UTF-8"):
-        checked_recipe(entries)
+        parse_recipe(entries)
 
 
 def test_what_a_run_writes_can_be_read_by_all(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.pipeline import Work, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
@@ -43,7 +43,7 @@ def designed(
     if target is None:
         probabilities = outcome_probabilities(rest_poses(points), directions).probabilities
         target = {"probabilities": (probabilities / probabilities.sum()).tolist()}
-    recipe = checked_recipe({"name": "die", "target": target, "engrave": False, **(entries or {})})
+    recipe = parse_recipe({"name": "die", "target": target, "engrave": False, **(entries or {})})
     work = Work(recipe)
     work.die = Design(status, hull, directions, known.pop("error", 0.0), (), **known)
     return work

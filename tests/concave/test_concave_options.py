@@ -9,7 +9,7 @@ import pytest
 
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions, HollowOptions
 from dicedesign.errors import InputError, RecipeError
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_a_recipe_gives_the_weights_of_the_paper() -> None:
         }
     }
     entries = {"name": "die", "target": {"fair": 3}, "start": {"shape": "duck"}}
-    options = checked_recipe({**entries, "method": method}).method.concave
+    options = parse_recipe({**entries, "method": method}).method.concave
     assert options is not None
     assert options.paper is not None
     assert options.paper.weights.barycenter == 0.3
@@ -88,4 +88,4 @@ def test_a_recipe_gives_the_weights_of_the_paper() -> None:
     assert (options.paper.bending, options.paper.power) == (0.5, 3)
     method["concave"]["paper"] = {"weights": {"coplaner": 1.0}}
     with pytest.raises(RecipeError, match="coplaner"):
-        checked_recipe({**entries, "method": method})
+        parse_recipe({**entries, "method": method})

@@ -17,7 +17,7 @@ from dicedesign.fabricate.printers import MATERIALS, PrintErrors, PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import parsed_stl
 from dicedesign.recipe.pipeline import Work, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.results.parts import Printability
 
 RECIPE = {"name": "d4", "target": {"fair": 4}}
@@ -44,16 +44,16 @@ def test_options_say_what_is_wrong() -> None:
 def test_a_recipe_says_it_in_a_word_or_leaves_it_out() -> None:
     assert PrintOptions(material="abs").density == MATERIALS["abs"].density_g_cm3
     assert PrintOptions(material="abs", density_g_cm3=1.5).density == 1.5
-    assert checked_recipe(RECIPE).print == PrintOptions()
-    assert checked_recipe({**RECIPE, "print": "sla"}).print == PrintOptions(printer="sla")
-    assert checked_recipe({**RECIPE, "print": False}).print is None
+    assert parse_recipe(RECIPE).print == PrintOptions()
+    assert parse_recipe({**RECIPE, "print": "sla"}).print == PrintOptions(printer="sla")
+    assert parse_recipe({**RECIPE, "print": False}).print is None
     options: dict[str, Any] = {"printer": "sls", "oriented": True, "infill": 0.2, "walls_mm": 0.8}
-    given = checked_recipe({**RECIPE, "print": {**options, "errors": {"dimensional_mm": 0.05}}})
+    given = parse_recipe({**RECIPE, "print": {**options, "errors": {"dimensional_mm": 0.05}}})
     assert given.print == PrintOptions(**options, errors=PrintErrors(dimensional_mm=0.05))
-    for recipe in (given, checked_recipe({**RECIPE, "print": False})):
-        assert checked_recipe(recipe.resolved()) == recipe
+    for recipe in (given, parse_recipe({**RECIPE, "print": False})):
+        assert parse_recipe(recipe.resolved()) == recipe
     with pytest.raises(InputError, match=r"print: printer: expected fdm, sla, sls, got 'laser'"):
-        checked_recipe({**RECIPE, "print": "laser"})
+        parse_recipe({**RECIPE, "print": "laser"})
 
 
 def printed(

@@ -14,7 +14,7 @@ from dicedesign.optimize.starts.shapes import prism
 from dicedesign.recipe.convex import designed_die, wanted_probabilities
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import RoundOfThrows, Status
 
@@ -30,7 +30,7 @@ METHODS = {
 
 
 def recipe(method: str) -> Recipe:
-    return checked_recipe(
+    return parse_recipe(
         {
             "name": "die",
             "target": {

@@ -24,7 +24,7 @@ from dicedesign.cli.main import main
 from dicedesign.errors import InputError, LabelRoomError
 from dicedesign.recipe import pipeline
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import Listeners
+from dicedesign.recipe.pipeline import Callbacks
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.folder import read_result
@@ -95,8 +95,8 @@ def test_a_recipe_becomes_a_checked_die(
     stages: list[str] = []
     steps: list[tuple[int, str]] = []
     recipe = read_recipe(recipe_path, ["engrave=true"])
-    listeners = Listeners(stages.append, lambda step: steps.append((step.attempt, step.stage)))
-    result = pipeline.run(recipe, tmp_path / "new" / "die", listeners=listeners)
+    callbacks = Callbacks(stages.append, lambda step: steps.append((step.attempt, step.stage)))
+    result = pipeline.run(recipe, tmp_path / "new" / "die", callbacks=callbacks)
     assert result.converged
     summary = check(result.folder)
     assert summary == summary_of(result)
@@ -516,7 +516,7 @@ def test_a_knot_becomes_a_loaded_die_killed_or_not(tmp_path: Path, quick: None) 
         "method: {concave: {points: 300, attempts: 5, displacement: 1e-3, seconds: 600}}\n"
     )
     whole, parts, steps = tmp_path / "whole", tmp_path / "parts", []
-    result = pipeline.run(path, whole, listeners=Listeners(on_step=steps.append))
+    result = pipeline.run(path, whole, callbacks=Callbacks(on_step=steps.append))
     assert result.converged, result.message
     assert result.search.attempts == 5
     assert result.concave.displacement.mean < 0.05

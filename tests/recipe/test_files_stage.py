@@ -16,7 +16,7 @@ from dicedesign.fabricate import file_formats
 from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.recipe.pipeline import run
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import read_result
 
@@ -113,6 +113,6 @@ def test_a_file_with_other_probabilities_is_left_out(
     ],
 )
 def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> None:
-    recipe = checked_recipe({**COIN, "files": files})
+    recipe = parse_recipe({**COIN, "files": files})
     assert recipe.files == expected
     assert yaml.safe_load(yaml.safe_dump(recipe.resolved()))["files"] == expected

@@ -12,7 +12,7 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, solid_properties
 from dicedesign.recipe.pipeline import run
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 
@@ -34,7 +34,7 @@ def test_a_hollow_die_has_the_probabilities_by_its_own_center_of_mass(tmp_path: 
         "figures": False,
         "report": False,
     }
-    result = run(checked_recipe(recipe), tmp_path)
+    result = run(parse_recipe(recipe), tmp_path)
     assert result.concave.cavities is not None
     for name in ("die_plain.stl", "die.stl"):
         body = read_body(tmp_path / name)

@@ -11,7 +11,7 @@ import trimesh
 
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.recipe.pipeline import run
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import read_result
 
@@ -39,7 +39,7 @@ def probabilities(mesh: trimesh.Trimesh, center: np.ndarray, count: int) -> np.n
 
 def test_a_cavity_below_labels(tmp_path: Path) -> None:
     result = run(
-        checked_recipe(recipe({"by": "cavity", "wall_mm": 1.5}, edges={"radius_mm": 1.0})), tmp_path
+        parse_recipe(recipe({"by": "cavity", "wall_mm": 1.5}, edges={"radius_mm": 1.0})), tmp_path
     )
     assert result.converged
     mesh = trimesh.load(tmp_path / "die.stl")
@@ -57,7 +57,7 @@ def test_a_cavity_below_labels(tmp_path: Path) -> None:
 
 def test_a_cavity_of_a_die_under_a_prior(tmp_path: Path) -> None:
     prior = "vmf:0,0,-1:1"
-    result = run(checked_recipe(recipe("cavity", engrave=False, prior=prior)), tmp_path)
+    result = run(parse_recipe(recipe("cavity", engrave=False, prior=prior)), tmp_path)
     mesh = trimesh.load(tmp_path / "die.stl")
     corners = np.asarray(mesh.vertices).astype(np.float32)
     found = rest_poses(corners, mesh.center_mass).under(prior).probabilities
@@ -67,7 +67,7 @@ def test_a_cavity_of_a_die_under_a_prior(tmp_path: Path) -> None:
 
 
 def test_infill_has_a_file_of_its_own(tmp_path: Path) -> None:
-    result = run(checked_recipe(recipe("infill", engrave=False)), tmp_path)
+    result = run(parse_recipe(recipe("infill", engrave=False)), tmp_path)
     assert result.converged
     assert "die_sparse.stl" in result.files.values()
     assert result.inside is not None
@@ -76,8 +76,8 @@ def test_infill_has_a_file_of_its_own(tmp_path: Path) -> None:
 
 def test_what_is_refused() -> None:
     with pytest.raises(RecipeError, match="inside: expected a center_of_mass that is given"):
-        checked_recipe(recipe("cavity", center_of_mass="uniform"))
+        parse_recipe(recipe("cavity", center_of_mass="uniform"))
     with pytest.raises(RecipeError, match=r"inside.*wall_mm"):
-        checked_recipe(recipe({"wall_mm": -1}))
+        parse_recipe(recipe({"wall_mm": -1}))
     with pytest.raises(InputError, match=r"inside: .*wall_mm"):
-        run(checked_recipe(recipe({"wall_mm": 19.0}, engrave=False)))
+        run(parse_recipe(recipe({"wall_mm": 19.0}, engrave=False)))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import Listeners
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.pipeline import Callbacks
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 
@@ -23,14 +23,14 @@ METHODS: list[dict[str, Any]] = [
 @pytest.mark.parametrize("entries", METHODS, ids=["searched", "exact", "paper"])
 def test_shapes_have_the_probabilities_of_their_steps(entries: dict[str, Any]) -> None:
     target = {"probabilities": [0.5, 0.3, 0.2], "labels": ["a", "b", "c"]}
-    recipe = checked_recipe({"name": "d3", "target": target, **entries})
+    recipe = parse_recipe({"name": "d3", "target": target, **entries})
     told, errors, starts = [], [], []
-    listeners = Listeners(
+    callbacks = Callbacks(
         on_start=starts.append,
         on_shape=lambda hull, directions: told.append((hull, directions)),
         on_step=lambda step: errors.append(step.max_abs_error),
     )
-    work = design_recipe(recipe, listeners, last="design")
+    work = design_recipe(recipe, callbacks, last="design")
     assert len(told) == len(errors) == len(work.die.steps)
     assert starts == list(range(len(starts)))
     assert len(starts) >= (work.die.starts if work.recipe.method.exact else 0)
@@ -56,7 +56,7 @@ def test_what_a_listener_raises_ends_the_run() -> None:
         if len(shapes) == 3:
             raise Enough
 
-    recipe = checked_recipe({"name": "d5", "target": {"fair": 5}})
+    recipe = parse_recipe({"name": "d5", "target": {"fair": 5}})
     with pytest.raises(Enough):
-        design_recipe(recipe, Listeners(on_shape=seen), last="design")
+        design_recipe(recipe, Callbacks(on_shape=seen), last="design")
     assert len(shapes) == 3

@@ -11,7 +11,7 @@ from common.made_up_die import SIDES, box, designed
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.results.parts import RoundOfThrows, Status
 
@@ -80,7 +80,7 @@ def test_the_label_goes_where_its_outcome_went() -> None:
 
 def test_a_symmetric_die_stays_symmetric() -> None:
     """Facets that the group carries to each other still bear equally probable labels."""
-    recipe = checked_recipe(
+    recipe = parse_recipe(
         {
             "name": "d6",
             "target": {"probabilities": [1 / 8, 1 / 4, 1 / 8, 1 / 4, 1 / 8, 1 / 8]},

@@ -17,8 +17,8 @@ from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import STAGES, Listeners, Stage, Work, run
-from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.pipeline import STAGES, Callbacks, Stage, Work, run
+from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import Status
@@ -44,8 +44,8 @@ def test_a_recipe_becomes_a_checked_die(repository: Path, tmp_path: Path) -> Non
     recipe = read_recipe(repository / CIRCUS)
     stages: list[str] = []
     steps: list[int] = []
-    listeners = Listeners(stages.append, lambda step: steps.append(step.step))
-    result = run(recipe, tmp_path / "new" / "die", listeners=listeners)
+    callbacks = Callbacks(stages.append, lambda step: steps.append(step.step))
+    result = run(recipe, tmp_path / "new" / "die", callbacks=callbacks)
     assert result.converged
     assert check(result.folder) == summary(result)
     assert read_result(result.folder) == result
@@ -195,11 +195,11 @@ def weighing() -> Iterator[Stage]:
 
 
 def test_a_stage_from_outside_has_its_turn(weighing: Stage) -> None:
-    work = design_recipe(checked_recipe(RECIPE))
+    work = design_recipe(parse_recipe(RECIPE))
     names = [stage["name"] for stage in work.clock.stages]
     assert names == ["start", "load", "design", "export", "check", "weigh"]
     assert work.result().notes[-1].startswith("it weighs ")
-    small = design_recipe(checked_recipe({**RECIPE, "size_mm": 15}))
+    small = design_recipe(parse_recipe({**RECIPE, "size_mm": 15}))
     assert [stage["name"] for stage in small.clock.stages][-1] == "check"
 
 

@@ -12,7 +12,7 @@ import dicedesign as dd
 from dicedesign.errors import RecipeError
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.report.pages import throwing_advice
 from dicedesign.rest.outcomes import outcome_probabilities
 
@@ -33,7 +33,7 @@ def lower_half(axis: tuple[float, float, float], count: int) -> np.ndarray:
     ],
 )
 def test_the_target_is_met_under_the_prior(target: dict[str, object], prior: str) -> None:
-    given = checked_recipe({"name": "die", "target": target, "prior": prior, **BARE})
+    given = parse_recipe({"name": "die", "target": target, "prior": prior, **BARE})
     work = design_recipe(given, last="check")
     wanted = work.target.probabilities
     assert work.status is dd.Status.CONVERGED, work.remarks
@@ -50,7 +50,7 @@ def test_the_labeled_file_has_the_probabilities_of_directions_that_are_drawn(
     axis = (0.0, 0.6, -0.8)
     recipe = {**BARE, "engrave": True, "edges": True, "print": {"printer": "fdm", "infill": 0.4}}
     text = "half:" + ",".join(map(str, axis))
-    given = checked_recipe({"name": "die", "target": {"fair": 5}, "prior": text, **recipe})
+    given = parse_recipe({"name": "die", "target": {"fair": 5}, "prior": text, **recipe})
     work = design_recipe(given, last="engrave")
     assert work.status is dd.Status.CONVERGED, work.remarks
     assert work.engraved is not None
@@ -74,7 +74,7 @@ def test_the_labeled_file_has_the_probabilities_of_directions_that_are_drawn(
 
 def test_all_directions_alike_is_no_prior() -> None:
     for prior in ("uniform", None):
-        given = checked_recipe({"name": "die", "target": {"fair": 4}, "prior": prior})
+        given = parse_recipe({"name": "die", "target": {"fair": 4}, "prior": prior})
         assert given.prior is None
         assert given.resolved()["prior"] == "uniform"
     even = dd.design({"fair": 4}, prior="vmf:0,0,1:0")
@@ -97,11 +97,11 @@ def test_all_directions_alike_is_no_prior() -> None:
 )
 def test_what_cannot_be_meant_is_refused(entries: dict[str, object], said: str) -> None:
     with pytest.raises(RecipeError, match=said):
-        checked_recipe({"name": "die", "target": {"fair": 6}, **entries})
+        parse_recipe({"name": "die", "target": {"fair": 6}, **entries})
 
 
 def test_samples_are_refused_with_what_would_help(tmp_path: Path) -> None:
     path = tmp_path / "seen.csv"
     path.write_text("x,y,z\n0,0,1\n")
     with pytest.raises(RecipeError, match="dicedesign rest"):
-        checked_recipe({"name": "die", "target": {"fair": 6}, "prior": f"samples:{path}"})
+        parse_recipe({"name": "die", "target": {"fair": 6}, "prior": f"samples:{path}"})

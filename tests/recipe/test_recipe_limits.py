@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from dicedesign.errors import RecipeError
-from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 
 GOOD: dict[str, Any] = {"name": "die", "target": {"fair": 4}, "start": {"repulsion": {}}}
@@ -28,7 +28,7 @@ def labeled(label: str) -> dict[str, Any]:
     ],
 )
 def test_what_is_just_within_is_taken(entries: dict[str, Any]) -> None:
-    assert isinstance(checked_recipe({**GOOD, **entries}), Recipe)
+    assert isinstance(parse_recipe({**GOOD, **entries}), Recipe)
 
 
 @pytest.mark.parametrize(
@@ -42,11 +42,11 @@ def test_what_is_just_within_is_taken(entries: dict[str, Any]) -> None:
 )
 def test_what_is_just_beyond_is_refused_by_its_key(entries: dict[str, Any], key: str) -> None:
     with pytest.raises(RecipeError, match=key):
-        checked_recipe({**GOOD, **entries})
+        parse_recipe({**GOOD, **entries})
 
 
 def test_a_recipe_does_not_change() -> None:
-    recipe = checked_recipe(GOOD)
+    recipe = parse_recipe(GOOD)
     with pytest.raises(ValidationError, match="frozen"):
         recipe.seed = 3
     with pytest.raises(AttributeError):

@@ -13,7 +13,7 @@ from dicedesign.concave.shapes import shape
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe import pipeline
 from dicedesign.recipe.pipeline import Work
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.solid import make_start
 from dicedesign.results.folder import read_result
 
@@ -37,7 +37,7 @@ def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
     duck = shape("duck")
     recipe = written(tmp_path / "duck.obj", duck, 20)
     recipe["method"]["concave"]["points"] = 1200
-    result = pipeline.run(checked_recipe(recipe), tmp_path / "out")
+    result = pipeline.run(parse_recipe(recipe), tmp_path / "out")
     repair = result.concave.repair
     assert repair is not None
     assert (repair.pieces, repair.handles, repair.handles_before) == (1, 0, None)
@@ -51,7 +51,7 @@ def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
 
 def test_a_good_mesh_is_left_as_it_is(tmp_path: Path) -> None:
     original = bumpy_sphere(2)
-    work = Work(checked_recipe(written(tmp_path / "good.obj", original)))
+    work = Work(parse_recipe(written(tmp_path / "good.obj", original)))
     make_start(work)
     assert work.surface is not None
     np.testing.assert_array_equal(work.surface.points, original.points)

@@ -16,12 +16,12 @@ from dicedesign.optimize.starts.shapes import prism
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 
 
 def started(**entries: Any) -> Work:
     given = {"name": "die", "start": {"prism": {}}, "engrave": False, **entries}
-    return design_recipe(checked_recipe(given), last="start")
+    return design_recipe(parse_recipe(given), last="start")
 
 
 def test_a_die_that_is_too_large_to_be_thrown_is_refused_where_it_is_thrown() -> None:

@@ -11,7 +11,7 @@ from common.dented_cube import MadeUpSearch, write_cube
 
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
@@ -31,7 +31,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Work]
             "start": {"mesh": {"path": str(tmp_path / "cube.obj")}},
             "method": {"concave": {"attempts": 3, **options}},
         }
-        return design_recipe(checked_recipe(entries), last="check")
+        return design_recipe(parse_recipe(entries), last="check")
 
     return make
 

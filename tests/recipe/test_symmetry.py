@@ -14,7 +14,7 @@ from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
 
@@ -24,7 +24,7 @@ equally probable."""
 
 
 def recipe(**entries: object) -> Recipe:
-    return checked_recipe({"name": "die", "start": {"search": {}}, **entries})
+    return parse_recipe({"name": "die", "start": {"search": {}}, **entries})
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_none_is_no_symmetry_and_is_written_so(tmp_path: Path) -> None:
 
 
 def designed(**entries: Any) -> Work:
-    work = Work(checked_recipe({"name": "d", "symmetry": "auto", "engrave": False, **entries}))
+    work = Work(parse_recipe({"name": "d", "symmetry": "auto", "engrave": False, **entries}))
     run_stages(work, last="design")
     return work
 
@@ -182,7 +182,7 @@ def test_thrown_dice_are_symmetric_unless_they_are_told_otherwise() -> None:
         ({**thrown, "start": {"prism": {}}}, None),
         ({}, None),
     ):
-        recipe = checked_recipe({"name": "d", "target": {"fair": 5}, **entries})
+        recipe = parse_recipe({"name": "d", "target": {"fair": 5}, **entries})
         assert recipe.symmetry == expected
-        again = checked_recipe(recipe.resolved())
+        again = parse_recipe(recipe.resolved())
         assert again.symmetry == expected

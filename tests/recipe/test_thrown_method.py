@@ -18,8 +18,8 @@ from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_near
-from dicedesign.recipe.pipeline import Listeners, Work, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.results.parts import RoundOfThrows, Status
 from dicedesign.throws import simulation as die_on_table
 from dicedesign.throws.momentum_model import other_tables
@@ -118,8 +118,8 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
     rounds: list[RoundOfThrows] = []
     exact = {**ROBUST["method"]["exact"], "table": fitted_table}
     work = Work(
-        checked_recipe({**ROBUST, "method": {"exact": exact}}),
-        listeners=Listeners(on_round=rounds.append),
+        parse_recipe({**ROBUST, "method": {"exact": exact}}),
+        callbacks=Callbacks(on_round=rounds.append),
     )
     run_stages(work, last="throws")
     assert work.status is Status.CONVERGED
@@ -140,7 +140,7 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
 
 def test_a_die_that_need_not_be_robust_is_thrown_onto_its_table_alone(fitted_table: str) -> None:
     exact = {**ROBUST["method"]["exact"], "table": fitted_table, "prefer": {"circles": 1.0}}
-    work = Work(checked_recipe({**ROBUST, "method": {"exact": exact}}))
+    work = Work(parse_recipe({**ROBUST, "method": {"exact": exact}}))
     run_stages(work, last="design")
     assert len(work.die.rounds) >= 1
     assert all(one.elsewhere_drops == 0 and one.elsewhere is None for one in work.die.rounds)

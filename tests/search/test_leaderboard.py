@@ -17,7 +17,7 @@ from common.parsed_html import parsed
 from PIL import Image
 
 from dicedesign import rest_poses
-from dicedesign.recipe.reading import checked_recipe, read_recipe
+from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.report.curve_charts import pareto_chart
 from dicedesign.report.pages import lying_die_png
@@ -142,7 +142,7 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
 @pytest.mark.parametrize("is_assigned", [True, False])
 def test_the_assignment_is_told_where_it_was_varied(tmp_path: Path, is_assigned: bool) -> None:
     entries = {"name": "die", "start": {"prism": {"sides": 3}}, "method": {"paper": {}}}
-    recipe = checked_recipe({**entries, "target": {"binomial": 2} if is_assigned else {"fair": 3}})
+    recipe = parse_recipe({**entries, "target": {"binomial": 2} if is_assigned else {"fair": 3}})
     for entry in write_results(tmp_path, recipe, made(recipe, 6)):
         assert ("assignment" in entry["varied"]) == is_assigned
 

@@ -14,7 +14,7 @@ from common.made_up_trial import made_up_trial
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.optimize.preferences import PREFERENCES, Preferences
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.search.study import JOURNAL, RECIPE, open_study, search_space, varied_recipe
 from dicedesign.search.trials import run_search
@@ -31,7 +31,7 @@ def searched(folder: Path, recipe: Recipe, trials: int) -> list[dict[str, Any]]:
 @pytest.fixture
 def varied() -> Recipe:
     """A recipe with numbers of all kinds for the sampler to propose."""
-    return checked_recipe(
+    return parse_recipe(
         {
             "name": "total",
             "target": {"sum_of_dice": [2, 3]},
@@ -56,7 +56,7 @@ def test_a_search_goes_on_as_if_it_had_not_stopped(tmp_path: Path, varied: Recip
 
 @pytest.mark.parametrize("weight", [0.0, 0.005, 40.0])
 def test_the_first_trial_is_the_recipe(tmp_path: Path, weight: float) -> None:
-    recipe = checked_recipe(
+    recipe = parse_recipe(
         {
             "name": "first",
             "target": {"fair": 4},
@@ -186,7 +186,7 @@ def test_without_optuna_the_extra_is_named(
 
 
 def made(**entries: Any) -> Recipe:
-    return checked_recipe({"name": "die", "target": {"binomial": 3}, "seed": 7, **entries})
+    return parse_recipe({"name": "die", "target": {"binomial": 3}, "seed": 7, **entries})
 
 
 ASSIGNED = [f"assignment.{label}" for label in "0123"]

@@ -20,7 +20,7 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.solvers.reshaping import reshaped, stretched
 from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.recipe.pipeline import Work, run_stages
-from dicedesign.recipe.reading import checked_recipe
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
@@ -29,7 +29,7 @@ TETRAHEDRON = {"name": "four", "target": {"probabilities": [0.3, 0.25, 0.25, 0.2
 
 
 def made(**entries: object) -> Work:
-    work = Work(checked_recipe({**TETRAHEDRON, **entries}), None)
+    work = Work(parse_recipe({**TETRAHEDRON, **entries}), None)
     run_stages(work, last="engrave")
     return work
 
@@ -130,7 +130,7 @@ def test_a_radius_larger_than_a_facet() -> None:
 @pytest.mark.parametrize("engrave", [{"style": "raised"}, {"balance": "fill"}])
 def test_a_surface_is_only_marked(engrave: dict[str, str]) -> None:
     with pytest.raises(InputError, match="concave"):
-        checked_recipe(
+        parse_recipe(
             {
                 "name": "x",
                 "target": {"fair": 3},
