@@ -33,7 +33,7 @@ from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finished
-from dicedesign.recipe.convex import normalized_center, wanted_probabilities
+from dicedesign.recipe.convex import normalized_center, target_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import Start
@@ -253,7 +253,7 @@ class PaperProblem:
     def __init__(self, recipe: Recipe, start: Start) -> None:
         self.recipe, self.start = recipe, start
         self.options = replace(recipe.method.paper, prefer=Preferences(), tolerance=None)
-        self.target = wanted_probabilities(recipe)
+        self.target = target_probabilities(recipe)
         self.center = normalized_center(recipe, start)
 
     def descend(self, seed: int, options: PaperOptions) -> DesignResult:

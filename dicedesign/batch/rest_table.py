@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dicedesign.errors import InputError, missing_extra
-from dicedesign.runtime.checkpoint import KeptFile
+from dicedesign.runtime.checkpoint import AutosavedFile
 from dicedesign.runtime.files import read_file
 
 if TYPE_CHECKING:
@@ -301,7 +301,7 @@ class RestTable:
         self.path = path
         self.entries = dict(entries)
         self._format = table_format(path)
-        self._file = KeptFile(path, "a table", self._content)
+        self._file = AutosavedFile(path, "a table", self._content)
         self._file.change()
 
     @staticmethod

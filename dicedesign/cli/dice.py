@@ -18,7 +18,7 @@ from dicedesign.cli.options import (
     workers_of,
 )
 from dicedesign.errors import InputError, RecipeError, check_whole, named, printable
-from dicedesign.recipe.reading import parse_recipe, read_recipe, typed_target
+from dicedesign.recipe.reading import parse_recipe, parse_target, read_recipe
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
@@ -46,7 +46,7 @@ def run_recipe(options: Run) -> int:
 def design(options: Design) -> int:
     """Make the die of some probabilities."""
     with _named_options():
-        target = typed_target(options.target, options.labels)
+        target = parse_target(options.target, options.labels)
     if options.repair and options.mesh is None:
         raise InputError("--repair: expected --mesh FILE with it, got none; add it")
     entries: dict[str, Any] = {

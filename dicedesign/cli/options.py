@@ -28,14 +28,14 @@ MISSING_KERNELS: Final = (
     "there is a C++ compiler"
 )
 
-MOST_JOBS: Final = 4096
+MAX_JOBS: Final = 4096
 """More processes than any machine bears."""
 
 
 def check_worker_options(options: WithWorkers) -> None:
     """Raise InputError for a number of jobs or an address that cannot be meant."""
     if options.jobs is not None:
-        check_whole("--jobs", options.jobs, most=MOST_JOBS)
+        check_whole("--jobs", options.jobs, most=MAX_JOBS)
     if options.scheduler is not None and "://" not in options.scheduler:
         raise InputError(
             "--scheduler: expected an address such as tcp://10.0.0.5:8786, got "

@@ -29,7 +29,7 @@ from dicedesign.cli.options import (
     workers_of,
 )
 from dicedesign.errors import InputError, named, printable
-from dicedesign.runtime.files import atomic_write, interrupts_held
+from dicedesign.runtime.files import atomic_write, hold_interrupts
 
 if TYPE_CHECKING:
     from dicedesign.geometry.meshes.body import Body
@@ -298,7 +298,7 @@ def _log_rolls(log: RollLog, judge: Callable[[Integers], RollVerdict]) -> None:
             if not line or (text == DONE and DONE not in log.labels):
                 break
             try:
-                with interrupts_held("rolls"):
+                with hold_interrupts("rolls"):
                     done = _take(log, text)
             except InputError as error:
                 if not at_terminal:

@@ -26,7 +26,7 @@ from dicedesign.rest.outcomes import (
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Numbers, RoundOfThrows, Status
-from dicedesign.results.result import FacetOfDie, HullsMade, Result, Step
+from dicedesign.results.result import FacetOfDie, HullCounts, Result, Step
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MARGIN, SAME_REST_ANGLE
 
@@ -66,7 +66,7 @@ class Design:
     terms: Mapping[str, float] | None = None
     starts: int | None = None
     evaluations: int | None = None
-    hulls: HullsMade | None = None
+    hulls: HullCounts | None = None
     rounds: tuple[RoundOfThrows, ...] = ()
     reshaped: ConcaveDie | None = None
     prior: Prior | None = None

@@ -28,7 +28,7 @@ from dicedesign.recipe.solid import check_orbits
 from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
-from dicedesign.results.result import HullsMade, Step
+from dicedesign.results.result import HullCounts, Step
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.workers import one_tensor_thread
 
@@ -42,16 +42,16 @@ TRIED: Final = 4
 """How many of these are led to the probabilities."""
 
 
-def design_exactly(work: Work) -> Design:
+def design_exact(work: Work) -> Design:
     """The die of a recipe, from its start or from shapes that are searched.
 
     Raises InputError if no start suits the target.
     """
-    wanted = wanted_probabilities(work.recipe)
-    return designed_die(work, solver(work)(starts_of(work, wanted), wanted))
+    wanted = target_probabilities(work.recipe)
+    return make_design(work, solver(work)(find_starts(work, wanted), wanted))
 
 
-def design_as_paper(work: Work) -> Design:
+def design_paper(work: Work) -> Design:
     """The die of a recipe, from its start. Raises InputError if that does not suit the target."""
     from dicedesign.optimize.solvers.paper import solve_paper
 
@@ -62,15 +62,15 @@ def design_as_paper(work: Work) -> Design:
     assert recipe.method.paper is not None
     result = solve_paper(
         start,
-        wanted_probabilities(recipe),
+        target_probabilities(recipe),
         recipe.method.paper,
         center_of_mass=center,
         seed=recipe.seed,
-        on_step=step_listener(work),
-        on_evaluation=shape_listener(work),
-        on_candidate=shape_listener(work),
+        on_step=make_step_callback(work),
+        on_evaluation=make_shape_callback(work),
+        on_candidate=make_shape_callback(work),
     )
-    return designed_die(work, replace(result, directions=_own_directions(result, center)))
+    return make_design(work, replace(result, directions=_own_directions(result, center)))
 
 
 def _own_directions(result: DesignResult, center: Floats | None) -> Floats:
@@ -116,12 +116,12 @@ def _leads_there(work: Work) -> bool:
             return False
         if orbits_of_directions(start.directions, group).max() + 1 == len(start.directions):
             return False
-    wanted, options = wanted_probabilities(work.recipe), exact_options(work.recipe)
+    wanted, options = target_probabilities(work.recipe), exact_options(work.recipe)
     quick = replace(options, prefer=Preferences(), starts=TRIED)
     if options.probabilities == "thrown":
         # Other tables do not matter for whether there is a die at all.
         sensitivity = TableSensitivity(ThrowProbabilities.on(options.table_with_hand), (), wanted)
-    starts = islice(starts_of(work, wanted), TURNS)
+    starts = islice(find_starts(work, wanted), TURNS)
     try:
         result = solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)
     except NoStartError:
@@ -129,7 +129,7 @@ def _leads_there(work: Work) -> bool:
     return result.status is Status.CONVERGED
 
 
-def wanted_probabilities(recipe: Recipe) -> Floats:
+def target_probabilities(recipe: Recipe) -> Floats:
     """(k,) target in the order of the start's directions."""
     return recipe.target.target().probabilities[recipe.outcome_of_direction()]
 
@@ -149,16 +149,16 @@ def solver(work: Work) -> Callable[..., DesignResult]:
         center_of_mass=normalized_center(recipe, work.start),
         group=recipe.group(),
         least_circle=recipe.min_inradius_mm / recipe.size_mm,
-        prior=recipe.prior_read(),
-        on_step=step_listener(work),
-        on_candidate=shape_listener(work),
+        prior=recipe.density_prior(),
+        on_step=make_step_callback(work),
+        on_candidate=make_shape_callback(work),
     )
 
 
-def starts_of(work: Work, wanted: Floats) -> Iterator[Start | None]:
+def find_starts(work: Work, wanted: Floats) -> Iterator[Start | None]:
     """What the solver begins with, one after the other, each of which a run's listener is told of;
     None where nothing was found for a while."""
-    recipe, group, prior = work.recipe, work.recipe.group(), work.recipe.prior_read()
+    recipe, group, prior = work.recipe, work.recipe.group(), work.recipe.density_prior()
     found: Iterator[Start | None]
     if work.start is not None:
         found = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
@@ -192,9 +192,7 @@ def normalized_center(recipe: Recipe, start: Start | None) -> Floats | None:
     return start.normalized(np.array(recipe.center_of_mass))
 
 
-def designed_die(
-    work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, ...] = ()
-) -> Design:
+def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, ...] = ()) -> Design:
     """The die of a solver's result."""
     recipe = work.recipe
     die = Design(
@@ -207,19 +205,19 @@ def designed_die(
         terms=result.terms,
         starts=result.starts,
         evaluations=result.evaluations,
-        hulls=HullsMade(result.hulls_built, result.hulls_reused),
+        hulls=HullCounts(result.hulls_built, result.hulls_reused),
         rounds=rounds,
-        prior=recipe.prior_read(),
+        prior=recipe.density_prior(),
     )
     return die.reordered(np.argsort(recipe.outcome_of_direction()))
 
 
-def step_listener(work: Work) -> Callable[[DesignStep], None]:
+def make_step_callback(work: Work) -> Callable[[DesignStep], None]:
     """What tells a run's listener of a solver's steps."""
     return lambda step: work.callbacks.on_step(_step(step))
 
 
-def shape_listener(work: Work) -> Callable[[Any], None]:
+def make_shape_callback(work: Work) -> Callable[[Any], None]:
     """What tells a run's listener of the shapes of a solver, which have `rests` and `directions`
     (k, 3) in the order of the start's."""
     order = np.argsort(work.recipe.outcome_of_direction())

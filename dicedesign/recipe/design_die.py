@@ -154,13 +154,13 @@ class Die:
         folder: made if missing; the die is called like it. Raises OutputError where it cannot be
         written.
         """
-        from dicedesign.results.folder import folder_of_results
+        from dicedesign.results.folder import open_results_folder
 
         work, folder = self._work.copy(), Path(folder)
         work.folder = folder
         if re.fullmatch(NAME, folder.name):
             work.recipe = self.recipe.model_copy(update={"name": folder.name})
-        with folder_of_results(folder):
+        with open_results_folder(folder):
             run_stages(work, after="throws")
             return finish(work)
 

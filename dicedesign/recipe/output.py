@@ -244,7 +244,7 @@ FIGURES_SHOWN: Final = ("faces", "rests", "reading")
 
 def draw_figures(work: Work) -> None:
     """Draw the figures that are wanted of the die."""
-    work.images = figure_files(finished_die(work))
+    work.images = figure_files(make_finished_die(work))
     suffixes = {figure.name: figure.suffix for figure in FIGURES}
     work.files |= {f"{name}{suffixes[name]}": data for name, data in work.images.items()}
 
@@ -255,7 +255,7 @@ def write_data_sheet(work: Work) -> None:
     from dicedesign.report.raster import decoded
     from dicedesign.report.renderer import Surface
 
-    die = finished_die(work)
+    die = make_finished_die(work)
     solid = die.plain.body if die.engraved is None else die.engraved
     assert solid.triangles is not None
     surface = Surface(solid.points, solid.triangles, smooth=die.reshaped is not None)
@@ -272,12 +272,12 @@ def write_page(work: Work) -> None:
     """Make report.html of the result, the printed die and the figures."""
     from dicedesign.report.pages import die_page, live_die
 
-    die = finished_die(work)
+    die = make_finished_die(work)
     live = live_die(die, die_contents(work).parts)
     work.files["report.html"] = die_page(die.result, work.images, live).encode("utf-8")
 
 
-def finished_die(work: Work) -> FinishedDie:
+def make_finished_die(work: Work) -> FinishedDie:
     """The die of a run as figures draw it."""
     mesh = work.recipe.start.mesh
     return FinishedDie(

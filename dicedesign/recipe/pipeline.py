@@ -17,7 +17,7 @@ from dicedesign.errors import InputError
 from dicedesign.optimize.targets import Target
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
-from dicedesign.results.folder import PAGE, RECIPE, folder_of_results, write_results
+from dicedesign.results.folder import PAGE, RECIPE, open_results_folder, write_results
 from dicedesign.results.parts import (
     Concave,
     Printability,
@@ -254,9 +254,9 @@ class Stage(Extension):
 
 
 METHODS: Final = {
-    "exact": "dicedesign.recipe.convex:design_exactly",
+    "exact": "dicedesign.recipe.convex:design_exact",
     "thrown": "dicedesign.recipe.thrown:design_for_table",
-    "paper": "dicedesign.recipe.convex:design_as_paper",
+    "paper": "dicedesign.recipe.convex:design_paper",
     "concave": "dicedesign.recipe.concave:design_concave",
 }
 """Addresses of the functions that make a `Design` of a `Work`."""
@@ -462,7 +462,7 @@ def run(
         )
     folder = Path("outputs") / recipe.name if out is None else Path(out)
     work = Work(recipe, folder, callbacks or Callbacks(), enlarge, resume)
-    with folder_of_results(folder):
+    with open_results_folder(folder):
         try:
             run_stages(work)
             return finish(work)

@@ -46,7 +46,7 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     RecipeError: the file is missing or no YAML mapping, or an entry is unknown or unusable; the
         message names file, key, what was expected and what came.
     """
-    data = loaded_yaml(read_text(path, "a recipe", error=RecipeError), str(path))
+    data = parse_yaml(read_text(path, "a recipe", error=RecipeError), str(path))
     if not isinstance(data, dict):
         raise RecipeError(
             f"{path}: expected keys and values, got {reprlib.repr(data)}; write name: ... and "
@@ -150,7 +150,7 @@ _Loader.add_implicit_resolver(
 )
 
 
-def loaded_yaml(content: str, where: str) -> object:
+def parse_yaml(content: str, where: str) -> object:
     """What a text in YAML says. Raises RecipeError, naming where it is from, where it is none."""
     try:
         return yaml.load(content, Loader=_Loader)
@@ -168,7 +168,7 @@ def _apply(data: dict[str, Any], change: str) -> None:
         if not isinstance(data.get(parent), dict):
             data[parent] = {}
         data = data[parent]
-    data[last] = loaded_yaml(value, f"--set {key}")
+    data[last] = parse_yaml(value, f"--set {key}")
 
 
 def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
@@ -242,7 +242,7 @@ LARGEST_DENOMINATOR: Final = 10_000
 """Of fractions that anybody reads."""
 
 
-def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
+def parse_target(text: str, labels: str | None = None) -> dict[str, Any]:
     """The entries of a recipe's `target`, unchecked.
 
     Parameters
@@ -255,7 +255,7 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
     """
     entries: dict[str, Any]
     if ":" in text:
-        read = loaded_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
+        read = parse_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
         if not isinstance(read, dict):
             raise RecipeError(
                 f"target: expected probabilities or a key and a value, got {text!r}; write "
@@ -269,8 +269,8 @@ def typed_target(text: str, labels: str | None = None) -> dict[str, Any]:
     return entries
 
 
-def written_probabilities(probabilities: Iterable[float]) -> str:
-    """The text that `typed_target` takes for these probabilities, to the last bit: fractions where
+def format_probabilities(probabilities: Iterable[float]) -> str:
+    """The text that `parse_target` takes for these probabilities, to the last bit: fractions where
     they are short."""
     pairs = [(float(p), Fraction(p).limit_denominator(LARGEST_DENOMINATOR)) for p in probabilities]
     return ", ".join(str(short) if float(short) == p else repr(p) for p, short in pairs)

@@ -413,7 +413,7 @@ class Recipe(Strict):
         }
         yield from (f"{fault}; leave it out" for fault, is_there in faults.items() if is_there)
 
-    def prior_read(self) -> DensityPrior | None:
+    def density_prior(self) -> DensityPrior | None:
         """The prior, or None for all directions alike."""
         prior = None if self.prior is None else read_prior(self.prior)
         assert prior is None or isinstance(prior, DensityPrior)

@@ -115,7 +115,7 @@ def _finished(folder: Path, recipe: Recipe) -> Lain:
     body = read_body(folder / PLAIN)
     # A file does not say where the center of mass is of a body that is not uniform.
     given = None if recipe.center_of_mass is None else result.center_of_mass
-    poses = rest_poses(body, given).under(recipe.prior_read())
+    poses = rest_poses(body, given).under(recipe.density_prior())
     # Rests of equal probabilities may come in another order than when the file was written.
     shown = np.array([facet.normal for facet in result.facets]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, shown).tolist()
@@ -165,7 +165,7 @@ def _ablations(
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import solve_paper
     from dicedesign.optimize.terms import cluster
-    from dicedesign.recipe.convex import normalized_center, wanted_probabilities
+    from dicedesign.recipe.convex import normalized_center, target_probabilities
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.report.solid_figures import Ablation
     from dicedesign.rest.poses import analyze
@@ -196,7 +196,7 @@ def _ablations(
             )
             die = solve_paper(
                 start,
-                wanted_probabilities(recipe),
+                target_probabilities(recipe),
                 options,
                 center_of_mass=center,
                 seed=recipe.seed,

@@ -24,12 +24,12 @@ from dicedesign.optimize.solvers.refinement import Refinement, Thrown, shape_mea
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.convex import (
-    designed_die,
     exact_options,
+    find_starts,
+    make_design,
     normalized_center,
     solver,
-    starts_of,
-    wanted_probabilities,
+    target_probabilities,
 )
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status
@@ -67,17 +67,17 @@ model has kinks, at which some get stuck."""
 def design_for_table(work: Work) -> Design:
     """The die of a recipe by the momentum model of its table, corrected by rounds of throws where
     the recipe asks for them. Raises InputError as `exact.design`, or as the start does."""
-    wanted, options = wanted_probabilities(work.recipe), exact_options(work.recipe)
+    wanted, options = target_probabilities(work.recipe), exact_options(work.recipe)
     name = options.table_with_hand
     others = other_tables(table_named(name), posterior_tables(name))
     sensitivity = TableSensitivity(ThrowProbabilities.on(name), others, wanted)
-    starts = iter(starts_of(work, wanted))
+    starts = iter(find_starts(work, wanted))
     result = solver(work)(starts, wanted, sensitivity=sensitivity)
     rounds: tuple[RoundOfThrows, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
         with throwing_threads() as workers:
             result, rounds = _refine(work, result, starts, sensitivity, options.refine, workers)
-    return designed_die(work, result, rounds)
+    return make_design(work, result, rounds)
 
 
 def _refine(
@@ -91,7 +91,7 @@ def _refine(
     """The die that rounds of throws at its printed size lead to, and the rounds; from one, or from
     the steadiest of some that further starts lead to."""
     recipe, options, solve = work.recipe, exact_options(work.recipe), solver(work)
-    wanted, group, name = wanted_probabilities(recipe), recipe.group(), options.table_with_hand
+    wanted, group, name = target_probabilities(recipe), recipe.group(), options.table_with_hand
     center, model = normalized_center(recipe, work.start), momentum_model(name)
     others: tuple[Table, ...] = ()
     is_free = len(np.unique(wanted)) > 1 or group is None
@@ -105,12 +105,12 @@ def _refine(
         return DieOnTable.of(solid, middle, die.directions, table_named(name))
 
     def throw(die: DesignResult, drops: int, number: int) -> Thrown:
-        thrown, seed = on_table(die), seed_of(recipe.seed, number)
+        thrown, seed = on_table(die), throw_seed(recipe.seed, number)
         throws = thrown.simulated(drops, seed, refine.engine, workers)
         return Thrown(thrown.counts(throws), thrown.momentum(model))
 
     def throw_on_tables(die: DesignResult, drops: int, number: int) -> list[Thrown]:
-        thrown, seed = on_table(die), seed_of(recipe.seed, number, is_elsewhere=True)
+        thrown, seed = on_table(die), throw_seed(recipe.seed, number, is_elsewhere=True)
         counts = thrown.counts_on(others, drops, seed, refine.engine, workers)
         return [
             Thrown(count, thrown.momentum(model and model.near(table)))
@@ -167,7 +167,7 @@ def _converged(solve: Callable[..., DesignResult], *what: Any, **how: Any) -> De
     return result if result.status is Status.CONVERGED else None
 
 
-def seed_of(seed: int, number: int, *, is_elsewhere: bool = False) -> int:
+def throw_seed(seed: int, number: int, *, is_elsewhere: bool = False) -> int:
     """The seed of a round's throws, of those onto other tables that of the first one's, for a
     recipe's seed; the verdict over the finished die has the number `VERDICT`."""
     return SEEDS * seed + SERIES * number + is_elsewhere
@@ -185,11 +185,11 @@ def throw(work: Work) -> None:
     throws = elsewhere = None
     if refine is not None:
         with throwing_threads() as workers:
-            seed = seed_of(work.recipe.seed, VERDICT)
+            seed = throw_seed(work.recipe.seed, VERDICT)
             throws = die.simulated(refine.verdict, seed, refine.engine, workers)
             if model is not None and tables:
                 drops = math.ceil(ON_TABLES * refine.verdict / len(tables))
-                seed = seed_of(work.recipe.seed, VERDICT, is_elsewhere=True)
+                seed = throw_seed(work.recipe.seed, VERDICT, is_elsewhere=True)
                 counts = die.counts_on(tables, drops, seed, refine.engine, workers)
                 elsewhere = variations_on_tables(
                     target,

@@ -16,8 +16,8 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.files import (
     atomic_write,
-    interrupts_held,
-    locked_folder,
+    hold_interrupts,
+    lock_folder,
     make_writable_folder,
     read_file,
     remove_partial_files,
@@ -66,7 +66,7 @@ def write_results(
     """
     owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *DATA_SHEETS, *names])
     told = result.json_text().encode("utf-8")
-    with interrupts_held("the results were complete by then"):
+    with hold_interrupts("the results were complete by then"):
         remove_files(folder, [RESULT, *(name for name in owned if name not in files)])
         for name, data in files.items():
             atomic_write(folder / name, data)
@@ -75,7 +75,7 @@ def write_results(
 
 
 @contextmanager
-def folder_of_results(folder: Path) -> Iterator[None]:
+def open_results_folder(folder: Path) -> Iterator[None]:
     """Have a folder alone that can be written, made if missing; what a killed process left half
     written is removed, and folders in which an error leaves nothing go again.
 
@@ -87,7 +87,7 @@ def folder_of_results(folder: Path) -> Iterator[None]:
     try:
         # Nobody waits for a die that cannot be kept.
         make_writable_folder(folder)
-        with locked_folder(folder):
+        with lock_folder(folder):
             remove_partial_files(folder)
             yield
     except BaseException:

@@ -79,7 +79,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class HullsMade:
+class HullCounts:
     """Convex hulls of a design: built from scratch, and reused with their corners moved."""
 
     built: int
@@ -102,7 +102,7 @@ class Designed:
     energy: dict[str, float] | None = None
     starts: int | None = None
     evaluations: int | None = None
-    hulls: HullsMade | None = None
+    hulls: HullCounts | None = None
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ SHARE: Final = 0.02
 """Of the time, at most so much goes into writing the file before the end."""
 
 
-class KeptFile:
+class AutosavedFile:
     """A file that one process writes, again and again as a whole: at any time it holds the old
     content or all of the new."""
 
@@ -173,7 +173,7 @@ class Checkpoint:
         file of other work."""
         self._work = dict(work or {})
         self._rows: dict[str, list[NDArray[Any]]] = {}
-        self._file = None if path is None else KeptFile(path, "a checkpoint", self._content)
+        self._file = None if path is None else AutosavedFile(path, "a checkpoint", self._content)
         if path is not None and os.path.lexists(path):
             self._rows = read_checkpoint(
                 path,

@@ -34,7 +34,7 @@ class Clock:
         """Measure what runs under it, once it has ended well."""
         if self.on_stage is not None:
             self.on_stage(name)
-        self.peak_since = "stage" if restart_peak() else "start"
+        self.peak_since = "stage" if reset_peak() else "start"
         started = time.perf_counter()
         yield
         seconds, peak = time.perf_counter() - started, peak_megabytes()
@@ -57,7 +57,7 @@ _RESTART_PEAK: Final = b"5"
 _MEGABYTE: Final = 1e6
 
 
-def restart_peak() -> bool:
+def reset_peak() -> bool:
     """Let the peak count from now on. False where the system does not allow that, as outside of
     Linux or with a read-only /proc; then it goes on counting from the start of the process."""
     try:
@@ -74,7 +74,7 @@ def restart_peak() -> bool:
 
 def peak_megabytes() -> float | None:
     """Largest resident memory of the process, all libraries included, in units of 10^6 bytes, since
-    the last successful `restart_peak` or else since the process started. None where the system does
+    the last successful `reset_peak` or else since the process started. None where the system does
     not tell."""
     try:
         with open(_STATUS, "rb") as status:

@@ -19,10 +19,10 @@ from typing import Any, Final
 
 from dicedesign.errors import InputError, OutputError
 
-MOST_TEXT: Final = 1 << 24
+MAX_TEXT_BYTES: Final = 1 << 24
 """Bytes of a file that people write: 16 MiB."""
 
-MOST_DATA: Final = 1 << 32
+MAX_DATA_BYTES: Final = 1 << 32
 """Bytes of a file that programs write: 4 GiB."""
 
 _FLAGS: Final = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -38,7 +38,7 @@ _KINDS: Final = {
 
 
 def read_file(
-    path: Path, kind: str, *, most: int = MOST_DATA, error: type[InputError] = InputError
+    path: Path, kind: str, *, most: int = MAX_DATA_BYTES, error: type[InputError] = InputError
 ) -> bytes:
     """Content of a regular file; nothing else is waited for.
 
@@ -88,9 +88,9 @@ def _reason(fault: Exception) -> str:
 
 
 def read_text(path: Path, kind: str, *, error: type[InputError] = InputError) -> str:
-    """Text of a regular file in UTF-8 of at most `MOST_TEXT` bytes; parameters and errors as of
-    `read_file`."""
-    data = read_file(path, kind, most=MOST_TEXT, error=error)
+    """Text of a regular file in UTF-8 of at most `MAX_TEXT_BYTES` bytes; parameters and errors as
+    of `read_file`."""
+    data = read_file(path, kind, most=MAX_TEXT_BYTES, error=error)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
@@ -223,7 +223,7 @@ came, it locks nothing."""
 
 
 @contextmanager
-def locked_folder(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Nobody else comes in here with the same folder, an existing one, meanwhile.
 
     Raises
@@ -282,7 +282,7 @@ def _is_at(handle: int, path: Path) -> bool:
 
 
 @contextmanager
-def interrupts_held(said: str) -> Iterator[None]:
+def hold_interrupts(said: str) -> Iterator[None]:
     """An interrupt that comes in here is raised at the end of it, for something short.
 
     said: the message of that KeyboardInterrupt. Where somebody else handles interrupts, and in

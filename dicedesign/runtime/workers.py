@@ -239,7 +239,7 @@ def _installed_version() -> str:
     return PACKAGE_VERSION
 
 
-def no_worker_left(executor: Executor) -> bool:
+def has_no_workers(executor: Executor) -> bool:
     """True if tasks of `cluster_workers` wait because all workers have gone."""
     return isinstance(executor, _ClusterWorkers) and executor.is_empty()
 
@@ -256,7 +256,7 @@ def is_lost_worker(error: BaseException) -> bool:
     return isinstance(error, lost)
 
 
-def as_ended(
+def iterate_completed(
     next_task: Callable[[], Task | None],
     submit: Callable[[Task], Future[Result]],
     most: int,
@@ -333,7 +333,9 @@ def run_in_batches(
         lost: list[Item] = []
         # One that runs and one that waits for it to end, for each worker.
         at_once = 1 if run else 2 * jobs
-        for task, future in as_ended(partial(next, iter(tasks), None), submit, at_once, on_quiet):
+        for task, future in iterate_completed(
+            partial(next, iter(tasks), None), submit, at_once, on_quiet
+        ):
             try:
                 result = future.result()
             except Exception as error:
@@ -420,7 +422,7 @@ class Workers:
 
     def on_quiet(self) -> None:
         """Say once, where nothing was done for a while, that a cluster has no worker left."""
-        if not self.told and no_worker_left(self.executor):
+        if not self.told and has_no_workers(self.executor):
             self.told = True
             note = f"note: {self.scheduler} has no worker left; {self.unit} wait for one to join"
             self.bar.write(note, file=sys.stderr)

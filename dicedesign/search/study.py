@@ -19,7 +19,7 @@ from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.runtime.files import (
     atomic_write,
-    locked_folder,
+    lock_folder,
     make_writable_folder,
     remove_partial_files,
 )
@@ -232,7 +232,7 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
     except ImportError as error:
         raise missing_extra("search", "search", error) from error
     make_writable_folder(folder)
-    with locked_folder(folder):
+    with lock_folder(folder):
         remove_partial_files(folder)
         _check_recipe(folder, recipe)
         level = optuna.logging.get_verbosity()

@@ -11,7 +11,7 @@ from typing import Any
 from dicedesign.errors import DiceError, NoStartError, OutsideHullError
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.reading import parse_recipe
-from dicedesign.runtime.workers import MOST_LOSSES, as_ended, is_lost_worker
+from dicedesign.runtime.workers import MOST_LOSSES, is_lost_worker, iterate_completed
 from dicedesign.search.study import SearchStudy
 
 NO_DIE = "NO_DIE"
@@ -116,7 +116,7 @@ def run_search(
     def submit(trial: _Trial) -> Future[dict[str, Any]]:
         return executor.submit(run_trial, trial.recipe)
 
-    for trial, future in as_ended(next_trial, submit, jobs, on_quiet):
+    for trial, future in iterate_completed(next_trial, submit, jobs, on_quiet):
         try:
             result = future.result()
         except DiceError:

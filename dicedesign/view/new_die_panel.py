@@ -11,7 +11,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
-from dicedesign.recipe.reading import typed_target, written_probabilities
+from dicedesign.recipe.reading import format_probabilities, parse_target
 from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.registry import Number
@@ -322,7 +322,7 @@ class NewDiePanel:
         shown = viewed.outcomes
         if viewed is self._own or shown is None or shown.target is None:
             return
-        self._probabilities.value = written_probabilities(shown.target.tolist())
+        self._probabilities.value = format_probabilities(shown.target.tolist())
         self._labels.value = ", ".join(shown.labels)
         self._asked()
 
@@ -330,7 +330,7 @@ class NewDiePanel:
         """What the fields ask for, or None where they cannot; then the page says why."""
         try:
             labels = self._labels.value.strip()
-            target = typed_target(self._probabilities.value, labels or None)
+            target = parse_target(self._probabilities.value, labels or None)
             asked = self._options.request(target)
             asked.recipe()
         except DiceError as error:

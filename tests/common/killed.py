@@ -14,7 +14,7 @@ from dicedesign.cli.main import main
 from dicedesign.runtime import checkpoint, workers
 
 workers.local_workers = lambda jobs: nullcontext(Inline())
-checkpoint.KeptFile.is_due = True
+checkpoint.AutosavedFile.is_due = True
 replace, left = os.replace, int(sys.argv[1])
 
 def replaced(*arguments):

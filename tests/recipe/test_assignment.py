@@ -11,7 +11,7 @@ import pytest
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.starts.shapes import prism
-from dicedesign.recipe.convex import designed_die, wanted_probabilities
+from dicedesign.recipe.convex import make_design, target_probabilities
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import parse_recipe
@@ -70,14 +70,14 @@ def test_what_a_solver_tells_by_direction_is_told_by_outcome() -> None:
     """Also of the rounds of throws."""
     given, start = recipe("thrown"), prism(4)
     np.testing.assert_array_equal(
-        wanted_probabilities(given), [PROBABILITIES[label] for label in ORDER]
+        target_probabilities(given), [PROBABILITIES[label] for label in ORDER]
     )
     asked, seen = (0.1, 0.2, 0.3, 0.4), (0.15, 0.25, 0.35, 0.2)
     result = DesignResult(
         Status.CONVERGED, convex_hull(start.points), start.directions, 0.0, {}, (), 1, 1, 0
     )
     rounds = (RoundOfThrows(100, 0.1, 0.01, 0.1, 0, None, True, asked, seen),)
-    die = designed_die(Work(given), result, rounds)
+    die = make_design(Work(given), result, rounds)
     for place, label in enumerate(ORDER):
         outcome = "abcd".index(label)
         np.testing.assert_array_equal(die.directions[outcome], start.directions[place])

@@ -22,7 +22,7 @@ from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import Status
-from dicedesign.results.result import Designed, HullsMade, Result
+from dicedesign.results.result import Designed, HullCounts, Result
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
 """Corners of a body with more than four rests, in coordinates of its own."""
@@ -208,11 +208,11 @@ def test_a_result_says_what_the_work_holds() -> None:
     work = checked(box(4.0, 5.0, 6.0), SIDES[:3], Status.NO_PROGRESS, {"fair": 3})
     work.notes.append("a note")
     work.extra |= {"grams": 2.5}
-    work.die = replace(work.die, starts=5, evaluations=9, hulls=HullsMade(4, 2))
+    work.die = replace(work.die, starts=5, evaluations=9, hulls=HullCounts(4, 2))
     result = work.result()
     assert (result.status, result.message) == ("no_progress", "; ".join(work.remarks))
     assert result.extra == {"grams": 2.5}
-    assert result.design == Designed(work.design_error, None, 5, 9, HullsMade(4, 2))
+    assert result.design == Designed(work.design_error, None, 5, 9, HullCounts(4, 2))
     assert result.notes == ("a note",)
     assert result.unstable_facets == 0
     assert result.rest_counts == (1, 1, 1)

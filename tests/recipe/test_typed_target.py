@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import RecipeError
-from dicedesign.recipe.reading import typed_target, written_probabilities
+from dicedesign.recipe.reading import format_probabilities, parse_target
 from dicedesign.recipe.target import TargetRecipe
 
 
@@ -22,14 +22,14 @@ from dicedesign.recipe.target import TargetRecipe
     ],
 )
 def test_targets(text: str, entries: dict[str, object]) -> None:
-    assert typed_target(text) == entries
-    assert typed_target(text, "a, b") == {**entries, "labels": ["a", "b"]}
+    assert parse_target(text) == entries
+    assert parse_target(text, "a, b") == {**entries, "labels": ["a", "b"]}
 
 
 @pytest.mark.parametrize("text", ["a:", ": :", "[a: 1]", "fair: [", "!!python/x: y", "- a: 1"])
 def test_what_is_neither(text: str) -> None:
     with pytest.raises((RecipeError, ValueError)):
-        TargetRecipe.model_validate(typed_target(text))
+        TargetRecipe.model_validate(parse_target(text))
 
 
 def test_probabilities_are_written_to_the_last_bit() -> None:
@@ -39,7 +39,7 @@ def test_probabilities_are_written_to_the_last_bit() -> None:
         rng.dirichlet(np.ones(5)),
         np.array([1e-9, 1.0 - 1e-9]),
     ):
-        text = written_probabilities(probabilities.tolist())
-        read = TargetRecipe.model_validate(typed_target(text))
+        text = format_probabilities(probabilities.tolist())
+        read = TargetRecipe.model_validate(parse_target(text))
         assert read.probabilities == probabilities.tolist()
-    assert written_probabilities([1 / 2, 1 / 3, 1 / 6]) == "1/2, 1/3, 1/6"
+    assert format_probabilities([1 / 2, 1 / 3, 1 / 6]) == "1/2, 1/3, 1/6"

@@ -14,11 +14,11 @@ from common.finished_run import finished_result
 
 from dicedesign.errors import InputError
 from dicedesign.recipe.pipeline import run
-from dicedesign.results.folder import folder_of_results, write_results
+from dicedesign.results.folder import open_results_folder, write_results
 
 
 def broken_off(folder: Path, fault: BaseException, *names: str) -> None:
-    with folder_of_results(folder):
+    with open_results_folder(folder):
         for name in names:
             (folder / name).touch()
         raise fault
@@ -63,8 +63,8 @@ def test_an_interrupt_waits_until_results_are_complete(tmp_path: Path) -> None:
 HOLDER = """
 import sys, time
 from pathlib import Path
-from dicedesign.results.folder import folder_of_results
-with folder_of_results(Path(sys.argv[1])):
+from dicedesign.results.folder import open_results_folder
+with open_results_folder(Path(sys.argv[1])):
     print("in", flush=True)
     time.sleep(60)
 """
@@ -92,11 +92,11 @@ def test_two_do_not_write_into_one_folder(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from dicedesign.results.folder import folder_of_results
+from dicedesign.results.folder import open_results_folder
 from dicedesign.runtime.files import atomic_write
 os.replace = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
 folder = Path(sys.argv[1])
-with folder_of_results(folder):
+with open_results_folder(folder):
     atomic_write(folder / "die.stl", b"whole")
 """
 
@@ -109,5 +109,5 @@ def test_what_a_killed_process_left_half_written_goes(tmp_path: Path) -> None:
     assert done.returncode < 0
     (partial,) = set(tmp_path.glob(".*.part")) - {mine}
     assert partial.read_bytes() == b"whole"
-    with folder_of_results(tmp_path):
+    with open_results_folder(tmp_path):
         assert list(tmp_path.glob(".*.part")) == [mine]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dicedesign.runtime import clock as peak_memory
-from dicedesign.runtime.clock import peak_megabytes, restart_peak
+from dicedesign.runtime.clock import peak_megabytes, reset_peak
 
 resource = pytest.importorskip("resource")
 
@@ -22,7 +22,7 @@ def ever() -> float:
 
 
 def test_the_peak_rises_with_what_is_held() -> None:
-    restart_peak()
+    reset_peak()
     before = peak_megabytes()
     block = np.ones(25_000_000)
     during = peak_megabytes()
@@ -34,14 +34,14 @@ def test_the_peak_rises_with_what_is_held() -> None:
 
 
 def test_a_restarted_peak_forgets_what_was_given_back() -> None:
-    if not restart_peak():
+    if not reset_peak():
         pytest.skip("this system does not restart the peak")
     before = peak_megabytes()
     block = np.ones(25_000_000)
     during = peak_megabytes()
     del block
     after = peak_megabytes()
-    assert restart_peak()
+    assert reset_peak()
     restarted = peak_megabytes()
     assert during - before == pytest.approx(200.0, abs=5.0)
     assert after == pytest.approx(during, abs=2.0)
@@ -58,21 +58,21 @@ def test_without_proc_the_peak_is_that_since_the_start(
     monkeypatch.setattr(peak_memory, "_STATUS", str(tmp_path / "status"))
     if status is not None:
         (tmp_path / "status").write_bytes(status)
-    assert not restart_peak()
+    assert not reset_peak()
     assert not (tmp_path / "clear_refs").exists()
     assert peak_megabytes() == pytest.approx(ever(), rel=0.01)
 
 
 def test_a_refused_write_is_no_restart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peak_memory, "_RESTART", str(tmp_path))
-    assert not restart_peak()
+    assert not reset_peak()
 
     def refuse(*arguments: object) -> int:
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.undo()
     monkeypatch.setattr(os, "write", refuse)
-    assert not restart_peak()
+    assert not reset_peak()
 
 
 def test_where_nobody_counts_there_is_no_peak(

@@ -16,9 +16,9 @@ from common.inline_executor import Inline, Late, Lossy
 from dicedesign.errors import DiceError
 from dicedesign.runtime import workers
 from dicedesign.runtime.workers import (
-    as_ended,
     in_order,
     is_lost_worker,
+    iterate_completed,
     local_workers,
     run_in_batches,
 )
@@ -39,7 +39,9 @@ def test_as_many_run_at_a_time_as_asked() -> None:
         running.append(len(late.waiting))
         late.end_one()
 
-    ended = as_ended(lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6, on_quiet)
+    ended = iterate_completed(
+        lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6, on_quiet
+    )
     squares = {task: future.result() for task, future in ended}
     assert squares == {n: n**2 for n in range(8)}
     assert list(squares) != list(range(8))
@@ -52,7 +54,7 @@ def test_a_task_that_failed_may_be_given_again() -> None:
     def next_task() -> str | None:
         return waiting.pop() if waiting else None
 
-    for task, future in as_ended(next_task, partial(lossy.submit, str.upper), 1):
+    for task, future in iterate_completed(next_task, partial(lossy.submit, str.upper), 1):
         if future.exception() is None:
             done.append(future.result())
         else:

@@ -13,7 +13,7 @@ def test_a_cluster_without_workers_is_told_of_once_for_each_time(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     empty = True
-    monkeypatch.setattr(workers_module, "no_worker_left", lambda executor: empty)
+    monkeypatch.setattr(workers_module, "has_no_workers", lambda executor: empty)
     with progress_bar("trials", 9) as bar:
         workers = Workers(Inline(), 1, "trials", bar, "tcp://far:1")
         for _ in range(3):

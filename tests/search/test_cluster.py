@@ -26,7 +26,7 @@ from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.runtime import workers
-from dicedesign.runtime.workers import cluster_workers, no_worker_left
+from dicedesign.runtime.workers import cluster_workers, has_no_workers
 from dicedesign.search.study import open_study
 from dicedesign.search.trials import run_search
 
@@ -150,15 +150,15 @@ def test_a_scheduler_that_goes_leaves_what_is_finished(
             worker.kill()
 
     def on_quiet() -> None:
-        if no_worker_left(executor):
+        if has_no_workers(executor):
             processes[-1].kill()
 
     with open_study(tmp_path / "out", recipe) as study:
         with cluster_workers(address) as (executor, _):
-            assert not no_worker_left(executor)
+            assert not has_no_workers(executor)
             with pytest.raises(DiceError, match="expected a Dask scheduler until the end"):
                 run_search(study, 1000, executor, 2, on_trial=on_trial, on_quiet=on_quiet)
-            assert not no_worker_left(executor)
+            assert not has_no_workers(executor)
         kept = study.finished()
         assert kept
         run_search(study, len(kept) + 1, Inline(), 1)

@@ -14,7 +14,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.recipe.pipeline import run
-from dicedesign.recipe.reading import typed_target
+from dicedesign.recipe.reading import parse_target
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.result import Result
@@ -131,7 +131,7 @@ def test_a_die_that_is_not_done_can_be_made_too(tmp_path: Path) -> None:
 
 def test_every_preset_is_a_target() -> None:
     for probabilities, labels in PRESETS.values():
-        recipe = DieRequest(typed_target(probabilities, labels or None)).recipe()
+        recipe = DieRequest(parse_target(probabilities, labels or None)).recipe()
         assert sum(recipe.target.target().probabilities) == pytest.approx(1.0)
 
 
