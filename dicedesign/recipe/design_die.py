@@ -58,6 +58,12 @@ class Die:
         """What was asked for, with every default."""
         return self._work.recipe
 
+    def _repr_html_(self) -> str:
+        """The die to turn, and its table, in a notebook."""
+        from dicedesign.report.notebook import result_html
+
+        return result_html(self.result, (self.vertices, self.triangles))
+
     @property
     def status(self) -> str:
         """ "converged", or in one word why the die does not meet its target."""

@@ -6,6 +6,7 @@ import math
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -170,6 +171,14 @@ class RestPoses:
     basins: tuple[Basins, ...]
     prior: Prior | None = None
     errors: Floats | None = None
+
+    def __repr__(self) -> str:
+        return f"<RestPoses: {len(self.probabilities)} rests, {self.probabilities}>"
+
+    def _repr_html_(self) -> str:
+        """HTML of the hull to turn and a table of the rests, for notebooks."""
+        # By its address, as pictures are drawn on a higher floor.
+        return str(import_module("dicedesign.report.notebook").poses_html(self))
 
     def under(self, prior: Prior | str | None) -> RestPoses:
         """The same rests with their probabilities where not all orientations are equally likely at

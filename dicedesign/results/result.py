@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -309,6 +310,14 @@ class Result:
     stages: tuple[StageTime, ...] = ()
     peak_since: str = "start"
     folder: Path | None = field(default=None, compare=False)
+
+    def __repr__(self) -> str:
+        return f"<Result {self.name}: {self.status}, {self.message}>"
+
+    def _repr_html_(self) -> str:
+        """HTML of the printed die to turn and a table of its outcomes, for notebooks."""
+        # By its address, as pictures are drawn on a higher floor.
+        return str(import_module("dicedesign.report.notebook").result_html(self))
 
     @property
     def converged(self) -> bool:
