@@ -31,12 +31,12 @@ class HullWeights(PaperWeights):
     __slots__ = ()
 
     @classmethod
-    def declared(cls) -> Mapping[str, Number]:
+    def list_numbers(cls) -> Mapping[str, Number]:
         """Those of all terms, with defaults of their own."""
         defaults = {"coplanar": 1.0, "barycenter": 0.1, "neighbor": 0.05, "apart": 0.3}
         return {
             name: replace(number, default=defaults.get(name, number.default))
-            for name, number in super().declared().items()
+            for name, number in super().list_numbers().items()
         }
 
 

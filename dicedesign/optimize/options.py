@@ -208,7 +208,7 @@ class PaperWeights(EnergyWeights):
     __slots__ = ()
 
     @classmethod
-    def declared(cls) -> Mapping[str, Number]:
+    def list_numbers(cls) -> Mapping[str, Number]:
         """Those of all terms, with defaults of their own."""
         defaults = {
             "coplanar": 2.0,
@@ -220,7 +220,7 @@ class PaperWeights(EnergyWeights):
         }
         return {
             name: replace(number, default=defaults.get(name, number.default))
-            for name, number in super().declared().items()
+            for name, number in super().list_numbers().items()
         }
 
     @property

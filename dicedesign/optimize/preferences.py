@@ -249,7 +249,7 @@ class Preferences(Numbers):
     __slots__ = ()
 
     @classmethod
-    def declared(cls) -> Mapping[str, Number]:
+    def list_numbers(cls) -> Mapping[str, Number]:
         """The weight of each preference."""
         return {
             preference.name: Number(

@@ -389,7 +389,7 @@ class EnergyWeights(Numbers):
     prefix = "weights."
 
     @classmethod
-    def declared(cls) -> Mapping[str, Number]:
+    def list_numbers(cls) -> Mapping[str, Number]:
         """Weight and options of each term but those that are always there."""
         declared: dict[str, Number] = {}
         for term in TERMS:

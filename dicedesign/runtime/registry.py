@@ -167,7 +167,7 @@ class Numbers:
     def __init__(self, **given: float) -> None:
         """Raises InputError for a name that nothing declares, a number that is not allowed, and a
         declared name that the class needs for itself."""
-        declared = self.declared()
+        declared = self.list_numbers()
         for name in declared:
             if hasattr(type(self), name):
                 raise InputError(
@@ -188,14 +188,15 @@ class Numbers:
         self._values = {name: given.get(name, number.default) for name, number in declared.items()}
 
     @classmethod
-    def declared(cls) -> Mapping[str, Number]:
+    def list_numbers(cls) -> Mapping[str, Number]:
         """What may be given, by name, in order."""
         raise NotImplementedError
 
     def as_dict(self) -> dict[str, float]:
         """All numbers by name."""
         return {
-            name: self._values.get(name, number.default) for name, number in self.declared().items()
+            name: self._values.get(name, number.default)
+            for name, number in self.list_numbers().items()
         }
 
     def changed(self: Own, **changes: float) -> Own:
@@ -207,7 +208,7 @@ class Numbers:
             raise AttributeError(name)
         if name in self._values:
             return self._values[name]
-        later = self.declared().get(name)
+        later = self.list_numbers().get(name)
         if later is None:
             raise AttributeError(f"{type(self).__name__} has no {name!r}")
         return later.default
@@ -235,7 +236,7 @@ class Numbers:
             number = core_schema.float_schema(strict=True)
             key = core_schema.typed_dict_field(number, required=False)
             keys = core_schema.typed_dict_schema(
-                dict.fromkeys(cls.declared(), key), extra_behavior="forbid"
+                dict.fromkeys(cls.list_numbers(), key), extra_behavior="forbid"
             )
             return cls(**SchemaValidator(keys).validate_json(json.dumps(entry)))
 
@@ -246,7 +247,7 @@ class Numbers:
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
         keys = {
             number.name: {"type": "number", "default": number.default, "description": number.line}
-            for number in cls.declared().values()
+            for number in cls.list_numbers().values()
         }
         return {"type": "object", "properties": keys, "additionalProperties": False}
 

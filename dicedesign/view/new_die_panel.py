@@ -84,12 +84,14 @@ class DieOptions:
                 "Steps a second", 1, FASTEST, 1, 30, hint=f"{FASTEST}: as fast as they come"
             )
             with gui.add_folder("Preferences", expand_by_default=False):
-                self._prefer = _sliders(page, Preferences.declared(), legible(), on_weights)
+                self._prefer = _sliders(page, Preferences.list_numbers(), legible(), on_weights)
             self._energy = gui.add_folder(
                 "Weights of the paper's energy", expand_by_default=False, visible=False
             )
             with self._energy:
-                self._weights = _sliders(page, PaperWeights.declared(), PaperWeights(), on_weights)
+                self._weights = _sliders(
+                    page, PaperWeights.list_numbers(), PaperWeights(), on_weights
+                )
         self._on_weights = on_weights
         self._method.on_update(lambda _: page.soon(self._take_method, "method"))
         self._speed.on_update(lambda _: page.soon(on_speed, "speed"))

@@ -200,8 +200,8 @@ def recipe_rows(
     schema: type, parent: str = "", instance: object = None
 ) -> Iterator[tuple[str, str, str]]:
     """The entries of a model or option class and of those within, depth first."""
-    if hasattr(schema, "declared"):  # Numbers that extensions declare.
-        for number in schema.declared().values():
+    if hasattr(schema, "list_numbers"):  # Numbers that extensions declare.
+        for number in schema.list_numbers().values():
             default = getattr(instance, number.name, number.default)
             yield f"`{parent}{number.name}`", written(default), number.line
         return
@@ -247,7 +247,7 @@ def nested_type(hint: Any) -> type | None:
         is_options = (
             issubclass(hint, BaseModel)
             or dataclasses.is_dataclass(hint)
-            or hasattr(hint, "declared")
+            or hasattr(hint, "list_numbers")
         )
         return hint if is_options else None
     found = (nested_type(part) for part in typing.get_args(hint) if part is not type(None))
