@@ -1,5 +1,8 @@
-"""What each subcommand takes: a dataclass whose fields are its arguments, those by keyword its
-options, and whose docstring is its help, with the placeholder of each value in brackets."""
+"""Arguments of each subcommand, as dataclasses: keyword-only fields are options.
+
+`help_text` describes them, with the placeholder of each value in brackets. It is no docstring, as
+`python -OO` removes those.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +13,19 @@ from typing import ClassVar, Final, Literal
 
 @dataclass(kw_only=True)
 class Command:
-    """Options of a subcommand."""
+    """Arguments of a subcommand."""
 
+    help_text: ClassVar[str] = ""
+    """Summary, description, options and an example."""
     one_of: ClassVar[tuple[str, ...]] = ()
-    """Fields of which one at most is given; exactly one, unless one of them has a default."""
+    """Mutually exclusive fields; one is required unless one of them has a default."""
     extensions: ClassVar[str] = ""
-    """Address "module:NAME" of a registry whose extensions the help lists."""
+    """Registry "module:NAME" whose extensions the help lists."""
 
 
 @dataclass(kw_only=True)
 class WithJson(Command):
-    """Options:
+    help_text = """Options:
     json: print JSON instead of a table
     """
 
@@ -29,10 +34,10 @@ class WithJson(Command):
 
 @dataclass(kw_only=True)
 class WithWorkers(Command):
-    """Options:
-    jobs (J): processes side by side (default: one for each core, or each thread of the cluster)
-    scheduler (tcp://HOST:PORT): run on the Dask cluster of this address, tls://HOST:PORT if
-        encrypted; needs the extra 'cluster' (default: on this machine)
+    help_text = """Options:
+    jobs (J): parallel processes (default: one per core, or per thread of the cluster)
+    scheduler (ADDRESS): run on the Dask cluster at tcp://HOST:PORT, or encrypted tls://HOST:PORT;
+        needs the extra 'cluster'
     """
 
     jobs: int | None = None
@@ -41,11 +46,11 @@ class WithWorkers(Command):
 
 @dataclass(kw_only=True)
 class WithRests(Command):
-    """Options:
-    com (x,y,z|hull): center of mass in the mesh's unit, or that of the uniform solid hull (default:
-        of the uniform solid; of its hull for point clouds and open meshes)
+    help_text = """Options:
+    com (x,y,z|hull): center of mass in the mesh's unit, or hull for that of the uniform convex hull
+        (default: uniform solid; hull for point clouds and open meshes)
     coplanar_tolerance (T): merge hull triangles within this distance of one plane, relative to the
-        body's half extent (default: 1e-11, for rounded coordinates such as STL 2e-6)
+        body's half extent (default: 1e-11; 2e-6 for rounded coordinates such as STL)
     """
 
     com: str | None = None
@@ -54,11 +59,10 @@ class WithRests(Command):
 
 @dataclass(kw_only=True)
 class WithBody(WithRests, WithJson):
-    """Options:
-    mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or densities of cells, NPY or NPZ
-    part (FILE:DENSITY): a closed mesh in the same frame, of another density in units of MESH's own;
-        it takes the place of what it overlaps, and 0 is a cavity; more than one may be given, the
-        last one counts where they overlap
+    help_text = """Options:
+    mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or cell densities as NPY or NPZ
+    part (FILE:DENSITY): a closed mesh inside MESH with its own density, relative to MESH; 0 is a
+        cavity; may be repeated, the last one wins where parts overlap
     """
 
     part: tuple[str, ...] = ()
@@ -66,14 +70,14 @@ class WithBody(WithRests, WithJson):
 
 @dataclass(kw_only=True)
 class WithResults(Command):
-    """Options:
+    help_text = """Options:
     out (DIR): folder for the results (default: outputs/NAME)
-    files (FORMATS): formats of the die beside STL, such as 3mf,obj,glb
-    data_sheet: add a page to print, as PDF and PNG
-    printer (NAME): judge how the die prints by the limits of fdm (filament), sla (resin) or sls
-        (powder), and write die_oriented.stl, which lies on the bed as is best
-    no_figures: leave out the pictures and the page
-    no_clock: leave out run times and memory, so that two runs can be compared byte by byte
+    files (FORMATS): file formats besides STL, such as 3mf,obj,glb
+    data_sheet: add a one-page data sheet as PDF and PNG
+    printer (NAME): check printability for fdm (filament), sla (resin) or sls (powder), and write
+        die_oriented.stl, oriented for the print bed
+    no_figures: skip the figures and the report page
+    no_clock: omit run times and memory, so that two runs are identical byte for byte
     """
 
     out: Path | None = None
@@ -85,15 +89,18 @@ class WithResults(Command):
 
 
 @dataclass
-class Run(WithResults):
-    """Turn a recipe into a printable die.
+class RunArguments(WithResults):
+    help_text = """Make a printable die from a recipe.
 
-    The die is engraved, and comes with a report.
+    Writes the engraved die, result.json and a report.
 
     Options:
     recipe (RECIPE): YAML file
-    set (key=value): change an entry of the recipe, such as size_mm=40 or target.fair=7
-    resume: go on from the checkpoint of a concave die that an interrupted run left in the folder
+    set (key=value): change an entry of the recipe, such as size_mm=40 or target.fair=7; may be
+        repeated
+    resume: resume an interrupted search for a concave die from the checkpoint in the folder
+
+    Example: dicedesign run recipes/fair_d7.yaml --out outputs/d7
     """
 
     recipe: Path
@@ -103,22 +110,24 @@ class Run(WithResults):
 
 
 @dataclass(kw_only=True)
-class Design(WithResults):
-    """Turn probabilities into a printable die.
+class DesignArguments(WithResults):
+    help_text = """Make a printable die from probabilities.
 
-    The die is engraved, and comes with a report. The shape is found alone, or is that of a mesh,
-    bent a little (--mesh); the recipe is written beside the die.
+    Writes the engraved die, its recipe, result.json and a report. The shape is searched, or a mesh
+    is bent into a die (--mesh).
 
     Options:
-    target (p,q,...): probabilities that sum to 1, fractions or decimals, such as 1/2,1/3,1/6; or
-        what a recipe says, such as 'fair: 7' or 'sum_of_dice: [6, 6]'
-    labels (a,b,...): a label for each of them (default: 1,2,...)
-    mesh (FILE): bend this closed surface (OBJ, STL, ...) into a die, as little as can be
-    repair: make the mesh the closed surface of one solid first, where it is none
+    target (p,q,...): probabilities that sum to 1, as fractions or decimals, such as 1/2,1/3,1/6; or
+        a target of a recipe, such as 'fair: 7' or 'sum_of_dice: [6, 6]'
+    labels (a,b,...): a label for each probability (default: 1,2,...)
+    mesh (FILE): bend this closed surface (OBJ, STL, ...) into a die, as little as possible
+    repair: repair the mesh first if it is not a closed surface of one solid
     name (NAME): name of the die (default: die)
-    seed (N): another seed gives another shape
-    size_mm (X): largest distance between two corners (default: 30, or as much as the labels need,
-        and 30 with --mesh)
+    seed (N): random seed; another seed gives another shape (default: 0)
+    size_mm (X): largest distance between two corners (default: 30, enlarged if the labels need it;
+        30 with --mesh)
+
+    Example: dicedesign design --target 1/2,1/3,1/6 --labels A,B,C
     """
 
     target: str
@@ -131,20 +140,21 @@ class Design(WithResults):
 
 
 @dataclass
-class Search(WithWorkers):
-    """Search for a die that prints and rolls better.
+class SearchArguments(WithWorkers):
+    help_text = """Search for a die that prints and rolls better.
 
-    Design many dice of one recipe, with other seeds, assignments of labels and weights of
-    preferences, and rank them by the smallest circle in a labeled facet and the momentum margin.
-    The same command goes on where an earlier one ended or was killed. Needs the extra 'search';
-    --scheduler needs 'cluster'.
+    Designs many variants of a recipe with other seeds, label assignments and weights, and ranks
+    them by the smallest circle in a labeled facet and by the momentum margin. Repeat the command to
+    resume or extend a search. Needs the extra 'search'.
 
     Options:
     recipe (RECIPE): YAML file
-    trials (N): how many dice are to be tried in all, those already in the folder included
-    jobs (J): how many at a time (default: one for each core, or each thread of the cluster); 1
-        makes the search repeatable
+    trials (N): number of variants, including those already in the folder
+    jobs (J): parallel trials (default: one per core, or per thread of the cluster); with 1 the
+        search is reproducible
     out (DIR): folder for the results (default: outputs/NAME_search)
+
+    Example: dicedesign search recipes/fair_d7.yaml --trials 50
     """
 
     recipe: Path
@@ -154,25 +164,26 @@ class Search(WithWorkers):
 
 
 @dataclass
-class Rest(WithBody, WithWorkers):
-    """List the resting poses of a mesh with their probabilities.
+class RestArguments(WithBody, WithWorkers):
+    help_text = """List the resting poses of a mesh with their probabilities.
 
-    The mesh may be a point cloud. A folder in place of MESH stands for all meshes in it; their
-    rests go to the table --out, and the same command goes on where an earlier one ended.
+    Given a folder, analyzes all meshes in it and writes a table (--out); repeat the command to
+    resume.
 
     Options:
-    table (NAME|FILE.json): of a mesh: also the probabilities when it is thrown onto a table, by the
-        momentum model: board-game, hard-wood, paper, carpet, or the file of a table; with another
-        way to throw after a colon, as in board-game:cup
-    prior (PRIOR): of a mesh: its probabilities where not all sides are equally likely to be down at
-        first: vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:ANGLE in degrees, or samples:FILE.csv;
-        x,y,z point down, in the mesh's frame
+    table (NAME|FILE.json): of a mesh: add probabilities for throws onto this table by the momentum
+        model: board-game, hard-wood, paper, carpet or a table file; a throw distribution follows a
+        colon, as in board-game:cup
+    prior (PRIOR): of a mesh: distribution of the direction that points down at release:
+        vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv (default:
+        uniform)
     figure (FILE.png): draw the Morse-Smale complex
-    heights (FILE.png): draw how high the center of mass is over the directions that may point down
-    out (TABLE): of a folder: the table to write or go on, ending in .csv or .parquet, which needs
-        the extra 'parquet'
-    jobs (J): of a folder: processes side by side (default: one for each core, or each thread of the
-        cluster, whose workers see the same files)
+    heights (FILE.png): draw the height of the center of mass over all directions
+    out (TABLE): of a folder: table to write or resume, .csv or .parquet (needs the extra 'parquet')
+    jobs (J): of a folder: parallel processes (default: one per core, or per thread of the cluster,
+        whose workers need the same files)
+
+    Example: dicedesign rest die.stl --table board-game
     """
 
     mesh: Path
@@ -185,13 +196,17 @@ class Rest(WithBody, WithWorkers):
 
 
 @dataclass
-class Drop(WithBody):
-    """Follow a body that is let go at one orientation until it rests.
+class DropArguments(WithBody):
+    help_text = """Follow a body from its release until it rests.
+
+    The body is let go without momentum and rolls down quasi-statically.
 
     Options:
-    down (x,y,z): direction in the body's frame that points down at first
+    down (x,y,z): direction in the body's frame that points down at release
     max_angle_deg (A): split rotations larger than this
-    figure (FILE.png): draw each change of the contact, and the path over the Gauss map
+    figure (FILE.png): draw each change of contact, and the path on the Gauss map
+
+    Example: dicedesign drop die.stl --down 0.3,0.2,-1
     """
 
     mesh: Path
@@ -202,23 +217,25 @@ class Drop(WithBody):
 
 
 @dataclass
-class Pose(WithRests, WithJson, WithWorkers):
-    """Stand meshes on a plane in the poses in which they come to rest.
+class PoseArguments(WithRests, WithJson, WithWorkers):
+    help_text = """Place meshes on a plane in their resting poses.
 
-    They stand in the most probable pose, or in another, on the plane z = 0 with the center of mass
-    on the z axis, in their own unit of length. GLB files keep their materials, PLY files their
-    colors; other formats hold the shape alone.
+    A mesh stands on the plane z = 0 in its most probable pose or another one, with the center of
+    mass on the z axis, in its own unit. GLB files keep materials, PLY files keep colors; other
+    formats hold the shape alone.
 
     Options:
-    meshes (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or a folder for all meshes in it
-    out (PATH): of one mesh: the file to write, in the format of its ending (default: MESH_posed,
-        here); of several or a folder: the folder for their files, which keep their names (default:
-        posed)
-    pose (N): the N-th most probable (default: 1)
-    random: one drawn by the probabilities, turned about the vertical by any angle
-    seed (S): of what --random draws (default: 0)
-    format (NAME): of a folder's files: stl, obj, ply, off, glb, 3mf, ... (default: each mesh's)
-    up: stand on z = 0, or on y = 0 as programs that show GLB files want (default: z)
+    meshes (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or a folder of meshes
+    out (PATH): for one mesh: output file, whose ending gives the format (default: MESH_posed in
+        this folder); otherwise: output folder (default: posed)
+    pose (N): the N-th most probable pose (default: 1)
+    random: draw the pose by its probability, and a random angle about the vertical
+    seed (S): random seed of --random (default: 0)
+    format (NAME): format of files in a folder: stl, obj, ply, off, glb, 3mf, ... (default: that of
+        each mesh)
+    up: vertical axis; y suits viewers of GLB files (default: z)
+
+    Example: dicedesign pose bunny.obj --pose 2 --out bunny.glb
     """
 
     meshes: tuple[Path, ...]
@@ -233,21 +250,23 @@ class Pose(WithRests, WithJson, WithWorkers):
 
 
 @dataclass
-class Scatter(WithJson):
-    """Fill a floor with meshes of a folder in poses drawn by their probabilities.
+class ScatterArguments(WithJson):
+    help_text = """Scatter the meshes of a folder on a floor in random resting poses.
 
-    Each is turned by any angle, such that what they cover on the floor, their convex hulls seen
-    from above, does not overlap. The meshes take turns.
+    Poses are drawn by their probabilities, angles uniformly. Convex hulls seen from above do not
+    overlap. The meshes take turns.
 
     Options:
-    folder (FOLDER): of the meshes
-    out (FILE): the scene: .glb, with the meshes' materials and y upward as the format wants
-    count (N): bodies on the floor (default: 30)
-    seed (S): of all chance (default: 0)
-    floor (W,D): sides of the floor in the meshes' unit of length (default: as large as they need)
-    size (L): scale each mesh until the longest side of its box is L (default: as they are)
-    figure (FILE.png): draw a picture of it
-    json: print every body's file, pose and transform as JSON
+    folder (FOLDER): folder of meshes
+    out (FILE): scene to write: .glb, with the meshes' materials, y upward
+    count (N): number of bodies (default: 30)
+    seed (S): random seed (default: 0)
+    floor (W,D): width and depth of the floor in the meshes' unit (default: as large as needed)
+    size (L): scale each mesh to this length of its longest side (default: no scaling)
+    figure (FILE.png): draw the scene
+    json: print file, pose and transform of each body as JSON
+
+    Example: dicedesign scatter meshes --out scene.glb --count 50
     """
 
     folder: Path
@@ -261,16 +280,18 @@ class Scatter(WithJson):
 
 
 @dataclass
-class Figure(WithRests):
-    """Draw one of the paper's kinds of figures of a mesh, a finished die or a recipe.
+class FigureArguments(WithRests):
+    help_text = """Draw a figure of a mesh, a finished die or a recipe.
 
     Options:
-    kind (KIND): one of these
-    subject (INPUT): a mesh file, a folder that `dicedesign run` left, or a recipe to design
-    out (FILE.png): the picture (default: INPUT_KIND.png, here)
-    down (x,y,z): of paths and drop: direction in the body's frame that points down at first
-    before (MESH): of before_after: what the body was made from
-    steps (N): of ablation: most of each descent
+    kind (KIND): one of the kinds above
+    subject (INPUT): a mesh file, a folder written by `dicedesign run`, or a recipe to design
+    out (FILE.png): picture to write (default: INPUT_KIND.png in this folder)
+    down (x,y,z): for paths and drop: direction in the body's frame that points down at release
+    before (MESH): for before_after: the mesh from which the body was made
+    steps (N): for ablation: maximum steps of each descent
+
+    Example: dicedesign figure gauss_map bunny.obj --out gauss_map.png
     """
 
     kind: str
@@ -284,17 +305,18 @@ class Figure(WithRests):
 
 
 @dataclass
-class Repair(Command):
-    """Make a mesh the closed surface of one solid.
+class RepairArguments(Command):
+    help_text = """Repair a mesh into the closed surface of one solid.
 
-    One that is open, no manifold, of several bodies or meets itself becomes the closed surface of
-    the largest solid that it encloses, for a concave die. One that is such a surface already is
-    written as it is. Needs the extra 'repair'.
+    A mesh that is open, non-manifold, in several pieces or self-intersecting becomes the surface of
+    the largest solid that it encloses. A sound mesh is written unchanged. Needs the extra 'repair'.
 
     Options:
     mesh (IN): STL, OBJ, PLY, OFF, GLB, ...
-    out (OUT): the file to write, in the unit of IN, in the format of its ending; a picture of
-        before and after is written beside it, ending in _repair.png
+    out (OUT): file to write, in the unit of IN, whose ending gives the format; a figure of before
+        and after is written next to it as *_repair.png
+
+    Example: dicedesign repair scan.obj scan_repaired.stl
     """
 
     mesh: Path
@@ -302,29 +324,32 @@ class Repair(Command):
 
 
 @dataclass
-class Balance(WithJson):
-    """Move the center of mass of a mesh until it rests as is wanted.
+class BalanceArguments(WithJson):
+    help_text = """Move the center of mass of a mesh until it rests as you want.
 
-    It is moved by a cavity, or by two densities of infill; the outside stays as it is. The files
-    are read back and judged; the exit code is 0 where the goal is reached, else 1.
+    Adds a cavity, or infill of two densities; the outside stays as it is. Give one goal: --equal,
+    --stand, --stand-down, --fewest or --target. The files are read back and checked; the exit code
+    is 1 if the goal is not reached.
 
     Options:
     mesh (MESH): closed surface of one solid: STL, OBJ, ...
-    equal (N): equal probabilities of the N most probable poses
-    stand (K): the largest probabilities of pose K, numbered from 1 as `dicedesign rest` lists them
-    stand_down (x,y,z): the same of the pose in which this direction of the mesh points down
-    fewest: as few resting poses as can be
-    target (p,q,...): these probabilities of the most probable poses, or of --poses
-    poses (K,L,...): numbers of the poses that --target is for
-    region (hull|hollow|x,y,z,x,y,z): where the center of mass may be: anywhere, where cavities can
-        bring it, or in a box of a least and a largest corner in mm (default: hull)
-    by (cavity|infill): how it gets there (default: by the first that does it)
-    size_mm (X): largest distance between two points (default: coordinates are in mm)
-    wall_mm (W): least thickness of walls (default: 1.2)
-    drain_mm (D): drain the cavity by a hole of this diameter
-    infill (p,q): two infills from 0 to 1 (default: 0.1,0.6)
-    tolerance (T): largest difference of probabilities (default: 0.005)
-    out (FILE.stl|FOLDER): where the body goes, with what belongs to it beside it
+    equal (N): make the N most probable poses equally probable
+    stand (K): maximize the probability of pose K, numbered as by `dicedesign rest`
+    stand_down (x,y,z): maximize the probability of the pose with this direction down
+    fewest: minimize the number of resting poses
+    target (p,q,...): give the most probable poses, or --poses, these probabilities
+    poses (K,L,...): pose numbers for --target
+    region (REGION): where the center of mass may be: hull, anywhere inside; hollow, where cavities
+        can bring it; or a box x,y,z,x,y,z in mm (default: hull)
+    by (cavity|infill): how to move it (default: the first that works)
+    size_mm (X): scale to this largest distance between two points (default: coordinates are mm)
+    wall_mm (W): minimum wall thickness (default: 1.2)
+    drain_mm (D): add a drain hole of this diameter to the cavity
+    infill (p,q): two infill densities from 0 to 1 (default: 0.1,0.6)
+    tolerance (T): largest error of a probability (default: 0.005)
+    out (FILE.stl|FOLDER): file to write, with further files next to it, or a folder for all
+
+    Example: dicedesign balance bunny.obj --stand 1 --size-mm 80 --out bunny_balanced.stl
     """
 
     mesh: Path
@@ -347,29 +372,30 @@ class Balance(WithJson):
 
 
 @dataclass
-class Throw(WithJson, WithWorkers):
-    """Throw a die onto a simulated table many times.
+class ThrowArguments(WithJson, WithWorkers):
+    help_text = """Simulate throws of a die onto a table.
 
-    How often each rest comes up is compared with its probability without momentum.
+    Compares the frequency of each rest with its probability without momentum.
 
     Options:
-    die (DIE): mesh, or folder that `dicedesign run` left
-    drops (N): how many throws (default: 10000, of the paper's orientations one of each)
-    engine (NAME): simulator, one of the list above (default: native)
-    table (NAME|FILE.json): board-game, hard-wood, carpet (no momentum), paper (the paper's drops),
-        or a file with the same entries as theirs (default: board-game)
-    hand (NAME): throw in another way than the table says: cup, hand or tower
-    orientations (KIND): at which the die is let go: uniform, at random; or icosahedron, the
-        paper's, each counted by the area around it (default: uniform; on the table paper
-        icosahedron)
-    size (MM): of the die, twice the largest distance of a point from its center of mass (default:
-        of a folder, the die's own; of a mesh, the table's, 25)
-    com (x,y,z|hull): center of mass, as in `dicedesign rest` (default: of the uniform solid; of a
-        folder, that of its design)
-    inertia (xx,yy,zz,xy,xz,yz): tensor of inertia about the center of mass over the mass, in the
-        mesh's unit squared (default: of the uniform solid)
-    seed (S): of random numbers (default: 0)
-    jobs (J): how many tasks at a time (default: one for each core); does not change the results
+    die (DIE): mesh, or folder written by `dicedesign run`
+    drops (N): number of throws (default: 10000; one per orientation of icosahedron)
+    engine (NAME): simulator from the list above (default: native)
+    table (NAME|FILE.json): board-game, hard-wood, carpet (no momentum), paper (as in the paper) or
+        a table file (default: board-game)
+    hand (NAME): throw distribution cup, hand or tower (default: that of the table)
+    orientations (KIND): at release: uniform, or icosahedron as in the paper (default: uniform; on
+        paper icosahedron)
+    size (MM): diameter of the die, twice its largest radius about the center of mass (default: the
+        die's own size; for a mesh that of the table, 25)
+    com (x,y,z|hull): center of mass, as for `dicedesign rest` (default: uniform solid, or that of
+        the design)
+    inertia (xx,yy,zz,xy,xz,yz): inertia tensor about the center of mass per mass, in the mesh's
+        unit squared (default: uniform solid)
+    seed (S): random seed (default: 0)
+    jobs (J): parallel tasks (default: one per core); does not change the results
+
+    Example: dicedesign throw outputs/d7 --drops 20000
     """
 
     die: Path
@@ -387,22 +413,22 @@ class Throw(WithJson, WithWorkers):
 
 
 @dataclass
-class Rolls(WithJson):
-    """Judge your own throws of a die.
+class RollsArguments(WithJson):
+    help_text = """Test your own throws of a die.
 
-    Compare counts of throws with the probabilities that a die should have: exact intervals, a test,
-    the total variation, and how many more throws would settle it. With --log type what comes up,
-    one label or several on a line; every line is saved as it ends. `undo` takes the last throw
-    back, an empty line shows the table so far, and `done`, Ctrl-D or Ctrl-C ends.
+    Compares counts with the die's probabilities: exact intervals, a test, the total variation, and
+    how many more throws would settle it. With --log, type what comes up; each line is saved at
+    once. `undo` removes the last throw, an empty line prints the table, `done` or Ctrl-D ends.
 
     Options:
-    die (DIE): folder that `dicedesign run` left, whose target is tested; or a mesh, whose labels
-        are the numbers that `dicedesign rest` gives its rests
-    counts (COUNTS.csv): columns label,count; or the column label alone, with one throw on each line
-    log (ROLLS.csv): type in throws as they come, and write them here, one on each line; a file that
-        exists is continued
-    confidence (C): of intervals; the test's level is 1 - C (default: 0.95)
-    figure (FILE.png): draw the frequencies beside the probabilities
+    die (DIE): folder written by `dicedesign run`, tested for its target; or a mesh, whose labels
+        are the numbers of its rests in `dicedesign rest`
+    counts (COUNTS.csv): columns label,count; or one column label with a throw on each line
+    log (ROLLS.csv): file for typed throws; an existing one is continued
+    confidence (C): level of the intervals; the test's level is 1 - C (default: 0.95)
+    figure (FILE.png): draw the frequencies next to the probabilities
+
+    Example: dicedesign rolls outputs/d7 counts.csv
     """
 
     die: Path
@@ -415,33 +441,31 @@ class Rolls(WithJson):
 
 
 @dataclass
-class Table(WithJson, WithWorkers):
-    """Fit a table's throw parameters to counts of real dice.
+class TableArguments(WithJson, WithWorkers):
+    help_text = """Fit a table's throw parameters to counts of real dice.
 
-    Fit restitution, friction and the center of all hands (drop height, speed and spin) to what came
-    up with several real dice, each thrown in a session with a hand of its own about that center.
-    Each die is then predicted from the others, and tested with fresh drops. The table's file has 32
-    equally likely tables beside the fitted one. With --out, the same command goes on where an
-    earlier one was interrupted or killed. The exit code is 1 where no table explains the counts of
-    a die.
+    Fits restitution, friction and the mean throw (drop height, speed, spin). Predicts each die from
+    the others, and tests the fit with new drops. The table file also holds 32 posterior tables.
+    With --out, repeat the command to resume. The exit code is 1 if no table explains some counts.
 
     Options:
     action: the word fit
-    throws (CSV): a line for each outcome: columns die, mesh (a file, or a folder that `dicedesign
-        run` left, as seen from the CSV), outcome and throws; for mesh files also geometric, the
-        outcome's probabilities without momentum; perhaps com (x y z) and size_mm (else 15 to 35)
-    rolls (FOLDER ROLLS.csv): a die of a folder that `dicedesign run` left, and its throws, a file
-        as of `dicedesign rolls`; with or without --throws, and for several dice
-    dice (NAME,...): fit to these dice of the file (default: to all)
-    check (NAME,...): predict these dice of the file, without fitting to them
-    die (FOLDER): say what the fitted table does to this die, of a folder that `dicedesign run`
-        left, and what more throws of it would tell
-    evaluations (N): sets of parameters that are simulated (default: 256)
-    drops (N): of each die for each set; a twelfth of all as many again test the fit (default: 2000)
-    seed (S): default: 0
-    jobs (J): how many simulations at a time (default: one for each core, or each thread of the
-        cluster); the result does not depend on it
-    out (TABLE.json): write the table, for --table elsewhere
+    throws (CSV): one line per outcome: columns die, mesh (file, or folder written by `dicedesign
+        run`, relative to the CSV), outcome, throws; for mesh files also geometric (probability
+        without momentum); optional com (x y z) and size_mm (default: 15 to 35)
+    rolls (FOLDER ROLLS.csv): a folder written by `dicedesign run`, and throws as for `dicedesign
+        rolls`; may be repeated
+    dice (NAME,...): fit to these dice of the file (default: all)
+    check (NAME,...): predict these dice of the file without fitting to them
+    die (FOLDER): predict this die, and what more throws of it would tell
+    evaluations (N): parameter sets to simulate (default: 256)
+    drops (N): drops per die and parameter set (default: 2000); the test takes a twelfth of all
+    seed (S): random seed (default: 0)
+    jobs (J): parallel tasks (default: one per core, or per thread of the cluster); does not change
+        the results
+    out (TABLE.json): table file to write
+
+    Example: dicedesign table fit --throws throws.csv --out my_table.json
     """
 
     action: Literal["fit"]
@@ -458,19 +482,21 @@ class Table(WithJson, WithWorkers):
 
 
 @dataclass
-class View(Command):
-    """Look at a body or a die in the browser, drag it, design one.
+class ViewArguments(Command):
+    help_text = """View and edit a body or a die in the browser.
 
-    The page has the body, its hull, where it comes to rest and how often. Drag the center of mass,
-    a corner or a facet, and all of it follows. Needs the extra 'view'. Ends with Ctrl-C.
+    Shows the body, its hull and its resting poses with their probabilities. Drag the center of
+    mass, a corner or a facet, and everything follows. Needs the extra 'view'. Ctrl-C ends it.
 
     Options:
-    path (MESH|RECIPE|FOLDER): a mesh; a recipe, which is designed; the folder of a finished die, or
-        one of meshes (default: a page on which to design a die)
-    host (ADDRESS): who can open the page: 127.0.0.1, this machine alone; 0.0.0.0, every machine
-        that reaches it and knows the address, which then has a secret word (default: 127.0.0.1)
-    port (N): port of the page, 0 for any that is free (default: 8080)
+    path (MESH|RECIPE|FOLDER): a mesh, a recipe to design, or a folder of a finished die or of
+        meshes (default: a page on which to design a die)
+    host (ADDRESS): who can open the page: 127.0.0.1, this machine only; 0.0.0.0, every machine that
+        has the address with its secret word (default: 127.0.0.1)
+    port (N): port of the page; 0 for any free one (default: 8080)
     no_browser: print the address and open no browser
+
+    Example: dicedesign view bunny.obj
     """
 
     path: Path | None = None
@@ -481,19 +507,19 @@ class View(Command):
 
 
 COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
-    "run": (Run, "dice:run_recipe"),
-    "design": (Design, "dice:design"),
-    "search": (Search, "dice:search"),
-    "rest": (Rest, "rest:list_rests"),
-    "drop": (Drop, "rest:drop"),
-    "pose": (Pose, "meshes:pose"),
-    "scatter": (Scatter, "meshes:scatter"),
-    "figure": (Figure, "meshes:draw_figure"),
-    "repair": (Repair, "meshes:repair"),
-    "balance": (Balance, "meshes:balance"),
-    "throw": (Throw, "throws:throw"),
-    "rolls": (Rolls, "throws:judge_rolls"),
-    "table": (Table, "table_fit:fit"),
-    "view": (View, "dice:view"),
+    "run": (RunArguments, "dice:run_recipe"),
+    "design": (DesignArguments, "dice:design"),
+    "search": (SearchArguments, "dice:search"),
+    "rest": (RestArguments, "rest:list_rests"),
+    "drop": (DropArguments, "rest:drop"),
+    "pose": (PoseArguments, "meshes:pose_meshes"),
+    "scatter": (ScatterArguments, "meshes:scatter"),
+    "figure": (FigureArguments, "meshes:draw_figure"),
+    "repair": (RepairArguments, "meshes:repair"),
+    "balance": (BalanceArguments, "meshes:balance"),
+    "throw": (ThrowArguments, "throws:throw"),
+    "rolls": (RollsArguments, "throws:judge_rolls"),
+    "table": (TableArguments, "table_fit:fit"),
+    "view": (ViewArguments, "dice:view"),
 }
-"""What each takes, and in this folder the module and the function that does it."""
+"""Arguments of each subcommand, and the "module:function" of this folder that runs it."""

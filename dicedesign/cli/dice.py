@@ -1,4 +1,4 @@
-"""`dicedesign run`, `design`, `search` and `view`: dice from recipes and from the command line."""
+"""`dicedesign run`, `design`, `search` and `view`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.cli.commands import Design, Run, Search, View, WithResults
+from dicedesign.cli.commands import (
+    DesignArguments,
+    RunArguments,
+    SearchArguments,
+    ViewArguments,
+    WithResults,
+)
 from dicedesign.cli.options import (
     check_worker_options,
     note_missing_kernels,
@@ -34,18 +40,18 @@ OPTION_OF_KEY: Final = (
     (r"size_mm", "--size-mm"),
     (r"start\.mesh(\.path)?", "--mesh"),
 )
-"""How an error about an entry of the recipe begins, as a regular expression, and the option that
-the entry came from."""
+"""Recipe keys at the start of error messages, as regular expressions, and the options that set
+them."""
 
 
-def run_recipe(options: Run) -> int:
-    """Make the die of a recipe."""
+def run_recipe(options: RunArguments) -> int:
+    """Make a die from a recipe."""
     return _run(read_recipe(options.recipe, options.set), options, resume=options.resume)
 
 
-def design(options: Design) -> int:
-    """Make the die of some probabilities."""
-    with _named_options():
+def design(options: DesignArguments) -> int:
+    """Make a die from probabilities."""
+    with _name_options():
         target = parse_target(options.target, options.labels)
     if options.repair and options.mesh is None:
         raise InputError("--repair: expected --mesh FILE with it, got none; add it")
@@ -61,14 +67,14 @@ def design(options: Design) -> int:
         entries["method"] = {"concave": {}}
     if options.size_mm is not None:
         entries["size_mm"] = options.size_mm
-    with _named_options():
+    with _name_options():
         recipe = parse_recipe(entries)
     return _run(recipe, options, enlarge=options.size_mm is None and options.mesh is None)
 
 
 @contextmanager
-def _named_options() -> Iterator[None]:
-    """Makes messages about entries of the recipe such about the options that they came from."""
+def _name_options() -> Iterator[None]:
+    """Replace recipe keys in error messages by the options that set them."""
     try:
         yield
     except RecipeError as error:
@@ -81,13 +87,13 @@ def _named_options() -> Iterator[None]:
 def _run(
     recipe: Recipe, options: WithResults, *, enlarge: bool = False, resume: bool = False
 ) -> int:
-    """Run a recipe as the options change it, and print what came of it. Returns the exit code: 0
-    converged, 1 not.
+    """Run a recipe with the options applied, and print the result. Returns the exit code: 0
+    converged, 1 not converged.
 
     Raises InputError for an unknown format or printer, and as `run`.
     """
-    recipe = _with_options(recipe, options)
-    # Imported here, as a recipe that cannot be read does without.
+    recipe = _apply_options(recipe, options)
+    # An unreadable recipe does not need these imports.
     from dicedesign.recipe.pipeline import Callbacks, run
     from dicedesign.runtime.workers import progress_bar
 
@@ -101,10 +107,10 @@ def _run(
                 parts.append(f"max |p - q| {step.max_abs_error:.2e}")
             bar.set_postfix_str(", ".join(parts))
 
-        def on_round(thrown: RoundOfThrows) -> None:
+        def on_round(throws: RoundOfThrows) -> None:
             bar.set_description_str(
-                f"{thrown.drops} throws, total variation {thrown.deviation:.3f} "
-                f"(perfect {thrown.noise_floor:.3f})"
+                f"{throws.drops} throws, total variation {throws.deviation:.3f} "
+                f"(perfect {throws.noise_floor:.3f})"
             )
 
         describe = bar.set_description_str
@@ -116,7 +122,7 @@ def _run(
     return 0 if result.converged else 1
 
 
-def _with_options(recipe: Recipe, options: WithResults) -> Recipe:
+def _apply_options(recipe: Recipe, options: WithResults) -> Recipe:
     from dicedesign.fabricate.file_formats import with_stl
     from dicedesign.fabricate.printers import PrintOptions
 
@@ -128,16 +134,16 @@ def _with_options(recipe: Recipe, options: WithResults) -> Recipe:
         changes["data_sheet"] = True
     if options.printer is not None:
         with named("--printer"):
-            asked = recipe.print or PrintOptions()
-            if asked.printer != options.printer:
-                # Limits of the recipe's printer are none of another.
-                asked = PrintOptions(
+            printing = recipe.print or PrintOptions()
+            if printing.printer != options.printer:
+                # The recipe's limits hold for its own printer only.
+                printing = PrintOptions(
                     options.printer,
-                    infill=asked.infill,
-                    walls_mm=asked.walls_mm,
-                    errors=asked.errors,
+                    infill=printing.infill,
+                    walls_mm=printing.walls_mm,
+                    errors=printing.errors,
                 )
-            changes["print"] = dataclasses.replace(asked, oriented=True)
+            changes["print"] = dataclasses.replace(printing, oriented=True)
     if options.no_figures:
         changes |= {"figures": False, "report": False}
     if options.no_clock:
@@ -146,10 +152,12 @@ def _with_options(recipe: Recipe, options: WithResults) -> Recipe:
 
 
 def _print_result(result: Result) -> None:
-    """Print target and probabilities by label, of a thrown die those that it was designed for and
-    seen with, of one that keeps the shape of a surface those of all other rests too; and what was
-    written."""
-    print(f"{result.name}: {result.status} ({result.message})")
+    """Print the verdict, a table of target and probabilities, and the files.
+
+    A thrown die has its probabilities by model and by throws too, a concave one those of all rests
+    without an outcome.
+    """
+    print(f"{result.name}: {result.message}")
     probabilities: dict[str, Sequence[float]] = {
         "target": result.target,
         "achieved": result.probabilities,
@@ -182,19 +190,19 @@ def _print_result(result: Result) -> None:
             f"outcomes: {result.least_angle_deg:.3g} degrees apart or more, left at "
             f"{result.least_margin_deg:.3g} degrees or more"
         )
-    printed = result.engraved
-    if printed is not None and printed.max_abs_error is not None and result.thrown is None:
-        line = f"as printed: max |p - q| {printed.max_abs_error:.2e}"
-        if printed.balance is not None and len(printed.balance.errors) > 1:
-            line += f", {printed.balance.errors[0]:.2e} before the shape was moved"
+    engraved = result.engraved
+    if engraved is not None and engraved.max_abs_error is not None and result.thrown is None:
+        line = f"as printed: max |p - q| {engraved.max_abs_error:.2e}"
+        if engraved.balance is not None and len(engraved.balance.errors) > 1:
+            line += f", {engraved.balance.errors[0]:.2e} before the shape was adjusted"
         print(line)
     if result.tolerances is not None:
         print(result.tolerances.answer)
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
 
 
-def search(options: Search) -> int:
-    """Design many dice of one recipe, and print the best."""
+def search(options: SearchArguments) -> int:
+    """Search variants of a recipe, and print the best dice."""
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.search.leaderboard import write_results
     from dicedesign.search.study import open_study
@@ -206,42 +214,46 @@ def search(options: Search) -> int:
     if recipe.method.exact is not None and recipe.method.exact.refine is not None:
         raise InputError(
             f"{options.recipe}: expected no method.exact.refine in a search, whose trials take "
-            "seconds, got one; leave it out, and add it to the best recipe found"
+            "seconds, got one; leave it out, and add it to the best recipe"
         )
     if recipe.method.concave is not None:
         raise InputError(
             f"{options.recipe}: expected a method for convex dice in a search, got concave; such a "
             "recipe is for dicedesign run alone, which searches itself"
         )
-    # A start that does not suit the target suits it in no trial.
+    # A start that does not suit the target fails in every trial.
     design_recipe(recipe, last="start")
     folder = options.out or Path("outputs") / f"{recipe.name}_search"
-    with open_study(folder, recipe) as study:
+    # Workers that cannot be reached leave no folder.
+    with (
+        workers_of(options, "trials", options.trials) as workers,
+        open_study(folder, recipe) as study,
+    ):
         finished = study.finished()
-        before, converged = len(finished), _converged(finished)
+        before, converged = len(finished), _count_converged(finished)
+        workers.advance(before)
+
+        def on_trial(result: dict[str, Any]) -> None:
+            nonlocal converged
+            converged += result["status"] == "converged"
+            workers.bar.set_postfix_str(f"{converged} converged", refresh=False)
+            workers.advance(1)
+
         if before < options.trials:
-            with workers_of(options, "trials", options.trials, before) as workers:
-
-                def on_trial(result: dict[str, Any]) -> None:
-                    nonlocal converged
-                    converged += result["status"] == "converged"
-                    workers.bar.set_postfix_str(f"{converged} converged", refresh=False)
-                    workers.advance(1)
-
-                run_search(
-                    study,
-                    options.trials,
-                    workers.executor,
-                    workers.jobs,
-                    on_trial=on_trial,
-                    on_quiet=workers.on_quiet,
-                )
+            run_search(
+                study,
+                options.trials,
+                workers.executor,
+                workers.jobs,
+                on_trial=on_trial,
+                on_quiet=workers.on_quiet,
+            )
             finished = study.finished()
         board = write_results(folder, recipe, finished)
     if before:
         print_note(f"{before} trials were already in {printable(folder)}")
-    print(f"{recipe.name}: {_converged(finished)} of {len(finished)} trials converged")
-    written = ["leaderboard.html", "leaderboard.json", "leaderboard.csv", "pareto.png"]
+    print(f"{recipe.name}: {_count_converged(finished)} of {len(finished)} trials converged")
+    files = ["leaderboard.html", "leaderboard.json", "leaderboard.csv", "pareto.png"]
     if board:
         columns = (
             ("rank", "d", "rank"),
@@ -253,17 +265,17 @@ def search(options: Search) -> int:
         )
         values = [(name, form, [entry[key] for entry in board]) for name, form, key in columns]
         print(text_table(*values, ("front", "", ["yes" * entry["on_front"] for entry in board])))
-        written += ["best.yaml", "trial_N.yaml of those above"]
-    print(f"files in {printable(folder)}: {', '.join(written)}")
+        files += ["best.yaml", "trial_N.yaml of the trials above"]
+    print(f"files in {printable(folder)}: {', '.join(files)}")
     return 0 if board else 1
 
 
-def _converged(trials: Sequence[dict[str, Any]]) -> int:
+def _count_converged(trials: Sequence[dict[str, Any]]) -> int:
     return sum(trial["status"] == "converged" for trial in trials)
 
 
-def view(options: View) -> int:
-    """Serve a page."""
+def view(options: ViewArguments) -> int:
+    """Serve the page of `dicedesign view`."""
     from dicedesign.view.application import serve_view
 
     serve_view(

@@ -1,7 +1,7 @@
-"""The command line: parsing, exit codes and plain errors.
+"""Command line: parser, exit codes and error messages.
 
 Data go to stdout, progress and notes to stderr. Exit codes: 0 done, 1 not converged, 2 bad input
-or an output that cannot be written, 3 an error that nobody foresaw, 130 interrupted.
+or an output that cannot be written, 3 unexpected error, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -28,26 +28,25 @@ __all__ = ["main"]
 
 DEBUG: Final = "--debug"
 
-UNFORESEEN: Final = 3
-"""Exit code of an error that is none of the user's."""
+UNEXPECTED: Final = 3
+"""Exit code of a bug."""
 
-_NOT_WRITTEN: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-"""What the system says where a stream is full or gone; files of this package have errors of their
-own."""
+STREAM_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+"""System errors of a full or closed stream; files raise `OutputError` instead."""
 
 OPTION: Final = r"^(\w+)(?: \((.*?)\))?: (.*(?:\n .*)*)"
-"""Name, placeholder and help of an option in the docstring of a command."""
+"""Name, placeholder and description of an option in a `help_text`."""
 
 ALLOCATIONS_PER_COLLECTION: Final = 50_000
-"""Of containers, between collections of garbage in cycles: with Python's 700 a run with figures
-spends a seventh of its time on them, as the libraries that it imports are millions of objects."""
+"""Container allocations between garbage collections. With Python's default of 700, a run with
+figures spends a seventh of its time there, because its libraries are millions of objects."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand and return its exit code."""
     gc.set_threshold(ALLOCATIONS_PER_COLLECTION, 50)
-    # Streams that are closed lead nowhere, instead of into the next file that is opened, and what
-    # the encoding of others has no letter for is written as an escape.
+    # A closed stream would otherwise take the descriptor of the next file. Characters that an
+    # encoding lacks are escaped.
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         stream = getattr(sys, name)
         if stream is None:
@@ -61,8 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except (KeyboardInterrupt, Exception) as error:
-        code, message = _ending(error)
-        if code == UNFORESEEN and len(words) < len(given):
+        code, message = _describe_error(error)
+        if code == UNEXPECTED and len(words) < len(given):
             raise
         if message:
             with contextlib.suppress(OSError):
@@ -91,95 +90,102 @@ def _run(words: list[str]) -> int:
     return code
 
 
-def _ending(error: BaseException) -> tuple[int, str]:
-    """The exit code after an error, and the message, if any."""
+def _describe_error(error: BaseException) -> tuple[int, str]:
+    """Exit code and message of an error."""
     try:
         sys.stdout.flush()
     except OSError:
-        # Python itself would try again at its end to write what stdout holds.
+        # Discard unflushed output, which Python would try to write again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     cause: BaseException | None = error
     while cause is not None:
-        # A library may have wrapped an interrupt, as pydantic does where it calls this package.
+        # Libraries such as pydantic wrap interrupts.
         if isinstance(cause, KeyboardInterrupt):
             return 130, f"interrupted; {str(cause) or 'nothing half-written was left'}"
         cause = cause.__cause__
     if isinstance(error, DiceError):
         return 2, str(error)
     if isinstance(error, BrokenPipeError):
-        # The reader of our output has gone, as in `dicedesign rest ... | head`.
+        # The reader closed the pipe, as in `dicedesign rest ... | head`.
         return 0, ""
-    if isinstance(error, OSError) and error.filename is None and error.errno in _NOT_WRITTEN:
+    if isinstance(error, OSError) and error.filename is None and error.errno in STREAM_ERRORS:
         return 2, (
             f"stdout: expected an output that takes what is printed, got {error.strerror!r}; make "
             "room or send it elsewhere"
         )
     if isinstance(error, MemoryError):
         return 2, "memory: expected enough for this input, got too little; take a smaller one"
-    return UNFORESEEN, (
-        f"an error that nobody foresaw, {type(error).__name__}: {error}; please report it to those "
-        f"you have dicedesign from, with your command and what it says with {DEBUG}"
+    return UNEXPECTED, (
+        f"unexpected error, {type(error).__name__}: {error}; please report it with your command "
+        f"and its output with {DEBUG}"
     )
 
 
 def make_parser(word: str) -> argparse.ArgumentParser:
-    """The parser of the command line that begins with a word: all commands are in its list, and
-    only the one of that name has its options."""
+    """Parser of a command line that begins with a word: lists all commands, and has the options of
+    that one alone."""
     parser = argparse.ArgumentParser(
         prog="dicedesign",
         description="Design solid objects by the probabilities with which they come to rest.",
+        epilog="Example: dicedesign design --target 1/2,1/3,1/6. "
+        "`dicedesign COMMAND --help` lists the options of a command.",
     )
     version = ""
     if word == "--version":
-        from importlib.metadata import version as installed
+        from importlib.metadata import version as package_version
 
         from dicedesign.kernels import ops as kernels
 
         how = "with compiled kernels" if kernels.available() else "without compiled kernels, slower"
-        version = f"dicedesign {installed('dicedesign')}, {how}"
+        version = f"dicedesign {package_version('dicedesign')}, {how}"
     parser.add_argument(
         "--version",
         action="version",
         version=version,
-        help="print the version, and whether there are compiled kernels, and exit",
+        help="print the version, and whether the kernels are compiled, and exit",
     )
     parser.add_argument(
         DEBUG,
         action="store_true",
         default=argparse.SUPPRESS,
-        help="show where an unforeseen error came from",
+        help="print the traceback of an unexpected error",
     )
     commands = parser.add_subparsers(
         title="commands", required=True, metavar="COMMAND", dest="command"
     )
     for name, (kind, _) in COMMANDS.items():
-        description = inspect.cleandoc(kind.__doc__ or "").partition("Options:\n")[0]
+        description, _, rest = inspect.cleandoc(kind.help_text).partition("Options:\n")
         summary = description.partition("\n")[0].rstrip(".")
         if kind.extensions and name == word:
             module, _, registry = kind.extensions.partition(":")
-            described = getattr(import_module(module), registry)
-            listed = "; ".join(f"{each.name}: {each.line}" for each in described)
-            description += f"\n{described.kind.capitalize()}: {listed}."
-        help_line = summary[:1].lower() + summary[1:]
-        command = commands.add_parser(name, help=help_line, description=description)
+            extensions = getattr(import_module(module), registry)
+            lines = "; ".join(f"{each.name}: {each.line}" for each in extensions)
+            description += f"\n{extensions.kind.capitalize()}: {lines}."
+        command = commands.add_parser(
+            name,
+            help=summary[:1].lower() + summary[1:],
+            description=description,
+            epilog=rest[rest.rindex("Example:") :],
+        )
         if name == word:
             _add_options(command, kind)
     return parser
 
 
 def _add_options(parser: argparse.ArgumentParser, kind: type[Command]) -> None:
-    """Add an argument or an option for each field; what is not given is left out."""
+    """Add an argument or an option for each field; the parser omits those that are not given."""
     texts: dict[str, tuple[str | None, str]] = {}
     for base in reversed(kind.__mro__):
-        _, _, options = inspect.cleandoc(base.__doc__ or "").partition("Options:\n")
+        _, _, options = inspect.cleandoc(vars(base).get("help_text", "")).partition("Options:\n")
         for name, metavar, text in re.findall(OPTION, options, re.MULTILINE):
             texts[name] = metavar or None, " ".join(text.split()).replace("%", "%%")
-    hints, known = get_type_hints(kind), {field.name: field for field in fields(kind)}
+    hints, fields_by_name = get_type_hints(kind), {field.name: field for field in fields(kind)}
     group: argparse._ActionsContainer = parser
     if kind.one_of:
-        is_required = not any(known[name].default for name in kind.one_of)
+        is_required = not any(fields_by_name[name].default for name in kind.one_of)
         group = parser.add_mutually_exclusive_group(required=is_required)
-    for name, field in known.items():
+    usage = ["%(prog)s [options]"]
+    for name, field in fields_by_name.items():
         value = hints[name]
         if isinstance(value, UnionType):
             value, _ = get_args(value)
@@ -203,4 +209,7 @@ def _add_options(parser: argparse.ArgumentParser, kind: type[Command]) -> None:
         if field.kw_only:
             settings["required"] = field.default is MISSING
             name = "--" + name.replace("_", "-")
+        if field.default is MISSING:
+            usage.append(f"{name} {metavar}" if field.kw_only else metavar or "fit")
         (group if field.name in kind.one_of else parser).add_argument(name, **settings)
+    parser.usage = " ".join(usage)

@@ -1,4 +1,4 @@
-"""`dicedesign pose`, `scatter`, `repair`, `balance`, `figure`: meshes posed, changed and drawn."""
+"""`dicedesign pose`, `scatter`, `repair`, `balance` and `figure`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from dicedesign.cli.commands import Balance, Figure, Pose, Repair, Scatter
+from dicedesign.cli.commands import (
+    BalanceArguments,
+    FigureArguments,
+    PoseArguments,
+    RepairArguments,
+    ScatterArguments,
+)
 from dicedesign.cli.options import (
     center_of_mass,
     check_worker_options,
@@ -26,7 +32,12 @@ from dicedesign.cli.options import (
 )
 from dicedesign.errors import MOST_SEED, InputError, check_whole, printable
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
+from dicedesign.runtime.files import (
+    atomic_write,
+    json_text,
+    make_writable_folder,
+    open_output_folder,
+)
 from dicedesign.tolerances import SMALLEST_EXTENT
 
 if TYPE_CHECKING:
@@ -35,8 +46,8 @@ if TYPE_CHECKING:
     from dicedesign.scenes.posing import PoseJob
 
 
-def pose(options: Pose) -> int:
-    """Write meshes in poses."""
+def pose_meshes(options: PoseArguments) -> int:
+    """Write meshes in resting poses."""
     from dicedesign.scenes.posing import PoseChoice, write_pose, write_poses
 
     check_whole("--pose", options.pose)
@@ -63,10 +74,10 @@ def pose(options: Pose) -> int:
         for folder in sorted({job.target.parent for job in jobs}):
             make_writable_folder(folder)
     if len(jobs) == 1:
-        stood = [write_pose(jobs[0], choice)]
+        poses = [write_pose(jobs[0], choice)]
     else:
         with workers_of(options, "files", len(jobs)) as workers:
-            stood = write_poses(
+            poses = write_poses(
                 jobs,
                 choice,
                 workers.executor,
@@ -74,41 +85,40 @@ def pose(options: Pose) -> int:
                 on_done=workers.advance,
                 on_quiet=workers.on_quiet,
             )
-    written = [one for one in stood if not one.error]
-    for one in stood:
-        for note in (one.error,) if one.error else one.notes if len(stood) == 1 else ():
+    posed = [pose for pose in poses if not pose.error]
+    for pose in poses:
+        for note in (pose.error,) if pose.error else pose.notes if len(poses) == 1 else ():
             print_note(printable(note))
     if options.json:
-        plain: list[dict[str, Any]] = []
-        for one in stood:
-            plain.append({"file": str(one.job.source)})
-            plain[-1] |= (
-                {"error": one.error}
-                if one.error
-                else {
-                    "out": str(one.job.target),
-                    "pose": one.rest + 1,
-                    "poses": one.rests,
-                    "probability": one.probability,
-                    "transform": one.transform,
-                }
-            )
-        print_json({"files": plain})
+        files = [
+            {"file": str(pose.job.source), "error": pose.error}
+            if pose.error
+            else {
+                "file": str(pose.job.source),
+                "out": str(pose.job.target),
+                "pose": pose.rest + 1,
+                "poses": pose.rests,
+                "probability": pose.probability,
+                "transform": pose.transform,
+            }
+            for pose in poses
+        ]
+        print_json({"files": files})
     else:
         table = text_table(
-            ("file", "", [printable(one.job.name) for one in written]),
-            ("pose", ">", [f"{one.rest + 1} of {one.rests}" for one in written]),
-            ("probability", ">", percents([one.probability for one in written], ".5f")),
-            ("written to", "", [printable(one.job.target) for one in written]),
+            ("file", "", [printable(pose.job.name) for pose in posed]),
+            ("pose", ">", [f"{pose.rest + 1} of {pose.rests}" for pose in posed]),
+            ("probability", ">", percents([pose.probability for pose in posed], ".5f")),
+            ("written to", "", [printable(pose.job.target) for pose in posed]),
         )
         print(table)
-    if len(written) < len(stood):
-        print_note(f"{len(stood) - len(written)} files could not be posed")
-    return 0 if written else 1
+    if len(posed) < len(poses):
+        print_note(f"{len(poses) - len(posed)} files could not be posed")
+    return 0 if posed else 1
 
 
-def _list_jobs(options: Pose) -> Iterator[PoseJob]:
-    """What is to be done, file by file."""
+def _list_jobs(options: PoseArguments) -> Iterator[PoseJob]:
+    """Source and target of each mesh."""
     from dicedesign.batch.batch import list_folder
     from dicedesign.scenes.posing import PoseJob, check_ending
 
@@ -138,22 +148,23 @@ def _list_jobs(options: Pose) -> Iterator[PoseJob]:
 
 
 def _refuse_overwriting(source: Path, target: Path, expected: str) -> None:
-    """Raise InputError where a file would be written over itself."""
+    """Raise InputError if source and target are the same file."""
     if os.path.exists(target) and os.path.exists(source) and os.path.samefile(target, source):
         raise InputError(f"--out: expected {expected}, got {target}; take another")
 
 
-MOST_BODIES: Final = 20_000
+MAX_BODIES: Final = 20_000
+"""Limit of `--count`."""
 
 
-def scatter(options: Scatter) -> int:
-    """Write a floor with meshes of a folder."""
+def scatter(options: ScatterArguments) -> int:
+    """Write a scene of meshes on a floor."""
     from dicedesign.batch.batch import list_folder
     from dicedesign.geometry.meshes.reading import without_solids
     from dicedesign.runtime.workers import progress_bar
     from dicedesign.scenes.room import room_glb, scatter_bodies
 
-    check_whole("--count", options.count, most=MOST_BODIES)
+    check_whole("--count", options.count, most=MAX_BODIES)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
     if options.out.suffix.lower() != ".glb":
         raise InputError(f"--out: expected a path that ends in .glb, got {options.out}; rename it")
@@ -162,7 +173,7 @@ def scatter(options: Scatter) -> int:
     if options.size is not None:
         lengths.append(("--size", options.size))
     for name, length in lengths:
-        # Its square, and the inverse of that, are numbers.
+        # Its square and the inverse of that must not overflow.
         if not SMALLEST_EXTENT <= length <= 1.0 / SMALLEST_EXTENT:
             raise InputError(
                 f"{name}: expected a length from {SMALLEST_EXTENT:g} to {1.0 / SMALLEST_EXTENT:g}, "
@@ -173,7 +184,7 @@ def scatter(options: Scatter) -> int:
 
         def on_mesh(error: str) -> None:
             if error:
-                bar.write(f"note: left out {printable(error)}", file=sys.stderr)
+                bar.write(f"note: skipped {printable(error)}", file=sys.stderr)
             else:
                 bar.update(1)
 
@@ -199,14 +210,14 @@ def scatter(options: Scatter) -> int:
         [body.rest for body in room.bodies if body.model == number]
         for number in range(len(room.models))
     ]
-    seen = [
-        f"{len(set(own))} of {len(model.poses.probabilities)}"
-        for own, model in zip(rests, room.models, strict=True)
+    pose_counts = [
+        f"{len(set(model_rests))} of {len(model.poses.probabilities)}"
+        for model_rests, model in zip(rests, room.models, strict=True)
     ]
     table = text_table(
         ("file", "", [printable(model.name) for model in room.models]),
         ("bodies", "d", map(len, rests)),
-        ("poses seen", ">", seen),
+        ("poses", ">", pose_counts),
         ("scale", ".4g", [model.scale for model in room.models]),
     )
     width, depth = room.floor
@@ -217,37 +228,37 @@ def scatter(options: Scatter) -> int:
     return 0
 
 
-def repair(options: Repair) -> int:
-    """Write a mesh as the surface of one solid."""
+def repair(options: RepairArguments) -> int:
+    """Write the repaired surface of a mesh."""
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.surfaces.repair import FINEST, input_surface
     from dicedesign.report.raster import upward_of
     from dicedesign.report.surface_figures import repair_figure
 
     kind = format_of_ending(options.out.suffix, str(options.out))
-    surface, notes, made = input_surface(read_body(options.mesh), FINEST, repair=True)
+    surface, notes, repaired = input_surface(read_body(options.mesh), FINEST, repair=True)
     points = np.asarray(np.linalg.solve(kind.frame, surface.points.T).T, np.float64)
     data = mesh_bytes(points, surface.triangles, options.out.suffix, str(options.out))
     files = [options.out]
     atomic_write(options.out, data)
-    if made is not None:
+    if repaired is not None:
         files.append(options.out.with_name(f"{options.out.stem}_repair.png"))
-        atomic_write(files[1], repair_figure(made, upward_of(options.mesh)).png())
+        atomic_write(files[1], repair_figure(repaired, upward_of(options.mesh)).png())
     for note in notes:
         print_note(printable(note))
-    if made is not None:
-        found = made.numbers
-        handles = "not closed" if found.handles_before is None else found.handles_before
+    if repaired is not None:
+        numbers = repaired.numbers
+        handles = "not closed" if numbers.handles_before is None else numbers.handles_before
         rows: list[tuple[Any, ...]] = [
-            ("points", len(made.points), len(surface.points)),
-            ("triangles", len(made.triangles), len(surface.triangles)),
-            ("pieces", found.pieces, 1),
-            ("cavities", found.cavities, 0),
-            ("handles", handles, found.handles),
+            ("points", len(repaired.points), len(surface.points)),
+            ("triangles", len(repaired.triangles), len(surface.triangles)),
+            ("pieces", numbers.pieces, 1),
+            ("cavities", numbers.cavities, 0),
+            ("handles", handles, numbers.handles),
         ]
         for name, *parts in (
-            ("mean distance to the other", found.missed_mean, found.off_mean),
-            ("largest distance", found.missed_largest, found.off_largest),
+            ("mean distance to the other", numbers.missed_mean, numbers.off_mean),
+            ("largest distance", numbers.missed_largest, numbers.off_largest),
         ):
             rows.append((name, *(f"{100.0 * part:.2g} % of the diagonal" for part in parts)))
         names, *columns = zip(*rows, strict=True)
@@ -257,54 +268,54 @@ def repair(options: Repair) -> int:
     return 0
 
 
-def balance(options: Balance) -> int:
-    """Write a mesh with its center of mass where it serves a goal best."""
+def balance(options: BalanceArguments) -> int:
+    """Write a mesh with its center of mass moved toward a goal."""
     from dicedesign.balance.balanced import balanced
     from dicedesign.balance.options import BalanceOptions
     from dicedesign.report.surface_figures import balance_figure
 
-    goal = _goal(options)
+    goal = _make_goal(options)
     region, infill = options.region, options.infill
     given: dict[str, Any] = {
-        "region": _numbers("--region", region) if region and "," in region else region,
+        "region": _parse_numbers("--region", region) if region and "," in region else region,
         "by": options.by,
         "size_mm": options.size_mm,
         "wall_mm": options.wall_mm,
         "drain_mm": options.drain_mm,
-        "infill": None if infill is None else _numbers("--infill", infill),
+        "infill": None if infill is None else _parse_numbers("--infill", infill),
         "tolerance": options.tolerance,
     }
-    wanted = BalanceOptions(**{name: value for name, value in given.items() if value is not None})
+    settings = BalanceOptions(**{name: value for name, value in given.items() if value is not None})
     file = options.out
     if file.suffix.lower() != ".stl":
         if file.suffix and not file.is_dir():
             raise InputError(
                 f"--out: expected a folder or a file that ends in .stl, got {file}; rename it"
             )
-        make_writable_folder(file)
         file /= "balanced.stl"
-    _refuse_overwriting(options.mesh, file, "another file than the mesh")
-    body = read_body(options.mesh)
-    found = balanced(body, goal, wanted, on_way=lambda way: print_note(f"by {way} ..."))
-    contents = {
-        file.with_name(file.stem + end) if end else file: data
-        for end, data in found.made.files.items()
-    }
-    contents[file.with_name(f"{file.stem}_balance.png")] = balance_figure(found).png()
-    contents[file.with_name(f"{file.stem}_balance.json")] = json_text(found.data()).encode()
-    for path, data in contents.items():
-        atomic_write(path, data)
-    for note in found.notes:
+    with open_output_folder(file.parent):
+        _refuse_overwriting(options.mesh, file, "another file than the mesh")
+        body = read_body(options.mesh)
+        result = balanced(body, goal, settings, on_way=lambda way: print_note(f"by {way} ..."))
+        contents = {
+            file.with_name(file.stem + end) if end else file: data
+            for end, data in result.made.files.items()
+        }
+        contents[file.with_name(f"{file.stem}_balance.png")] = balance_figure(result).png()
+        contents[file.with_name(f"{file.stem}_balance.json")] = json_text(result.data()).encode()
+        for path, data in contents.items():
+            atomic_write(path, data)
+    for note in result.notes:
         print_note(printable(note))
     if options.json:
-        print_json({**found.data(), "files": [str(path) for path in contents]})
+        print_json({**result.data(), "files": [str(path) for path in contents]})
     else:
-        _print_balanced(options.mesh, found)
+        _print_balance(options.mesh, result)
         print(f"files: {', '.join(map(printable, contents))}")
-    return 0 if found.reached else 1
+    return 0 if result.reached else 1
 
 
-def _goal(options: Balance) -> Goal:
+def _make_goal(options: BalanceArguments) -> Goal:
     from dicedesign.balance.goals import (
         EqualProbabilities,
         FewestRests,
@@ -331,11 +342,11 @@ def _goal(options: Balance) -> Goal:
                 f"--poses: expected numbers of poses such as 1,2, got {options.poses!r}; "
                 "dicedesign rest lists them"
             ) from error
-    return GivenProbabilities(_numbers("--target", options.target), poses)
+    return GivenProbabilities(_parse_numbers("--target", options.target), poses)
 
 
-def _numbers(option: str, text: str) -> tuple[float, ...]:
-    """The numbers of a text, fractions or decimals."""
+def _parse_numbers(option: str, text: str) -> tuple[float, ...]:
+    """Parse fractions or decimals separated by commas."""
     try:
         return tuple(float(Fraction(part.strip())) for part in text.split(","))
     except (ValueError, ZeroDivisionError, OverflowError) as error:
@@ -344,32 +355,32 @@ def _numbers(option: str, text: str) -> tuple[float, ...]:
         ) from error
 
 
-def _print_balanced(mesh: Path, found: Balanced) -> None:
-    """Print what was wanted, and what the files do."""
+def _print_balance(mesh: Path, result: Balanced) -> None:
+    """Print the goal beside the centers of mass and the probabilities of the files."""
     print(
-        f"{printable(mesh)}: {'reached' if found.reached else 'not reached'}, by {found.by}; "
-        f"{found.rests_before} resting poses before, {found.rests} now"
+        f"{printable(mesh)}: {'reached' if result.reached else 'not reached'}, by {result.by}; "
+        f"{result.rests_before} resting poses before, {result.rests} now"
     )
     for name, place in (
-        ("before", found.center_before),
-        ("wanted", found.center_wanted),
-        ("now", found.center),
+        ("before", result.center_before),
+        ("wanted", result.center_wanted),
+        ("now", result.center),
     ):
         print(f"center of mass {name:6}  {'  '.join(f'{x + 0.0:10.5f}' for x in place)} mm")
-    if found.made.wall_mm is not None:
-        print(f"walls of at least {found.made.wall_mm:.4g} mm")
+    if result.made.wall_mm is not None:
+        print(f"walls of at least {result.made.wall_mm:.4g} mm")
     table = text_table(
-        ("pose", ">", ["new" if number is None else str(number) for number in found.numbers]),
-        ("facet normal (down)", "", map(direction, found.directions)),
-        ("before", ">", percents(found.before, ".4f")),
-        ("goal", ">", percents(found.wanted, ".4f")),
-        ("now", ">", percents(found.probabilities, ".4f")),
+        ("pose", ">", ["new" if number is None else str(number) for number in result.numbers]),
+        ("facet normal (down)", "", map(direction, result.directions)),
+        ("before", ">", percents(result.before, ".4f")),
+        ("goal", ">", percents(result.wanted, ".4f")),
+        ("now", ">", percents(result.probabilities, ".4f")),
     )
     print(f"\n{table}")
 
 
-def draw_figure(options: Figure) -> int:
-    """Draw a kind of figure."""
+def draw_figure(options: FigureArguments) -> int:
+    """Draw a figure of a body."""
     from dicedesign.recipe.subjects import subject_of
     from dicedesign.report.figures import BODY_FIGURES
     from dicedesign.runtime.workers import progress_bar

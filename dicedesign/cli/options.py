@@ -1,4 +1,4 @@
-"""What several commands read, and how they print."""
+"""Options and output that several commands share."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ MISSING_KERNELS: Final = (
 )
 
 MAX_JOBS: Final = 4096
-"""More processes than any machine bears."""
+"""Limit of `--jobs`."""
 
 
 def check_worker_options(options: WithWorkers) -> None:
-    """Raise InputError for a number of jobs or an address that cannot be meant."""
+    """Raise InputError for an impossible number of jobs or address."""
     if options.jobs is not None:
         check_whole("--jobs", options.jobs, most=MAX_JOBS)
     if options.scheduler is not None and "://" not in options.scheduler:
@@ -46,8 +46,7 @@ def check_worker_options(options: WithWorkers) -> None:
 def workers_of(
     options: WithWorkers, unit: str, total: int, done: int = 0
 ) -> AbstractContextManager[Workers]:
-    """The workers that the options ask for; unit, total, done: as of `open_workers`. Says whether
-    those of this machine are slow."""
+    """Workers by the options; unit, total and done as in `open_workers`. Notes missing kernels."""
     from dicedesign.runtime.workers import open_workers
 
     if options.scheduler is None:
@@ -56,39 +55,38 @@ def workers_of(
 
 
 def note_missing_kernels() -> None:
-    """Say on stderr that a command takes long as there are no kernels, if so."""
+    """Print a note on stderr if the compiled kernels are missing."""
     if not kernels.available():
         with suppress(OSError):
             print_note(MISSING_KERNELS)
 
 
 def print_note(text: str) -> None:
-    """Say something on stderr."""
+    """Print a note on stderr."""
     print(f"note: {text}", file=sys.stderr)
 
 
 def direction(vector: Iterable[float]) -> str:
-    """A unit vector for people."""
-    # Adding zero takes the sign off a zero.
+    """Text of a unit vector."""
+    # Adding zero removes the sign of -0.
     return "  ".join(f"{x + 0.0:8.5f}" for x in vector)
 
 
-def percents(parts: Iterable[float] | None, form: str) -> list[str] | None:
-    """Parts of 1 in percent, each in a format; None for none."""
-    return None if parts is None else [f"{100.0 * part:{form}} %" for part in parts]
+def percents(fractions: Iterable[float] | None, form: str) -> list[str] | None:
+    """Texts of fractions in percent, in the given number format; None for None."""
+    return None if fractions is None else [f"{100.0 * part:{form}} %" for part in fractions]
 
 
 def percent_intervals(intervals: Floats) -> list[str]:
-    """Limits (k, 2) of probabilities, in percent."""
+    """Texts of intervals (k, 2) of probabilities, in percent."""
     return [f"{low:7.3f}  {high:7.3f}" for low, high in 100 * intervals]
 
 
 def text_table(*columns: tuple[str, str, Iterable[object] | None]) -> str:
-    """A table, beginning with the names of its columns.
+    """Text of a table with column names.
 
-    columns: name, format, as of `format`, and values of each; None leaves it out. One whose format
-        is empty is of texts and begins at the left; the others, numbers or texts of the format ">",
-        end at the right.
+    columns: name, format specification and values; a column whose values are None is skipped.
+        Columns of an empty format are left-aligned, the others right-aligned.
     """
     texts = []
     for name, form, values in columns:
@@ -100,7 +98,7 @@ def text_table(*columns: tuple[str, str, Iterable[object] | None]) -> str:
 
 
 def plain_rows(columns: Mapping[str, Iterable[object] | None]) -> list[dict[str, Any]]:
-    """A mapping of plain data for each row of a table; a column that is None is left out."""
+    """Rows of a table as mappings of plain data; columns that are None are skipped."""
     values = {
         name: [
             each.tolist() if isinstance(each, np.ndarray | np.generic) else each for each in column
@@ -112,13 +110,13 @@ def plain_rows(columns: Mapping[str, Iterable[object] | None]) -> list[dict[str,
 
 
 def print_json(plain: object) -> None:
-    """Print plain data, which have finite numbers only."""
+    """Print plain data, all numbers finite, as JSON."""
     print(json_text(plain), end="")
 
 
 def numbers(option: str, text: str, form: str) -> list[float]:
-    """The finite numbers of a text such as "x,y,z", which is its form. Raises InputError naming the
-    option."""
+    """Parse finite numbers from a text of a form such as "x,y,z". Raises InputError with the
+    option's name."""
     count = form.count(",") + 1
     try:
         values = [float(part) for part in text.split(",")]
@@ -131,13 +129,13 @@ def numbers(option: str, text: str, form: str) -> list[float]:
 
 
 def vector(option: str, text: str) -> tuple[float, float, float]:
-    """The three finite numbers of "x,y,z". Raises InputError naming the option."""
+    """Parse three finite numbers "x,y,z". Raises InputError with the option's name."""
     x, y, z = numbers(option, text, "x,y,z")
     return x, y, z
 
 
 def center_of_mass(text: str | None) -> Center:
-    """The center of mass that `--com` asks for."""
+    """Parse the value of `--com`."""
     if text is None or text == "hull":
         return text  # type: ignore[return-value]
     return vector("--com", text)
@@ -149,17 +147,17 @@ def read_poses(
     coplanar_tolerance: float | None = None,
     parts: Sequence[str] = (),
 ) -> tuple[Body, RestPoses]:
-    """The body of a file and its rests; notes about them go to stderr.
+    """Read a body and compute its rests; print their notes on stderr.
 
-    center, coplanar_tolerance: as in `rest_poses`; parts: what `--part` gives.
+    center, coplanar_tolerance: as in `rest_poses`; parts: values of `--part`.
     """
-    # Imported here, as commands of designed dice do without.
+    # Commands about designed dice do not need these imports.
     from dicedesign.geometry.meshes.reading import read_body, without_solids
     from dicedesign.rest.poses import rest_poses
 
     with without_solids():
         body = read_body(path)
-        others = [(read_body(file), density) for file, density in map(_part, parts)]
+        others = [(read_body(file), density) for file, density in map(_parse_part, parts)]
     if others:
         from dicedesign.geometry.meshes.manifold import weighted_body
 
@@ -170,8 +168,8 @@ def read_poses(
     return body, poses
 
 
-def _part(text: str) -> tuple[Path, float]:
-    """The file and the density that a `--part` gives."""
+def _parse_part(text: str) -> tuple[Path, float]:
+    """Parse a `--part` into file and density."""
     path, _, density = text.rpartition(":")
     try:
         number = float(density)

@@ -6,7 +6,7 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.cli.commands import Drop, Rest
+from dicedesign.cli.commands import DropArguments, RestArguments
 from dicedesign.cli.options import (
     center_of_mass,
     check_worker_options,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dicedesign.batch.rest_table import Entry, RestTable, Stamp
 
 
-def list_rests(options: Rest) -> int:
+def list_rests(options: RestArguments) -> int:
     """Print the rests of a mesh, or write those of a folder."""
     if os.path.isdir(options.mesh):
         return _list_folder(options)
@@ -106,7 +106,7 @@ def rest_summary(poses: RestPoses, thrown: Floats | None = None) -> dict[str, An
     }
 
 
-def _under_prior(options: Rest, text: str, poses: RestPoses) -> RestPoses:
+def _under_prior(options: RestArguments, text: str, poses: RestPoses) -> RestPoses:
     """The rests with the probabilities that `--prior` asks for."""
     from dicedesign.rest.density_priors import VonMisesFisher
     from dicedesign.rest.prior import SampledDirections, read_prior
@@ -126,7 +126,7 @@ def _under_prior(options: Rest, text: str, poses: RestPoses) -> RestPoses:
     return poses.under(prior)
 
 
-def _list_folder(options: Rest) -> int:
+def _list_folder(options: RestArguments) -> int:
     """Analyze the meshes of a folder."""
     # Imported here, as one mesh does without.
     from dicedesign.batch.batch import list_folder, run_batch
@@ -185,7 +185,9 @@ def _list_folder(options: Rest) -> int:
     return _print_counts(table)
 
 
-def _check_table(options: Rest, before: dict[str, Entry], stamps: dict[str, Stamp]) -> None:
+def _check_table(
+    options: RestArguments, before: dict[str, Entry], stamps: dict[str, Stamp]
+) -> None:
     """Rows that answer another question, or are of another folder, are neither kept nor lost."""
     asked = next(iter(stamps.values()))
     for entry in before.values():
@@ -213,7 +215,7 @@ def _print_counts(table: RestTable) -> int:
     return 0 if analyzed else 1
 
 
-def drop(options: Drop) -> int:
+def drop(options: DropArguments) -> int:
     """Print the steps of a roll."""
     # Imported here, as `rest` does without.
     from dicedesign.rest.roll import SMALLEST_ANGLE, roll_steps

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.cli.commands import Table as TableCommand
+from dicedesign.cli.commands import TableArguments
 from dicedesign.cli.options import (
     check_worker_options,
     print_json,
@@ -97,7 +97,7 @@ class DieAtHand:
         return half, most
 
 
-def fit(options: TableCommand) -> int:
+def fit(options: TableArguments) -> int:
     """Print the fitted table, and write it."""
     check_worker_options(options)
     require_engine("native")
@@ -163,7 +163,7 @@ def fit(options: TableCommand) -> int:
 
 
 def _read_dice(
-    options: TableCommand,
+    options: TableArguments,
 ) -> tuple[tuple[CountedDie, ...], tuple[CountedDie, ...]]:
     """The dice that are fitted to, and those that are predicted."""
     wanted, checked = (

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from dicedesign.cli.commands import Rolls, Throw
+from dicedesign.cli.commands import RollsArguments, ThrowArguments
 from dicedesign.cli.options import (
     center_of_mass,
     check_worker_options,
@@ -46,7 +46,7 @@ CONFIDENCE: Final = 0.95
 MM_PER_METER: Final = 1e3
 
 
-def throw(options: Throw) -> int:
+def throw(options: ThrowArguments) -> int:
     """Print how often each rest comes up."""
     from dicedesign.throws.momentum_model import momentum_model
     from dicedesign.throws.momentum_probabilities import momentum_probabilities
@@ -118,7 +118,7 @@ def throw(options: Throw) -> int:
     return 0
 
 
-def _read_finished(options: Throw) -> tuple[Body, RestPoses, list[str | None]]:
+def _read_finished(options: ThrowArguments) -> tuple[Body, RestPoses, list[str | None]]:
     """A die that was designed here, without its marks, and the labels of its rests."""
     from dicedesign.rest.outcomes import facet_of_rest
     from dicedesign.results.folder import read_result
@@ -214,7 +214,7 @@ UNDO: Final = "undo"
 """Words that are no throws, unless the die has them as labels."""
 
 
-def judge_rolls(options: Rolls) -> int:
+def judge_rolls(options: RollsArguments) -> int:
     """Print what the user's throws say."""
     from dicedesign.throws import goodness_of_fit
     from dicedesign.throws.roll_log import RollLog, read_counts

@@ -78,7 +78,7 @@ class Design:
             return tuple(np.array(values)[order].tolist())
 
         rounds = tuple(
-            replace(done, asked=place(done.asked), frequencies=place(done.frequencies))
+            replace(done, requested=place(done.requested), frequencies=place(done.frequencies))
             for done in self.rounds
         )
         return replace(self, directions=self.directions[order], rounds=rounds)

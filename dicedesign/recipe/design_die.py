@@ -76,8 +76,8 @@ class Die:
 
     @property
     def message(self) -> str:
-        """The status in a sentence, with the error and what would help."""
-        return "; ".join(self._work.remarks)
+        """Verdict in one sentence, followed by status and remarks."""
+        return self._work.message
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -284,7 +284,7 @@ def fill_inside(work: Work) -> None:
         shift_mm=float(norms(surface.centroid)),
         off_mm=float(norms(made.center)),
         wall_mm=made.wall_mm,
-        made=dict(made.facts),
+        details=dict(made.facts),
         notes=made.notes,
     )
     work.notes += made.notes

@@ -9,6 +9,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, Context
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -169,8 +170,25 @@ class Work:
             return self.die.error
         return self.solid.outcomes.max_abs_error(self.target.probabilities)
 
+    @property
+    def message(self) -> str:
+        """Verdict in one sentence, followed by status and remarks."""
+        thrown = self.recipe.method.thrown
+        subject = "By the momentum model the die" if thrown else "The file"
+        error = self.design_error if thrown else self.printed.max_abs_error
+        # In percent, rounded up to one digit, without an exponent.
+        percent = Context(prec=1, rounding=ROUND_CEILING).create_decimal(100.0 * error)
+        flaw, _, _ = self.status.value.partition(";")
+        if self.status is Status.CONVERGED:
+            verdict = f"{subject} has your probabilities: off by at most {percent:f} %."
+        elif error <= self.recipe.method.tolerance:
+            verdict = f"{subject} has your probabilities, but {flaw}."
+        else:
+            verdict = f"{subject} does not have your probabilities: off by up to {percent:f} %."
+        return f"{verdict} ({self.status.name.lower()}: {'; '.join(self.remarks)})"
+
     def fail(self, status: Status) -> None:
-        """Take back that the die converged, if it did."""
+        """Replace the status of a converged die."""
         if self.status is Status.CONVERGED:
             self.status = status
             self.remarks.insert(0, status.value)
@@ -188,7 +206,7 @@ class Work:
         result = Result(
             name=self.recipe.name,
             status=self.status.name.lower(),
-            message="; ".join(self.remarks),
+            message=self.message,
             labels=target.labels,
             target=tuple(target.probabilities.tolist()),
             center_of_mass=tuple(plain.poses.center_of_mass.tolist()),

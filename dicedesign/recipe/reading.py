@@ -1,4 +1,4 @@
-"""A recipe file, or a typed target, read into a checked recipe; what is said of a bad one."""
+"""Read recipes and typed targets, with error messages."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ from pydantic import ValidationError
 from dicedesign.errors import RecipeError
 from dicedesign.fabricate.finish_options import is_font_file
 from dicedesign.recipe.recipe import Recipe
+from dicedesign.results.renamed_keys import RENAMED_KEYS
 from dicedesign.runtime.files import read_text
 
-MOST_DEPTH: Final = 30
+MAX_DEPTH: Final = 30
+"""Levels of nested entries in a recipe."""
 
-MOST_ENTRIES: Final = 10_000
-"""Of a recipe; more than any needs."""
+MAX_ENTRIES: Final = 10_000
+"""Entries in a recipe."""
 
-BAD_YAML: Final = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
-"""What PyYAML raises, besides its own errors, for values that are not what their tag says, such as
-2024-13-45 or !!int x, and for nesting without end."""
+VALUE_ERRORS: Final = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
+"""Errors of PyYAML, besides its own, for values that do not match their tag, such as 2024-13-45 or
+!!int x, and for infinite nesting."""
 
 
 def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
@@ -38,13 +40,13 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
     Parameters
     ----------
     path: the file.
-    changes: texts "dotted.key=value" that replace or add entries, values in YAML; the path of a
-        mesh, a font or an icon in one is relative to the working directory.
+    changes: texts "dotted.key=value" that replace or add entries, values in YAML. Their paths are
+        relative to the working directory, those of the file to its folder.
 
     Raises
     ------
-    RecipeError: the file is missing or no YAML mapping, or an entry is unknown or unusable; the
-        message names file, key, what was expected and what came.
+    RecipeError: the file is missing or is no YAML mapping, or an entry is unknown or invalid; the
+        message names file and key.
     """
     data = parse_yaml(read_text(path, "a recipe", error=RecipeError), str(path))
     if not isinstance(data, dict):
@@ -54,8 +56,8 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
         )
     _resolve_paths(data, path.parent)
     for change in changes:
-        _apply(data, change)
-    # What a change brought is relative to where the command runs; absolute paths stay.
+        _apply_change(data, change)
+    # Paths of changes are relative to the working directory.
     _resolve_paths(data, Path())
     try:
         return parse_recipe(data)
@@ -64,10 +66,11 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
 
 
 def _check_entries(data: object) -> None:
-    """Raise RecipeError for data that are more than anybody writes once they are written out: a
-    kilobyte of YAML whose aliases stand for lists of aliases can stand for more than any memory
-    holds, or for itself. And, naming its dotted key, for a text that UTF-8 has no bytes for: the
-    name of a file in another encoding, or half of a letter."""
+    """Raise RecipeError for too many entries, and for a text that UTF-8 cannot encode.
+
+    A kilobyte of YAML whose aliases stand for lists of aliases can expand to more than any memory
+    holds, or contain itself. File names in other encodings hold lone surrogates.
+    """
     sizes: dict[int, int] = {}
 
     def size(part: object, *keys: str) -> int:
@@ -81,9 +84,9 @@ def _check_entries(data: object) -> None:
                 ) from error
         if not isinstance(part, Mapping | list | tuple):
             return 1
-        if len(keys) > MOST_DEPTH:
+        if len(keys) > MAX_DEPTH:
             raise RecipeError(
-                f"expected entries at most {MOST_DEPTH} within each other, got more; write them as "
+                f"expected entries at most {MAX_DEPTH} within each other, got more; write them as "
                 "in docs/recipes.md"
             )
         if id(part) not in sizes:
@@ -93,22 +96,22 @@ def _check_entries(data: object) -> None:
             sizes[id(part)] = 1 + sum(size(entry, *keys, str(key)) for key, entry in entries)
         return sizes[id(part)]
 
-    if size(data) > MOST_ENTRIES:
+    if size(data) > MAX_ENTRIES:
         raise RecipeError(
-            f"expected at most {MOST_ENTRIES} entries, got more once aliases are written out; "
+            f"expected at most {MAX_ENTRIES} entries, got more once aliases are written out; "
             "leave some out"
         )
 
 
 def parse_recipe(data: Mapping[str, Any]) -> Recipe:
-    """The recipe of plain data, as YAML would give them.
+    """Check a recipe of plain data, as read from YAML.
 
-    Raises RecipeError if an entry is unknown or unusable; the message begins with its dotted key.
+    Raises RecipeError if an entry is unknown or invalid; the message begins with its dotted key.
     """
     _check_entries(data)
     try:
-        # Through JSON: strict validation then takes mappings for options and lists for tuples.
-        # Numbers of NumPy become those of Python, and anything else, such as a path, text.
+        # Strict validation of JSON accepts mappings for options and lists for tuples. NumPy numbers
+        # become Python numbers, anything else, such as a path, becomes text.
         plain = json.dumps(
             data,
             default=lambda value: value.item() if isinstance(value, np.generic) else str(value),
@@ -125,21 +128,21 @@ def parse_recipe(data: Mapping[str, Any]) -> Recipe:
 
 
 def recipe_text(recipe: Recipe) -> str:
-    """A recipe with every default written out, as YAML that `read_recipe` takes from anywhere."""
+    """YAML of a recipe with every default and absolute paths."""
     return yaml.safe_dump(recipe.resolved(), sort_keys=False, allow_unicode=True)
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML with `1e-3` as a number and repeated keys as errors."""
+    """YAML loader that reads `1e-3` as a number and refuses repeated keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
+        keys = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
-            if key in seen:
+            if key in keys:
                 line = key_node.start_mark.line + 1
                 raise yaml.YAMLError(f"key {key!r} appears twice, the second time in line {line}")
-            seen.add(key)
+            keys.add(key)
         return super().construct_mapping(node, deep)
 
 
@@ -151,15 +154,15 @@ _Loader.add_implicit_resolver(
 
 
 def parse_yaml(content: str, where: str) -> object:
-    """What a text in YAML says. Raises RecipeError, naming where it is from, where it is none."""
+    """Parse YAML. Raises RecipeError that begins with `where`."""
     try:
         return yaml.load(content, Loader=_Loader)
-    except (yaml.YAMLError, *BAD_YAML) as error:
+    except (yaml.YAMLError, *VALUE_ERRORS) as error:
         reason = " ".join(str(error).split())
         raise RecipeError(f"{where}: expected YAML, but {reason}; correct it") from error
 
 
-def _apply(data: dict[str, Any], change: str) -> None:
+def _apply_change(data: dict[str, Any], change: str) -> None:
     key, equals, value = change.partition("=")
     if not equals or not key.strip():
         raise RecipeError(f"--set {change}: expected key=value; write it such as size_mm=40")
@@ -172,7 +175,7 @@ def _apply(data: dict[str, Any], change: str) -> None:
 
 
 def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
-    """Make the paths of a recipe absolute that count from a folder."""
+    """Make the relative paths of a recipe absolute."""
 
     def part(entries: Any, key: str) -> dict[Any, Any]:
         entry = entries.get(key)
@@ -185,7 +188,7 @@ def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
         paths.append((engrave, "font"))
     for entries, key in paths:
         if isinstance(entries.get(key), str):
-            # Of one that cannot be a path, the reader of the file says so.
+            # The reader of the file refuses an invalid path.
             with contextlib.suppress(ValueError):
                 entries[key] = os.path.realpath(folder / entries[key])
 
@@ -195,13 +198,15 @@ def _explain(error: ValidationError) -> str:
     key = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
     cause = first.get("ctx", {}).get("error")
     if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        if key in RENAMED_KEYS:
+            return f"{key}: expected its new name, got the old one; write {RENAMED_KEYS[key]}"
         return f"{key}: unknown key; {_hint(key)}"
     if first["type"] == "missing":
         return f"{key}: expected this key, but it is missing; add it"
     if isinstance(cause, ValueError):
         parent, _, last = key.rpartition(".")
         if str(cause).startswith((f"{last}.", f"{last}:")):
-            # It names the entry from the last key on.
+            # The message already names the last key.
             return f"{parent}.{cause}".lstrip(".")
         return f"{key + ': ' if key else ''}{cause}"
     message = first["msg"][0].lower() + first["msg"][1:].replace("an object", "keys and values")
@@ -209,14 +214,14 @@ def _explain(error: ValidationError) -> str:
 
 
 def _hint(key: str) -> str:
-    """Guess at what was meant by an unknown dotted key."""
+    """Suggest a known key for an unknown dotted key."""
     parent, _, name = key.rpartition(".")
     schema = Recipe.model_json_schema()
     places: dict[str, list[str]] = {}
     for place in _key_paths(schema, schema["$defs"]):
         places.setdefault(place.rpartition(".")[2], []).append(place)
-    here = [known for known, at in places.items() if f"{parent}.{known}".lstrip(".") in at]
-    if close := difflib.get_close_matches(name, here, n=1):
+    siblings = [known for known, at in places.items() if f"{parent}.{known}".lstrip(".") in at]
+    if close := difflib.get_close_matches(name, siblings, n=1):
         return f"did you mean {close[0]!r}?"
     if name in places:
         return f"it belongs at {' or '.join(places[name])}"
@@ -228,7 +233,7 @@ def _hint(key: str) -> str:
 def _key_paths(
     schema: Mapping[str, Any], definitions: Mapping[str, Any], parent: str = ""
 ) -> Iterator[str]:
-    """Dotted paths of all keys of a JSON schema."""
+    """Yield the dotted paths of all keys in a JSON schema."""
     if "$ref" in schema:
         schema = definitions[schema["$ref"].rpartition("/")[2]]
     for part in (*schema.get("anyOf", ()), *schema.get("allOf", ())):
@@ -238,43 +243,41 @@ def _key_paths(
         yield from _key_paths(part, definitions, f"{parent}{name}.")
 
 
-LARGEST_DENOMINATOR: Final = 10_000
-"""Of fractions that anybody reads."""
+MAX_DENOMINATOR: Final = 10_000
+"""Denominator up to which a probability is written as a fraction."""
 
 
 def parse_target(text: str, labels: str | None = None) -> dict[str, Any]:
-    """The entries of a recipe's `target`, unchecked.
+    """Parse the `target` of a recipe from the command line, without checking it.
 
     Parameters
     ----------
-    text: probabilities with commas between them, "1/2,1/3,1/6", or what a recipe says, "fair: 7",
-        with the space or without.
-    labels: with commas between them, or None for those of the target.
+    text: probabilities such as "1/2,1/3,1/6", or an entry such as "fair: 7" or "fair:7".
+    labels: labels separated by commas; None for those of the target.
 
-    Raises RecipeError for a text that is neither.
+    Raises RecipeError for any other text.
     """
     entries: dict[str, Any]
     if ":" in text:
-        read = parse_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
-        if not isinstance(read, dict):
+        parsed = parse_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
+        if not isinstance(parsed, dict):
             raise RecipeError(
                 f"target: expected probabilities or a key and a value, got {text!r}; write "
                 "1/2,1/3,1/6, or fair: 7"
             )
-        entries = read
+        entries = parsed
     else:
-        entries = {"probabilities": _listed(text)}
+        entries = {"probabilities": _split(text)}
     if labels is not None:
-        entries["labels"] = _listed(labels)
+        entries["labels"] = _split(labels)
     return entries
 
 
 def format_probabilities(probabilities: Iterable[float]) -> str:
-    """The text that `parse_target` takes for these probabilities, to the last bit: fractions where
-    they are short."""
-    pairs = [(float(p), Fraction(p).limit_denominator(LARGEST_DENOMINATOR)) for p in probabilities]
+    """Text of probabilities that `parse_target` reads back exactly, with short fractions."""
+    pairs = [(float(p), Fraction(p).limit_denominator(MAX_DENOMINATOR)) for p in probabilities]
     return ", ".join(str(short) if float(short) == p else repr(p) for p, short in pairs)
 
 
-def _listed(text: str) -> list[str]:
+def _split(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]

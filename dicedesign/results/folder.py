@@ -1,10 +1,9 @@
-"""The folder of results that a run leaves, written and read back."""
+"""Folder of results: written by a run, and read back."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,93 +12,79 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError, OutputError
+from dicedesign.results.renamed_keys import RENAMED_KEYS
 from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.files import (
     atomic_write,
     hold_interrupts,
     lock_folder,
-    make_writable_folder,
+    open_output_folder,
     read_file,
     remove_partial_files,
 )
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
 CHECKPOINT: Final = "checkpoint.npz"
-"""State of a search that can be resumed; gone once the search is finished."""
+"""State of an unfinished search, to resume it."""
 
 RECIPE: Final = "recipe.yaml"
-"""The recipe with every default written out."""
+"""Recipe with every default."""
 
 PAGE: Final = "report.html"
-"""The report."""
+"""Report page."""
 
 DATA_SHEETS: Final = ("data_sheet.pdf", "data_sheet.png")
-"""The page to print."""
+"""One-page data sheet."""
 
-SOLIDS: Final = (
-    "die.stl",
-    "die_inlay.stl",
-    "die_oriented.stl",
-    "die_plain.stl",
-)
-"""The die with its labels cut in, bodies that fill these, the die as it lies on a print bed,
-without labels, and pillars under the one on the bed."""
+SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_oriented.stl", "die_plain.stl")
+"""Die with labels, inlays that fill the labels, die oriented on the print bed, die without
+labels."""
 
 
 def write_results(
     folder: Path, files: Mapping[str, bytes], result: Result, names: Iterable[str]
 ) -> None:
-    """Write the files of a finished run, and remove those that an earlier run left.
+    """Write the files of a finished run, and remove those of an earlier run.
 
-    Each file appears whole or not at all, and `RESULT` last: a folder that has it is complete. An
+    Each file appears whole or not at all, and `RESULT` last: a folder with it is complete. An
     interrupt waits until then.
 
     Parameters
     ----------
-    folder: an existing one.
-    files: contents by name. result: the content of `RESULT`.
-    names: of the files that runs may leave beside `SOLIDS`, `RECIPE`, `PAGE` and `DATA_SHEETS`.
+    folder: existing folder.
+    files: contents by name. result: content of `RESULT`.
+    names: files of earlier runs to remove, besides `SOLIDS`, `RECIPE`, `PAGE` and `DATA_SHEETS`.
 
     Raises
     ------
     OutputError: a file cannot be removed or written.
     """
     owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *DATA_SHEETS, *names])
-    told = result.json_text().encode("utf-8")
+    result_data = result.json_text().encode("utf-8")
     with hold_interrupts("the results were complete by then"):
         remove_files(folder, [RESULT, *(name for name in owned if name not in files)])
         for name, data in files.items():
             atomic_write(folder / name, data)
-        atomic_write(folder / RESULT, told)
+        atomic_write(folder / RESULT, result_data)
         remove_files(folder, [CHECKPOINT])
 
 
 @contextmanager
 def open_results_folder(folder: Path) -> Iterator[None]:
-    """Have a folder alone that can be written, made if missing; what a killed process left half
-    written is removed, and folders in which an error leaves nothing go again.
+    """Make and lock a folder for results, and remove partial files of a killed process. If an error
+    leaves the folder empty, remove it with its new parents.
 
     Raises
     ------
-    InputError: another process is writing into it. OutputError: it cannot be written.
+    InputError: another process writes into the folder. OutputError: it cannot be written.
     """
-    missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
-    try:
-        # Nobody waits for a die that cannot be kept.
-        make_writable_folder(folder)
-        with lock_folder(folder):
-            remove_partial_files(folder)
-            yield
-    except BaseException:
-        for path in missing:
-            # It may not have been made yet, or hold a checkpoint.
-            with contextlib.suppress(OSError, ValueError):
-                path.rmdir()
-        raise
+    with open_output_folder(folder), lock_folder(folder):
+        remove_partial_files(folder)
+        yield
 
 
 def remove_files(folder: Path, names: Iterable[str]) -> None:
-    """Remove files of a folder where they are there. Raises OutputError."""
+    """Remove files of a folder if they exist. Raises OutputError."""
     try:
         for name in names:
             (folder / name).unlink(missing_ok=True)
@@ -111,9 +96,9 @@ def remove_files(folder: Path, names: Iterable[str]) -> None:
 
 
 def read_result(folder: Path | str) -> Result:
-    """The result in a folder that a run left.
+    """Read the result of a finished run.
 
-    Raises InputError: no run left that folder, or its result.json is damaged.
+    Raises InputError: the folder has no result.json, or an old or damaged one.
     """
     from pydantic import TypeAdapter, ValidationError
 
@@ -125,20 +110,23 @@ def read_result(folder: Path | str) -> Result:
     except (ValueError, RecursionError) as error:
         if isinstance(error, ValidationError):
             first = error.errors()[0]
-            key = ".".join(str(part) for part in first["loc"]) or "the file"
-            is_old = first["type"] == "missing" and key == "design"
-            reason = "the layout of an older version" if is_old else f"{key}: {first['msg']}"
+            key = ".".join(map(str, first["loc"])) or "the file"
+            old = [name for name, new in RENAMED_KEYS.items() if new == re.sub(r"\.\d+", "", key)]
+            reason = f"{key}: {first['msg']}"
+            if first["type"] == "missing" and (old or key == "design"):
+                reason = f"that of an older version without the key {key!r}"
+                reason += "".join(f", which was called {name!r}" for name in old)
         else:
             reason = getattr(error.__cause__, "strerror", None) or str(error)
         raise InputError(
-            f"{path}: expected the result of a finished run, got {reason}; name a folder that "
-            "`dicedesign run` left, or run its recipe.yaml again"
+            f"{path}: expected the result of a finished run, got {reason}; name a folder "
+            "written by `dicedesign run`, or run its recipe.yaml again"
         ) from error
     return result
 
 
 def _check(result: Result) -> None:
-    """Raise ValueError where labels, probabilities and facets do not fit together."""
+    """Raise ValueError if labels, probabilities and facets are inconsistent."""
     labels, target = result.labels, np.array(result.target)
     if len(set(labels)) < len(labels) or len(target) != len(labels):
         raise ValueError(
@@ -151,6 +139,6 @@ def _check(result: Result) -> None:
     if lengths != {3} or not np.isfinite(vectors).all():
         raise ValueError("vectors that are not three finite numbers")
     if not {label for label, _ in result.shown} <= set(labels):
-        raise ValueError("facets with labels that the die has not")
+        raise ValueError("facets with unknown labels")
     if "die_plain" not in result.files:
         raise ValueError("no file of the die")

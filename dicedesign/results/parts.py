@@ -36,7 +36,7 @@ class Status(Enum):
         "try a smaller depth_mm or radius_mm, or another seed"
     )
     OFF_TABLE = (
-        "reached the tolerance by the momentum model, but not in simulated throws; allow more with "
+        "simulated throws are off by more than the tolerance; allow more with "
         "method.exact.refine.rounds or .drops"
     )
     FILE_LEFT_OUT = (
@@ -253,7 +253,7 @@ class RoundOfThrows:
     elsewhere_drops: throws onto what the table may be instead, all together. elsewhere: as
         `expected`, on nine of ten of these tables at most; None without any.
     is_kept: whether the die of this round was kept.
-    asked: probabilities in the model that the design of this round was asked for. frequencies: of
+    requested: target of this round's design in the momentum model. frequencies: of
         the outcomes, with a sum of less than 1 where some throws came to rest on no outcome.
     """
 
@@ -264,7 +264,7 @@ class RoundOfThrows:
     elsewhere_drops: int
     elsewhere: float | None
     is_kept: bool
-    asked: Numbers
+    requested: Numbers
     frequencies: Numbers
 
 

@@ -159,14 +159,14 @@ class Inside:
     shift_mm: distance from the center of mass of the uniform solid to that which was given; off_mm:
         from there to that of the files.
     wall_mm: least thickness of walls; None where nothing is inside.
-    made: what was made, such as the places of weights; notes: the same for people, a sentence each.
+    details: plain data about it; notes: sentences about it.
     """
 
     by: str
     shift_mm: float
     off_mm: float
     wall_mm: float | None
-    made: dict[str, Any]
+    details: dict[str, Any]
     notes: tuple[str, ...]
 
 

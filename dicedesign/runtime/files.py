@@ -197,6 +197,26 @@ def remove_partial_files(folder: Path, name: str | None = None) -> None:
                 os.unlink(entry.path)
 
 
+@contextmanager
+def open_output_folder(folder: Path) -> Iterator[None]:
+    """Make a writable folder. If an error leaves it empty, remove it with its new parents.
+
+    Raises
+    ------
+    OutputError: the folder cannot be made or written.
+    """
+    missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
+    try:
+        make_writable_folder(folder)
+        yield
+    except BaseException:
+        for path in missing:
+            # It may not exist yet, or hold a checkpoint.
+            with contextlib.suppress(OSError, ValueError):
+                path.rmdir()
+        raise
+
+
 def make_writable_folder(folder: Path) -> None:
     """Make a folder for results if it is missing, and try whether files can be made in it.
 

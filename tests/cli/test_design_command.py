@@ -26,7 +26,7 @@ def test_fractions_and_labels_become_a_die_with_these_probabilities(
     monkeypatch.chdir(tmp_path)
     assert main(["design", "--target", "1/5, 1/4,1/4, 3/10", "--labels", "-1,yes, no,2.5"]) == 0
     captured = capsys.readouterr()
-    assert captured.out.startswith("die: converged (reached the tolerance; ")
+    assert captured.out.startswith("die: The file has your probabilities: off by at most 0.0")
     # Beside them only what an ordinary printer will not make of so small a die.
     told = captured.err.removeprefix(usual_notes()).splitlines()
     assert all(line.startswith("note: the ") and "nozzle" in line for line in told)
@@ -48,7 +48,7 @@ def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[
     options = ["--name", "loaded", "--seed", "3", "--size-mm", "64", "--out", str(folder)]
     assert main(["design", "--target", ".1,0.2,3e-1,2/5", *options]) == 0
     captured = capsys.readouterr()
-    assert captured.out.startswith("loaded: converged")
+    assert captured.out.startswith("loaded: The file has your probabilities: ")
     assert captured.err == usual_notes()
     check(folder)
     poses = rest_poses(read_body(folder / "die_plain.stl"))
@@ -122,7 +122,7 @@ def test_a_target_out_of_reach_is_told(
     target = ["design", "--target", "0.999998,1e-6,1e-6", "--out", str(folder)]
     assert main(target) == 1
     printed = capsys.readouterr().out
-    assert printed.startswith("die: no_start (none of the starting shapes led there; try another")
+    assert " (no_start: none of the starting shapes led there; try another" in printed
     assert "allow more with method.exact.starts; max |p - q| is " in printed
     assert "; this is the best of 3 starting shapes; an outcome of 1e-06 is hard to" in printed
     summary = check(folder)
@@ -141,7 +141,7 @@ def test_time_that_runs_out_is_told_with_what_to_raise(
     code = main(target)
     printed, refused = capsys.readouterr()
     assert code == 1 or (code == 2 and not (tmp_path / "out").exists())
-    assert code == 2 or printed.startswith("die: time_limit (ran out of time; max |p - q| is ")
+    assert code == 2 or " (time_limit: ran out of time; max |p - q| is " in printed
     assert "; allow more with method.exact.seconds" in (printed if code == 1 else refused)
 
 
@@ -151,7 +151,7 @@ def test_a_die_that_must_be_large_or_is_changed_by_its_labels_is_told(
     # Its rare outcomes are too near to each other, which is told as well.
     assert main(["design", "--target", "0.96,.01,.01,.01,.01", "--out", str(tmp_path)]) == 1
     told, noted = capsys.readouterr()
-    assert told.startswith("die: crowded")
+    assert told.startswith("die: The file does not have your probabilities: ")
     notes = noted.splitlines()
     size = yaml.safe_load((tmp_path / "recipe.yaml").read_text())["size_mm"]
     assert size > 100

@@ -12,7 +12,8 @@ import trimesh
 import yaml
 from common.dented_cube import write_cube
 
-from dicedesign.cli.main import main
+from dicedesign.cli import commands as cli_commands
+from dicedesign.cli.main import main, make_parser
 
 RECIPE = "name: good\ntarget: {fair: 4}\nstart: {repulsion: {}}\n"
 
@@ -56,6 +57,8 @@ FILES = {
 }
 
 COMMANDS = {
+    "balance sheet.stl --equal 2 --out new": "sheet.stl",
+    "search good.yaml --trials 1 --scheduler tls://127.0.0.1:9": "--scheduler tls://127.0.0.1:9: ",
     "rest missing.obj": "missing.obj: no such file",
     "rest empty.obj": "empty.obj",
     "rest flat.xyz": "one plane",
@@ -320,6 +323,20 @@ def test_wrong_values_are_refused_by_their_key(
             line = refusal(["run", "good.yaml", "--no-figures", "--set", change], capsys)
             assert key.split(".")[-1] in line, change
             assert "; " in line, change
+
+
+@pytest.mark.parametrize("command", cli_commands.COMMANDS)
+def test_help_fits_a_screen_and_its_example_is_valid(
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "90")
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 40
+    program, *words = shlex.split(" ".join(lines).rpartition("Example: ")[2])
+    assert program == "dicedesign"
+    assert make_parser(command).parse_args(words).command == command
 
 
 @pytest.mark.parametrize("command", ["design", "design --target 1/2,1/2 --size-mm large", "roll"])

@@ -1,4 +1,4 @@
-"""Streams that are closed, full or of few letters, and what nobody foresaw."""
+"""Closed and full streams, encodings with few characters, and unexpected errors."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_what_nobody_foresaw_has_its_own_code_and_one_line(
     monkeypatch.setattr("dicedesign.rest.poses.rest_poses", broken)
     assert main(["rest", box]) == 3
     said = capsys.readouterr().err
-    assert said.startswith("dicedesign: an error that nobody foresaw, ZeroDivisionError: a\\nbug; ")
+    assert said.startswith("dicedesign: unexpected error, ZeroDivisionError: a\\nbug; ")
     assert said.count("\n") == 1
     for arguments in (["--debug", "rest", box], ["rest", box, "--debug"]):
         with pytest.raises(ZeroDivisionError, match="a\nbug"):

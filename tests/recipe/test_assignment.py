@@ -81,5 +81,5 @@ def test_what_a_solver_tells_by_direction_is_told_by_outcome() -> None:
     for place, label in enumerate(ORDER):
         outcome = "abcd".index(label)
         np.testing.assert_array_equal(die.directions[outcome], start.directions[place])
-        assert die.rounds[0].asked[outcome] == asked[place]
+        assert die.rounds[0].requested[outcome] == asked[place]
         assert die.rounds[0].frequencies[outcome] == seen[place]

@@ -100,7 +100,7 @@ def test_a_recipe_becomes_a_checked_die(
     assert result.converged
     summary = check(result.folder)
     assert summary == summary_of(result)
-    assert summary["message"].startswith("reached the tolerance; max |p - q| is ")
+    assert "(converged: reached the tolerance; max |p - q| is " in summary["message"]
     assert steps == [(k, stage) for k in (1, 2, 3) for stage in ("hull", "fill")]
     assert [stage["name"] for stage in summary["stages"]] == stages
     assert stages == [
@@ -396,7 +396,7 @@ def test_the_command_line_prints_the_probabilities_and_what_was_moved(
     captured = capsys.readouterr()
     assert captured.err == usual_notes()
     lines = captured.out.splitlines()
-    assert lines[0].startswith("cube: converged (reached the tolerance; max |p - q| is ")
+    assert lines[0].startswith("cube: The file has your probabilities: off by at most ")
     assert lines[1].split() == ["label", "target", "achieved"]
     assert lines[2].split() == ["1", "0.16667", "0.16667"]
     assert lines[8].split() == ["other", "0.0000", "0.0000"]

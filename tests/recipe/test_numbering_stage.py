@@ -63,7 +63,7 @@ def test_what_throws_told_of_an_outcome_goes_with_it() -> None:
     (after,) = work.die.rounds
     of_side = (work.die.directions @ SIDES.T).argmax(axis=1)
     assert list(of_side) != list(range(6))
-    np.testing.assert_array_equal(after.asked, asked[of_side])
+    np.testing.assert_array_equal(after.requested, asked[of_side])
     np.testing.assert_array_equal(after.frequencies, 2.0 * asked[of_side])
 
 

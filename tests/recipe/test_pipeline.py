@@ -210,7 +210,7 @@ def test_a_result_says_what_the_work_holds() -> None:
     work.extra |= {"grams": 2.5}
     work.die = replace(work.die, starts=5, evaluations=9, hulls=HullCounts(4, 2))
     result = work.result()
-    assert (result.status, result.message) == ("no_progress", "; ".join(work.remarks))
+    assert (result.status, result.message) == ("no_progress", work.message)
     assert result.extra == {"grams": 2.5}
     assert result.design == Designed(work.design_error, None, 5, 9, HullCounts(4, 2))
     assert result.notes == ("a note",)

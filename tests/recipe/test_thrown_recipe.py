@@ -88,7 +88,7 @@ def test_a_die_that_misses_says_so(
     again.write_text(RECIPE.replace("within: 0.1", "within: 1e-9") + "engrave: false\n")
     assert main(["run", str(again), "--out", str(tmp_path / "out")]) == 1
     out = capsys.readouterr().out
-    assert "coin: off_table (reached the tolerance by the momentum model, but not in" in out
+    assert "(off_table: simulated throws are off by more than the tolerance" in out
     assert "thrown 1000 times, its total variation from the target is" in out
     assert out.splitlines()[1].split() == ["label", "target", "set", "down", "model", "thrown"]
 

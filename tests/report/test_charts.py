@@ -140,7 +140,7 @@ SIMULATED = SimulatedThrows(
 
 
 def thrown(rounds: int, simulated: bool = True, **changes: Any) -> ThrowProbabilities:
-    usual = {"elsewhere_drops": 0, "elsewhere": None, "asked": TARGET, "frequencies": TARGET}
+    usual = {"elsewhere_drops": 0, "elsewhere": None, "requested": TARGET, "frequencies": TARGET}
     values = {**usual, **changes}
     made = (
         RoundOfThrows(1000, 0.1, 0.02, 0.09, is_kept=False, **values),

@@ -69,7 +69,7 @@ def test_a_convex_die() -> None:
     assert ("<6>", "16.667") in zip(page.cells, page.cells[1:], strict=False)
     assert {"start", "0.50", "301.2", "-", "smoothness & size", "0.25"} <= set(page.cells)
     for text in (
-        "off_target: max |p - q| is 0.1 & more",
+        "max |p - q| is 0.1 & more",
         *(FIGURES[name].title for name in images),
         *(FIGURES[name].caption for name in images),
         "held during the stage,",

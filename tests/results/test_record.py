@@ -148,7 +148,7 @@ def test_what_is_missing_is_named(tmp_path: Path, missing: str) -> None:
 def test_a_result_of_an_older_layout_is_refused(tmp_path: Path) -> None:
     content = plain()
     content["design_max_abs_error"] = content.pop("design")["max_abs_error"]
-    with pytest.raises(InputError, match=r"layout of an older version.* run its recipe.yaml again"):
+    with pytest.raises(InputError, match=r"that of an older version.* run its recipe.yaml again"):
         read_result(written(tmp_path, content))
 
 
@@ -161,7 +161,7 @@ def test_a_result_of_an_older_layout_is_refused(tmp_path: Path) -> None:
         ({"target": [1.0]}, "not as many"),
         ({"target": "ab"}, "target"),
         ({"labels": ["a", "a"]}, "not all different"),
-        ({"labels": ["a", "c"]}, "labels that the die has not"),
+        ({"labels": ["a", "c"]}, "unknown labels"),
         ({"labels": 2}, "labels"),
         ({"files": {"die": "die.stl"}}, "no file of the die"),
         ({"files": {"die_plain": 1}}, "files.die_plain"),
@@ -180,5 +180,5 @@ def test_wrong_kinds(tmp_path: Path, changes: dict[str, Any], message: str) -> N
 def test_files_that_are_no_result(tmp_path: Path, text: str | None) -> None:
     if text is not None:
         (tmp_path / "result.json").write_text(text, encoding="latin-1")
-    with pytest.raises(InputError, match="name a folder that `dicedesign run` left"):
+    with pytest.raises(InputError, match="name a folder written by `dicedesign run`"):
         read_result(tmp_path)

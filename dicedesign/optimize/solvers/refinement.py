@@ -224,7 +224,7 @@ class Refinement:
             elsewhere_drops=sum(int(one.sum()) for one in others),
             elsewhere=elsewhere,
             is_kept=is_kept,
-            asked=tuple(seen.asked.tolist()),
+            requested=tuple(seen.asked.tolist()),
             frequencies=tuple((counts[:-1] / drops).tolist()),
         )
 
