@@ -57,7 +57,7 @@ def design_concave(work: Work) -> Design:
         nonlocal progress
         progress, told = made, _told(made, options)
         if path is not None and made.attempts > 0:
-            work.kept = f"{told}; run it again with --resume to go on"
+            work.resume_note = f"{told}; run it again with --resume to go on"
         work.callbacks.on_attempt(told)
 
     def on_attempt(made: ConcaveProgress) -> None:

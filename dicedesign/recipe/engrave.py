@@ -74,8 +74,8 @@ def engrave(work: Work) -> None:
             _mark_surface(work)
     except InputError as error:
         if work.status is Status.CONVERGED:
-            if work.kept:
-                error.args = (f"{error}; {work.kept}",)
+            if work.resume_note:
+                error.args = (f"{error}; {work.resume_note}",)
             raise
         work.remarks.append(f"not engraved: {error}")
 

@@ -98,7 +98,7 @@ def prepare_print(work: Work) -> None:
 def find_tolerances(work: Work) -> None:
     """Say how far the probabilities of prints are from those of the file, with labels if it has
     them, and what infill does to them if the recipe has some."""
-    verdict, target, options = work.printed, work.target.probabilities, work.recipe.print
+    verdict, target, options = work.final, work.target.probabilities, work.recipe.print
     table, has_planes = work.recipe.method.table, work.die.reshaped is None
     assert options is not None
     assert work.printability is not None

@@ -1,5 +1,4 @@
-"""The way from a recipe to a folder of results: the stages of a run, in order, and what they hand
-on to each other."""
+"""Pipeline from a recipe to a folder of results: stages in order, and their shared state."""
 
 from __future__ import annotations
 
@@ -55,59 +54,53 @@ if TYPE_CHECKING:
     from dicedesign.throws.simulation import ThrownDie
 
 
-def _ignore(*_: Any) -> None:
-    pass
-
-
 @dataclass(frozen=True)
 class Callbacks:
-    """Progress callbacks. What one raises ends the run.
+    """Progress callbacks. An exception in one ends the run.
 
     Attributes
     ----------
-    on_stage: takes the name of each stage as it begins.
-    on_step: takes each accepted step of the design.
-    on_round: takes each round of throws.
-    on_attempt: takes how far the search for a concave die came, in words, before the first attempt
-        and after each.
-    on_start: takes how many starting shapes of a convex die have been looked for, before each.
-    on_shape: takes the hull of a convex die and the directions (k, 3) of its outcomes, in the order
-        of the target, before `on_step` takes the step that led there.
+    on_stage: receives the name of each stage when it begins.
+    on_step: receives each accepted step of the design.
+    on_round: receives each round of throws.
+    on_attempt: receives a line on the search for a concave die, before the first attempt and after
+        each.
+    on_start: receives the number of each starting shape of a convex die, from 0 on.
+    on_shape: receives the hull of a convex die and its outcomes' directions (k, 3), in the order of
+        the target, before `on_step` receives the step.
     """
 
-    on_stage: Callable[[str], None] = _ignore
-    on_step: Callable[[Step], None] = _ignore
-    on_round: Callable[[RoundOfThrows], None] = _ignore
-    on_attempt: Callable[[str], None] = _ignore
-    on_start: Callable[[int], None] = _ignore
-    on_shape: Callable[[ConvexHull, Floats], None] = _ignore
+    on_stage: Callable[[str], None] = lambda *_: None
+    on_step: Callable[[Step], None] = lambda *_: None
+    on_round: Callable[[RoundOfThrows], None] = lambda *_: None
+    on_attempt: Callable[[str], None] = lambda *_: None
+    on_start: Callable[[int], None] = lambda *_: None
+    on_shape: Callable[[ConvexHull, Floats], None] = lambda *_: None
 
 
 @dataclass(eq=False)
 class Work:
-    """One run. A stage reads what stages before it left, and fills in its own.
+    """State of one run. Each stage reads results of earlier stages and adds its own.
 
     Attributes
     ----------
-    recipe: the checked recipe; folder: where results go, or None where nothing is written.
-    listeners: progress callbacks.
-    enlarge: where the labels do not fit at the recipe's size, take one at which they do.
-    resume: go on from the checkpoint of an interrupted search.
-    clock: what the stages took.
-    start, surface: what the design begins with, a shape or a surface; neither where it searches.
-    repaired: the mesh that the surface is of, where it was repaired.
-    die: as designed; solid: the same in mm; plain: what its file does. There once their stages have
-        run.
-    engraved: the solid with labels, edges or something inside, or None.
-    reading: how its labels are read, or None for no labels.
-    quality: of the surface of a die that keeps the shape of one.
-    thrown: what the die does on its table.
-    status: of the die; remarks: about it, phrases of the message; notes: what was repaired or
-        assumed, sentences.
-    concave, search, balance, inside, throws, printability, tolerances, infill: sections of `Result`
-        that stages found; extra: what stages from outside the package found, plain data by name.
-    kept: what an interrupt leaves to go on from, in a sentence; empty for nothing.
-    images: figures by name, PNG or GIF; files: contents by the name of the file.
+    recipe: checked recipe; folder: results folder, None to write nothing.
+    callbacks: progress callbacks.
+    enlarge: if the labels do not fit at the recipe's size, enlarge the die.
+    resume: resume an interrupted search from its checkpoint.
+    clock: run times and memory of the stages.
+    start, surface: initial shape or surface; None for both if shapes are searched.
+    repaired: repaired mesh of the surface, if it needed repair.
+    die: designed die; solid: the die in mm; plain: assessment of its file. Set by their stages.
+    engraved: solid with labels, edges or something inside, or None.
+    reading: way to read the labels, None without labels.
+    quality: surface quality of a concave die.
+    thrown: the die on its table.
+    status: status of the die; remarks: phrases of the message; notes: repairs and assumptions.
+    concave, search, balance, inside, throws, printability, tolerances, infill: parts of `Result`.
+    extra: plain data by name, from stages outside the package.
+    resume_note: sentence on how to resume after an interrupt; empty without a checkpoint.
+    images: PNG or GIF figures by name; files: contents by file name.
     """
 
     recipe: Recipe
@@ -138,7 +131,7 @@ class Work:
     tolerances: PrintTolerances | None = None
     infill: InfillProbabilities | None = None
     extra: dict[str, Any] = field(default_factory=dict)
-    kept: str = ""
+    resume_note: str = ""
     images: dict[str, bytes] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
 
@@ -146,7 +139,7 @@ class Work:
         self.clock = Clock(on_stage=self.callbacks.on_stage)
 
     def copy(self) -> Work:
-        """The same so far; what stages do to one from here on the other does not see."""
+        """Independent copy for further stages."""
         twin = copy.copy(self)
         twin.clock = dataclasses.replace(self.clock, stages=list(self.clock.stages))
         for name in ("remarks", "notes", "extra", "images", "files"):
@@ -155,17 +148,17 @@ class Work:
 
     @property
     def target(self) -> Target:
-        """What is wanted."""
+        """Labels and target probabilities."""
         return self.recipe.target.target()
 
     @property
-    def printed(self) -> Assessment:
-        """What the file that is printed does: die.stl, where that is known, else die_plain.stl."""
+    def final(self) -> Assessment:
+        """Assessment of die.stl if its probabilities are known, else of die_plain.stl."""
         return (self.engraved and self.engraved.assessment) or self.plain
 
     @property
     def design_error(self) -> float:
-        """Largest |p - q| as designed, by the probabilities that the method is about."""
+        """Largest |p - q| as designed, by the method's own probability model."""
         if self.recipe.method.thrown:
             return self.die.error
         return self.solid.outcomes.max_abs_error(self.target.probabilities)
@@ -175,7 +168,7 @@ class Work:
         """Verdict in one sentence, followed by status and remarks."""
         thrown = self.recipe.method.thrown
         subject = "By the momentum model the die" if thrown else "The file"
-        error = self.design_error if thrown else self.printed.max_abs_error
+        error = self.design_error if thrown else self.final.max_abs_error
         # In percent, rounded up to one digit, without an exponent.
         percent = Context(prec=1, rounding=ROUND_CEILING).create_decimal(100.0 * error)
         flaw, _, _ = self.status.value.partition(";")
@@ -194,7 +187,7 @@ class Work:
             self.remarks.insert(0, status.value)
 
     def result(self) -> Result:
-        """What has been found out, once the die is checked; complete after the last stage."""
+        """Result of the stages so far, available after the check."""
         plain, die, target, engraved = self.plain, self.die, self.target, None
         if self.engraved is not None:
             verdict = self.engraved.assessment
@@ -244,14 +237,16 @@ class Work:
         return result if self.recipe.clock else result.without_clock()
 
     def _files_by_kind(self) -> dict[str, str]:
-        """Names of the files that are there or will be, by what they are."""
+        """File names by kind, including files yet to be written."""
         if self.folder is None:
             return {}
         page = [PAGE] if self.recipe.report else []
         names = dict.fromkeys([*sorted(self.files), RECIPE, *page, RESULT])
-        # A solid is known by its STL, and other files called like it by their whole names.
-        known = {Path(name).stem: name for name in sorted(names, key=lambda n: n.endswith(".stl"))}
-        return {stem if known[stem := Path(name).stem] == name else name: name for name in names}
+        # The stem stands for the STL file; other formats go by their whole names.
+        by_stem = {
+            Path(name).stem: name for name in sorted(names, key=lambda n: n.endswith(".stl"))
+        }
+        return {stem if by_stem[stem := Path(name).stem] == name else name: name for name in names}
 
 
 @dataclass(frozen=True)
@@ -260,10 +255,10 @@ class Stage(Extension):
 
     Attributes
     ----------
-    run: does its work, or the address "module:function" of what does, imported when it is wanted.
-    wanted: whether a run needs it, asked when its turn comes.
-    after: name of the stage that it follows; None for the built-in ones, whose order is that of
-        their list, and for one that comes last.
+    run: function of the work, or its address "module:function", imported on demand.
+    wanted: whether a run needs the stage; called just before it.
+    after: name of the preceding stage; None for built-in stages, which run in the order of their
+        list, and for a stage that comes last.
     """
 
     run: Callable[[Work], Any] | str
@@ -277,12 +272,12 @@ METHODS: Final = {
     "paper": "dicedesign.recipe.convex:design_paper",
     "concave": "dicedesign.recipe.concave:design_concave",
 }
-"""Addresses of the functions that make a `Design` of a `Work`."""
+"""Addresses of the functions that return the `Design` of a `Work`."""
 
 
 def _load_method(work: Work) -> Callable[[Work], Any]:
-    """The function of the recipe's method; its module brings torch along."""
-    # Searches meet bodies whose hulls need it, and the time of a design is not that of loading.
+    """Import the function of the recipe's method, and torch with it."""
+    # Some hulls need it; import it outside the time of the design.
     import_module("dicedesign.geometry.hulls.numpy_hull")
     method = work.recipe.method
     return _load(METHODS["thrown" if method.thrown else method.name])
@@ -299,17 +294,17 @@ STAGES: Final[Registry[Stage]] = Registry(
     (
         Stage(
             "start",
-            "makes or reads the starting shape, and checks that it suits the target",
+            "makes or reads the starting shape, and checks it against the target",
             "dicedesign.recipe.solid:make_start",
         ),
         Stage(
             "load",
-            "loads the solver of the recipe's method, and torch with it, if that is not there yet",
+            "loads the solver of the recipe's method, and torch",
             _load_method,
         ),
         Stage(
             "symmetry",
-            "finds the symmetry of a die whose recipe leaves it open",
+            "finds the symmetry of a die with symmetry: auto",
             "dicedesign.recipe.convex:choose_symmetry",
             lambda work: work.recipe.symmetry == AUTO,
         ),
@@ -320,13 +315,13 @@ STAGES: Final[Registry[Stage]] = Registry(
         ),
         Stage(
             "numbering",
-            "lets equally probable outcomes change places, so that the numbers suit the shape",
+            "assigns equally probable outcomes to facets so that the numbers are balanced",
             "dicedesign.recipe.solid:number",
             lambda work: work.recipe.numbering != "given",
         ),
         Stage(
             "size",
-            "enlarges a die whose labels do not fit, where no size was given",
+            "enlarges a die whose labels do not fit, if no size was given",
             "dicedesign.recipe.solid:enlarge",
             lambda work: (
                 work.enlarge and work.recipe.engrave is not None and work.die.reshaped is None
@@ -334,71 +329,71 @@ STAGES: Final[Registry[Stage]] = Registry(
         ),
         Stage(
             "export",
-            "brings the die to its size and makes die_plain.stl",
+            "scales the die to its size and makes die_plain.stl",
             "dicedesign.recipe.solid:export",
         ),
         Stage(
             "check",
-            "reads die_plain.stl back: its rests, their outcomes, and the verdict",
+            "reads die_plain.stl back and computes rests, outcomes and the status",
             "dicedesign.recipe.solid:check",
         ),
         Stage(
             "engrave",
-            "rounds the edges, cuts the labels in, leads the die to its target with both, "
-            "makes die.stl and reads it back",
+            "rounds the edges, cuts the labels in, moves facets until the target is met, makes "
+            "die.stl and reads it back",
             "dicedesign.recipe.engrave:engrave",
             lambda work: work.recipe.engrave is not None or work.recipe.edges is not None,
         ),
         Stage(
             "inside",
-            "puts the center of mass where it was given, by a cavity or infill, and reads "
+            "moves the center of mass to the given place by a cavity or infill, and reads "
             "die.stl back",
             "dicedesign.recipe.engrave:fill_inside",
             lambda work: work.recipe.inside is not None,
         ),
         Stage(
             "throws",
-            "throws the printed die onto its table, with fresh random numbers",
+            "throws the finished die onto its table, with new random numbers",
             "dicedesign.recipe.thrown:throw",
             lambda work: work.recipe.method.thrown,
         ),
         Stage(
             "printing",
-            "says what the printer will not make and how the die lies best on its bed; makes "
+            "checks printability, finds the best orientation on the print bed and makes "
             "die_oriented.stl",
             "dicedesign.recipe.output:prepare_print",
             lambda work: work.recipe.print is not None,
         ),
         Stage(
             "tolerances",
-            "finds what errors of printing, and infill, do to the probabilities",
+            "computes how printing errors and infill change the probabilities",
             "dicedesign.recipe.output:find_tolerances",
-            # Of a file that meets itself slicers decide what is inside.
+            # The inside of a self-intersecting surface depends on the slicer.
             lambda work: (
                 work.printability is not None and work.printability.file.self_intersections == 0
             ),
         ),
         Stage(
             "files",
-            "writes the die in the other formats that are asked for, and reads each back",
+            "writes the die in further formats, and reads each back",
             "dicedesign.recipe.output:write_files",
             lambda work: len(work.recipe.files) > 1 and work.folder is not None,
         ),
         Stage(
             "figures",
-            "draws the pictures of the report, each a file of its own",
+            "draws the figures of the report, one file each",
             "dicedesign.recipe.output:draw_figures",
             lambda work: work.recipe.figures and work.folder is not None,
         ),
         Stage(
             "data sheet",
-            "makes data_sheet.pdf and data_sheet.png, one page to print",
+            "makes the one-page data_sheet.pdf and data_sheet.png",
             "dicedesign.recipe.output:write_data_sheet",
             lambda work: work.recipe.data_sheet and work.folder is not None,
         ),
         Stage(
             "report",
-            "makes report.html, which needs no other file",
+            "makes report.html, a single file",
             "dicedesign.recipe.output:write_page",
             lambda work: work.recipe.report and work.folder is not None,
         ),
@@ -410,15 +405,15 @@ STAGES: Final[Registry[Stage]] = Registry(
 def run_stages(work: Work, *, after: str | None = None, last: str | None = None) -> None:
     """Run the stages that a recipe needs.
 
-    after: the stage that ran last, None to begin; last: the one that ends it, None for all. Raises
-    what stages raise: `DiceError`s, and KeyboardInterrupt.
+    after: last stage that has run, None for none; last: final stage to run, None for all. Raises
+    errors of the stages: `DiceError`s, and KeyboardInterrupt.
     """
     stages: list[Stage] = []
     for stage in STAGES:
         place = len(stages)
         if stage.after is not None:
             place = stages.index(STAGES[stage.after]) + 1
-            # Of several that follow the same one the first registered comes first.
+            # Stages after the same one keep their order of registration.
             while place < len(stages) and stages[place].after == stage.after:
                 place += 1
         stages.insert(place, stage)
@@ -445,29 +440,28 @@ def run(
     resume: bool = False,
     callbacks: Callbacks | None = None,
 ) -> Result:
-    """Design, check, engrave and report one die, and write what came of it.
+    """Design, check, engrave and report one die, and write the results.
 
-    Files are written once the die is finished, each whole or not at all, and result.json last: a
-    folder that has it is complete. A concave die alone keeps a checkpoint after each attempt. A die
-    that did not converge and cannot be labeled is reported without die.stl.
+    Files are written when the die is finished, each whole or not at all, and result.json last: a
+    folder with it is complete. Only a concave die writes a checkpoint after each attempt. A die
+    that did not converge and cannot be labeled has no die.stl.
 
     Parameters
     ----------
-    recipe: a checked one, plain data as in a recipe file, or the path of one.
-    out: folder of the results, made if missing; None for outputs/NAME.
-    changes: texts "dotted.key=value" that change a file's entries.
-    enlarge: where the labels do not fit at the recipe's size, take the smallest whole number of
-        millimeters at which they do; the recipe that is written says so.
-    resume: go on from the checkpoint of a concave die in the folder.
-    listeners: progress callbacks.
+    recipe: checked recipe, plain data as in a recipe file, or path of a recipe file.
+    out: results folder, made if missing; None for outputs/NAME.
+    changes: texts "dotted.key=value" that change entries of a file.
+    enlarge: if the labels do not fit at the recipe's size, take the smallest whole number of
+        millimeters at which they do, and write it into the recipe.
+    resume: resume from the checkpoint of a concave die in the folder.
+    callbacks: progress callbacks.
 
     Raises
     ------
-    InputError: the recipe cannot be used, the start does not suit the target, there is nothing to
-        resume, or the design converged and a label does not fit.
-    OutputError: the folder cannot be written. InputError too: another run is writing into it.
-    KeyboardInterrupt: with a message about the checkpoint, if there is one, or that the results
-        were complete.
+    InputError: the recipe is invalid, the start does not suit the target, there is nothing to
+        resume, a label does not fit a converged die, or another run writes into the folder.
+    OutputError: the folder cannot be written.
+    KeyboardInterrupt: its message says how to resume, or that the results were complete.
     """
     if isinstance(recipe, str | Path):
         recipe = read_recipe(Path(recipe), changes)
@@ -485,11 +479,11 @@ def run(
             run_stages(work)
             return finish(work)
         except KeyboardInterrupt as interrupt:
-            raise KeyboardInterrupt(str(interrupt) or work.kept) from interrupt
+            raise KeyboardInterrupt(str(interrupt) or work.resume_note) from interrupt
 
 
 def finish(work: Work) -> Result:
-    """Write the files of a run whose stages are done. Raises OutputError."""
+    """Write the files of a run after its last stage. Raises OutputError."""
     from dicedesign.fabricate.file_formats import FILE_FORMATS
     from dicedesign.report.figures import FIGURES
 

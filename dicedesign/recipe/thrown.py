@@ -180,7 +180,7 @@ def throw(work: Work) -> None:
     name, refine = exact_options(work.recipe).table_with_hand, exact_options(work.recipe).refine
     target, model, tables = work.target.probabilities, momentum_model(name), posterior_tables(name)
     die = DieOnTable.of(
-        work.printed.body, work.solid.center_of_mass, work.die.directions, table_named(name)
+        work.final.body, work.solid.center_of_mass, work.die.directions, table_named(name)
     )
     throws = elsewhere = None
     if refine is not None:
