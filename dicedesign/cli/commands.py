@@ -26,9 +26,7 @@ class Command:
 @dataclass(kw_only=True)
 class WithJson(Command):
     help_text = """Options:
-    json: print JSON instead of a table
-    """
-
+    json: print JSON instead of a table"""
     json: bool = False
 
 
@@ -37,9 +35,7 @@ class WithWorkers(Command):
     help_text = """Options:
     jobs (J): parallel processes (default: one per core, or per thread of the cluster)
     scheduler (ADDRESS): run on the Dask cluster at tcp://HOST:PORT, or encrypted tls://HOST:PORT;
-        needs the extra 'cluster'
-    """
-
+        needs the extra 'cluster'"""
     jobs: int | None = None
     scheduler: str | None = None
 
@@ -50,9 +46,7 @@ class WithRests(Command):
     com (x,y,z|hull): center of mass in the mesh's unit, or hull for that of the uniform convex hull
         (default: uniform solid; hull for point clouds and open meshes)
     coplanar_tolerance (T): merge hull triangles within this distance of one plane, relative to the
-        body's half extent (default: 1e-11; 2e-6 for rounded coordinates such as STL)
-    """
-
+        body's half extent (default: 1e-11; 2e-6 for rounded coordinates such as STL)"""
     com: str | None = None
     coplanar_tolerance: float | None = None
 
@@ -62,9 +56,7 @@ class WithBody(WithRests, WithJson):
     help_text = """Options:
     mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or cell densities as NPY or NPZ
     part (FILE:DENSITY): a closed mesh inside MESH with its own density, relative to MESH; 0 is a
-        cavity; may be repeated, the last one wins where parts overlap
-    """
-
+        cavity; may be repeated, the last one wins where parts overlap"""
     part: tuple[str, ...] = ()
 
 
@@ -77,9 +69,7 @@ class WithResults(Command):
     printer (NAME): check printability for fdm (filament), sla (resin) or sls (powder), and write
         die_oriented.stl, oriented for the print bed
     no_figures: skip the figures and the report page
-    no_clock: omit run times and memory, so that two runs are identical byte for byte
-    """
-
+    no_clock: omit run times and memory, so that two runs are identical byte for byte"""
     out: Path | None = None
     files: str | None = None
     data_sheet: bool = False
@@ -96,12 +86,10 @@ class RunArguments(WithResults):
 
     Options:
     recipe (RECIPE): YAML file
-    set (key=value): change an entry of the recipe, such as size_mm=40 or target.fair=7; may be
-        repeated
+    set (key=value): change an entry, such as size_mm=40 or target.fair=7; may be repeated
     resume: resume an interrupted search for a concave die from the checkpoint in the folder
 
-    Example: dicedesign run recipes/fair_d7.yaml --out outputs/d7
-    """
+    Example: dicedesign run recipes/fair_d7.yaml --out outputs/d7"""
 
     recipe: Path
     _: KW_ONLY
@@ -127,8 +115,7 @@ class DesignArguments(WithResults):
     size_mm (X): largest distance between two corners (default: 30, enlarged if the labels need it;
         30 with --mesh)
 
-    Example: dicedesign design --target 1/2,1/3,1/6 --labels A,B,C
-    """
+    Example: dicedesign design --target 1/2,1/3,1/6 --labels A,B,C"""
 
     target: str
     labels: str | None = None
@@ -154,8 +141,7 @@ class SearchArguments(WithWorkers):
         search is reproducible
     out (DIR): folder for the results (default: outputs/NAME_search)
 
-    Example: dicedesign search recipes/fair_d7.yaml --trials 50
-    """
+    Example: dicedesign search recipes/fair_d7.yaml --trials 50"""
 
     recipe: Path
     _: KW_ONLY
@@ -183,8 +169,7 @@ class RestArguments(WithBody, WithWorkers):
     jobs (J): of a folder: parallel processes (default: one per core, or per thread of the cluster,
         whose workers need the same files)
 
-    Example: dicedesign rest die.stl --table board-game
-    """
+    Example: dicedesign rest die.stl --table board-game"""
 
     mesh: Path
     _: KW_ONLY
@@ -206,8 +191,7 @@ class DropArguments(WithBody):
     max_angle_deg (A): split rotations larger than this
     figure (FILE.png): draw each change of contact, and the path on the Gauss map
 
-    Example: dicedesign drop die.stl --down 0.3,0.2,-1
-    """
+    Example: dicedesign drop die.stl --down 0.3,0.2,-1"""
 
     mesh: Path
     _: KW_ONLY
@@ -235,8 +219,7 @@ class PoseArguments(WithRests, WithJson, WithWorkers):
         each mesh)
     up: vertical axis; y suits viewers of GLB files (default: z)
 
-    Example: dicedesign pose bunny.obj --pose 2 --out bunny.glb
-    """
+    Example: dicedesign pose bunny.obj --pose 2 --out bunny.glb"""
 
     meshes: tuple[Path, ...]
     _: KW_ONLY
@@ -266,8 +249,7 @@ class ScatterArguments(WithJson):
     figure (FILE.png): draw the scene
     json: print file, pose and transform of each body as JSON
 
-    Example: dicedesign scatter meshes --out scene.glb --count 50
-    """
+    Example: dicedesign scatter meshes --out scene.glb --count 50"""
 
     folder: Path
     _: KW_ONLY
@@ -291,8 +273,7 @@ class FigureArguments(WithRests):
     before (MESH): for before_after: the mesh from which the body was made
     steps (N): for ablation: maximum steps of each descent
 
-    Example: dicedesign figure gauss_map bunny.obj --out gauss_map.png
-    """
+    Example: dicedesign figure gauss_map bunny.obj --out gauss_map.png"""
 
     kind: str
     subject: Path
@@ -316,8 +297,7 @@ class RepairArguments(Command):
     out (OUT): file to write, in the unit of IN, whose ending gives the format; a figure of before
         and after is written next to it as *_repair.png
 
-    Example: dicedesign repair scan.obj scan_repaired.stl
-    """
+    Example: dicedesign repair scan.obj scan_repaired.stl"""
 
     mesh: Path
     out: Path
@@ -327,9 +307,8 @@ class RepairArguments(Command):
 class BalanceArguments(WithJson):
     help_text = """Move the center of mass of a mesh until it rests as you want.
 
-    Adds a cavity, or infill of two densities; the outside stays as it is. Give one goal: --equal,
-    --stand, --stand-down, --fewest or --target. The files are read back and checked; the exit code
-    is 1 if the goal is not reached.
+    Adds a cavity, or infill of two densities. Give one goal: --equal, --stand, --stand-down,
+    --fewest or --target. The files are checked; the exit code is 1 if the goal is not reached.
 
     Options:
     mesh (MESH): closed surface of one solid: STL, OBJ, ...
@@ -349,8 +328,7 @@ class BalanceArguments(WithJson):
     tolerance (T): largest error of a probability (default: 0.005)
     out (FILE.stl|FOLDER): file to write, with further files next to it, or a folder for all
 
-    Example: dicedesign balance bunny.obj --stand 1 --size-mm 80 --out bunny_balanced.stl
-    """
+    Example: dicedesign balance bunny.obj --stand 1 --size-mm 80 --out bunny_balanced.stl"""
 
     mesh: Path
     _: KW_ONLY
@@ -395,8 +373,7 @@ class ThrowArguments(WithJson, WithWorkers):
     seed (S): random seed (default: 0)
     jobs (J): parallel tasks (default: one per core); does not change the results
 
-    Example: dicedesign throw outputs/d7 --drops 20000
-    """
+    Example: dicedesign throw outputs/d7 --drops 20000"""
 
     die: Path
     _: KW_ONLY
@@ -428,8 +405,7 @@ class RollsArguments(WithJson):
     confidence (C): level of the intervals; the test's level is 1 - C (default: 0.95)
     figure (FILE.png): draw the frequencies next to the probabilities
 
-    Example: dicedesign rolls outputs/d7 counts.csv
-    """
+    Example: dicedesign rolls outputs/d7 counts.csv"""
 
     die: Path
     counts: Path | None = None
@@ -465,8 +441,7 @@ class TableArguments(WithJson, WithWorkers):
         the results
     out (TABLE.json): table file to write
 
-    Example: dicedesign table fit --throws throws.csv --out my_table.json
-    """
+    Example: dicedesign table fit --throws throws.csv --out my_table.json"""
 
     action: Literal["fit"]
     _: KW_ONLY
@@ -496,8 +471,7 @@ class ViewArguments(Command):
     port (N): port of the page; 0 for any free one (default: 8080)
     no_browser: print the address and open no browser
 
-    Example: dicedesign view bunny.obj
-    """
+    Example: dicedesign view bunny.obj"""
 
     path: Path | None = None
     _: KW_ONLY
