@@ -283,6 +283,6 @@ def view(options: ViewArguments) -> int:
         options.host,
         options.port,
         browser=not options.no_browser,
-        told=lambda address: print(address, flush=True),
+        on_address=lambda address: print(address, flush=True),
     )
     return 0

@@ -1,4 +1,4 @@
-"""The tab of the body on show: its numbers, bars of its probabilities, and buttons to watch it."""
+"""Tab "Body": properties and probabilities of the body, and buttons that change and throw it."""
 
 from __future__ import annotations
 
@@ -16,64 +16,65 @@ from dicedesign.geometry.sphere import angle_between
 from dicedesign.report.palette import BASINS
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.simulation import Film, throw_film
+from dicedesign.throws.simulation import throw_film
 from dicedesign.throws.tables import TABLE_NAMES, table_named
-from dicedesign.view.dragging import Dragging
-from dicedesign.view.exhibit import Exhibit
-from dicedesign.view.motion import filmed, let_go
+from dicedesign.view.dragging import DragControls
+from dicedesign.view.motion import Motion, film_motion, release_motion
 from dicedesign.view.page import Job, Page, html_part
-from dicedesign.view.sources import Source, Tell
+from dicedesign.view.sources import LoadCallbacks, Source
 from dicedesign.view.viewed_body import ViewedBody
+from dicedesign.view.viewport import Viewport
 
-MOST_ROWS: Final = 24
-"""Bars of a body with more rests are those of the first."""
+MAX_ROWS: Final = 24
+"""Rows of the table of probabilities; the others are summed."""
 
 
 def body_html(viewed: ViewedBody, update: int) -> str:
-    """Name, counts and center of mass of a body; update: how many changes were shown so far."""
-    mesh = viewed.solid.body.triangles
-    shape = "the hull that was dragged"
-    if not viewed.dragged:
+    """Name, sizes and center of mass of a body. update: number of changes shown so far."""
+    mesh = viewed.shape.body.triangles
+    shape = "the dragged hull"
+    if not viewed.is_dragged:
         shape = "points" if mesh is None else f"a mesh of {len(mesh):,} triangles"
     extent = float(np.ptp(viewed.hull.vertices, axis=0).max())
     digits = 6 - int(np.floor(np.log10(extent)))
-    # Adding zero takes the sign off a zero.
+    # Adding zero removes the sign of a zero.
     center = ", ".join(f"{round(float(x), digits) + 0.0:.10g}" for x in viewed.center)
     margins = np.degrees(viewed.poses.margins)
-    leaves = float(margins.min()) if len(margins) > 1 else None
-    misses = [abs(row.probabilities - row.wanted) for row in viewed.rows if row.wanted is not None]
-    off = max(misses, default=None)
-    return html_part("body", viewed, update, shape, viewed.hull, leaves, center, off)
+    margin = float(margins.min()) if len(margins) > 1 else None
+    errors = [abs(row.probability - row.target) for row in viewed.rows if row.target is not None]
+    largest_error = max(errors, default=None)
+    return html_part("body", viewed, update, shape, margin, center, largest_error)
 
 
 def probabilities_html(viewed: ViewedBody, thrown: Floats | None) -> str:
-    """A table of the rows of a body: label, bar, probabilities in percent.
+    """Table of the rows of a body: label, bar, probabilities in percent.
 
     thrown: (rows,) probabilities on a table, or None.
     """
-    shown, others = viewed.rows[:MOST_ROWS], viewed.rows[MOST_ROWS:]
-    onto_table = None if thrown is None else thrown[:MOST_ROWS].tolist()
-    longest = max(
-        1e-9, *(max(row.probabilities, row.wanted or 0.0) for row in shown), *(onto_table or ())
+    rows, others = viewed.rows[:MAX_ROWS], viewed.rows[MAX_ROWS:]
+    thrown_values = [] if thrown is None else thrown[:MAX_ROWS].tolist()
+    values = [max(row.probability, row.target or 0.0) for row in rows]
+    longest = max(1e-9, *values, *thrown_values)
+    rest = sum(row.probability for row in others)
+    return html_part(
+        "probabilities", viewed, rows, thrown_values, longest, BASINS, len(others), rest
     )
-    rest = sum(row.probabilities for row in others)
-    return html_part("probabilities", viewed, shown, onto_table, longest, BASINS, len(others), rest)
 
 
 NO_TABLE: Final = "no table: set down gently"
 
 
-class Probabilities:
-    """What the body on show does.
+class ProbabilityControls:
+    """Properties of the body, the table of its probabilities, and the choice of a gaming table.
 
     Attributes
     ----------
-    table: name of the table that it is thrown onto, or None.
+    table: name of the gaming table, or None.
     """
 
-    def __init__(self, exhibit: Exhibit) -> None:
+    def __init__(self, viewport: Viewport) -> None:
         self.table: str | None = None
-        self._exhibit = exhibit
+        self._viewport = viewport
         self._model: MomentumModel | None = None
         self._updates = 0
         self._facts: Any = None
@@ -83,61 +84,56 @@ class Probabilities:
         """Add the GUI elements."""
         gui = page.gui
         self._facts = gui.add_html("")
-        chosen = gui.add_dropdown(
+        table = gui.add_dropdown(
             "Thrown onto",
             (NO_TABLE, *TABLE_NAMES),
-            hint="What momentum does to the probabilities, by the momentum model of a table",
+            hint="Effect of momentum on the probabilities, by the momentum model of a table",
         )
         self._bars = gui.add_html("")
-
-        @chosen.on_update
-        def _(_: Any) -> None:
-            page.soon(lambda: self._choose(chosen.value), "table")
-
+        table.on_update(lambda _: page.enqueue(lambda: self._choose(table.value), "table"))
         page.on_action("stand", self._stand)
-        self._exhibit.on_change(self._refresh)
+        self._viewport.on_change(self._refresh)
 
     def _choose(self, name: str) -> None:
         self.table = None if name == NO_TABLE else name
         self._model = None if self.table is None else momentum_model(self.table)
-        if self._exhibit.viewed is not None:
-            self._refresh(self._exhibit.viewed)
+        if self._viewport.viewed is not None:
+            self._refresh(self._viewport.viewed)
 
     def _refresh(self, viewed: ViewedBody) -> None:
         thrown = None
         if self.table is not None:
             try:
-                thrown = viewed.thrown(self._model)
+                thrown = viewed.throw_probabilities(self._model)
             except DiceError as error:
-                self._exhibit.page.failed(error)
+                self._viewport.page.report_error(error)
         self._updates += 1
         self._facts.content = body_html(viewed, self._updates)
         self._bars.content = probabilities_html(viewed, thrown)
 
-    def _stand(self, place: int) -> None:
-        viewed = self._exhibit.viewed
-        if viewed is None or place >= len(viewed.rows):
+    def _stand(self, index: int) -> None:
+        viewed = self._viewport.viewed
+        if viewed is None or index >= len(viewed.rows):
             return
-        row = viewed.rows[place]
+        row = viewed.rows[index]
         if row.rest < 0:
-            self._exhibit.page.say(f"{row.label}: there is no facet on which the die shows it")
+            self._viewport.page.notify(f"{row.label}: the die has no resting facet for it")
         else:
-            self._exhibit.stand(row.rest)
+            self._viewport.stand(row.rest)
 
 
-LET_GO: Final = "Let it go"
+RELEASE: Final = "Let it go"
 THROW: Final = "Throw it"
-THROW_SO: Final = "Throw it as it lies"
+THROW_FROM_POSE: Final = "Throw it as it lies"
 
-USUAL_TABLE: Final = "board-game"
+DEFAULT_TABLE: Final = "board-game"
 
 
-class Watching:
-    """Buttons that let a body go or throw it; a click on the sphere lets it go with that direction
-    downward."""
+class MotionControls:
+    """Buttons that release or throw the body; a click on the sphere chooses the direction down."""
 
-    def __init__(self, exhibit: Exhibit, probabilities: Probabilities) -> None:
-        self._exhibit = exhibit
+    def __init__(self, viewport: Viewport, probabilities: ProbabilityControls) -> None:
+        self._viewport = viewport
         self._probabilities = probabilities
         self._rng = np.random.default_rng()
         self._page: Any = None
@@ -146,135 +142,131 @@ class Watching:
         """Add the GUI elements."""
         self._page, gui = page, page.gui
         gui.add_html(
-            '<div class="dd"><p class="note">Click a bar to stand it so. Click the sphere to let '
-            "it go with that direction downward; the orange dot is what points down.</p></div>"
+            '<div class="dd"><p class="note">Click a bar to stand the body on that side. Click the '
+            "sphere to let it go with that direction down; the orange dot marks what is down now."
+            "</p></div>"
         )
-        ways = gui.add_button_group(
+        buttons = gui.add_button_group(
             "Watch",
-            (LET_GO, THROW, THROW_SO),
-            hint="It rolls without momentum, or is thrown, with any side or the present one down",
+            (RELEASE, THROW, THROW_FROM_POSE),
+            hint="It rolls without momentum, or is thrown from a random or its present orientation",
         )
-        acts = {
-            LET_GO: self._let_go_anyhow,
+        actions = {
+            RELEASE: lambda: self._release(self._rng.normal(size=3)),
             THROW: lambda: self._throw(None),
-            THROW_SO: lambda: self._throw(self._exhibit.down),
+            THROW_FROM_POSE: lambda: self._throw(self._viewport.down),
         }
-        ways.on_click(lambda _: page.soon(acts[ways.value]))
-        self._exhibit.on_direction = self._let_go
+        buttons.on_click(lambda _: page.enqueue(actions[buttons.value]))
+        self._viewport.on_direction = self._release
 
-    def _let_go_anyhow(self) -> None:
-        way = self._rng.normal(size=3)
-        self._let_go(way / np.linalg.norm(way))
-
-    def _let_go(self, down: Floats) -> None:
-        viewed = self._exhibit.viewed
+    def _release(self, down: Floats) -> None:
+        viewed = self._viewport.viewed
         if viewed is not None:
-            motion = let_go(viewed, self._exhibit.pose, down)
-            self._exhibit.move(motion, lambda: self._say_end(viewed, "It came to rest on"))
+            motion = release_motion(viewed, self._viewport.pose, down / np.linalg.norm(down))
+            self._move(viewed, motion, "It came to rest on")
 
     def _throw(self, down: Floats | None) -> None:
-        viewed = self._exhibit.viewed
+        viewed = self._viewport.viewed
         if viewed is None:
             return
-        table = table_named(self._probabilities.table or USUAL_TABLE)
+        table = table_named(self._probabilities.table or DEFAULT_TABLE)
         seed = int(self._rng.integers(2**31))
+
+        def show(motion: Motion) -> None:
+            if self._viewport.viewed is viewed:
+                self._move(viewed, motion, f"Thrown onto {table.name}, it came to rest on")
+
         self._page.start(
-            lambda job: (viewed, throw_film(viewed.rigid, table, seed, down)),
-            lambda thrown: self._watch(*thrown),
+            lambda _: film_motion(throw_film(viewed.rigid, table, seed, down), viewed.center), show
         )
 
-    def _watch(self, viewed: ViewedBody, film: Film) -> None:
-        if self._exhibit.viewed is viewed:
-            told = f"Thrown onto {film.table.name}, it came to rest on"
-            motion = filmed(film, viewed.center)
-            self._exhibit.move(motion, lambda: self._say_end(viewed, told))
+    def _move(self, viewed: ViewedBody, motion: Motion, text: str) -> None:
+        """Show a motion, and then the rest at its end after a text."""
 
-    def _say_end(self, viewed: ViewedBody, told: str) -> None:
-        rest = int(angle_between(viewed.poses.normals, self._exhibit.down).argmin())
-        self._page.say(f"{told} {viewed.rows[viewed.row_of_rest[rest]].label}.")
+        def notify() -> None:
+            rest = int(angle_between(viewed.poses.normals, self._viewport.down).argmin())
+            self._page.notify(f"{text} {viewed.rows[viewed.row_of_rest[rest]].label}.")
+
+        self._viewport.move(motion, notify)
 
 
-SILENCE: Final = 1.0
-"""Seconds between two lines about progress on a terminal."""
+NOTE_SECONDS: Final = 1.0
+"""Least time between two progress notes on a terminal."""
 
 
 class BodyPanel:
-    """Bars, handles and throws of the body on show.
+    """Tab with the probabilities, the gizmo and the throws of the body.
 
-    source: of bodies to choose from, or None.
+    source: bodies to choose from, or None.
     """
 
     title = "Body"
 
-    def __init__(self, exhibit: Exhibit, source: Source | None) -> None:
-        self._exhibit = exhibit
+    def __init__(self, viewport: Viewport, source: Source | None) -> None:
+        self._viewport = viewport
         self._source = source
-        self._probabilities = Probabilities(exhibit)
-        self._dragging = Dragging(exhibit)
-        self._watching = Watching(exhibit, self._probabilities)
+        self._probabilities = ProbabilityControls(viewport)
+        self._dragging = DragControls(viewport)
+        self._motions = MotionControls(viewport, self._probabilities)
         self._page: Any = None
-        self._loading: Job | None = None
+        self._load_job: Job | None = None
 
     def build(self, page: Page) -> None:
-        """Add the GUI elements; called once, within the tab."""
+        """Add the GUI elements; called once, inside the tab."""
         self._page, gui = page, page.gui
         if self._source is not None and len(self._source.names) > 1:
-            chosen = gui.add_dropdown("File", self._source.names)
-            chosen.on_update(lambda _: page.soon(lambda: self.load(chosen.value), "file"))
+            file = gui.add_dropdown("File", self._source.names)
+            file.on_update(lambda _: page.enqueue(lambda: self.load(file.value), "file"))
         self._probabilities.build(page)
         with gui.add_folder("Change it"):
             self._dragging.build(page)
-            save = gui.add_button("Download STL", hint="The hull as it is now")
+            save = gui.add_button("Download STL", hint="The present hull")
         with gui.add_folder("Watch it"):
-            self._watching.build(page)
-
-        @save.on_click
-        def _(event: Any) -> None:
-            page.soon(lambda: self._save(event.client))
-
-        self._exhibit.on_show(self._dragging.begin)
+            self._motions.build(page)
+        save.on_click(lambda event: page.enqueue(lambda: self._save(event.client)))
+        self._viewport.on_show(self._dragging.begin)
 
     def load(self, name: str, on_error: Callable[[Exception], None] | None = None) -> None:
-        """Show another body of the source, when it is read or designed; on_error: as of
-        `Page.start`."""
+        """Load or design another body of the source, and show it. on_error: as in `Page.start`."""
         source, page = self._source, self._page
         if source is None:
             return
-        if self._loading is not None:
-            self._loading.stop()
-        self._loading = page.start(
-            lambda job: source.load(name, Tell(_told_twice(job), self._preview)),
-            self._exhibit.show,
+        if self._load_job is not None:
+            self._load_job.stop()
+
+        def on_hull(hull: ConvexHull) -> None:
+            page.enqueue(lambda: self._viewport.preview(hull))
+
+        self._load_job = page.start(
+            lambda job: source.load(name, LoadCallbacks(_progress_printer(job), on_hull)),
+            self._viewport.show,
             on_error=on_error,
         )
 
-    def _preview(self, hull: ConvexHull) -> None:
-        self._page.soon(lambda: self._exhibit.preview(hull))
-
     def _save(self, client: Any) -> None:
-        viewed: ViewedBody | None = self._exhibit.viewed
+        viewed = self._viewport.viewed
         if viewed is None:
             return
-        if not viewed.follows:
-            self._page.say(
-                "A file of one density has its center of mass where that of its solid is, not "
-                "where it was dragged to; a cavity or weights can put it there."
+        if not viewed.has_uniform_center:
+            self._page.notify(
+                "The file is a solid of one density. Its center of mass is the centroid of the "
+                "hull, not where you dragged it; a cavity or weights can put it there."
             )
         hull = viewed.hull
         name = "".join(c if c.isalnum() or c in "-_" else "_" for c in viewed.name)
         self._page.download(client, f"{name}_hull.stl", stl_bytes(hull.vertices, hull.triangles))
 
 
-def _told_twice(job: Job) -> Callable[[str], None]:
-    """Tells of progress on the page, and on a terminal where there is one."""
-    last = -SILENCE
+def _progress_printer(job: Job) -> Callable[[str], None]:
+    """Report progress on the page, and on stderr if it is a terminal."""
+    last = -NOTE_SECONDS
 
-    def told(words: str) -> None:
+    def report(text: str) -> None:
         nonlocal last
-        job.progress(words)
+        job.progress(text)
         now = time.monotonic()
-        if now - last >= SILENCE and sys.stderr.isatty():
+        if now - last >= NOTE_SECONDS and sys.stderr.isatty():
             last = now
-            print(f"note: {words}", file=sys.stderr, flush=True)
+            print(f"note: {text}", file=sys.stderr, flush=True)
 
-    return told
+    return report

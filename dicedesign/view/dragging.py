@@ -1,19 +1,21 @@
-"""Dragging: the center of mass, a corner or a facet of the hull; undo, and back to the start."""
+"""Drag the center of mass, a corner or a facet of the hull; undo changes."""
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any, Final
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dicedesign.runtime.arrays import Floats
-from dicedesign.view.exhibit import Exhibit
-from dicedesign.view.motion import settled
+from dicedesign.view.motion import release_motion
 from dicedesign.view.nodes import Gizmo
 from dicedesign.view.page import Page
-from dicedesign.view.viewed_body import ViewedBody
+from dicedesign.view.viewed_body import ViewedBody, facet_vertices
+from dicedesign.view.viewport import Viewport
 
-__all__ = ["Dragging"]
+__all__ = ["DragControls"]
 
 CENTER: Final = "Center of mass"
 CORNER: Final = "Corner"
@@ -23,193 +25,182 @@ NOTHING: Final = "Nothing"
 UNDO: Final = "Undo"
 RESTART: Final = "Start over"
 
-OUTSIDE: Final = (
-    "The center of mass stays inside the hull: every body has it there. Drag it back to go on."
-)
+OUTSIDE: Final = "The center of mass of a body is always inside its hull. Drag it back."
 
-MOST_STEPS: Final = 200
-"""That can be undone."""
+MAX_UNDO_STEPS: Final = 200
 
 
-class Dragging:
-    """The handle, what it drags, and the bodies before."""
+class DragControls:
+    """Fields, buttons and gizmo for dragging, and the history of the body."""
 
-    def __init__(self, exhibit: Exhibit) -> None:
-        self._exhibit = exhibit
-        self._what = CENTER
+    def __init__(self, viewport: Viewport) -> None:
+        self._viewport = viewport
+        self._target = CENTER
         self._facet = 0
         self._corner = 0
         self._base: ViewedBody | None = None
         self._first: ViewedBody | None = None
-        self._before: list[ViewedBody] = []
-        self._field: Any = None
+        self._history: deque[ViewedBody] = deque(maxlen=MAX_UNDO_STEPS)
+        self._center_field: Any = None
         self._gizmo: Any = None
         self._page: Any = None
 
     def build(self, page: Page) -> None:
-        """Add the GUI elements and the handle."""
+        """Add the GUI elements and the gizmo."""
         self._page, gui = page, page.gui
-        what = gui.add_dropdown(
+        target = gui.add_dropdown(
             "Drag",
             (CENTER, CORNER, FACET, NOTHING),
             hint="Pull the arrows in the picture. Click the body to choose a corner or a facet.",
         )
-        self._field = gui.add_vector3(
+        self._center_field = gui.add_vector3(
             "Center",
             (0.0, 0.0, 0.0),
             step=1e-3,
             hint="Center of mass in the unit of the mesh; type numbers to move it",
         )
         back = gui.add_button_group("Go back", (UNDO, RESTART))
-        even = gui.add_button(
-            "Solid of one density", hint="Put the center of mass where that of the solid hull is"
+        uniform = gui.add_button(
+            "Solid of one density", hint="Move the center of mass to the centroid of the hull"
         )
         self._gizmo = Gizmo(
             page.scene,
-            lambda *moved: page.soon(
-                lambda: self._dragged(*moved), "drag" if moved[0] == "update" else None
+            lambda *event: page.enqueue(
+                lambda: self._drag(*event), "drag" if event[0] == "update" else None
             ),
         )
-        what.on_update(lambda _: page.soon(lambda: self._choose(what.value)))
-        back.on_click(lambda _: page.soon(self._undo if back.value == UNDO else self._restart))
-        even.on_click(lambda _: page.soon(self._even_out))
+        target.on_update(lambda _: page.enqueue(lambda: self._choose(target.value)))
+        back.on_click(lambda _: page.enqueue(self._undo if back.value == UNDO else self._restart))
+        uniform.on_click(lambda _: page.enqueue(self._make_uniform))
 
-        @self._field.on_update
+        @self._center_field.on_update
         def _(event: Any) -> None:
-            # Of a person, not of this page.
+            # Updates by this page have no client.
             if event.client is not None:
-                page.soon(lambda: self._typed(np.array(self._field.value)), "typed")
+                center = np.array(self._center_field.value)
+                page.enqueue(lambda: self._set_center(center), "typed")
 
-        self._exhibit.on_facet = self._clicked
+        self._viewport.on_facet = self._click
 
     def begin(self, viewed: ViewedBody) -> None:
-        """Another body is on show."""
-        self._first, self._base, self._before = viewed, None, []
+        """Start with another body."""
+        self._first, self._base = viewed, None
+        self._history.clear()
         extent = float(np.ptp(viewed.hull.vertices, axis=0).max())
         digits = max(0, 4 - int(np.floor(np.log10(extent))))
-        self._field.precision, self._field.step = digits, 10.0**-digits
+        self._center_field.precision, self._center_field.step = digits, 10.0**-digits
         self._facet = int(viewed.poses.facets[0])
-        top = viewed.hull.vertices @ -viewed.poses.normals[0]
-        self._corner = int(top.argmax())
-        self._place_all()
+        self._corner = int((viewed.hull.vertices @ -viewed.poses.normals[0]).argmax())
+        self._place_controls()
 
-    def _choose(self, what: str) -> None:
-        self._what = what
-        self._exhibit.listen(to_body=what in (CORNER, FACET))
-        self._place_all()
+    def _choose(self, target: str) -> None:
+        self._target = target
+        self._viewport.enable_clicks(target in (CORNER, FACET))
+        self._place_controls()
 
-    def _place_all(self) -> None:
-        """Put the handle where the body is, and the numbers too."""
-        viewed = self._exhibit.viewed
+    def _place_controls(self) -> None:
+        """Show the center of mass in its field, and put the gizmo on its target."""
+        viewed = self._viewport.viewed
         if viewed is None:
             return
-        # Adding zero takes the sign off a zero.
-        tidy = np.where(np.abs(viewed.center) < 0.5 * self._field.step, 0.0, viewed.center) + 0.0
-        self._field.value = tuple(float(x) for x in tidy)
-        if self._what == NOTHING:
+        self._corner = min(self._corner, len(viewed.hull.vertices) - 1)
+        self._facet = min(self._facet, len(viewed.hull.normals) - 1)
+        # Adding zero removes the sign of a zero.
+        is_zero = np.abs(viewed.center) < 0.5 * self._center_field.step
+        self._center_field.value = tuple((np.where(is_zero, 0.0, viewed.center) + 0.0).tolist())
+        if self._target == NOTHING:
             self._gizmo.hide()
             return
-        place = self._exhibit.place.into_scene(self._point(viewed))
-        self._gizmo.put(place, turns=self._what == FACET)
+        position = self._viewport.frame.to_scene(self._target_point(viewed))
+        self._gizmo.put(position, can_turn=self._target == FACET)
 
-    def _point(self, viewed: ViewedBody) -> Floats:
-        """(3,) where the handle is on a body."""
-        if self._what == CENTER:
+    def _target_point(self, viewed: ViewedBody) -> Floats:
+        """(3,) point of a body that the gizmo drags."""
+        if self._target == CENTER:
             return viewed.center
-        if self._what == CORNER:
-            self._corner = min(self._corner, len(viewed.hull.vertices) - 1)
+        if self._target == CORNER:
             return np.asarray(viewed.hull.vertices[self._corner])
-        self._facet = min(self._facet, len(viewed.hull.normals) - 1)
         return np.asarray(viewed.hull.polygon(self._facet).mean(axis=0))
 
-    def _clicked(self, facet: int, point: Floats) -> None:
-        viewed = self._exhibit.viewed
-        if viewed is None or self._what not in (CORNER, FACET):
+    def _click(self, facet: int, point: Floats) -> None:
+        viewed = self._viewport.viewed
+        if viewed is None or self._target not in (CORNER, FACET):
             return
-        corners = viewed.hull.tail[
-            viewed.hull.facet_start[facet] : viewed.hull.facet_start[facet + 1]
-        ]
-        away = np.linalg.norm(viewed.hull.vertices[corners] - point, axis=1)
-        self._facet, self._corner = facet, int(corners[away.argmin()])
-        self._place_all()
+        corners = facet_vertices(viewed.hull, facet)
+        distances = np.linalg.norm(viewed.hull.vertices[corners] - point, axis=1)
+        self._facet, self._corner = facet, int(corners[distances.argmin()])
+        self._place_controls()
 
-    def _dragged(self, phase: str, wxyz: Floats, position: Floats) -> None:
-        viewed = self._exhibit.viewed
+    def _drag(self, phase: str, wxyz: Floats, position: Floats) -> None:
+        viewed = self._viewport.viewed
         if viewed is None:
             return
         if phase == "start":
-            self._exhibit.hold()
+            self._viewport.hold()
             self._base = viewed
         elif phase == "update":
             self._base = self._base or viewed
-            self._follow(self._base, wxyz, position)
+            self._follow(self._base, viewed, wxyz, position)
         elif self._base is not None:
             base, self._base = self._base, None
-            self._keep(base)
+            self._commit(base)
 
-    def _follow(self, base: ViewedBody, wxyz: Floats, position: Floats) -> None:
-        """Show the body as it is with the handle at a position of the scene."""
-        viewed = self._exhibit.viewed
-        assert viewed is not None
-        place = self._exhibit.place
-        point = place.from_scene(position)
-        if self._what == CENTER:
-            moved, outside = viewed.with_center(point)
-            self._page.say(OUTSIDE if outside else "", wrong=outside)
-        elif self._what == CORNER:
-            moved = base.with_vertex(self._corner, point).numbered_as(viewed)
+    def _follow(self, base: ViewedBody, viewed: ViewedBody, wxyz: Floats, position: Floats) -> None:
+        """Show the base body with its target at a position of the scene."""
+        point = self._viewport.frame.from_scene(position)
+        if self._target == CENTER:
+            moved, is_outside = viewed.with_center(point)
+            self._page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
         else:
-            motion = place.motion(wxyz, position, self._point(base))
-            moved = base.with_facet(self._facet, motion).numbered_as(viewed)
-        self._exhibit.update(moved)
+            vertices = np.array([self._corner])
+            if self._target == FACET:
+                vertices = facet_vertices(base.hull, self._facet)
+            arms = base.hull.vertices[vertices] - self._target_point(base)
+            points = point + Rotation.from_quat(wxyz, scalar_first=True).apply(arms)
+            moved = base.with_vertices(vertices, points).with_numbers_of(viewed)
+        self._viewport.update(moved)
 
-    def _keep(self, base: ViewedBody) -> None:
-        """A change is done: it can be undone, and the body rolls where it now has to."""
-        viewed = self._exhibit.viewed
+    def _commit(self, base: ViewedBody) -> None:
+        """End a change: `base` can be restored, and the body rolls to rest."""
+        viewed = self._viewport.viewed
         if viewed is None or viewed is base:
             return
-        self._before = [*self._before[-MOST_STEPS:], base]
-        self._page.say("")
-        self._find_again(base, viewed)
-        self._place_all()
-        self._exhibit.move(settled(viewed, self._exhibit.pose))
+        self._history.append(base)
+        if viewed.hull is not base.hull:
+            # The nearest corner and facet of the new hull.
+            self._corner = int(np.abs(viewed.hull.source - self._corner).argmin())
+            self._facet = int((viewed.hull.normals @ base.hull.normals[self._facet]).argmax())
+        self._settle(viewed)
 
-    def _find_again(self, base: ViewedBody, viewed: ViewedBody) -> None:
-        """The corner and the facet on the new hull that are nearest to those of the old."""
-        if viewed.hull is base.hull:
-            return
-        sources = viewed.hull.source
-        self._corner = int(np.abs(sources - self._corner).argmin())
-        normal = base.hull.normals[min(self._facet, len(base.hull.normals) - 1)]
-        self._facet = int((viewed.hull.normals @ normal).argmax())
+    def _settle(self, viewed: ViewedBody) -> None:
+        self._page.notify("")
+        self._place_controls()
+        self._viewport.move(release_motion(viewed, self._viewport.pose))
 
-    def _typed(self, center: Floats) -> None:
-        viewed = self._exhibit.viewed
-        if viewed is None:
-            return
-        moved, outside = viewed.with_center(center)
-        self._exhibit.update(moved)
-        self._keep(viewed)
-        self._page.say(OUTSIDE if outside else "", wrong=outside)
+    def _set_center(self, center: Floats) -> None:
+        viewed = self._viewport.viewed
+        if viewed is not None:
+            moved, is_outside = viewed.with_center(center)
+            self._viewport.update(moved)
+            self._commit(viewed)
+            self._page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
+
+    def _make_uniform(self) -> None:
+        viewed = self._viewport.viewed
+        if viewed is not None:
+            self._viewport.update(viewed.with_uniform_center())
+            self._commit(viewed)
 
     def _undo(self) -> None:
-        if self._before:
-            self._restore(self._before.pop())
+        if self._history:
+            self._restore(self._history.pop())
 
     def _restart(self) -> None:
-        viewed = self._exhibit.viewed
+        viewed = self._viewport.viewed
         if self._first is not None and viewed is not None and viewed is not self._first:
-            self._before = [*self._before[-MOST_STEPS:], viewed]
+            self._history.append(viewed)
             self._restore(self._first)
 
     def _restore(self, viewed: ViewedBody) -> None:
-        self._page.say("")
-        self._exhibit.update(viewed)
-        self._place_all()
-        self._exhibit.move(settled(viewed, self._exhibit.pose))
-
-    def _even_out(self) -> None:
-        viewed = self._exhibit.viewed
-        if viewed is not None:
-            self._exhibit.update(viewed.with_uniform_center())
-            self._keep(viewed)
+        self._viewport.update(viewed)
+        self._settle(viewed)

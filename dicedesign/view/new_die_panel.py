@@ -1,4 +1,4 @@
-"""The tab "New die": probabilities become a die, step by step, and files to print it from."""
+"""Tab "New die": design a die for given probabilities, and download its files."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.registry import Number
 from dicedesign.view.design_session import DesignedShape, DesignSession, DieRequest
-from dicedesign.view.exhibit import Exhibit
 from dicedesign.view.page import Job, Page, Stopped, html_part
-from dicedesign.view.printable_die import PrintableDie, printable_die
+from dicedesign.view.printable_die import PrintableDie, make_printable
 from dicedesign.view.viewed_body import Outcomes, ViewedBody
+from dicedesign.view.viewport import Viewport
 
 if TYPE_CHECKING:
     from viser import ClientHandle
@@ -37,51 +37,47 @@ PRESETS: Final = {
     "Loaded: 6 twice as often": ("1/7, 1/7, 1/7, 1/7, 1/7, 2/7", ""),
     "Yes, no, perhaps": ("0.45, 0.45, 0.1", "yes, no, perhaps"),
 }
-"""What goes into the fields of probabilities and of labels, which are those of the probabilities
-where it is empty, by what the page calls it."""
+"""Texts of the fields for probabilities and labels, by title; empty labels are numbers."""
 
 METHODS: Final = {"exact": "exact", "the paper's descent": "paper"}
 
-BY_METHOD: Final = "as the method likes"
-"""The start of who does not care."""
+DEFAULT_START: Final = "default of the method"
 
-LEAST_LARGEST: Final = 2.0
-"""A slider goes at least so far, and to four times its number's default."""
+MIN_SLIDER_RANGE: Final = 2.0
+"""A slider reaches at least this, and four times the default of its number."""
 
-FASTEST: Final = 200
-"""Steps a second, from which on none is held back."""
+MAX_SPEED: Final = 200
+"""Steps per second; at this setting, steps are not delayed."""
 
-OFTEN: Final = 0.1
-"""Seconds between two looks at whether a design was told to stop."""
+POLL_SECONDS: Final = 0.1
+"""Time between two checks whether a design was stopped."""
 
 FORMATS: Final = ("stl", "3mf")
 
 
-class DieOptions:
-    """Fields of what a hobbyist need not know.
+class OptionControls:
+    """Fields of optional settings.
 
-    on_weights: called when a weight or the method has changed, in the page's thread.
+    on_weights: called after a change of a weight or the method, on_speed: of the speed; both in the
+    thread of changes.
     """
 
     def __init__(self, page: Page, on_weights: Callable[[], None], on_speed: Callable[[], None]):
         gui = page.gui
-        self._starts: dict[str, Mapping[str, Any] | None] = {BY_METHOD: None} | {
-            kind.name: {kind.name: {}} for kind in STARTS if _is_plain(kind)
+        self._starts: dict[str, Mapping[str, Any] | None] = {DEFAULT_START: None} | {
+            kind.name: {kind.name: {}} for kind in STARTS if _works_without_options(kind)
         }
         with gui.add_folder("More", expand_by_default=False):
             self._seed = gui.add_text("Seed", "0", hint="another seed gives another shape")
             self._method = gui.add_dropdown(
                 "Method",
                 tuple(METHODS),
-                hint="exact: probabilities to rounding, then the preferences below; the paper's: "
-                "vertices "
-                "go down an energy, then an exact finish",
+                hint="exact: solves for the probabilities, then improves the preferences below; "
+                "the paper's: lowers an energy of the vertices, then solves exactly",
             )
-            self._start = gui.add_dropdown(
-                "Start", tuple(self._starts), hint="the shape to begin with"
-            )
+            self._start = gui.add_dropdown("Start", tuple(self._starts), hint="starting shape")
             self._speed = gui.add_slider(
-                "Steps a second", 1, FASTEST, 1, 30, hint=f"{FASTEST}: as fast as they come"
+                "Steps a second", 1, MAX_SPEED, 1, 30, hint=f"{MAX_SPEED}: without delay"
             )
             with gui.add_folder("Preferences", expand_by_default=False):
                 self._prefer = _sliders(page, Preferences.list_numbers(), legible(), on_weights)
@@ -92,25 +88,25 @@ class DieOptions:
                 self._weights = _sliders(
                     page, PaperWeights.list_numbers(), PaperWeights(), on_weights
                 )
-        self._on_weights = on_weights
-        self._method.on_update(lambda _: page.soon(self._take_method, "method"))
-        self._speed.on_update(lambda _: page.soon(on_speed, "speed"))
 
-    def _take_method(self) -> None:
-        self._energy.visible = METHODS[self._method.value] == "paper"
-        self._on_weights()
+        def on_method() -> None:
+            self._energy.visible = METHODS[self._method.value] == "paper"
+            on_weights()
+
+        self._method.on_update(lambda _: page.enqueue(on_method, "method"))
+        self._speed.on_update(lambda _: page.enqueue(on_speed, "speed"))
 
     @property
     def least_seconds(self) -> float:
-        """That a step takes."""
-        return 0.0 if self._speed.value >= FASTEST else 1.0 / self._speed.value
+        """Least duration of a step."""
+        return 0.0 if self._speed.value >= MAX_SPEED else 1.0 / self._speed.value
 
     def request(self, target: Mapping[str, Any]) -> DieRequest:
-        """What the fields say. Raises InputError where a number cannot be."""
+        """Read the fields. Raises InputError: a number is not allowed."""
         seed = self._seed.value.strip()
         return DieRequest(
             target=target,
-            # The recipe says what is wrong with another text.
+            # The recipe refuses any other text.
             seed=int(seed) if seed.isdecimal() else seed,  # type: ignore[arg-type]
             method=METHODS[self._method.value],
             start=self._starts[self._start.value],
@@ -119,8 +115,7 @@ class DieOptions:
         )
 
 
-def _is_plain(kind: StartKind) -> bool:
-    """True for a kind of shape that needs nothing to be said of it."""
+def _works_without_options(kind: StartKind) -> bool:
     if kind.make is None and kind.search is None:
         return False
     try:
@@ -131,61 +126,60 @@ def _is_plain(kind: StartKind) -> bool:
 
 
 def _sliders(
-    page: Page, declared: Mapping[str, Number], now: Any, on_change: Callable[[], None]
+    page: Page, numbers: Mapping[str, Number], defaults: Any, on_change: Callable[[], None]
 ) -> dict[str, Any]:
-    """A slider for each number, by its name."""
+    """Add a slider for each number."""
     sliders = {}
-    for name, number in declared.items():
-        value = float(getattr(now, name))
-        most = max(LEAST_LARGEST, 4.0 * value)
-        # No slider goes where a number is not allowed.
-        while not number.allows(most):
-            most /= 2.0
-        least = 0.0 if number.allows(0.0) else most / 100.0
+    for name, number in numbers.items():
+        value = float(getattr(defaults, name))
+        largest = max(MIN_SLIDER_RANGE, 4.0 * value)
+        while not number.allows(largest):
+            largest /= 2.0
+        least = 0.0 if number.allows(0.0) else largest / 100.0
         slider = page.gui.add_slider(
-            name.replace("_", " "), least, most, most / 200.0, value, hint=number.line
+            name.replace("_", " "), least, largest, largest / 200.0, value, hint=number.line
         )
-        slider.on_update(lambda _: page.soon(on_change, "weights"))
+        slider.on_update(lambda _: page.enqueue(on_change, "weights"))
         sliders[name] = slider
     return sliders
 
 
-def session_html(session: DesignSession, chosen: int | None) -> str:
-    """Where a design is, in a sentence with its state as an attribute, and a row for each outcome:
-    label, bar with its target, probabilities, and whether its facet is pinned.
+def session_html(session: DesignSession, selected: int | None) -> str:
+    """Progress of a design, and a table with a row for each outcome.
 
-    chosen: the outcome whose label is to change places with the next that is clicked.
+    selected: outcome whose label will be swapped with the label that is clicked next.
     """
     shape, state = session.shape, session.state
-    said = {"running": "designing", "paused": "paused" if shape else "nothing designed yet"}
-    words = [said.get(state, ""), session.message]
+    texts = {"running": "designing", "paused": "paused" if shape else "nothing designed yet"}
+    facts = [texts.get(state, ""), session.message]
     longest = 1.0
     if state == "running" and session.starts > 1:
-        words.append(f"starting shape {session.starts}")
+        facts.append(f"starting shape {session.starts}")
     if shape is not None:
-        words.append(f"step {len(session.shapes) - 1}")
-        words.append(f"farthest from the probabilities by {100.0 * shape.error:.3g} %")
+        facts.append(f"step {len(session.shapes) - 1}")
+        facts.append(f"largest error of a probability {100.0 * shape.error:.3g} %")
         longest = float(max(shape.outcomes.probabilities.max(), shape.target.max()))
-    wrong = state == "failed" or session.status not in (None, Status.CONVERGED)
-    said_words = [word for word in words if word]
-    return html_part("session", session, said_words, wrong, BASINS, longest, chosen)
+    is_error = state == "failed" or session.status not in (None, Status.CONVERGED)
+    return html_part(
+        "session", session, list(filter(None, facts)), is_error, BASINS, longest, selected
+    )
 
 
-class DieFiles:
-    """Fields and buttons of the files; all methods are called in the page's thread.
+class DownloadControls:
+    """Fields and buttons for the files of a die. Use it only in the thread of changes.
 
-    session: gives the session whose die is wanted, or None; on_made: is given the die, once it is
-    made.
+    session: returns the current session, or None; on_printable: called with the die once it is
+    ready to print.
     """
 
     def __init__(
         self,
         page: Page,
         session: Callable[[], DesignSession | None],
-        on_made: Callable[[PrintableDie], None],
+        on_printable: Callable[[PrintableDie], None],
     ) -> None:
-        self._page, self._session, self._on_made = page, session, on_made
-        self._made: tuple[tuple[Any, ...], PrintableDie] | None = None
+        self._page, self._session, self._on_printable = page, session, on_printable
+        self._cache: tuple[tuple[Any, ...], PrintableDie] | None = None
         self._job: Job | None = None
         gui = page.gui
         with gui.add_folder("Print it"):
@@ -194,25 +188,27 @@ class DieFiles:
             )
             self._labels = gui.add_checkbox("Cut the labels in", initial_value=True)
             names = (*(ending.upper() for ending in FORMATS), "Recipe")
-            download = gui.add_button_group("Download", names, hint="the recipe makes it again")
+            download = gui.add_button_group(
+                "Download", names, hint="the recipe makes the same die again"
+            )
             download.on_click(
-                lambda event: page.soon(lambda: self._begin(event.client, event.target.value))
+                lambda event: page.enqueue(lambda: self._download(event.client, event.target.value))
             )
             self._error, self._table = gui.add_html(""), gui.add_html("")
 
     def refresh(self, session: DesignSession | None) -> None:
-        """Leave out what is of another shape."""
-        if self._made is not None and (session is None or session.shape is not self._made[0][0]):
-            self._made = None
+        """Discard the die of another shape."""
+        if self._cache is not None and (session is None or session.shape is not self._cache[0][0]):
+            self._cache = None
             self._table.content = ""
 
-    def _begin(self, client: ClientHandle | None, what: str) -> None:
+    def _download(self, client: ClientHandle | None, file: str) -> None:
         session, size = self._session(), self._size.value.strip().removesuffix("mm").strip()
         if self._job is not None:
             return
         self._error.content = ""
         if session is None or session.shape is None or session.state == "running":
-            self._refuse(
+            self._show_error(
                 "die: expected a design that is done or paused, got one that runs or none; wait, "
                 "press Pause, or press Design first"
             )
@@ -220,69 +216,69 @@ class DieFiles:
         try:
             size_mm = float(size) if size else None
         except ValueError:
-            self._refuse(
+            self._show_error(
                 f"size: expected a number of millimeters, got {size!r}; correct it, or leave it "
                 "empty"
             )
             return
-        labels = bool(self._labels.value)
-        key = session.shape, session.designed, size_mm, labels
+        engrave = bool(self._labels.value)
+        key = session.shape, session.final_design, size_mm, engrave
+        if self._cache is not None and self._cache[0] == key:
+            self._send(client, file, self._cache[1])
+            return
 
         def work(job: Job) -> PrintableDie:
-            return printable_die(
+            return make_printable(
                 session,
                 size_mm=size_mm,
-                engrave=labels,
+                engrave=engrave,
                 on_stage=lambda stage: job.progress(f"making the file: {stage}"),
             )
 
-        def done(made: PrintableDie) -> None:
-            self._made = key, made
-            self._table.content = html_part("printed", made)
-            self._on_made(made)
-            self._send(client, what, made)
+        def on_done(die: PrintableDie) -> None:
+            self._cache = key, die
+            self._table.content = html_part("printed", die)
+            self._on_printable(die)
+            self._send(client, file, die)
 
-        def failed(error: Exception) -> None:
+        def on_error(error: Exception) -> None:
             if not isinstance(error, DiceError):
                 raise error
-            self._refuse(str(error))
+            self._show_error(str(error))
 
-        def ended() -> None:
+        def on_end() -> None:
             self._job = None
 
-        if self._made is not None and self._made[0] == key:
-            self._send(client, what, self._made[1])
-        else:
-            self._job = self._page.start(work, done, ended, failed)
+        self._job = self._page.start(work, on_done, on_end, on_error)
 
-    def _send(self, client: ClientHandle | None, what: str, die: PrintableDie) -> None:
+    def _send(self, client: ClientHandle | None, file: str, die: PrintableDie) -> None:
         try:
-            file = die.recipe_file() if what == "Recipe" else die.file(what.lower())
+            content = die.recipe_file() if file == "Recipe" else die.file(file.lower())
         except DiceError as error:
-            self._refuse(str(error))
+            self._show_error(str(error))
         else:
-            self._page.download(client, *file)
+            self._page.download(client, *content)
 
-    def _refuse(self, text: str) -> None:
+    def _show_error(self, text: str) -> None:
         self._error.content = html_part("sentence", "file-error", text, True)
 
 
 class NewDiePanel:
-    """Fields, buttons and tables of a die that is designed; its shape is on show."""
+    """Tab with the fields, buttons and tables of a design; the viewport shows its shape."""
 
     title = "New die"
 
-    def __init__(self, exhibit: Exhibit) -> None:
-        self._exhibit = exhibit
+    def __init__(self, viewport: Viewport) -> None:
+        self._viewport = viewport
         self._session: DesignSession | None = None
         self._job: Job | None = None
         self._shape: DesignedShape | None = None
-        self._viewed: ViewedBody | None = None
-        self._own: ViewedBody | None = None
-        self._chosen: int | None = None
+        self._shape_body: ViewedBody | None = None
+        self._panel_body: ViewedBody | None = None
+        self._selected: int | None = None
 
     def build(self, page: Page) -> None:
-        """Add the GUI elements; called once, within the tab."""
+        """Add the GUI elements; called once, inside the tab."""
         self._page, gui = page, page.gui
         probabilities, labels = next(iter(PRESETS.values()))
         preset = gui.add_dropdown("Die", tuple(PRESETS))
@@ -294,102 +290,101 @@ class NewDiePanel:
         self._labels: Any = gui.add_text(
             "Labels", labels, hint="one for each, commas between them; empty: 1, 2, ..."
         )
-        self._wrong = gui.add_html("")
-        design = gui.add_button("Design", color="blue", hint="begin, or go on after a pause")
+        self._target_error = gui.add_html("")
+        design = gui.add_button("Design", color="blue", hint="start, or continue after a pause")
         steps = gui.add_button_group("", ("Pause", "Step", "Undo", "Reset"))
-        self._state, self._refused = gui.add_html(""), gui.add_html("")
-        self._files = DieFiles(page, lambda: self._session, self._show_made)
-        self._options = DieOptions(page, self._weigh, self._set_speed)
-        preset.on_update(lambda event: page.soon(lambda: self._take(event.target.value), "preset"))
+        self._state, self._change_error = gui.add_html(""), gui.add_html("")
+        self._downloads = DownloadControls(page, lambda: self._session, self._show_printable)
+        self._options = OptionControls(page, self._change_weights, self._set_speed)
+        preset.on_update(
+            lambda event: page.enqueue(lambda: self._fill(*PRESETS[event.target.value]), "preset")
+        )
         for text in (self._probabilities, self._labels):
-            text.on_update(lambda _: page.soon(self._asked, "target"))
-        design.on_click(lambda _: page.soon(lambda: self._go(DesignSession.run)))
-        acts = {
+            text.on_update(lambda _: page.enqueue(self._read_request, "target"))
+        design.on_click(lambda _: page.enqueue(lambda: self._advance(DesignSession.run)))
+        actions = {
             "Pause": lambda: self._with_session(DesignSession.pause),
-            "Step": lambda: self._go(DesignSession.step),
+            "Step": lambda: self._advance(DesignSession.step),
             "Undo": lambda: self._with_session(DesignSession.undo),
             "Reset": self._reset,
         }
-        steps.on_click(lambda event: page.soon(acts[event.target.value]))
-        self._exhibit.on_show(self._take_over)
-        page.on_action("pin", self._pin)
+        steps.on_click(lambda event: page.enqueue(actions[event.target.value]))
+        self._viewport.on_show(self._copy_target)
+        page.on_action("pin", self._toggle_pin)
         page.on_action("label", self._click_label)
 
-    def _take(self, name: str) -> None:
-        self._probabilities.value, self._labels.value = PRESETS[name]
-        self._asked()
+    def _fill(self, probabilities: str, labels: str) -> None:
+        self._probabilities.value, self._labels.value = probabilities, labels
+        self._read_request()
 
-    def _take_over(self, viewed: ViewedBody) -> None:
-        """Offer the probabilities of another die that is on show, to design one like it."""
-        shown = viewed.outcomes
-        if viewed is self._own or shown is None or shown.target is None:
-            return
-        self._probabilities.value = format_probabilities(shown.target.tolist())
-        self._labels.value = ", ".join(shown.labels)
-        self._asked()
+    def _copy_target(self, viewed: ViewedBody) -> None:
+        """Fill the fields with the target of another die in view."""
+        outcomes = viewed.outcomes
+        if viewed is not self._panel_body and outcomes is not None and outcomes.target is not None:
+            self._fill(format_probabilities(outcomes.target.tolist()), ", ".join(outcomes.labels))
 
-    def _asked(self) -> DieRequest | None:
-        """What the fields ask for, or None where they cannot; then the page says why."""
+    def _read_request(self) -> DieRequest | None:
+        """Read the fields; return None and show the error if they are not valid."""
         try:
             labels = self._labels.value.strip()
             target = parse_target(self._probabilities.value, labels or None)
-            asked = self._options.request(target)
-            asked.recipe()
+            request = self._options.request(target)
+            request.recipe()
         except DiceError as error:
-            self._wrong.content = html_part("sentence", "target-error", str(error), True)
+            self._target_error.content = html_part("sentence", "target-error", str(error), True)
             return None
-        self._wrong.content = ""
-        return asked
+        self._target_error.content = ""
+        return request
 
-    def _go(self, act: Callable[[DesignSession], None]) -> None:
-        """Begin, or go on with the present die where that is still what is asked for."""
-        asked, session = self._asked(), self._session
-        if asked is None:
+    def _advance(self, act: Callable[[DesignSession], None]) -> None:
+        """Start a session, or continue the current one if it designs the requested die."""
+        request, session = self._read_request(), self._session
+        if request is None:
             return
-        if session is None or not _is_same_die(asked, session.request):
+        if session is None or not _is_same_die(request, session.request):
             self._close_session()
             session = DesignSession(
-                asked,
-                lambda: self._page.soon(self._refresh, "design"),
+                request,
+                lambda: self._page.enqueue(self._refresh, "design"),
                 self._options.least_seconds,
             )
             self._session = session
-        elif not self._change(session, replace(asked, pinned=session.request.pinned)):
+        elif not self._change(session, replace(request, pinned=session.request.pinned)):
             return
         act(session)
         self._watch(session)
 
     def _change(self, session: DesignSession, request: DieRequest) -> bool:
-        """Ask a session for something else; whether that can be. If not the page says why."""
+        """Change the request; return False and show the error if that is not possible."""
         try:
             session.change(request)
         except DiceError as error:
-            self._refused.content = html_part("sentence", "change-error", str(error), True)
+            self._change_error.content = html_part("sentence", "change-error", str(error), True)
             return False
-        self._refused.content = ""
+        self._change_error.content = ""
         return True
 
     def _watch(self, session: DesignSession) -> None:
-        """Have the page end a design that runs when it closes."""
-        if self._job is not None and self._job.running:
+        """Run a job while the design runs, so that closing the page ends the design."""
+        if self._job is not None and self._job.is_running:
             return
 
         def work(job: Job) -> None:
             try:
-                while not session.wait(OFTEN):
-                    # A bar that comes and goes would move what is pressed.
+                while not session.wait(POLL_SECONDS):
+                    # A progress bar during the steps would move the buttons.
                     job.progress("" if session.shapes else "looking for a shape")
             except Stopped:
                 session.close()
                 raise
 
-        def again() -> None:
+        def on_end() -> None:
             if self._session is session:
                 self._job = None
                 if session.state == "running":
                     self._watch(session)
 
-        self._job = self._page.start(work, lambda _: None, again)
+        self._job = self._page.start(work, lambda _: None, on_end)
 
     def _with_session(self, act: Callable[[DesignSession], None]) -> None:
         if self._session is not None:
@@ -400,21 +395,21 @@ class NewDiePanel:
             self._session.close()
         if self._job is not None:
             self._job.stop()
-        self._session, self._job, self._shape, self._chosen = None, None, None, None
-        self._refused.content = ""
+        self._session, self._job, self._shape, self._selected = None, None, None, None
+        self._change_error.content = ""
 
     def _reset(self) -> None:
         self._close_session()
         self._refresh()
 
-    def _weigh(self) -> None:
-        """Other weights, or another method, from the next step on; a die that is done goes on."""
-        session, asked = self._session, self._asked()
-        if session is None or asked is None or not _is_same_die(asked, session.request):
+    def _change_weights(self) -> None:
+        """Apply other weights or another method from the next step; a finished design continues."""
+        session, request = self._session, self._read_request()
+        if session is None or request is None or not _is_same_die(request, session.request):
             return
-        was = session.state
-        if self._change(session, replace(asked, pinned=session.request.pinned)):
-            if was == "done" and session.state == "paused":
+        was_done = session.state == "done"
+        if self._change(session, replace(request, pinned=session.request.pinned)):
+            if was_done and session.state == "paused":
                 session.run()
             self._watch(session)
 
@@ -422,71 +417,59 @@ class NewDiePanel:
         if self._session is not None:
             self._session.least_seconds = self._options.least_seconds
 
-    def _pin(self, place: int) -> None:
+    def _toggle_pin(self, outcome: int) -> None:
         session = self._session
-        if session is None or place >= len(session.labels):
+        if session is None or outcome >= len(session.labels):
             return
-        label, pinned = session.labels[place], session.request.pinned
+        label, pinned = session.labels[outcome], session.request.pinned
         others = tuple(other for other in pinned if other != label)
         pinned = others if label in pinned else (*pinned, label)
         self._change(session, replace(session.request, pinned=pinned))
 
-    def _click_label(self, place: int) -> None:
-        session = self._session
-        if session is None or place >= len(session.labels):
+    def _click_label(self, outcome: int) -> None:
+        """Select a label, or swap it with the selected one."""
+        session, selected = self._session, self._selected
+        if session is None or outcome >= len(session.labels):
             return
-        if self._chosen is None:
-            self._chosen = place
+        self._selected = outcome if selected is None else None
+        if selected is None or selected == outcome:
             self._refresh()
-            return
-        chosen, self._chosen = self._chosen, None
-        if chosen == place:
-            self._refresh()
-            return
-        session.swap(session.labels[chosen], session.labels[place])
+        else:
+            session.swap(session.labels[selected], session.labels[outcome])
 
     def _refresh(self) -> None:
-        """Show where the design is."""
+        """Show the progress of the design, and its shape if that is new."""
         session = self._session
-        self._state.content = "" if session is None else session_html(session, self._chosen)
-        self._files.refresh(session)
-        if session is not None and session.shape is not self._shape:
-            self._shape = session.shape
-            if session.shape is not None:
-                self._show(session, session.shape)
-
-    def _show(self, session: DesignSession, shape: DesignedShape) -> None:
-        poses = shape.poses
-        is_next = self._viewed is not None and self._exhibit.viewed is self._viewed
-        self._viewed = ViewedBody.of(
-            make_body(poses.hull.vertices, name="new die"),
+        self._state.content = "" if session is None else session_html(session, self._selected)
+        self._downloads.refresh(session)
+        if session is None or session.shape is None or session.shape is self._shape:
+            return
+        self._shape = shape = session.shape
+        body = ViewedBody.of(
+            make_body(shape.hull.vertices, name="new die"),
             outcomes=Outcomes(session.labels, shape.directions, shape.target),
-            name="new die",
-            poses=poses,
+            poses=shape.poses,
         )
-        self._own = self._viewed
-        if is_next:
-            self._exhibit.update(self._viewed)
+        was_in_view = self._shape_body is not None and self._viewport.viewed is self._shape_body
+        self._shape_body = self._panel_body = body
+        if was_in_view:
+            self._viewport.update(body)
         else:
-            self._exhibit.show(self._viewed)
-        most = self._viewed.rows[int(shape.target.argmax())].rest
-        self._exhibit.put(self._exhibit.standing(max(most, 0)))
+            self._viewport.show(body)
+        rest = body.rows[int(shape.target.argmax())].rest
+        self._viewport.put(body.poses.transforms[max(rest, 0)])
 
-    def _show_made(self, die: PrintableDie) -> None:
-        """Show the die with its labels cut in."""
+    def _show_printable(self, die: PrintableDie) -> None:
+        """Show the die with its labels."""
         target = die.recipe.target.target()
-        self._own = ViewedBody.of(
+        self._panel_body = ViewedBody.of(
             make_body(die.points, die.triangles, name=die.recipe.name),
             outcomes=Outcomes(target.labels, die.directions, target.probabilities),
             poses=die.verdict.poses,
         )
-        self._exhibit.show(self._own)
+        self._viewport.show(self._panel_body)
 
 
-def _is_same_die(asked: DieRequest, before: DieRequest) -> bool:
-    """True where a design may go on with other weights or by another method."""
-
-    def key(request: DieRequest) -> tuple[Any, ...]:
-        return request.target, request.seed, request.start
-
-    return key(asked) == key(before)
+def _is_same_die(first: DieRequest, second: DieRequest) -> bool:
+    """Whether two requests differ only in weights, method and pins."""
+    return (first.target, first.seed, first.start) == (second.target, second.seed, second.start)

@@ -1,5 +1,4 @@
-"""What is in the scene: the body with its hull, resting facets, center of mass and the handle to
-drag, and the Gauss sphere with its basins, arcs and points."""
+"""Nodes of the scene: the body, the gizmo that drags it, and the Gauss sphere."""
 
 from __future__ import annotations
 
@@ -13,52 +12,54 @@ from dicedesign.geometry.sphere import angle_between, even_directions, norms, un
 from dicedesign.report.discs import basin_of_directions, great_arcs, lowest_corners
 from dicedesign.report.palette import BASINS, DARK, FAINT, PALE, rgb
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.view.motion import SPHERE_AT, SPHERE_RADIUS, Place
-from dicedesign.view.viewed_body import ViewedBody
+from dicedesign.view.motion import SPHERE_POSITION, SPHERE_RADIUS, SceneFrame
+from dicedesign.view.viewed_body import ViewedBody, facet_vertices
 
 if TYPE_CHECKING:
     from viser import SceneApi
 
 
-LONGEST_PIECE: Final = 0.12
+MAX_PIECE_ANGLE: Final = 0.12
 """Radians of a straight piece of an arc."""
 
-MOST_EDGES: Final = 400
-"""Of a hull whose edges are drawn; those of others lie too close."""
+MAX_DRAWN_EDGES: Final = 400
+"""Hulls with more edges are drawn without edges."""
 
 Mesh = tuple[Floats, Integers]
 """Points (n, 3) and triangles (t, 3)."""
 
-NOTHING: Final[Mesh] = (np.zeros((3, 3)), np.array([[0, 1, 2]]))
-"""A mesh that is not seen: a browser wants one triangle."""
+EMPTY_MESH: Final[Mesh] = (np.zeros((3, 3)), np.array([[0, 1, 2]]))
+"""Invisible mesh; a browser needs at least one triangle."""
 
 
 def arc_ribbons(paths: tuple[Floats, ...], radius: float, width: float) -> Mesh:
-    """Polylines of unit directions, each (m, 3), as strips along a sphere of a radius."""
+    """Draw polylines of unit directions, each (m, 3), as strips on a sphere."""
     if not paths:
-        return NOTHING
+        return EMPTY_MESH
     starts = np.concatenate([path[:-1] for path in paths])
     ends = np.concatenate([path[1:] for path in paths])
-    pieces = np.ceil(angle_between(starts, ends) / LONGEST_PIECE).astype(np.int64)
+    pieces = np.ceil(angle_between(starts, ends) / MAX_PIECE_ANGLE).astype(np.int64)
     corners = []
     for count in np.unique(pieces[pieces > 0]).tolist():
         arcs = great_arcs(starts[pieces == count], ends[pieces == count], count)
-        aside = 0.5 * width * unit_vectors(np.linalg.cross(arcs[:, 0], arcs[:, -1]))[:, None]
-        left, right = radius * arcs + aside, radius * arcs - aside
+        offset = 0.5 * width * unit_vectors(np.linalg.cross(arcs[:, 0], arcs[:, -1]))[:, None]
+        left, right = radius * arcs + offset, radius * arcs - offset
         quads = [left[:, :-1], right[:, :-1], right[:, 1:], left[:, 1:]]
         corners.append(np.stack(quads, axis=2).reshape(-1, 4, 3))
-    return _quads(np.concatenate(corners)) if corners else NOTHING
+    return _quads(np.concatenate(corners)) if corners else EMPTY_MESH
 
 
 def edge_ribbons(hull: ConvexHull, points: Floats, width: float) -> Mesh:
-    """The edges of a hull whose corners are at points (n, 3), as strips along each of its facets, a
-    little above them; nothing where there are too many."""
-    if len(hull.tail) > 2 * MOST_EDGES:
-        return NOTHING
+    """Draw the edges of a hull as strips just above its facets.
+
+    points: (n, 3) vertices of the hull in the scene.
+    """
+    if len(hull.tail) > 2 * MAX_DRAWN_EDGES:
+        return EMPTY_MESH
     up = hull.normals[hull.facet]
     start, end = points[hull.tail], points[hull.head]
     inward = unit_vectors(np.linalg.cross(up, end - start))
-    # The border of a small facet is narrower.
+    # Small facets have narrower borders.
     shortest = np.minimum.reduceat(norms(end - start), hull.facet_start[:-1])
     wide = np.minimum(width, 0.1 * shortest[hull.facet])[:, None]
     lift = 0.002 * up
@@ -67,80 +68,83 @@ def edge_ribbons(hull: ConvexHull, points: Floats, width: float) -> Mesh:
 
 
 def _quads(corners: Floats) -> Mesh:
-    """Quadrilaterals (q, 4, 3) as two triangles each."""
+    """Split quadrilaterals (q, 4, 3) into two triangles each."""
     halves = np.array([[0, 1, 2], [0, 2, 3]])
     triangles = (4 * np.arange(len(corners))[:, None, None] + halves).reshape(-1, 3)
     return corners.reshape(-1, 3), triangles
 
 
 DIRECTIONS: Final = even_directions(6000)
-"""At which the sphere is colored; the arcs hide that borders between dots are not sharp."""
+"""Directions of the dots that color the sphere; arcs cover the rough borders of basins."""
 
-DOT: Final = 0.036
-"""Size of a dot that leaves no gaps, on a sphere of radius 1."""
+DOT_SIZE: Final = 0.036
+"""Size of dots without gaps on a unit sphere."""
 
 ARC_WIDTH: Final = 0.012
 
 EDGE_WIDTH: Final = 0.012
 
-MOST_LABELS: Final = 24
+MAX_LABELS: Final = 24
 
 COLORS: Final = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
-"""(20, 3) of rows of bars, 0 to 255; they repeat after the last."""
+"""(20, 3) colors of rows, 0 to 255; they repeat after the last."""
 
-_DARK, _GRAY, _INSIDE = (
+_DARK, _GRAY, _PALE = (
     tuple(color) for color in np.rint(255.0 * rgb([DARK, FAINT, PALE])).astype(int).tolist()
 )
 
-_SURFACE: Final = (216, 222, 228)
+_HULL_COLOR: Final = (216, 222, 228)
 
 OnRay = Callable[[Floats, Floats], None]
-"""Is given the origin (3,) and the direction (3,) of a ray in the scene, in the thread that serves;
-it may not wait."""
+"""Called with the origin (3,) and the direction (3,) of a ray in the scene, in the thread of the
+server; must not block."""
 
 OnDrag = Callable[[str, Floats, Floats], None]
-"""Is told "start", "update" or "end" of a drag, the quaternion (4,) and the position (3,)."""
+"""Called with "start", "update" or "end", the quaternion (4,), w first, and the position (3,).
+
+It runs in the thread of the server and must not block.
+"""
 
 
-def _notify_rays(node: Any, clicked: OnRay) -> None:
-    """Call a function with the ray of each click on a node of the scene."""
+def _notify_rays(node: Any, on_ray: OnRay) -> None:
+    """Call a function with the ray of each click on a node."""
 
     @node.on_click
     async def _(event: Any) -> None:
-        clicked(np.array(event.ray_origin), np.array(event.ray_direction))
+        on_ray(np.array(event.ray_origin), np.array(event.ray_direction))
 
 
-def _give(mesh: Any, points: Floats, triangles: Integers) -> None:
-    """Give a mesh vertices and faces; where they are the same nothing is sent."""
+def _set_mesh(mesh: Any, points: Floats, triangles: Integers) -> None:
+    """Set vertices and faces; viser sends only changes."""
     mesh.vertices, mesh.faces = points, triangles
 
 
 class _Labels:
-    """Labels below a node of the scene, which are updated in place."""
+    """Labels that are children of a node, updated in place."""
 
-    def __init__(self, scene: SceneApi, below: str, anchor: Any) -> None:
-        self._scene, self._below, self._anchor = scene, below, anchor
+    def __init__(self, scene: SceneApi, parent: str, anchor: Any) -> None:
+        self._scene, self._parent, self._anchor = scene, parent, anchor
         self._nodes: list[Any] = []
 
     def show(self, labels: Iterable[tuple[str, Floats]]) -> None:
-        """Show texts at positions (3,), and no others."""
-        shown = list(labels)
-        while len(self._nodes) > len(shown):
+        """Show only these texts, at positions (3,)."""
+        labels = list(labels)
+        while len(self._nodes) > len(labels):
             self._nodes.pop().remove()
-        for number in range(len(self._nodes), len(shown)):
-            name = f"{self._below}/label{number}"
+        while len(self._nodes) < len(labels):
+            name = f"{self._parent}/label{len(self._nodes)}"
             node = self._scene.add_label(name, "", depth_test=True, anchor=self._anchor)
             self._nodes.append(node)
-        for node, (text, position) in zip(self._nodes, shown, strict=True):
+        for node, (text, position) in zip(self._nodes, labels, strict=True):
             node.text, node.position = text, position
 
 
 class Sphere:
-    """The nodes of the Gauss sphere, which are updated in place."""
+    """Nodes of the Gauss sphere, updated in place."""
 
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
-        scene.add_frame("/sphere", show_axes=False, position=SPHERE_AT)
+        scene.add_frame("/sphere", show_axes=False, position=SPHERE_POSITION)
         self._inside = scene.add_icosphere(
             "/sphere/inside",
             0.985 * SPHERE_RADIUS,
@@ -153,17 +157,17 @@ class Sphere:
             "/sphere/dots",
             SPHERE_RADIUS * DIRECTIONS,
             np.full((len(DIRECTIONS), 3), 200, dtype=np.uint8),
-            point_size=DOT * SPHERE_RADIUS,
+            point_size=DOT_SIZE * SPHERE_RADIUS,
             point_shape="circle",
             precision="float32",
         )
-        # Viser makes the material of dots anew with their colors, and the browser would compile it
-        # each time if no others had it.
+        # Viser recreates the material of the dots with new colors. A second cloud with the same
+        # material saves the browser from compiling it again.
         scene.add_point_cloud(
-            "/sphere/unseen", np.zeros((2, 3)), np.zeros((2, 3), dtype=np.uint8), point_size=1e-3
+            "/sphere/invisible", np.zeros((2, 3)), np.zeros((2, 3), dtype=np.uint8), point_size=1e-3
         )
         self._arcs = scene.add_mesh_simple(
-            "/sphere/arcs", *NOTHING, color=_DARK, side="double", cast_shadow=False
+            "/sphere/arcs", *EMPTY_MESH, color=_DARK, side="double", cast_shadow=False
         )
         self._points = {
             kind: scene.add_point_cloud(
@@ -185,113 +189,110 @@ class Sphere:
         self._hull: ConvexHull | None = None
         self._lowest: Integers | None = None
 
-    def on_click(self, clicked: OnRay) -> None:
+    def on_click(self, on_ray: OnRay) -> None:
         """Call a function with the ray of each click on the sphere."""
-        _notify_rays(self._inside, clicked)
+        _notify_rays(self._inside, on_ray)
 
     def update(self, viewed: ViewedBody) -> None:
-        """Show a body's basins and complex."""
+        """Show the basins and the Morse-Smale complex of a body."""
         poses, rows = viewed.poses, viewed.rows
-        color_of_row = np.array([row.color for row in rows])
-        of_rest = COLORS[color_of_row[viewed.row_of_rest] % len(COLORS)]
+        colors = COLORS[_color_of_rest(viewed)]
         if self._hull is not poses.hull:
             self._hull, self._lowest = poses.hull, lowest_corners(poses.hull, DIRECTIONS)
-        self._dots.colors = of_rest[basin_of_directions(poses, DIRECTIONS, self._lowest)]
-        _give(self._arcs, *arc_ribbons(poses.morse.polylines, 1.02 * SPHERE_RADIUS, ARC_WIDTH))
+        self._dots.colors = colors[basin_of_directions(poses, DIRECTIONS, self._lowest)]
+        _set_mesh(self._arcs, *arc_ribbons(poses.morse.polylines, 1.02 * SPHERE_RADIUS, ARC_WIDTH))
         for kind, node in self._points.items():
             node.points = 1.025 * SPHERE_RADIUS * getattr(poses.morse, kind)
         self._labels.show(
             (row.label, 1.06 * SPHERE_RADIUS * poses.normals[row.rest])
-            for row in rows[:MOST_LABELS]
+            for row in rows[:MAX_LABELS]
             if row.rest >= 0
         )
 
     def point_down(self, down: Floats) -> None:
-        """Mark the direction (3,) of the body that points down."""
+        """Mark the direction (3,) that points down."""
         self._down.position = 1.02 * SPHERE_RADIUS * down
 
 
 class Gizmo:
-    """Arrows, squares and arcs around a point of the body, in the body's frame of the scene.
-
-    on_drag: called in the thread that serves; it may not wait.
-    """
+    """Handle that drags a point of the body, in the frame of the body."""
 
     def __init__(self, scene: SceneApi, on_drag: OnDrag) -> None:
         self._node = scene.add_transform_controls(
             "/body/gizmo", scale=0.7, disable_rotations=True, depth_test=False, visible=False
         )
 
-        # Of viser's two kinds of callbacks only these keep their order.
-        async def moved(event: Any) -> None:
+        # Viser keeps the order of events only for asynchronous callbacks.
+        async def on_update(event: Any) -> None:
             on_drag(event.phase, np.array(self._node.wxyz), np.array(self._node.position))
 
-        self._node.on_update(moved)
+        self._node.on_update(on_update)
 
-    def put(self, position: Floats, *, turns: bool) -> None:
-        """Show it at a position (3,), with arcs to turn something by or without."""
-        self._node.disable_rotations = not turns
+    def put(self, position: Floats, *, can_turn: bool) -> None:
+        """Show the handle at a position (3,), with or without arcs for rotation."""
+        self._node.disable_rotations = not can_turn
         self._node.wxyz, self._node.position = (1.0, 0.0, 0.0, 0.0), position
         self._node.visible = True
 
     def hide(self) -> None:
-        """Show nothing to drag."""
+        """Hide the handle."""
         self._node.visible = False
 
 
-def met_facet(hull: ConvexHull, origin: Floats, direction: Floats) -> tuple[int, Floats] | None:
-    """The facet through which a ray from outside, origin (3,) and direction (3,), enters a hull,
-    and where (3,); None where it passes by."""
+def facet_on_ray(hull: ConvexHull, origin: Floats, direction: Floats) -> tuple[int, Floats] | None:
+    """Facet and point (3,) where a ray from outside enters a hull; None if it misses.
+
+    origin, direction: (3,) of the ray.
+    """
     heights, slopes = hull.heights(origin), hull.normals @ direction
     with np.errstate(divide="ignore", invalid="ignore"):
-        ways = heights / slopes
+        distances = heights / slopes
     enters = slopes < 0.0
     if not enters.any() or (heights[slopes == 0.0] < 0.0).any():
         return None
-    facet = int(np.where(enters, ways, -np.inf).argmax())
-    way = float(ways[facet])
-    leaves = ways[slopes > 0.0]
-    if way < 0.0 or (len(leaves) and way > leaves.min()):
+    facet = int(np.where(enters, distances, -np.inf).argmax())
+    distance = float(distances[facet])
+    exits = distances[slopes > 0.0]
+    if distance < 0.0 or (len(exits) and distance > exits.min()):
         return None
-    return facet, origin + way * direction
+    return facet, origin + distance * direction
 
 
-def met_sphere(origin: Floats, direction: Floats) -> Floats | None:
-    """The unit direction (3,) at which a ray meets the unit sphere from outside, or None."""
+def direction_on_ray(origin: Floats, direction: Floats) -> Floats | None:
+    """Unit vector (3,) where a ray from outside enters the unit sphere; None if it misses."""
     direction = direction / np.linalg.norm(direction)
-    middle = -float(origin @ direction)
-    under = middle * middle - float(origin @ origin) + 1.0
-    if under < 0.0 or middle < 0.0:
+    closest = -float(origin @ direction)
+    squared = closest * closest - float(origin @ origin) + 1.0
+    if squared < 0.0 or closest < 0.0:
         return None
-    met: Floats = origin + (middle - np.sqrt(under)) * direction
-    return met / np.linalg.norm(met)
+    hit: Floats = origin + (closest - np.sqrt(squared)) * direction
+    return hit / np.linalg.norm(hit)
 
 
 class BodyNodes:
-    """The nodes of a body, which are updated in place; all are below `/body`, whose frame stands
-    on the floor.
+    """Nodes of a body, updated in place.
 
     Attributes
     ----------
-    frame: the node of the body's frame.
+    frame: node `/body`, the parent of all others.
     """
 
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
         self.frame = scene.add_frame("/body", show_axes=False)
         self._mesh = scene.add_mesh_simple(
-            "/body/mesh", *NOTHING, color=_INSIDE, flat_shading=True, side="double"
+            "/body/mesh", *EMPTY_MESH, color=_PALE, flat_shading=True, side="double"
         )
         self._hull = scene.add_mesh_simple(
-            "/body/hull", *NOTHING, color=_SURFACE, flat_shading=True, side="front"
+            "/body/hull", *EMPTY_MESH, color=_HULL_COLOR, flat_shading=True, side="front"
         )
         self._edges = scene.add_mesh_simple(
-            "/body/edges", *NOTHING, color=_GRAY, side="double", cast_shadow=False
+            "/body/edges", *EMPTY_MESH, color=_GRAY, side="double", cast_shadow=False
         )
         self._rests = [
             scene.add_mesh_simple(
                 f"/body/rests{number}",
-                *NOTHING,
+                *EMPTY_MESH,
                 color=color,
                 flat_shading=True,
                 side="double",
@@ -303,71 +304,71 @@ class BodyNodes:
         self._labels = _Labels(scene, "/body", "center-center")
 
     def show_mesh(self, points: Floats | None, triangles: Integers | None) -> None:
-        """Show a mesh, points (n, 3) in the scene's unit, within a hull that lets it through; None
-        for the hull alone."""
-        inside = points is not None
+        """Show a mesh, points (n, 3) in the scene, in a transparent hull; None shows no mesh."""
+        has_mesh = points is not None
         if points is not None and triangles is not None:
-            _give(self._mesh, points, triangles)
-        self._mesh.visible = inside
-        self._hull.opacity = 0.25 if inside else None
+            _set_mesh(self._mesh, points, triangles)
+        self._mesh.visible = has_mesh
+        self._hull.opacity = 0.25 if has_mesh else None
         for node in self._rests:
-            node.opacity = 0.5 if inside else None
+            node.opacity = 0.5 if has_mesh else None
 
     def show_hull(self, points: Floats, triangles: Integers) -> None:
-        """Show a hull, points (n, 3) in the scene's unit, of which no more is known."""
+        """Show a hull alone, points (n, 3) in the scene."""
         self.show_mesh(None, None)
         for node in (self._edges, *self._rests):
             node.visible = False
         self._labels.show(())
-        _give(self._hull, points, triangles)
+        _set_mesh(self._hull, points, triangles)
 
-    def on_click(self, clicked: OnRay | None) -> None:
-        """Call a function with the ray of each click on the hull; None for a hull that lets the
-        mouse through to what is inside."""
+    def on_click(self, on_ray: OnRay | None) -> None:
+        """Call a function with the ray of each click on the hull; None lets the mouse through."""
         self._hull.remove_click_callback()
-        if clicked is not None:
-            _notify_rays(self._hull, clicked)
+        if on_ray is not None:
+            _notify_rays(self._hull, on_ray)
 
-    def update(self, viewed: ViewedBody, place: Place) -> None:
-        """Show a body's hull and what it rests on."""
+    def update(self, viewed: ViewedBody, frame: SceneFrame) -> None:
+        """Show the hull and the resting facets of a body."""
         hull = viewed.hull
-        points = place.into_scene(hull.vertices)
-        _give(self._hull, points, hull.triangles)
+        points = frame.to_scene(hull.vertices)
+        _set_mesh(self._hull, points, hull.triangles)
         self._edges.visible = True
-        _give(self._edges, *edge_ribbons(hull, points, EDGE_WIDTH))
-        self._center.position = place.into_scene(viewed.center)
-        # The facets that the body rests on have the colors of their basins.
-        facets, rows = viewed.poses.facets, viewed.rows
-        of_rest = np.array([row.color for row in rows])[viewed.row_of_rest] % len(self._rests)
-        for number, node in enumerate(self._rests):
-            own = facets[of_rest == number].tolist()
-            node.visible = len(own) > 0
-            if own:
-                _give(node, *_raised_facets(hull, points, own))
-        # Labels would hide those that are cut in.
-        are_cut = viewed.outcomes is not None and self._mesh.visible
+        _set_mesh(self._edges, *edge_ribbons(hull, points, EDGE_WIDTH))
+        self._center.position = frame.to_scene(viewed.center)
+        # Resting facets have the colors of their basins.
+        facets, colors = viewed.poses.facets, _color_of_rest(viewed)
+        for color, node in enumerate(self._rests):
+            colored_facets = facets[colors == color].tolist()
+            node.visible = len(colored_facets) > 0
+            if colored_facets:
+                _set_mesh(node, *_raise_facets(hull, points, colored_facets))
+        # Engraved labels stay visible.
+        has_engraving = viewed.outcomes is not None and self._mesh.visible
+        rows = viewed.rows[: 0 if has_engraving else MAX_LABELS]
         self._labels.show(
-            (row.label, points[_corners(hull, facet)].mean(axis=0) + 0.03 * hull.normals[facet])
-            for row in rows[: 0 if are_cut else MOST_LABELS]
+            (row.label, points[facet_vertices(hull, facet)].mean(axis=0) + 0.03 * normal)
+            for row in rows
             if row.rest >= 0
-            for facet in (int(facets[row.rest]),)
+            for facet, normal in [(facets[row.rest], viewed.poses.normals[row.rest])]
         )
 
 
-def _corners(hull: ConvexHull, facet: int) -> Integers:
-    """(c,) vertices of a facet, in order."""
-    return hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]
+def _color_of_rest(viewed: ViewedBody) -> Integers:
+    """(r,) index in `COLORS` of each rest."""
+    return np.array([row.color for row in viewed.rows])[viewed.row_of_rest] % len(COLORS)
 
 
-def _raised_facets(hull: ConvexHull, points: Floats, facets: list[int]) -> Mesh:
-    """Facets of a hull whose corners are at points (n, 3), a little above it and a little
-    smaller."""
+def _raise_facets(hull: ConvexHull, points: Floats, facets: list[int]) -> Mesh:
+    """Shrink facets of a hull and raise them above it.
+
+    points: (n, 3) vertices of the hull in the scene.
+    """
     corners, triangles, count = [], [], 0
     for facet in facets:
-        own = points[_corners(hull, facet)]
-        middle = own.mean(axis=0)
-        corners.append(middle + 0.94 * (own - middle) + 0.003 * hull.normals[facet])
-        inner = np.arange(1, len(own) - 1)
+        polygon = points[facet_vertices(hull, facet)]
+        middle = polygon.mean(axis=0)
+        corners.append(middle + 0.94 * (polygon - middle) + 0.003 * hull.normals[facet])
+        inner = np.arange(1, len(polygon) - 1)
         triangles.append(count + np.stack([np.zeros_like(inner), inner, inner + 1], axis=1))
-        count += len(own)
+        count += len(polygon)
     return np.concatenate(corners), np.concatenate(triangles)

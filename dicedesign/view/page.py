@@ -1,4 +1,4 @@
-"""The page: its server, its tabs, one thread for changes, threads for work that takes longer."""
+"""The page: its server, its tabs, a thread for changes, and threads for long jobs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from dicedesign.errors import DiceError, printable
-from dicedesign.view.serving import Gate, start_server, stop_server
+from dicedesign.view.serving import Gate, start_server
 
 if TYPE_CHECKING:
     import viser
@@ -29,48 +29,50 @@ def _macros() -> Any:
 
 
 def html_part(name: str, *values: object) -> str:
-    """The element that a macro of `templates/parts.html.j2` makes of its values; texts are
-    escaped."""
+    """Render a macro of `templates/parts.html.j2`; texts are escaped."""
     return str(getattr(_macros(), name)(*values))
 
 
-class Changes:
-    """Changes wait in a line, in which a newer one takes the place of an older of its kind: who
-    drags faster than can be followed sees where the mouse is, not where it was.
+class ChangeQueue:
+    """Queue of changes, run in one thread.
 
-    on_error: is given what a change raises; the thread goes on.
+    A newer change replaces a waiting one of its kind, so that dragging shows the latest position
+    of the mouse.
+
+    on_error: called with the error of a change; the thread continues.
     """
 
     def __init__(self, on_error: Callable[[Exception], None]) -> None:
         self._on_error = on_error
         self._waiting: OrderedDict[Hashable, Callable[[], object]] = OrderedDict()
         self._news = threading.Condition()
-        self._open = True
-        self._thread = threading.Thread(target=self._work, name="changes", daemon=True)
+        self._is_open = True
+        self._thread = threading.Thread(target=self._run, name="changes", daemon=True)
         self._thread.start()
 
-    def soon(self, change: Callable[[], object], kind: Hashable = None) -> None:
-        """Make a change after those that wait. kind: of which only the newest is made; None for
-        one that is always made. Nothing happens once this is closed."""
+    def enqueue(self, change: Callable[[], object], kind: Hashable = None) -> None:
+        """Run a change after those that wait; a closed queue ignores it.
+
+        kind: replaces the waiting change of this kind; None replaces nothing.
+        """
         with self._news:
-            if self._open:
+            if self._is_open:
                 self._waiting[object() if kind is None else kind] = change
                 self._news.notify()
 
     def close(self) -> None:
-        """Leave out what waits, and return when the change under way is made."""
+        """Discard waiting changes, and wait for the current one."""
         with self._news:
-            self._open = False
-            self._waiting.clear()
+            self._is_open = False
             self._news.notify()
         if threading.current_thread() is not self._thread:
             self._thread.join(timeout=5.0)
 
-    def _work(self) -> None:
+    def _run(self) -> None:
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._waiting or not self._open)
-                if not self._open:
+                self._news.wait_for(lambda: self._waiting or not self._is_open)
+                if not self._is_open:
                     return
                 _, change = self._waiting.popitem(last=False)
             try:
@@ -80,19 +82,17 @@ class Changes:
 
 
 class Stopped(BaseException):
-    """Raised within work that was told to stop; no error, and caught by no handler of errors."""
+    """A job was stopped. It is no `Exception`, so that error handlers do not catch it."""
 
 
 class Job:
-    """Work in a thread.
+    """Work in a thread. All callbacks are called in that thread.
 
     Parameters
     ----------
-    work: is given the job, and tells how far it is by `progress`.
-    on_progress: is given the words and the part that is done, from 0 to 1, or None where nobody
-        knows; called in the thread, as the others.
-    on_done: is given what the work returned; on_error: what it raised; on_stopped: called where it
-        was told to stop.
+    work: called with the job; calls `progress` often.
+    on_progress: called with a text and the part that is done, from 0 to 1, or None if unknown.
+    on_done: called with the result of the work; on_error: with its error; on_stopped: after a stop.
     """
 
     def __init__(
@@ -103,70 +103,68 @@ class Job:
         on_error: Callable[[Exception], None],
         on_stopped: Callable[[], None],
     ) -> None:
-        self._work = work
-        self._told = on_progress
-        self._ends = on_done, on_error, on_stopped
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="job", daemon=True)
+        self._on_progress = on_progress
+        self._stop_event = threading.Event()
+
+        def run() -> None:
+            try:
+                result = work(self)
+            except Stopped:
+                on_stopped()
+            except Exception as error:
+                on_error(error)
+            else:
+                on_done(result)
+
+        self._thread = threading.Thread(target=run, name="job", daemon=True)
         self._thread.start()
 
     @property
-    def running(self) -> bool:
-        """Whether the work is not at its end."""
+    def is_running(self) -> bool:
+        """Whether the thread runs."""
         return self._thread.is_alive()
 
-    def progress(self, words: str, part: float | None = None) -> None:
-        """Tell how far the work is. Raises Stopped where it was told to stop."""
-        if self._stopping.is_set():
+    def progress(self, text: str, part: float | None = None) -> None:
+        """Report progress. Raises Stopped after `stop`."""
+        if self._stop_event.is_set():
             raise Stopped
-        self._told(words, part)
+        self._on_progress(text, part)
 
     def stop(self, wait: float = 0.0) -> None:
-        """Have the work end at its next word of progress; wait up to so many seconds for it."""
-        self._stopping.set()
+        """End the work at its next call of `progress`; wait for at most so many seconds."""
+        self._stop_event.set()
         if threading.current_thread() is not self._thread:
             self._thread.join(timeout=wait)
 
-    def _run(self) -> None:
-        on_done, on_error, on_stopped = self._ends
-        try:
-            done = self._work(self)
-        except Stopped:
-            on_stopped()
-        except Exception as error:
-            on_error(error)
-        else:
-            on_done(done)
 
-
-MOST_DIGITS: Final = 8
-"""Of the number of what was clicked."""
+MAX_DIGITS: Final = 8
+"""Limit on the number in an action."""
 
 
 class Panel(Protocol):
-    """One tab of the page.
+    """Tab of the page.
 
     Attributes
     ----------
-    title: of the tab.
+    title: title of the tab.
     """
 
     title: str
 
     def build(self, page: Page) -> None:
-        """Add the GUI elements; called once, within the tab."""
+        """Add the GUI elements; called once, inside the tab."""
 
 
 class Page:
-    """A page that is being served. All browsers that open it see the same.
+    """A served page. Every browser that opens it shows the same.
 
-    What the page knows is changed in one thread, by `soon`: callbacks of viser come from many
-    threads, and in any order. `close` ends everything.
+    Viser calls callbacks from several threads in any order, so `enqueue` makes all changes in one
+    thread. `close` ends everything.
 
     Attributes
     ----------
-    server: viser's; scene, gui: its parts.
-    gate: who may open the page; `gate.address` is where.
+    server: viser's server; scene, gui: its parts.
+    gate: access to the page, and its address.
     """
 
     def __init__(self, listening: socket.socket) -> None:
@@ -174,14 +172,15 @@ class Page:
         self._jobs: list[Job] = []
         self._notice: Any = None
         self._progress: Any = None
-        self._changes = Changes(self.failed)
+        self._changes = ChangeQueue(self.report_error)
+        self.enqueue = self._changes.enqueue
         self.gate = Gate.of(listening)
-        self.server: viser.ViserServer = start_server(listening, self.gate, self._acted)
+        self.server: viser.ViserServer = start_server(listening, self.gate, self._run_action)
         self.scene = self.server.scene
         self.gui = self.server.gui
 
     def add_panels(self, panels: list[Panel]) -> None:
-        """Add what the page says, and a tab for each panel."""
+        """Add the notice, the progress bar, and a tab for each panel."""
         self.gui.configure_theme(
             control_width="large",
             show_logo=False,
@@ -196,13 +195,11 @@ class Page:
             with tabs.add_tab(panel.title):
                 panel.build(self)
 
-    def soon(self, change: Callable[[], object], kind: Hashable = None) -> None:
-        """Make a change in the page's own thread; of each kind only the newest that waits."""
-        self._changes.soon(change, kind)
-
     def on_action(self, name: str, act: Callable[[int], None]) -> None:
-        """Call `act` in the page's thread when HTML with data-action="name:number" is clicked; it
-        is given the number, from 0 on. Whatever else is asked for by hand is ignored."""
+        """Register a callback for clicks on HTML with data-action="name:number".
+
+        act: called in the thread of changes with the number, from 0. Other requests are ignored.
+        """
         self._actions[name] = act
 
     def start(
@@ -212,71 +209,68 @@ class Page:
         on_end: Callable[[], None] = lambda: None,
         on_error: Callable[[Exception], None] | None = None,
     ) -> Job:
-        """Do work in the background. Its progress is shown at the top of the page.
+        """Start a job. The page shows its progress.
 
         Parameters
         ----------
-        work: is given its job, and calls `job.progress(words, part)` often: there it can be
-            stopped.
-        on_done: is given what the work returned; on_end: called after it, after an error and after
-            a stop; on_error: is given what the work raised, by default said on the page. All in the
-            page's thread.
+        work: called with the job; calls `job.progress` often, where it can be stopped.
+        on_done: called with the result; on_error: called with an error, shown on the page by
+            default; on_end: called last in any case. All are called in the thread of changes.
         """
-        failed = on_error or self.failed
 
-        def ended(then: Callable[[], None]) -> None:
+        def end(callback: Callable[[], None]) -> None:
             def change() -> None:
-                self._say_progress("", None)
+                self._show_progress("", None)
                 try:
-                    then()
+                    callback()
                 finally:
                     on_end()
 
-            self.soon(change)
+            self.enqueue(change)
 
         job = Job(
             work,
-            lambda words, part: self.soon(lambda: self._say_progress(words, part), "progress"),
-            lambda done: ended(lambda: on_done(done)),
-            lambda error: ended(lambda: failed(error)),
-            lambda: ended(lambda: None),
+            lambda text, part: self.enqueue(lambda: self._show_progress(text, part), "progress"),
+            lambda result: end(lambda: on_done(result)),
+            lambda error: end(lambda: (on_error or self.report_error)(error)),
+            lambda: end(lambda: None),
         )
-        self._jobs = [*(known for known in self._jobs if known.running), job]
+        self._jobs = [*(running for running in self._jobs if running.is_running), job]
         return job
 
-    def say(self, text: str, *, wrong: bool = False) -> None:
-        """Show a sentence at the top of the page until the next; "" for none."""
-        self._notice.content = html_part("sentence", "notice", text, wrong)
+    def notify(self, text: str, *, is_error: bool = False) -> None:
+        """Show a sentence at the top of the page until the next; "" shows none."""
+        self._notice.content = html_part("sentence", "notice", text, is_error)
 
     def download(self, client: viser.ClientHandle | None, name: str, content: bytes) -> None:
-        """Have a browser save a file; None for all that are open."""
+        """Save a file in a browser; None means every open one."""
         (client or self.server).send_file_download(name, content, save_immediately=True)
 
     def close(self) -> None:
-        """Stop what is under way, and the server."""
+        """Stop all jobs and the server."""
         for job in self._jobs:
             job.stop()
         for job in self._jobs:
             job.stop(wait=2.0)
         self._changes.close()
-        stop_server(self.server)
+        self.server.stop()
 
-    def failed(self, error: Exception) -> None:
-        """Say what went wrong, in words where it is the user's, and go on."""
+    def report_error(self, error: Exception) -> None:
+        """Show an error on the page; print an unexpected one on stderr too."""
         if isinstance(error, DiceError):
-            self.say(str(error), wrong=True)
+            self.notify(str(error), is_error=True)
             return
-        text = f"an error that nobody foresaw, {type(error).__name__}: {error}"
-        self.say(text, wrong=True)
+        text = f"unexpected error, {type(error).__name__}: {error}"
+        self.notify(text, is_error=True)
         with suppress(OSError):
             print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)
 
-    def _acted(self, word: str) -> None:
-        name, _, number = word.partition(":")
+    def _run_action(self, action: str) -> None:
+        name, _, number = action.partition(":")
         act = self._actions.get(name)
-        if act is not None and number.isdecimal() and len(number) <= MOST_DIGITS:
-            self.soon(lambda: act(int(number)))
+        if act is not None and number.isdecimal() and len(number) <= MAX_DIGITS:
+            self.enqueue(lambda: act(int(number)))
 
-    def _say_progress(self, words: str, part: float | None) -> None:
+    def _show_progress(self, text: str, part: float | None) -> None:
         part = 1.0 if part is None else min(max(part, 0.0), 1.0)
-        self._progress.content = html_part("progress", words, part) if words else ""
+        self._progress.content = html_part("progress", text, part) if text else ""

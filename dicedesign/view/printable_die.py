@@ -1,4 +1,4 @@
-"""The die of a session in millimeters, with its labels, and the files of it."""
+"""Printable die of a design session, in millimeters with labels, and its files."""
 
 from __future__ import annotations
 
@@ -25,32 +25,32 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
 from dicedesign.view.design_session import SHAPE_FILE, DesignedShape, DesignSession
 
-__all__ = ["PrintableDie", "printable_die"]
+__all__ = ["PrintableDie", "make_printable"]
 
-_LONG_AGO: Final = (1980, 1, 1, 0, 0, 0)
-"""Date of what is in an archive, so that the same die is the same file."""
+_ARCHIVE_DATE: Final = (1980, 1, 1, 0, 0, 0)
+"""Fixed date of the files in an archive, so that equal dice have equal files."""
 
 
 @dataclass(frozen=True, eq=False)
 class PrintableDie:
-    """A die as it is printed.
+    """Die that is ready to print.
 
     Attributes
     ----------
-    recipe: that makes it again.
-    shape: as it was designed.
-    is_kept: whether its recipe begins with that shape, as nothing else leads there.
-    status: whether it has the probabilities that were asked for, or what is wrong.
-    message: what there is to say of it, as in result.json; notes: what was assumed, sentences.
-    directions: (k, 3) down in the outcomes, of the solid.
-    verdict: on the file that is printed, as it was read back; plain: the same without labels.
-    stl: that file; contents: the same for other formats.
-    points: (n, 3) in mm, and triangles: (t, 3) of it.
+    recipe: recipe that makes the die again.
+    shape: designed shape.
+    needs_shape: the recipe starts from the shape, because no recipe alone leads to it.
+    status, message: as in result.json.
+    notes: assumptions, one sentence each.
+    directions: (k, 3) directions of the outcomes, in the frame of the solid.
+    verdict: assessment of the STL file; plain: assessment without labels.
+    stl: content of the STL file; contents: content for other formats.
+    points: (n, 3) in mm; triangles: (t, 3).
     """
 
     recipe: Recipe
     shape: DesignedShape
-    is_kept: bool
+    needs_shape: bool
     status: Status
     message: str
     notes: tuple[str, ...]
@@ -62,34 +62,13 @@ class PrintableDie:
     points: Floats
     triangles: Integers
 
-    @classmethod
-    def of(cls, work: Work, shape: DesignedShape, *, is_kept: bool) -> PrintableDie:
-        """The die of stages that have run. It holds nothing of what they had to draw labels."""
-        engraved = work.engraved
-        solid = work.solid if engraved is None else engraved
-        return cls(
-            recipe=work.recipe,
-            shape=shape,
-            is_kept=is_kept,
-            status=work.status,
-            message="; ".join(work.remarks),
-            notes=tuple(work.notes),
-            directions=work.die.directions,
-            verdict=(engraved and engraved.assessment) or work.plain,
-            plain=work.plain,
-            stl=work.files["die_plain.stl" if engraved is None else "die.stl"],
-            contents=die_contents(work),
-            points=solid.points,
-            triangles=solid.triangles,
-        )
-
     @property
     def is_converged(self) -> bool:
-        """Whether it has the probabilities that were asked for."""
+        """Whether the die has its target probabilities."""
         return self.status is Status.CONVERGED
 
     def rows(self) -> Iterator[tuple[str, float, float]]:
-        """Label, target and probabilities in the file of each outcome."""
+        """Yield the label, the target and the probability in the file of each outcome."""
         target = self.recipe.target.target()
         probabilities = self.verdict.outcomes.probabilities
         yield from zip(
@@ -97,17 +76,16 @@ class PrintableDie:
         )
 
     def file(self, ending: str) -> tuple[str, bytes]:
-        """Name and content in one of `FILE_FORMATS`. Raises InputError where it cannot be made."""
+        """Name and content in one of `FILE_FORMATS`. Raises InputError as the format does."""
         name = f"{self.recipe.name}.{ending}"
         if ending == "stl":
             return name, self.stl
         return name, file_bytes(self.contents, FILE_FORMATS[ending], name)
 
     def recipe_file(self) -> tuple[str, bytes]:
-        """Name and content of a file from which `dicedesign run` makes a die of these
-        probabilities: the recipe, or an archive of it and the shape that it begins with."""
+        """Name and content of the recipe, or of an archive with the recipe and its shape."""
         name, text = self.recipe.name, recipe_text(self.recipe).encode()
-        if not self.is_kept:
+        if not self.needs_shape:
             return f"{name}.yaml", text
         hull, archive = self.shape.hull, io.BytesIO()
         with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
@@ -115,68 +93,82 @@ class PrintableDie:
                 ("recipe.yaml", text),
                 (SHAPE_FILE, mesh_bytes(hull.vertices, hull.triangles, ".off")),
             ):
-                file.writestr(zipfile.ZipInfo(member, _LONG_AGO), data)
+                file.writestr(zipfile.ZipInfo(member, _ARCHIVE_DATE), data)
         return f"{name}.zip", archive.getvalue()
 
 
-def printable_die(
+def make_printable(
     session: DesignSession,
     *,
     size_mm: float | None = None,
     engrave: bool = True,
     on_stage: Callable[[str], None] = lambda name: None,
 ) -> PrintableDie:
-    """The present shape of a session, through the stages of a run that come after the design.
+    """Run the stages after the design on the current shape of a session.
 
     Parameters
     ----------
-    size_mm: largest distance of two corners; None for 30, or as much as the labels need.
-    engrave: whether the labels are cut in.
-    on_stage: called with the name of each stage as it begins.
+    size_mm: largest distance between two corners; None is 30, or more if the labels need it.
+    engrave: engrave the labels.
+    on_stage: called with the name of each stage at its start.
 
-    Raises InputError where there is no shape yet, the size cannot be, a label does not fit or is
-    on no facet, or the shape has other rests that are more probable than those of the outcomes.
+    Raises InputError: there is no shape yet, the size is not allowed, a label does not fit or has
+    no facet, or other rests are more probable than those of the outcomes.
     """
-    shape, designed, is_straight = session.end()
+    shape, design, follows_recipe = session.snapshot()
     if shape is None:
         raise InputError("die: expected a shape to print, got none yet; design one")
     entries = session.request.recipe().resolved() | {"engrave": engrave}
     if size_mm is not None:
         entries["size_mm"] = size_mm
-    is_kept = designed is None or not is_straight
-    if is_kept:
-        entries |= _kept(shape, session.recipe)
+    needs_shape = design is None or not follows_recipe
+    if needs_shape:
+        entries |= _shape_entries(shape, session.recipe)
     recipe = parse_recipe(entries)
     work = Work(recipe, callbacks=Callbacks(on_stage), enlarge=size_mm is None)
-    work.die = designed or _as_it_is(shape, recipe)
-    run_stages(work, after="design", last="throws")
-    return PrintableDie.of(work, shape, is_kept=is_kept)
-
-
-def _as_it_is(shape: DesignedShape, recipe: Recipe) -> Design:
-    is_reached = shape.error <= recipe.method.tolerance
-    return Design(
-        status=Status.CONVERGED if is_reached else Status.OFF_TARGET,
+    is_converged = shape.error <= recipe.method.tolerance
+    work.die = design or Design(
+        status=Status.CONVERGED if is_converged else Status.OFF_TARGET,
         hull=shape.hull,
         directions=shape.directions,
         error=shape.error,
         steps=(),
         terms=shape.terms,
     )
+    run_stages(work, after="design", last="throws")
+    engraved = work.engraved
+    solid = work.solid if engraved is None else engraved
+    return PrintableDie(
+        recipe=work.recipe,
+        shape=shape,
+        needs_shape=needs_shape,
+        status=work.status,
+        message="; ".join(work.remarks),
+        notes=tuple(work.notes),
+        directions=work.die.directions,
+        verdict=(engraved and engraved.assessment) or work.plain,
+        plain=work.plain,
+        stl=work.files["die_plain.stl" if engraved is None else "die.stl"],
+        contents=die_contents(work),
+        points=solid.points,
+        triangles=solid.triangles,
+    )
 
 
-def _kept(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
-    """Entries of a recipe that begins with a shape and leaves it as it is. Raises InputError where
-    the rests that outcomes lie on are not the most probable."""
+def _shape_entries(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
+    """Entries of a recipe that starts from a shape and does not change it.
+
+    Raises InputError: the rests of the outcomes are not the most probable ones.
+    """
     labels, hull = recipe.target.target().labels, shape.hull
     start = mesh_start(make_body(hull.vertices, hull.triangles), len(labels))
     angles = angle_between(start.directions[:, None], shape.directions[None])
     nearest = angles.argmin(axis=1)
-    is_one = np.array_equal(np.sort(nearest), np.arange(len(labels)))
-    if not is_one or angles.min(axis=1).max() > SAME_REST_ANGLE:
+    is_permutation = np.array_equal(np.sort(nearest), np.arange(len(labels)))
+    if not is_permutation or angles.min(axis=1).max() > SAME_REST_ANGLE:
         raise InputError(
-            "die: expected a shape whose most probable rests bear the outcomes, got one that rests "
-            "elsewhere more often; design on"
+            "die: expected a shape whose most probable rests are those of the outcomes, got other "
+            "rests that are more probable; continue the design"
         )
     if shape.error <= recipe.method.tolerance:
         method: dict[str, Any] = {"exact": {"prefer": {}}}

@@ -1,4 +1,4 @@
-"""The server of the page: its socket, who may open it, and what it adds to viser's own client."""
+"""Server of the page: socket, access control, and additions to viser's client."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
-"""Hosts by which a page on this machine is called by itself."""
+"""Host names of this machine in its own requests."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """What a request has to show.
+    """Access control of the page.
 
     Attributes
     ----------
-    host, port: that the page is served at.
-    token: the first part of every path, or "" on this machine alone.
+    host, port: address of the socket.
+    token: secret first part of every path; "" if only this machine can connect.
     """
 
     host: str
@@ -41,56 +41,54 @@ class Gate:
 
     @classmethod
     def of(cls, listening: socket.socket) -> Gate:
-        """The gate of a socket: with a token, made anew, where other machines can reach it."""
+        """Gate of a socket, with a new token if other machines can connect."""
         host, port = listening.getsockname()[:2]
-        alone = ipaddress.ip_address(host).is_loopback
-        return cls(host, port, "" if alone else secrets.token_urlsafe(16))
+        is_local = ipaddress.ip_address(host).is_loopback
+        return cls(host, port, "" if is_local else secrets.token_urlsafe(16))
 
     @property
     def address(self) -> str:
-        """What to open in a browser of another machine, if others may; else of this one."""
-        anywhere = ipaddress.ip_address(self.host).is_unspecified
-        return self._address(socket.gethostname() if anywhere else self.host)
+        """URL of the page for every machine that can connect."""
+        return self._url(socket.gethostname())
 
     @property
-    def address_here(self) -> str:
-        """What to open in a browser of this machine."""
-        anywhere = ipaddress.ip_address(self.host).is_unspecified
-        return self._address("localhost" if anywhere else self.host)
+    def local_address(self) -> str:
+        """URL of the page for this machine."""
+        return self._url("localhost")
 
-    def _address(self, host: str) -> str:
-        name = f"[{host}]" if ":" in host else host
-        return f"http://{name}:{self.port}/" + (f"{self.token}/" if self.token else "")
+    def _url(self, name: str) -> str:
+        """URL of the page. name: host name for a socket that listens on all interfaces."""
+        host = name if ipaddress.ip_address(self.host).is_unspecified else self.host
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self.port}/" + (f"{self.token}/" if self.token else "")
 
-    def path_within(self, path: str) -> str | None:
-        """The path of a request without its token; None where it has not this one."""
+    def strip_token(self, path: str) -> str | None:
+        """Path of a request without the token; None if the token is missing or wrong."""
         if not self.token:
             return path
-        given, _, rest = path.partition("?")[0].lstrip("/").partition("/")
-        # As long for a wrong token as for a right one.
-        return f"/{rest}" if hmac.compare_digest(given.encode(), self.token.encode()) else None
+        token, _, rest = path.partition("?")[0].lstrip("/").partition("/")
+        # The comparison takes the same time for every token.
+        return f"/{rest}" if hmac.compare_digest(token.encode(), self.token.encode()) else None
 
     def admits(self, host: str | None, origin: str | None) -> bool:
-        """Whether a request is of this page: its `Host` is a name of this machine where there is no
-        token, and its `Origin`, where a browser sends one, is that host. A page of another site can
-        open sockets to this machine; it cannot choose these."""
+        """Whether the headers `Host` and `Origin` of a request are those of this page.
+
+        Without a token, the host is a name of this machine. The origin, which is optional, is the
+        host. Pages of other sites can connect to this machine, but cannot choose these headers.
+        """
         if host is None:
             return False
-        if not self.token and _name_of(host) not in LOOPBACK_NAMES and _name_of(host) != self.host:
+        name, colon, port = host.rpartition(":")
+        name = name if colon and port.isdigit() else host
+        if not self.token and name not in LOOPBACK_NAMES | {self.host}:
             return False
         return origin is None or origin.partition("://")[2] == host
 
 
-def _name_of(host: str) -> str:
-    """A host without its port."""
-    name, colon, port = host.rpartition(":")
-    return name if colon and port.isdigit() else host
-
-
 def open_socket(host: str, port: int) -> socket.socket:
-    """A socket that listens for a page. port: 0 for any that is free.
+    """Open a listening socket. port: 0 for any free port.
 
-    Raises InputError: the port is taken or may not be had, or this machine has no such host.
+    Raises InputError: the port is in use or not permitted, or this machine has no such host.
     """
     check_whole("--port", port, least=0, most=65535)
     try:
@@ -104,7 +102,7 @@ def open_socket(host: str, port: int) -> socket.socket:
         ) from error
     listening = socket.socket(family, kind, protocol)
     try:
-        # A port that was left a moment ago is free.
+        # A port is free as soon as its last page is closed.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(place)
         listening.listen()
@@ -120,14 +118,13 @@ def open_socket(host: str, port: int) -> socket.socket:
 TITLE: Final = "dicedesign"
 
 ACTION: Final = "data-action"
-"""Attribute of HTML elements: a word without spaces that the server is told when they are
-clicked."""
+"""Attribute of HTML elements whose value is sent to the server on a click."""
 
 POLICY: Final = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' data: blob: ws: wss:; "
     "connect-src 'self' data: blob: ws: wss:; frame-ancestors 'none'"
 )
-"""Content-Security-Policy: nothing comes from elsewhere."""
+"""Content-Security-Policy: the page loads nothing from other sites."""
 
 _SCRIPT: Final = """
 {
@@ -158,27 +155,26 @@ _STYLE: Final = f"""
 .dd .track {{ background: {GRID}; height: 11px; position: relative; border-radius: 2px; }}
 .dd .fill {{ height: 100%; border-radius: 2px; }}
 .dd .thrown {{ height: 5px; border-radius: 2px; background: {ACCENT}; margin-top: 1px; }}
-.dd .wanted {{ position: absolute; top: -2px; height: 15px; width: 2px; background: {DARK}; }}
+.dd .target {{ position: absolute; top: -2px; height: 15px; width: 2px; background: {DARK}; }}
 .dd [{ACTION}] {{ cursor: pointer; }}
 .dd tr[{ACTION}]:hover, .dd tr[{ACTION}]:focus {{ background: {PALE}44; outline: none; }}
-.dd tr.chosen {{ background: {PALE}66; }}
+.dd tr.selected {{ background: {PALE}66; }}
 """
 
 HEAD: Final = (
     f'<meta name="referrer" content="no-referrer"><title>{TITLE}</title>'
     f"<script>{_SCRIPT}</script><style>{_STYLE}</style>"
 )
-"""Goes to the front of the page's head."""
+"""HTML at the start of the head of the page."""
 
-
-_ACTION: Final = "/action/"
+_ACTION_PATH: Final = "/action/"
 
 OnAction = Callable[[str], None]
-"""Is told the word of what was clicked, in the thread that serves; it may not wait."""
+"""Called with the action of a click, in the thread of the server; must not block."""
 
 
 def require_viser() -> None:
-    """Raise InputError where the extra "view" is not installed."""
+    """Raise InputError if the extra "view" is not installed."""
     try:
         import viser  # noqa: F401
     except ImportError as error:
@@ -186,81 +182,66 @@ def require_viser() -> None:
 
 
 def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> viser.ViserServer:
-    """Serve at a socket what the gate lets in. Raises InputError: viser is not installed."""
-    require_viser()
+    """Serve requests at a socket if the gate admits them."""
     import rich
     import viser
     from viser import _messages
     from websockets.asyncio import server as websockets
 
-    # What viser prints is nothing for stdout, which is for data; nor are requests that are refused,
-    # or a browser that goes away, anything to write of.
+    # Stdout is for data, and neither refused requests nor closed browsers are worth a message.
     rich.get_console().quiet = True
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL + 1)
     warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
     serve = websockets.serve
 
-    def guarded(handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any) -> Any:
-        answer = _Answer(gate, process_request, on_action)
-        return serve(handler, sock=listening, process_request=answer, **options)
+    def serve_guarded(
+        handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any
+    ) -> Any:
+        respond = _Responder(gate, process_request, on_action)
+        return serve(handler, sock=listening, process_request=respond, **options)
 
-    websockets.serve = guarded  # type: ignore[assignment, misc]
+    websockets.serve = serve_guarded  # type: ignore[assignment, misc]
     try:
-        served = viser.ViserServer(gate.host, gate.port, verbose=False)
+        server = viser.ViserServer(gate.host, gate.port, verbose=False)
     finally:
         websockets.serve = serve  # type: ignore[misc]
-    # A link through a machine of somebody else's is nobody's to ask for.
+    # Browsers must not publish the page through viser's relay.
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-        served._websock_server.unregister_handler(message)
-    return served
+        server._websock_server.unregister_handler(message)
+    return server
 
 
-def stop_server(served: viser.ViserServer) -> None:
-    """Close every connection and the socket."""
-    served.stop()
+class _Responder:
+    """Respond to admitted requests as viser does, and to actions."""
 
-
-class _Answer:
-    """Answers requests as viser does, to those who may ask."""
-
-    def __init__(self, gate: Gate, answer: Any, on_action: OnAction) -> None:
+    def __init__(self, gate: Gate, viser_respond: Any, on_action: OnAction) -> None:
         self._gate = gate
-        self._answer = answer
+        self._viser_respond = viser_respond
         self._on_action = on_action
-        self._page: dict[bool, bytes] = {}
 
     def __call__(self, connection: Any, request: Any) -> Any:
-        """A response of `websockets`, or None for a socket that may be opened."""
+        """Return a response of `websockets`, or None to accept a WebSocket."""
         headers = request.headers
-        path = self._gate.path_within(request.path)
+        path = self._gate.strip_token(request.path)
         if path is None or not self._gate.admits(headers.get("Host"), headers.get("Origin")):
-            return connection.respond(
-                403, "This page opens at the whole address that dicedesign printed.\n"
-            )
+            return connection.respond(403, "Open the complete address that dicedesign printed.\n")
         if headers.get("Upgrade", "").lower() == "websocket":
             return None
         path = path.partition("?")[0]
-        if path.startswith(_ACTION):
-            return self._told(connection, headers, unquote(path.removeprefix(_ACTION)))
+        if path.startswith(_ACTION_PATH):
+            # Only scripts of the page may act; older browsers send no such header.
+            if headers.get("Sec-Fetch-Site", "same-origin") != "same-origin":
+                return connection.respond(403, "Only the page itself may do this.\n")
+            self._on_action(unquote(path.removeprefix(_ACTION_PATH)))
+            return connection.respond(200, "")
         request.path = path
-        return self._with_head(self._answer(connection, request), path, headers)
-
-    def _told(self, connection: Any, headers: Any, word: str) -> Any:
-        # Only scripts of this very page may act; older browsers do not say where they are.
-        if headers.get("Sec-Fetch-Site", "same-origin") != "same-origin":
-            return connection.respond(403, "Only the page itself may do this.\n")
-        self._on_action(word)
-        return connection.respond(200, "")
-
-    def _with_head(self, response: Any, path: str, headers: Any) -> Any:
+        response = self._viser_respond(connection, request)
         if path.strip("/") not in ("", "index.html") or response.status_code != 200:
             return response
-        zipped = "gzip" in headers.get("Accept-Encoding", "")
-        if zipped not in self._page:
-            body = gzip.decompress(response.body) if zipped else response.body
-            whole = body.replace(b"<head>", b"<head>" + HEAD.encode(), 1)
-            self._page[zipped] = gzip.compress(whole) if zipped else whole
-        response.body = self._page[zipped]
+        is_zipped = "gzip" in headers.get("Accept-Encoding", "")
+        body = gzip.decompress(response.body) if is_zipped else response.body
+        body = body.replace(b"<head>", b"<head>" + HEAD.encode(), 1)
+        response.body = gzip.compress(body) if is_zipped else body
         del response.headers["Content-Length"]
         response.headers["Content-Length"] = str(len(response.body))
         response.headers["Content-Security-Policy"] = POLICY

@@ -1,4 +1,4 @@
-"""What a path is that a page is opened with: a mesh, a recipe, a die, a folder of meshes."""
+"""Load the bodies of a path: a mesh, a recipe, the folder of a die, or a folder of meshes."""
 
 from __future__ import annotations
 
@@ -17,159 +17,162 @@ from dicedesign.geometry.meshes.reading import read_body, without_solids
 from dicedesign.rest.poses import analyze
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT
-from dicedesign.view.viewed_body import MOST_POINTS, Outcomes, ViewedBody, farthest_points
+from dicedesign.view.viewed_body import MAX_HULL_POINTS, Outcomes, ViewedBody, farthest_points
 
 if TYPE_CHECKING:
-    from dicedesign.recipe.pipeline import Work
     from dicedesign.recipe.recipe import Recipe
     from dicedesign.results.result import Result
 
-__all__ = ["Source", "Tell", "source_of", "viewed_work"]
+__all__ = ["LoadCallbacks", "Source", "open_source"]
 
 
 @dataclass(frozen=True)
-class Tell:
-    """Who is told how far a body is.
+class LoadCallbacks:
+    """Progress callbacks.
 
     Attributes
     ----------
-    words: what is done now.
-    hull: the hull of a large mesh, some time before its rests are known.
+    on_progress: called with a text.
+    on_hull: called with the hull of a large mesh, before its rests are known.
     """
 
-    words: Callable[[str], None] = lambda _: None
-    hull: Callable[[ConvexHull], None] = lambda _: None
+    on_progress: Callable[[str], None] = lambda _: None
+    on_hull: Callable[[ConvexHull], None] = lambda _: None
 
 
-RECIPES: Final = (".yaml", ".yml")
+RECIPE_ENDINGS: Final = (".yaml", ".yml")
 
-QUICK: Final = 1_000_000
-"""Bytes of a file that is read at once, before there is a page."""
+QUICK_BYTES: Final = 1_000_000
+"""Files up to this size are loaded before the page opens."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """Bodies to look at.
+    """Bodies of a path.
 
     Attributes
     ----------
-    title: where they are from.
-    names: of the bodies, at least one.
-    load: makes the body of a name; raises DiceError.
-    quick: whether that takes no time worth telling of.
+    names: names of the bodies, at least one.
+    load: loads the body with a name. Raises DiceError.
+    is_quick: whether loading the first body takes less than about a second.
     """
 
-    title: str
     names: tuple[str, ...]
-    load: Callable[[str, Tell], ViewedBody]
-    quick: bool
+    load: Callable[[str, LoadCallbacks], ViewedBody]
+    is_quick: bool
 
 
-def source_of(path: Path) -> Source:
-    """The bodies of a path.
+def open_source(path: Path) -> Source:
+    """List the bodies of a path.
 
-    Raises InputError: there is no such file or folder, a recipe or a result cannot be read, or a
+    Raises InputError: the file or folder does not exist, a recipe or a result cannot be read, or a
     folder has no meshes.
     """
-    title = printable(path.name or path.resolve().name)
     if path.is_dir():
         if (path / RESULT).exists():
             result = read_result(path)
-            return Source(title, (result.name,), lambda _, tell: _finished(result, tell), True)
+            return Source((result.name,), lambda _, callbacks: _load_die(result, callbacks), True)
         names = tuple(list_folder(path).meshes)
-        quick = (path / names[0]).stat().st_size <= QUICK
-        return Source(title, names, lambda name, tell: _read(path / name, name, tell), quick)
-    if path.suffix.lower() in RECIPES:
+        return Source(
+            names,
+            lambda name, callbacks: _load_mesh(path / name, name, callbacks),
+            _is_quick(path / names[0]),
+        )
+    if path.suffix.lower() in RECIPE_ENDINGS:
         from dicedesign.recipe.reading import read_recipe
 
         recipe = read_recipe(path)
-        return Source(title, (recipe.name,), lambda _, tell: _designed(recipe, tell), False)
+        return Source(
+            (recipe.name,), lambda _, callbacks: _design(recipe, callbacks.on_progress), False
+        )
     if not path.exists():
         raise MeshFileError(f"{path}: no such file; check the path")
-    quick = path.stat().st_size <= QUICK
-    return Source(title, (title,), lambda name, tell: _read(path, name, tell), quick)
+    return Source(
+        (printable(path.name),),
+        lambda name, callbacks: _load_mesh(path, name, callbacks),
+        _is_quick(path),
+    )
 
 
-def _read(path: Path, name: str, tell: Tell) -> ViewedBody:
-    size = path.stat().st_size
-    tell.words(f"reading {printable(name)}, {size / 1e6:.0f} MB")
+def _is_quick(path: Path) -> bool:
+    return path.stat().st_size <= QUICK_BYTES
+
+
+def _load_mesh(path: Path, name: str, callbacks: LoadCallbacks) -> ViewedBody:
+    name, progress = printable(name), callbacks.on_progress
+    progress(f"reading {name}, {path.stat().st_size / 1e6:.0f} MB")
     with without_solids():
         body = read_body(path)
-    count = len(body.points) if body.triangles is None else len(body.triangles)
-    what = "points" if body.triangles is None else "triangles"
-    if len(body.points) > MOST_POINTS:
-        return _approximate(body, printable(name), tell)
-    if size > QUICK:
-        tell.words(f"hull of {count:,} {what}")
-        tell.hull(convex_hull(body.points, single_precision=body.single_precision))
-    tell.words(f"rests of {count:,} {what}")
-    return ViewedBody.of(body, name=printable(name))
+    if len(body.points) > MAX_HULL_POINTS:
+        return _approximate(body, name, callbacks)
+    count = f"{len(body.points):,} points"
+    if body.triangles is not None:
+        count = f"{len(body.triangles):,} triangles"
+    if not _is_quick(path):
+        progress(f"hull of {count}")
+        callbacks.on_hull(convex_hull(body.points, single_precision=body.single_precision))
+    progress(f"rests of {count}")
+    return ViewedBody.of(body, name=name)
 
 
-def _approximate(body: Body, name: str, tell: Tell) -> ViewedBody:
-    """A mesh of very many points by the hull of some, with its own center of mass."""
-    tell.words(f"hull of {len(body.points):,} points")
+def _approximate(body: Body, name: str, callbacks: LoadCallbacks) -> ViewedBody:
+    """Analyze a large mesh by the hull of its farthest points, with its own center of mass."""
+    callbacks.on_progress(f"hull of {len(body.points):,} points")
     points = farthest_points(body.points)
     hull = convex_hull(points, single_precision=body.single_precision)
-    tell.hull(hull)
-    tell.words("center of mass")
+    callbacks.on_hull(hull)
+    callbacks.on_progress("center of mass")
     center, source, notes = resolve_center_of_mass(body, hull.centroid)
-    tell.words("rests")
-    said = (
-        f"of {len(body.points):,} points the {len(points):,} farthest were taken, so that the "
-        "probabilities "
-        "are approximate; `dicedesign rest` takes all"
+    callbacks.on_progress("rests")
+    note = (
+        f"the probabilities are approximate, from the {len(points):,} farthest of "
+        f"{len(body.points):,} points; `dicedesign rest` uses all"
     )
-    return ViewedBody.of(body, name=name, poses=analyze(hull, center, source, (*notes, said)))
+    return ViewedBody.of(body, name=name, poses=analyze(hull, center, source, (*notes, note)))
 
 
-def _finished(result: Result, tell: Tell) -> ViewedBody:
-    """A die that was written: with its labels, unless nobody knows how these move its center."""
-    tell.words(f"reading {result.name}")
+def _load_die(result: Result, callbacks: LoadCallbacks) -> ViewedBody:
+    """Load a finished die, with its labels if their effect on its center of mass is known."""
+    callbacks.on_progress(f"reading {result.name}")
     assert result.folder is not None
     engraved = result.printed_probabilities is not result.probabilities and "die" in result.files
     path = result.folder / result.files["die"] if engraved else result.plain_file
-    shown: dict[str, tuple[float, ...]] = {}
+    directions: dict[str, tuple[float, ...]] = {}
     for facet in result.facets:
         if facet.outcome is not None:
-            shown.setdefault(facet.outcome, facet.normal)
-    wanted = dict(zip(result.labels, result.target, strict=True))
-    labels = tuple(label for label in result.labels if label in shown)
+            directions.setdefault(facet.outcome, facet.normal)
+    target = dict(zip(result.labels, result.target, strict=True))
+    labels = tuple(label for label in result.labels if label in directions)
     outcomes = Outcomes(
         labels,
-        np.array([shown[label] for label in labels]).reshape(-1, 3),
-        np.array([wanted[label] for label in labels]),
+        np.array([directions[label] for label in labels]).reshape(-1, 3),
+        np.array([target[label] for label in labels]),
         result.prior,
     )
     center = None if engraved else np.array(result.center_of_mass)
     return ViewedBody.of(read_body(path), center, outcomes, name=result.name)
 
 
-def _designed(recipe: Recipe, tell: Tell) -> ViewedBody:
+def _design(recipe: Recipe, on_progress: Callable[[str], None]) -> ViewedBody:
+    """Design the die of a recipe, with labels if the recipe engraves them."""
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.recipe.pipeline import Callbacks
     from dicedesign.results.result import Step
 
+    def report(text: str) -> None:
+        on_progress(f"designing {recipe.name}: {text}")
+
     def on_step(step: Step) -> None:
-        off = "" if step.max_abs_error is None else f", off by {step.max_abs_error:.2g} at most"
-        tell.words(f"designing {recipe.name}: step {step.step}{off}")
+        error = step.max_abs_error
+        report(f"step {step.step}" + ("" if error is None else f", largest error {error:.2g}"))
 
-    callbacks = Callbacks(
-        on_stage=lambda stage: tell.words(f"designing {recipe.name}: {stage}"),
-        on_step=on_step,
-        on_attempt=lambda words: tell.words(f"designing {recipe.name}: {words}"),
-    )
-    return viewed_work(design_recipe(recipe, callbacks, last="engrave"))
-
-
-def viewed_work(work: Work) -> ViewedBody:
-    """The die of a design that has been checked; with its labels where they are cut in."""
-    solid, engraved = work.solid, work.engraved
-    if engraved is not None and engraved.assessment is not None:
-        body = make_body(engraved.points, engraved.triangles, name=work.recipe.name)
-    else:
-        body = make_body(solid.points, solid.triangles, name=work.recipe.name)
+    callbacks = Callbacks(on_stage=report, on_step=on_step, on_attempt=report)
+    work = design_recipe(recipe, callbacks, last="engrave")
+    solid = work.solid
+    if work.engraved is not None and work.engraved.assessment is not None:
+        solid = work.engraved
+    body = make_body(solid.points, solid.triangles, name=recipe.name)
     outcomes = Outcomes(
         work.target.labels, work.die.directions, work.target.probabilities, work.die.prior
     )
-    return ViewedBody.of(body, solid.center_of_mass, outcomes)
+    return ViewedBody.of(body, work.solid.center_of_mass, outcomes)

@@ -1,4 +1,4 @@
-"""The body that is looked at, how dragging changes it, and a thinned mesh to draw."""
+"""Body on the page: its rows of probabilities, changes by dragging, and decimation for display."""
 
 from __future__ import annotations
 
@@ -22,114 +22,116 @@ from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 
 CLEARANCE: Final = 1e-3
-"""Part of the way from the centroid to the surface at which a center stays."""
+"""Least distance of a center of mass from the surface, as a part of the way from the centroid."""
 
 
-def nearest_inside(hull: ConvexHull, point: Floats) -> tuple[Floats, bool]:
-    """A point (3,), or the last one within a hull on the straight way to it from the hull's
-    centroid, a little below the surface; and whether the point was inside.
+def pull_inside(hull: ConvexHull, point: Floats) -> tuple[Floats, bool]:
+    """Return a point (3,) inside a hull, and whether the given point (3,) was inside.
 
-    Raises InputError: the point is not three finite numbers.
+    A point outside moves toward the centroid until it is just below the surface. Raises InputError:
+    the point is not three finite numbers.
     """
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InputError(
             f"center of mass: expected three finite numbers, got {point.tolist()}; type numbers"
         )
-    depths = hull.heights(hull.centroid)
-    # How much of each facet's depth the way uses up.
-    used = 1.0 - hull.heights(point) / depths
-    most = float(used.max())
-    if most <= 1.0 - CLEARANCE:
+    # Height over each facet that is lost on the way; 1 means that the way ends in its plane.
+    losses = 1.0 - hull.heights(point) / hull.heights(hull.centroid)
+    largest = float(losses.max())
+    if largest <= 1.0 - CLEARANCE:
         return point, True
-    way = (1.0 - CLEARANCE) / most
-    return hull.centroid + way * (point - hull.centroid), False
+    return hull.centroid + (1.0 - CLEARANCE) / largest * (point - hull.centroid), False
 
 
-MOST_SHOWN: Final = 150_000
-"""Triangles that a browser draws at once; a mesh of more is thinned."""
-
-MOST_POINTS: Final = 1_000_000
-"""Of a mesh whose whole hull is looked at; of one with more, that of its farthest points."""
-
-WAYS: Final = 64
-"""Cells along each side of the cube in which directions are told apart: 24,576 in all."""
-
-FINEST: Final = 256
-
-COARSEST: Final = 16
+def facet_vertices(hull: ConvexHull, facet: int) -> Integers:
+    """(c,) vertices of a facet, counterclockwise."""
+    return hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]
 
 
-def thinned(points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
-    """A mesh of at most `MOST_SHOWN` triangles: points (n, 3) in one cell of a grid become one.
+MAX_DRAWN_TRIANGLES: Final = 150_000
+"""Larger meshes are decimated for display."""
 
-    The grid is as fine as allows; a mesh that is small enough is returned as it is. Source:
-    Rossignac and Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
+MAX_HULL_POINTS: Final = 1_000_000
+"""Larger meshes are analyzed by the hull of their `farthest_points`."""
+
+CUBE_CELLS: Final = 64
+"""Cells along each edge of a cube whose 24,576 surface cells distinguish directions."""
+
+FINEST_GRID: Final = 256
+"""Cells along the longest side of a mesh in the first attempt to decimate it."""
+
+COARSEST_GRID: Final = 16
+
+
+def decimate(points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
+    """Merge the points (n, 3) in each cell of a grid, for at most `MAX_DRAWN_TRIANGLES`.
+
+    The grid is as fine as possible. A smaller mesh is returned unchanged. Source: Rossignac and
+    Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
     """
-    if len(triangles) <= MOST_SHOWN:
+    if len(triangles) <= MAX_DRAWN_TRIANGLES:
         return points, triangles
     lowest = points.min(axis=0)
     extent = float(np.ptp(points, axis=0).max())
-    cells = FINEST
+    cells = FINEST_GRID
     while True:
-        place = np.minimum((points - lowest) * (cells / extent), cells - 1).astype(np.int64)
-        keys = (place[:, 0] * cells + place[:, 1]) * cells + place[:, 2]
-        known, group, sizes = np.unique(keys, return_inverse=True, return_counts=True)
+        cell = np.minimum((points - lowest) * (cells / extent), cells - 1).astype(np.int64)
+        keys = (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
+        groups, group, sizes = np.unique(keys, return_inverse=True, return_counts=True)
         corners = group[triangles]
-        whole = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-        kept = np.unique(_from_least(corners[whole]), axis=0)
-        if len(kept) <= MOST_SHOWN or cells <= COARSEST:
+        corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+        # Duplicates are equal once each triangle begins with its smallest vertex.
+        first = corners.argmin(axis=1)[:, None]
+        merged = np.unique(np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1), axis=0)
+        if len(merged) <= MAX_DRAWN_TRIANGLES or cells <= COARSEST_GRID:
             break
-        # Triangles are as many as cells that the surface passes through.
-        cells = max(COARSEST, int(cells * 0.95 * np.sqrt(MOST_SHOWN / len(kept))))
-    sums = [np.bincount(group, points[:, axis], len(known)) for axis in range(3)]
-    return np.stack(sums, axis=1) / sizes[:, None], kept
+        # The number of triangles grows with the square of the number of cells along a side.
+        factor = 0.95 * np.sqrt(MAX_DRAWN_TRIANGLES / len(merged))
+        cells = max(COARSEST_GRID, int(cells * factor))
+    sums = [np.bincount(group, points[:, axis], len(groups)) for axis in range(3)]
+    return np.stack(sums, axis=1) / sizes[:, None], merged
 
 
 def farthest_points(points: Floats) -> Floats:
-    """(m, 3) of points (n, 3), the one that is farthest from their middle in each of `WAYS`
-    directions: the hull of these is a little within that of all."""
+    """Select the point farthest from the center of the bounding box in each direction.
+
+    The cells of a cube distinguish directions. The hull of the selected points (m, 3) is slightly
+    smaller than the hull of all points (n, 3).
+    """
     arms = points - 0.5 * (points.min(axis=0) + points.max(axis=0))
-    along = np.abs(arms).argmax(axis=1)
+    axis = np.abs(arms).argmax(axis=1)
     rows = np.arange(len(arms))
-    longest = arms[rows, along]
-    kept = longest != 0.0
-    cell = 2 * along + (longest > 0.0)
-    for turn in (1, 2):
-        part = arms[rows, (along + turn) % 3] / np.where(kept, np.abs(longest), 1.0)
-        cell = cell * WAYS + np.minimum((0.5 + 0.5 * part) * WAYS, WAYS - 1).astype(np.int64)
-    distance = (arms * arms).sum(axis=1)
-    order = np.lexsort((distance, cell))
-    last = np.append(cell[order[1:]] != cell[order[:-1]], True)
-    return points[np.sort(order[last])]
+    longest = arms[rows, axis]
+    cell = 2 * axis + (longest > 0.0)
+    for offset in (1, 2):
+        slope = arms[rows, (axis + offset) % 3] / np.where(longest == 0.0, 1.0, np.abs(longest))
+        column = np.minimum((0.5 + 0.5 * slope) * CUBE_CELLS, CUBE_CELLS - 1)
+        cell = cell * CUBE_CELLS + column.astype(np.int64)
+    order = np.lexsort(((arms * arms).sum(axis=1), cell))
+    is_last = np.append(cell[order[1:]] != cell[order[:-1]], True)
+    return points[np.sort(order[is_last])]
 
 
-def _from_least(corners: Integers) -> Integers:
-    """Triangles (t, 3) turned so that each begins with its least corner."""
-    first = corners.argmin(axis=1)
-    return np.take_along_axis(corners, (first[:, None] + np.arange(3)) % 3, axis=1)
+SAME_REST_ANGLE: Final = np.radians(20.0)
+"""A rest keeps its number if its facet turns by at most this angle in one move."""
 
-
-SAME_REST: Final = np.radians(20.0)
-"""A rest whose facet turned by less from one move to the next keeps its number."""
-
-SEEN: Final = 1e-5
-"""Part of a hull's volume that is too little to be seen."""
+VISIBLE_PART: Final = 1e-5
+"""A mesh that lacks less than this part of the volume of its hull looks convex."""
 
 ELSEWHERE: Final = "other"
-"""The row of rests that show no outcome."""
+"""Label of the row for rests without an outcome."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """What a die shows.
+    """Outcomes of a die.
 
     Attributes
     ----------
-    labels: of the k outcomes.
-    directions: (k, 3) unit, in the body's frame, down when the die shows them.
-    target: (k,) wanted probabilities, or None.
-    prior: under which the probabilities are, when it is set down; None where any side is down
-        alike.
+    labels: labels of the k outcomes.
+    directions: (k, 3) unit vectors in the frame of the body, down when the die shows the outcomes.
+    target: (k,) target probabilities, or None.
+    prior: distribution of the orientation at release; None is uniform.
     """
 
     labels: tuple[str, ...]
@@ -139,32 +141,32 @@ class Outcomes:
 
 
 @dataclass(frozen=True)
-class Row:
-    """One row of bars.
+class ProbabilityRow:
+    """Row of the table of probabilities.
 
     Attributes
     ----------
-    label: of the outcome, or the number of the rest.
-    color: number of its color, which it keeps while the body is dragged.
-    rest: in `poses`, the one that it stands on when asked to; -1 where it has none.
-    probabilities: set down; wanted: None where nothing is.
+    label: label of the outcome, or number of the rest.
+    color: index of the color, which dragging does not change.
+    rest: most probable rest of the row; -1 without any.
+    probability: probability without momentum; target: target probability, or None.
     """
 
     label: str
     color: int
     rest: int
-    probabilities: float
-    wanted: float | None = None
+    probability: float
+    target: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
-    """A shape whose center of mass may be anywhere.
+class ViewedShape:
+    """Shape, independent of its center of mass.
 
     Attributes
     ----------
-    body: the mesh that was read, or the hull that was dragged.
-    poses: with some center of mass.
+    body: mesh that was read, or dragged hull.
+    poses: rests for any center of mass.
     """
 
     body: Body
@@ -172,42 +174,41 @@ class Solid:
 
     @cached_property
     def is_convex(self) -> bool:
-        """Whether nothing of the hull is missing in the mesh that one could see."""
+        """Whether the mesh looks the same as its hull."""
         if self.body.triangles is None:
             return False
         hull = self.poses.hull
-        filled = abs(solid_properties(self.body.points, self.body.triangles)[0])
-        whole = solid_properties(hull.vertices, hull.triangles)[0]
-        return filled >= (1.0 - SEEN) * whole
+        volume = abs(solid_properties(self.body.points, self.body.triangles)[0])
+        return volume >= (1.0 - VISIBLE_PART) * solid_properties(hull.vertices, hull.triangles)[0]
 
     @cached_property
     def inertia(self) -> Floats:
-        """(3, 3) tensor of inertia over the mass about the centroid of the uniform solid."""
+        """(3, 3) inertia tensor of the uniform solid over its mass, about its centroid."""
         return rigid_body(self.body, self.poses).inertia
 
 
 @dataclass(frozen=True, eq=False)
 class ViewedBody:
-    """A body as it is now.
+    """State of the body on the page.
 
     Attributes
     ----------
-    name: what the page calls it.
-    solid: its shape.
-    poses: its rests.
-    outcomes: of a die, or None.
-    numbers: (r,) from 0, of the rests; they keep them while the body is dragged.
-    follows: the center of mass is that of the uniform solid hull, whatever shape that takes.
-    dragged: the hull is no longer that of the mesh.
+    name: title on the page.
+    shape: mesh and hull.
+    poses: rests.
+    outcomes: outcomes of a die, or None.
+    numbers: (r,) numbers of the rests, from 0, which dragging does not change.
+    has_uniform_center: the center of mass stays at the centroid of the hull when the hull changes.
+    is_dragged: the hull is no longer the hull of the mesh.
     """
 
     name: str
-    solid: Solid
+    shape: ViewedShape
     poses: RestPoses
     outcomes: Outcomes | None
     numbers: Integers
-    follows: bool
-    dragged: bool = False
+    has_uniform_center: bool
+    is_dragged: bool = False
 
     @classmethod
     def of(
@@ -219,31 +220,32 @@ class ViewedBody:
         name: str | None = None,
         poses: RestPoses | None = None,
     ) -> ViewedBody:
-        """A body as it was read. Raises as `rest_poses`.
+        """Analyze a body, unless its `poses` are known. Raises as `rest_poses`.
 
-        center_of_mass: as of `rest_poses`; poses: those with it, where they are known.
+        center_of_mass: as in `rest_poses`.
         """
         if poses is None:
             poses = rest_poses(body, center_of_mass)
         if outcomes is not None:
             poses = poses.under(outcomes.prior)
         source = poses.center_of_mass_source
-        apart = np.abs(poses.center_of_mass - poses.hull.centroid).max()
+        offset = np.abs(poses.center_of_mass - poses.hull.centroid).max()
         extent = float(np.ptp(poses.hull.vertices, axis=0).max())
-        follows = source == "uniform solid hull" or (
-            source == "uniform solid" and bool(apart <= 1e-6 * extent)
+        is_uniform = source == "uniform solid hull" or (
+            source == "uniform solid" and bool(offset <= 1e-6 * extent)
         )
         numbers = np.arange(len(poses.facets))
-        return cls(name or body.name, Solid(body, poses), poses, outcomes, numbers, follows)
+        shape = ViewedShape(body, poses)
+        return cls(name or body.name, shape, poses, outcomes, numbers, is_uniform)
 
     @property
     def hull(self) -> ConvexHull:
-        """The hull as it is now."""
+        """Convex hull."""
         return self.poses.hull
 
     @property
     def center(self) -> Floats:
-        """(3,) center of mass, in the body's unit."""
+        """(3,) center of mass, in the unit of the body."""
         return self.poses.center_of_mass
 
     @cached_property
@@ -253,116 +255,108 @@ class ViewedBody:
 
     @cached_property
     def row_of_rest(self) -> Integers:
-        """(r,) place in `rows` of each rest."""
+        """(r,) index in `rows` of each rest."""
         if self.outcomes is None:
             return np.argsort(np.argsort(self.numbers, kind="stable"))
-        of_rest = self._outcome_probabilities.outcome_of_rest
-        return np.where(of_rest >= 0, of_rest, len(self.outcomes.labels))
+        outcome_of_rest = self._outcome_probabilities.outcome_of_rest
+        return np.where(outcome_of_rest >= 0, outcome_of_rest, len(self.outcomes.labels))
 
     @cached_property
-    def rows(self) -> tuple[Row, ...]:
-        """A row for each outcome of a die, and one for what shows none; or for each rest, by
-        number."""
+    def rows(self) -> tuple[ProbabilityRow, ...]:
+        """One row per rest, by number; or one row per outcome, and one for the other rests."""
         probabilities = self.poses.probabilities
         if self.outcomes is None:
             return tuple(
-                Row(str(number + 1), number, rest, float(probabilities[rest]))
+                ProbabilityRow(str(number + 1), number, rest, float(probabilities[rest]))
                 for number, rest in sorted((n, r) for r, n in enumerate(self.numbers.tolist()))
             )
-        known, target = self._outcome_probabilities, self.outcomes.target
-        rows = [
-            Row(label, k, int(known.main[k]), float(known.probabilities[k]), _wanted(target, k))
-            for k, label in enumerate(self.outcomes.labels)
-        ]
-        stray = np.flatnonzero(known.outcome_of_rest < 0)
-        if len(stray):
-            rows.append(Row(ELSEWHERE, len(rows), int(stray[0]), known.elsewhere))
+        labels, target = self.outcomes.labels, self.outcomes.target
+        outcomes = self._outcome_probabilities
+        columns = zip(
+            labels,
+            range(len(labels)),
+            outcomes.main.tolist(),
+            outcomes.probabilities.tolist(),
+            [None] * len(labels) if target is None else target.tolist(),
+            strict=True,
+        )
+        rows = [ProbabilityRow(*values) for values in columns]
+        others = np.flatnonzero(outcomes.outcome_of_rest < 0)
+        if len(others):
+            rows.append(ProbabilityRow(ELSEWHERE, len(rows), int(others[0]), outcomes.elsewhere))
         return tuple(rows)
-
-    def by_row(self, of_rests: Floats) -> Floats:
-        """Sums (rows,) of numbers of rests (r,)."""
-        return np.bincount(self.row_of_rest, of_rests, len(self.rows)).astype(np.float64)
 
     @cached_property
     def rigid(self) -> RigidBody:
-        """To throw. With the inertia of the uniform solid, wherever the center of mass is."""
-        return rigid_body(self.solid.body, self.poses, self.solid.inertia)
+        """Rigid body for throws, with the inertia of the uniform solid for any center of mass."""
+        return rigid_body(self.shape.body, self.poses, self.shape.inertia)
 
-    def thrown(self, model: MomentumModel | None) -> Floats:
-        """(rows,) probabilities of the body thrown onto a table, by its momentum model."""
-        alike = self.poses.under(None)
+    def throw_probabilities(self, model: MomentumModel | None) -> Floats:
+        """(rows,) probabilities of the momentum model of a table."""
+        uniform_poses = self.poses.under(None)
         of_facet = np.zeros(len(self.hull.normals))
-        of_facet[alike.facets] = momentum_probabilities(alike, self.rigid, model)
-        return self.by_row(of_facet[self.poses.facets])
+        of_facet[uniform_poses.facets] = momentum_probabilities(uniform_poses, self.rigid, model)
+        of_rest = of_facet[self.poses.facets]
+        return np.bincount(self.row_of_rest, of_rest, len(self.rows)).astype(np.float64)
 
     def with_center(self, point: Floats) -> tuple[ViewedBody, bool]:
-        """The body with its center of mass at a point (3,), or where the way there leaves the hull;
-        and whether it does. Raises InputError: it is not three finite numbers."""
-        center, inside = nearest_inside(self.hull, np.asarray(point, dtype=np.float64))
-        return self._analyzed(self.hull, center, "given", follows=False), not inside
+        """Move the center of mass to a point (3,), and say whether that was outside the hull.
+
+        The center of mass stays inside, see `pull_inside`. Raises InputError: the point is not
+        three finite numbers.
+        """
+        center, is_inside = pull_inside(self.hull, np.asarray(point, dtype=np.float64))
+        return self._analyze(self.hull, center, has_uniform_center=False), not is_inside
 
     def with_uniform_center(self) -> ViewedBody:
-        """The body with the center of mass of its uniform solid hull, which it keeps to from now
-        on."""
-        return self._analyzed(self.hull, self.hull.centroid, "uniform solid hull", follows=True)
+        """Move the center of mass to the centroid of the hull, and keep it there."""
+        return self._analyze(self.hull, self.hull.centroid, has_uniform_center=True)
 
-    def with_vertex(self, vertex: int, place: Floats) -> ViewedBody:
-        """The body with a vertex of its hull at a place (3,). Raises DegenerateBodyError."""
-        points = self.hull.vertices.copy()
-        points[vertex] = place
-        return self.with_hull(points)
+    def with_vertices(self, vertices: Integers, points: Floats) -> ViewedBody:
+        """Move vertices (v,) of the hull to points (v, 3).
 
-    def with_facet(self, facet: int, motion: Floats) -> ViewedBody:
-        """The body with the corners of a facet of its hull carried by a motion (4, 4). Raises
-        DegenerateBodyError."""
-        hull = self.hull
-        corners = hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]
-        points = hull.vertices.copy()
-        points[corners] = points[corners] @ motion[:3, :3].T + motion[:3, 3]
-        return self.with_hull(points)
-
-    def with_hull(self, points: Floats) -> ViewedBody:
-        """The body whose solid is the hull of points (n, 3). Its center of mass stays where it is,
-        unless it follows the shape or would be outside. Raises DegenerateBodyError."""
+        The center of mass stays where it is if it is inside the new hull and not uniform. Raises
+        DegenerateBodyError.
+        """
         if not np.isfinite(points).all():
             raise InputError("hull: expected finite coordinates, got others; drag less far")
-        hull = convex_hull(points)
-        center = hull.centroid if self.follows else nearest_inside(hull, self.center)[0]
-        source = "uniform solid hull" if self.follows else "given"
-        moved = self._analyzed(hull, center, source, follows=self.follows)
-        body = Body(hull.vertices, hull.triangles, self.solid.body.name, False, ())
-        return replace(moved, solid=Solid(body, moved.poses), dragged=True)
+        corners = self.hull.vertices.copy()
+        corners[vertices] = points
+        hull = convex_hull(corners)
+        is_uniform = self.has_uniform_center
+        center = hull.centroid if is_uniform else pull_inside(hull, self.center)[0]
+        changed = self._analyze(hull, center, has_uniform_center=is_uniform)
+        body = Body(hull.vertices, hull.triangles, self.shape.body.name, False, ())
+        return replace(changed, shape=ViewedShape(body, changed.poses), is_dragged=True)
 
-    def numbered_as(self, other: ViewedBody) -> ViewedBody:
-        """The body with the numbers that its rests have in another, which it is a little beside."""
-        return replace(self, numbers=_numbers(self.poses, other.poses, other.numbers))
+    def with_numbers_of(self, other: ViewedBody) -> ViewedBody:
+        """Number the rests as in another body of nearly the same shape."""
+        return replace(self, numbers=_match_numbers(self.poses, other.poses, other.numbers))
 
-    def _analyzed(
-        self, hull: ConvexHull, center: Floats, source: str, *, follows: bool
-    ) -> ViewedBody:
+    def _analyze(self, hull: ConvexHull, center: Floats, *, has_uniform_center: bool) -> ViewedBody:
+        source = "uniform solid hull" if has_uniform_center else "given"
         poses = analyze(hull, center, source).under(self.poses.prior)
-        numbers = _numbers(poses, self.poses, self.numbers)
-        return replace(self, poses=poses, numbers=numbers, follows=follows)
+        numbers = _match_numbers(poses, self.poses, self.numbers)
+        return replace(self, poses=poses, numbers=numbers, has_uniform_center=has_uniform_center)
 
 
-def _wanted(target: Floats | None, outcome: int) -> float | None:
-    return None if target is None else float(target[outcome])
+def _match_numbers(poses: RestPoses, before: RestPoses, known: Integers) -> Integers:
+    """(r,) numbers of rests, from the numbers known (b,) of the rests before.
 
-
-def _numbers(poses: RestPoses, before: RestPoses, known: Integers) -> Integers:
-    """(r,) numbers of rests: of the rest before on the same facet, or on another hull of the one
-    that is nearest to each and to no other, else the lowest that are free."""
+    A rest keeps the number of its facet. On another hull, two rests match if each is the nearest to
+    the other. All other rests get the lowest free numbers.
+    """
     numbers = np.full(len(poses.facets), -1, dtype=np.int64)
     if poses.hull is before.hull:
-        place = np.full(len(poses.hull.normals), -1, dtype=np.int64)
-        place[before.facets] = known
-        numbers = place[poses.facets]
+        number_of_facet = np.full(len(poses.hull.normals), -1, dtype=np.int64)
+        number_of_facet[before.facets] = known
+        numbers = number_of_facet[poses.facets]
     else:
         angles = angle_between(poses.normals[:, None], before.normals[None])
         nearest = angles.argmin(axis=1)
-        mutual = angles.argmin(axis=0)[nearest] == np.arange(len(numbers))
-        kept = mutual & (angles.min(axis=1) <= SAME_REST)
-        numbers[kept] = known[nearest[kept]]
+        is_mutual = angles.argmin(axis=0)[nearest] == np.arange(len(numbers))
+        matches = is_mutual & (angles.min(axis=1) <= SAME_REST_ANGLE)
+        numbers[matches] = known[nearest[matches]]
     free = np.setdiff1d(np.arange(len(known) + len(numbers)), known)
     numbers[numbers < 0] = free[: np.count_nonzero(numbers < 0)]
     return numbers

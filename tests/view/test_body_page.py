@@ -1,4 +1,4 @@
-"""What the page shows of a body is what the model says, before and after it is dragged."""
+"""The page shows the probabilities of the model, before and after dragging."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from common.paths import public_data
 
 import dicedesign as dd
 
-SHOWN = 6e-6
-"""Half of the last digit of probabilities that the page tells, and a little."""
+TOLERANCE = 6e-6
+"""Slightly more than half of the last digit of the probabilities on the page."""
 
 SIDES = (20.0, 30.0, 40.0)
 
@@ -27,12 +27,12 @@ def block(tmp_path: Path) -> Path:
 
 
 def matches(opened: OpenedPage, poses: dd.RestPoses) -> bool:
-    shown, told = np.sort(opened.probabilities()), np.sort(poses.probabilities)
-    return len(shown) == len(told) and bool(np.abs(shown - told).max() < SHOWN)
+    shown, expected = np.sort(opened.probabilities()), np.sort(poses.probabilities)
+    return len(shown) == len(expected) and bool(np.abs(shown - expected).max() < TOLERANCE)
 
 
 def pull(opened: OpenedPage, axis: int, by: float) -> None:
-    """Pull an arrow of the gizmo, by units of the scene, until the page shows that."""
+    """Pull an arrow of the gizmo by a length in the scene, and wait for the page."""
     before = opened.updates()
     at, axes = gizmo_place(opened.view)
     opened.drag(at + 0.5 * axes[:, axis], at + (0.5 + by) * axes[:, axis])
@@ -40,7 +40,7 @@ def pull(opened: OpenedPage, axis: int, by: float) -> None:
     opened.page.wait_for_timeout(1000.0)
 
 
-def test_a_dragged_center_and_a_dragged_corner_have_the_probabilities_of_the_model(
+def test_probabilities_follow_a_dragged_center_and_a_dragged_corner(
     open_page: Callable[..., OpenedPage], block: Path, tmp_path: Path
 ) -> None:
     opened = open_page(block)
@@ -55,7 +55,7 @@ def test_a_dragged_center_and_a_dragged_corner_have_the_probabilities_of_the_mod
     np.testing.assert_allclose(moved[1:], 0.0, atol=1e-4)
     assert matches(opened, dd.rest_poses(body, moved))
 
-    # Far out of the hull: it stays inside, and the page says so.
+    # A center dragged out of the hull stays inside.
     pull(opened, axis=0, by=1.0)
     assert 9.9 < opened.center()[0] < 10.0
 
@@ -66,12 +66,12 @@ def test_a_dragged_center_and_a_dragged_corner_have_the_probabilities_of_the_mod
 
     opened.choose("Drag", "Corner")
     opened.page.wait_for_timeout(1000.0)
-    before = opened.view.exhibit.viewed
+    before = opened.view.viewport.viewed
     assert before is not None
     pull(opened, axis=1, by=0.2)
-    viewed = opened.view.exhibit.viewed
+    viewed = opened.view.viewport.viewed
     assert viewed is not None
-    assert viewed.dragged
+    assert viewed.is_dragged
     corners = np.array(
         [[np.abs(v - w).max() for w in before.hull.vertices] for v in viewed.hull.vertices]
     )
@@ -81,7 +81,7 @@ def test_a_dragged_center_and_a_dragged_corner_have_the_probabilities_of_the_mod
     saved = tmp_path / "saved.stl"
     waiting.value.save_as(saved)
     assert matches(opened, dd.rest_poses(dd.read_body(saved)))
-    assert opened.elsewhere == []
+    assert opened.foreign_urls == []
     assert opened.errors == []
 
 
@@ -89,27 +89,27 @@ def test_a_clicked_bar_stands_the_body_and_a_throw_ends_on_a_rest(
     open_page: Callable[..., OpenedPage], block: Path
 ) -> None:
     opened = open_page(block)
-    exhibit = opened.view.exhibit
+    viewport = opened.view.viewport
     poses = dd.rest_poses(dd.read_body(block))
-    viewed = exhibit.viewed
+    viewed = viewport.viewed
     assert viewed is not None
     for place in (5, 2):
         opened.page.locator("#probabilities tbody tr").nth(place).click()
-        wanted = viewed.poses.normals[viewed.rows[place].rest]
-        opened.until(lambda wanted=wanted: float(exhibit.down @ wanted) > 1.0 - 1e-9)
+        normal = viewed.poses.normals[viewed.rows[place].rest]
+        opened.until(lambda normal=normal: float(viewport.down @ normal) > 1.0 - 1e-9)
     opened.choose("Thrown onto", "hard-wood")
     opened.until(lambda: len(opened.rows()[0]) == 4)
     thrown = dd.throw_probabilities(dd.read_body(block), poses, "hard-wood")
-    np.testing.assert_allclose(np.sort(opened.probabilities()), np.sort(thrown), atol=SHOWN)
+    np.testing.assert_allclose(np.sort(opened.probabilities()), np.sort(thrown), atol=TOLERANCE)
     for button in ("Throw it", "Let it go"):
         opened.button(button)
         opened.until(lambda: "came to rest" in (opened.page.text_content("#notice") or ""))
-        assert (viewed.poses.normals @ exhibit.down).max() > 1.0 - 1e-3
-        said = opened.page.text_content("#notice") or ""
-        label = said.removesuffix(".").split()[-1]
+        assert (viewed.poses.normals @ viewport.down).max() > 1.0 - 1e-3
+        notice = opened.page.text_content("#notice") or ""
+        label = notice.removesuffix(".").split()[-1]
         (row,) = (row for row in viewed.rows if row.label == label)
-        assert float(viewed.poses.normals[row.rest] @ exhibit.down) > 1.0 - 1e-3
-        exhibit.page.soon(lambda: exhibit.page.say(""))
+        assert float(viewed.poses.normals[row.rest] @ viewport.down) > 1.0 - 1e-3
+        viewport.page.enqueue(lambda: viewport.page.notify(""))
         opened.until(lambda: opened.page.query_selector("#notice") is None)
 
 
@@ -118,13 +118,13 @@ def test_a_public_model_has_its_probabilities_on_the_page(
 ) -> None:
     path = public_data("models/spot.obj")
     opened = open_page(path)
-    told = np.sort(dd.rest_poses(dd.read_body(path)).probabilities)[::-1]
+    expected = np.sort(dd.rest_poses(dd.read_body(path)).probabilities)[::-1]
     shown = np.sort(opened.probabilities())[::-1]
-    np.testing.assert_allclose(shown, told[: len(shown)], atol=SHOWN)
-    assert opened.elsewhere == []
+    np.testing.assert_allclose(shown, expected[: len(shown)], atol=TOLERANCE)
+    assert opened.foreign_urls == []
 
 
-def test_every_browser_shows_what_was_typed_in_one_after_a_reload_too(
+def test_all_browsers_show_a_typed_center(
     open_page: Callable[..., OpenedPage], block: Path
 ) -> None:
     opened = open_page(block)
@@ -135,10 +135,10 @@ def test_every_browser_shows_what_was_typed_in_one_after_a_reload_too(
     field = opened.page.locator("input[inputmode='decimal']").first
     field.fill("3")
     field.press("Tab")
-    told = dd.rest_poses(dd.read_body(block), [3.0, 0.0, 0.0])
-    opened.until(lambda: matches(opened, told))
+    expected = dd.rest_poses(dd.read_body(block), [3.0, 0.0, 0.0])
+    opened.until(lambda: matches(opened, expected))
     opened.page.reload()
     opened.page.wait_for_selector("#probabilities")
-    assert matches(opened, told)
+    assert matches(opened, expected)
     assert other.inner_text("#probabilities") == opened.page.inner_text("#probabilities")
     assert other.inner_text("#center") == opened.page.inner_text("#center") == "3, 0, 0"

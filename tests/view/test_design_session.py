@@ -34,14 +34,14 @@ def reach(shape: DesignedShape, directions: np.ndarray) -> np.ndarray:
     return (shape.hull.vertices @ directions.T).max(axis=0)
 
 
-def settled(session: DesignSession) -> DesignSession:
+def wait_for(session: DesignSession) -> DesignSession:
     assert session.wait(PATIENCE)
     return session
 
 
 def finished(session: DesignSession) -> DesignSession:
     session.run()
-    settled(session)
+    wait_for(session)
     assert (session.state, session.status) == ("done", Status.CONVERGED)
     return session
 
@@ -74,7 +74,7 @@ def test_one_step_at_a_time(session) -> None:
     assert made.shape is None
     for number in range(1, 5):
         made.step()
-        settled(made)
+        wait_for(made)
         assert made.state == "paused"
         assert len(made.shapes) == number
     # Those of a run without a pause.
@@ -94,7 +94,7 @@ def test_a_pause_holds(session) -> None:
 
     made.on_change = pause_at_three
     made.run()
-    settled(made)
+    wait_for(made)
     assert (made.state, len(made.shapes)) == ("paused", 3)
     finished(made)
     assert len(made.shapes) > 3
@@ -104,7 +104,7 @@ def test_undo_goes_back_to_the_very_shape(session) -> None:
     made = session({"fair": 5})
     for _ in range(4):
         made.step()
-        settled(made)
+        wait_for(made)
     first, second, third, _ = made.shapes
     made.undo()
     assert made.shape is third
@@ -112,7 +112,7 @@ def test_undo_goes_back_to_the_very_shape(session) -> None:
     assert made.shape is second
     assert made.state == "paused"
     made.step()
-    settled(made)
+    wait_for(made)
     assert made.shapes[:2] == (first, second)
     assert len(made.shapes) == 3
     for _ in range(5):
@@ -121,7 +121,7 @@ def test_undo_goes_back_to_the_very_shape(session) -> None:
     finished(made)
     assert made.shapes[0] is first
     made.undo()
-    assert (made.state, made.status, made.designed) == ("paused", None, None)
+    assert (made.state, made.status, made.final_design) == ("paused", None, None)
 
 
 def area_spread(shape: DesignedShape) -> float:
@@ -155,7 +155,7 @@ def test_weights_that_change_on_the_way(session) -> None:
 
     made.on_change = change_at_forty
     made.run()
-    settled(made)
+    wait_for(made)
     before, after = made.shapes[39:41]
     assert before.terms.get("barycenter", 0.0) == 0.0
     assert after.terms["barycenter"] > 0.0
@@ -170,7 +170,7 @@ def test_another_method_from_the_present_shape(session) -> None:
     made = session({"fair": 6}, method="paper")
     for _ in range(5):
         made.step()
-        settled(made)
+        wait_for(made)
     before = made.shape
     made.change(replace(made.request, method="exact", prefer=Preferences()))
     finished(made)
@@ -181,7 +181,7 @@ def test_another_method_from_the_present_shape(session) -> None:
 def test_pinned_facets_stay_until_they_are_let_go(session) -> None:
     made = session({"sum_of_dice": [4, 4]}, prefer=Preferences(roundness=1.0))
     made.step()
-    settled(made)
+    wait_for(made)
     before = made.shape
     made.change(replace(made.request, pinned=("3", "6")))
     finished(made)
@@ -260,7 +260,7 @@ def test_probabilities_that_cannot_be_met(session) -> None:
     other = {"probabilities": [0.2, 0.2, 0.2, 0.2, 0.1, 0.1]}
     made.change(replace(made.request, target=other, pinned=tuple(made.labels)))
     made.run()
-    settled(made)
+    wait_for(made)
     assert made.state == "done"
     assert made.status is not Status.CONVERGED
     assert made.message == made.status.value
@@ -270,7 +270,7 @@ def test_probabilities_that_cannot_be_met(session) -> None:
 def test_labels_that_no_font_has_end_before_the_design(session) -> None:
     made = session({**COIN, "labels": ["heads", "tails", "\u65e5"]})
     made.run()
-    settled(made)
+    wait_for(made)
     assert made.state == "failed"
     assert "expected characters of the font DejaVu" in made.message
 

@@ -1,4 +1,4 @@
-"""Motions begin and end where they should, and never pass through the floor."""
+"""Motions start and end at the right poses, and stay above the floor."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from common.kernels import compiled_only
 import dicedesign as dd
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.throws.simulation import throw_film
-from dicedesign.view.motion import Motion, Place, filmed, let_go, settled, turned
-from dicedesign.view.nodes import met_facet, met_sphere
+from dicedesign.view.motion import Motion, SceneFrame, film_motion, release_motion, turn_motion
+from dicedesign.view.nodes import direction_on_ray, facet_on_ray
 from dicedesign.view.viewed_body import ViewedBody
 
 
@@ -26,11 +26,11 @@ def lowest(viewed: ViewedBody, motion: Motion) -> np.ndarray:
     return (placed[..., 2] + motion.poses[:, None, 2, 3]).min(axis=1)
 
 
-def test_a_body_let_go_ends_where_the_roll_does(viewed: ViewedBody) -> None:
+def test_a_released_body_ends_like_the_roll(viewed: ViewedBody) -> None:
     rng = np.random.default_rng(0)
     start = viewed.poses.transforms[0]
     for down in rng.normal(size=(5, 3)):
-        motion = let_go(viewed, start, down / np.linalg.norm(down))
+        motion = release_motion(viewed, start, down / np.linalg.norm(down))
         np.testing.assert_allclose(motion.poses[0], start, atol=1e-9)
         end = dd.roll(viewed.hull.vertices, down)[-1]
         np.testing.assert_allclose(-motion.poses[-1][2, :3], end.down, atol=1e-9)
@@ -42,25 +42,25 @@ def test_a_body_let_go_ends_where_the_roll_does(viewed: ViewedBody) -> None:
         np.testing.assert_array_equal(motion.at(motion.seconds[-1] + 1.0), motion.poses[-1])
 
 
-def test_a_body_that_stands_keeps_standing(viewed: ViewedBody) -> None:
+def test_a_standing_body_stays(viewed: ViewedBody) -> None:
     pose = viewed.poses.transforms[2]
-    np.testing.assert_allclose(settled(viewed, pose).poses[-1], pose, atol=1e-9)
+    np.testing.assert_allclose(release_motion(viewed, pose).poses[-1], pose, atol=1e-9)
 
 
-def test_a_half_turn_is_made(viewed: ViewedBody) -> None:
+def test_a_half_turn_has_small_steps(viewed: ViewedBody) -> None:
     over = np.diag([1.0, -1.0, -1.0, 1.0])
-    motion = turned(viewed.hull, np.eye(4), over)
+    motion = turn_motion(viewed.hull, np.eye(4), over)
     np.testing.assert_array_equal(motion.poses[-1], over)
     steps = motion.poses[1:, :3, :3] @ motion.poses[:-1, :3, :3].swapaxes(1, 2)
     assert (steps.trace(axis1=1, axis2=2) > 1.0 + 2.0 * np.cos(0.05)).all()
 
 
 @compiled_only
-@pytest.mark.parametrize("chosen", [False, True])
-def test_a_film_lies_on_its_rest_at_the_end(viewed: ViewedBody, chosen: bool) -> None:
-    down = viewed.poses.normals[1] if chosen else None
+@pytest.mark.parametrize("has_direction", [False, True])
+def test_a_thrown_body_ends_on_its_rest(viewed: ViewedBody, has_direction: bool) -> None:
+    down = viewed.poses.normals[1] if has_direction else None
     film = throw_film(viewed.rigid, dd.table_named("board-game"), 3, down)
-    motion = filmed(film, viewed.center)
+    motion = film_motion(film, viewed.center)
     if down is not None:
         np.testing.assert_allclose(-motion.poses[0][2, :3], down, atol=1e-6)
     assert film.rest >= 0
@@ -76,30 +76,26 @@ def test_a_ray_meets_the_facet_that_it_enters(viewed: ViewedBody) -> None:
     for facet in range(len(hull.normals)):
         point = rng.dirichlet(np.ones(len(hull.polygon(facet)))) @ hull.polygon(facet)
         way = -hull.normals[facet] + 0.2 * rng.normal(size=3)
-        met = met_facet(hull, point - 9.0 * way, way)
-        assert met is not None
-        # A slanting ray may come through a neighbor first.
-        entered, where = met
-        assert abs(hull.heights(where)[entered]) < 1e-9
-        assert hull.heights(where).min() > -1e-9
-        assert hull.normals[entered] @ way < 0.0
-    assert met_facet(hull, np.array([99.0, 99.0, 99.0]), np.array([0.0, 0.0, 1.0])) is None
+        hit = facet_on_ray(hull, point - 9.0 * way, way)
+        assert hit is not None
+        # An oblique ray may enter through a neighbor.
+        entry, position = hit
+        assert abs(hull.heights(position)[entry]) < 1e-9
+        assert hull.heights(position).min() > -1e-9
+        assert hull.normals[entry] @ way < 0.0
+    assert facet_on_ray(hull, np.array([99.0, 99.0, 99.0]), np.array([0.0, 0.0, 1.0])) is None
 
 
 def test_a_ray_meets_the_near_side_of_the_sphere() -> None:
-    met = met_sphere(np.array([0.0, -4.0, 0.5]), np.array([0.0, 2.0, 0.0]))
-    assert met is not None
-    np.testing.assert_allclose(met, [0.0, -np.sqrt(0.75), 0.5])
-    assert met_sphere(np.array([0.0, -4.0, 2.0]), np.array([0.0, 1.0, 0.0])) is None
-    assert met_sphere(np.array([0.0, -4.0, 0.0]), np.array([0.0, -1.0, 0.0])) is None
+    hit = direction_on_ray(np.array([0.0, -4.0, 0.5]), np.array([0.0, 2.0, 0.0]))
+    assert hit is not None
+    np.testing.assert_allclose(hit, [0.0, -np.sqrt(0.75), 0.5])
+    assert direction_on_ray(np.array([0.0, -4.0, 2.0]), np.array([0.0, 1.0, 0.0])) is None
+    assert direction_on_ray(np.array([0.0, -4.0, 0.0]), np.array([0.0, -1.0, 0.0])) is None
 
 
-def test_places_lead_there_and_back(viewed: ViewedBody) -> None:
-    place = Place.of(viewed.hull)
-    points = viewed.hull.vertices
-    np.testing.assert_allclose(place.from_scene(place.into_scene(points)), points, atol=1e-12)
-    assert np.linalg.norm(place.into_scene(points), axis=1).max() == pytest.approx(1.0)
-    shift = np.array([0.1, 0.0, -0.2])
-    start = points[3]
-    moved = place.motion(np.array([1.0, 0.0, 0.0, 0.0]), place.into_scene(start) + shift, start)
-    np.testing.assert_allclose(moved[:3, 3], shift / place.scale, atol=1e-12)
+def test_scene_coordinates_are_inverted(viewed: ViewedBody) -> None:
+    frame = SceneFrame.of(viewed.hull)
+    points = frame.to_scene(viewed.hull.vertices)
+    np.testing.assert_allclose(frame.from_scene(points), viewed.hull.vertices, atol=1e-12)
+    assert np.linalg.norm(points, axis=1).max() == pytest.approx(1.0)

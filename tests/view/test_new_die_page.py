@@ -138,7 +138,7 @@ def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
     new_die.page.click('[data-action="pin:2"]')
     new_die.page.wait_for_selector('[data-action="pin:2"][aria-pressed="true"]')
     new_die.page.click('[data-action="label:0"]')
-    new_die.page.wait_for_selector("#facets tr.chosen")
+    new_die.page.wait_for_selector("#facets tr.selected")
     new_die.page.click('[data-action="label:4"]')
     new_die.page.wait_for_function(
         "document.querySelector('#design').innerText.includes('paused; step 2;')"

@@ -20,7 +20,7 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.results.result import Result
 from dicedesign.view.design_session import DesignSession, DieRequest
 from dicedesign.view.new_die_panel import PRESETS
-from dicedesign.view.printable_die import PrintableDie, printable_die
+from dicedesign.view.printable_die import PrintableDie, make_printable
 
 COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]}
 
@@ -55,7 +55,7 @@ def coin() -> DesignSession:
 
 def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> None:
     stages: list[str] = []
-    die = printable_die(coin, on_stage=stages.append)
+    die = make_printable(coin, on_stage=stages.append)
     assert stages == ["size", "export", "check", "engrave"]
     assert die.is_converged
     for ending in ("stl", "3mf", "off"):
@@ -73,8 +73,8 @@ def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> No
 @pytest.mark.parametrize("method", ["exact", "paper"])
 def test_a_straight_way_is_the_recipe_alone(tmp_path: Path, method: str) -> None:
     """`dicedesign run` makes the same file, byte for byte."""
-    die = printable_die(designed(method=method))
-    assert not die.is_kept
+    die = make_printable(designed(method=method))
+    assert not die.needs_shape
     assert die.recipe_file()[0] == "coin.yaml"
     result = run_again(die, tmp_path)
     assert result.converged
@@ -100,8 +100,8 @@ def test_a_way_with_turns_begins_with_the_shape(tmp_path: Path) -> None:
     session.change(replace(session.request, pinned=("tails",), prefer=Preferences(roundness=1.0)))
     session.run()
     assert session.wait(PATIENCE)
-    die = printable_die(session)
-    assert die.is_kept
+    die = make_printable(session)
+    assert die.needs_shape
     assert die.is_converged
     name, data = die.recipe_file()
     assert name == "coin.zip"
@@ -116,13 +116,13 @@ def test_a_die_that_is_not_done_can_be_made_too(tmp_path: Path) -> None:
     for _ in range(3):
         session.step()
         assert session.wait(PATIENCE)
-    die = printable_die(session)
+    die = make_printable(session)
     assert not die.is_converged
     assert die.message.startswith(
         "the probabilities of the outcomes are off by more than the tolerance"
     )
     probabilities = [has for _, _, has in die.rows()]
-    assert max(abs(has - wanted) for _, wanted, has in die.rows()) > 1e-4
+    assert max(abs(has - target) for _, target, has in die.rows()) > 1e-4
     np.testing.assert_allclose(probabilities, session.shape.outcomes.probabilities, atol=5e-3)
     result = run_again(die, tmp_path)
     assert_same_die(die, result)
@@ -137,14 +137,14 @@ def test_every_preset_is_a_target() -> None:
 
 def test_size_and_labels() -> None:
     session = designed(target={**COIN, "labels": ["1000000000", "2000000000", "3000000000"]})
-    grown = printable_die(session)
+    grown = make_printable(session)
     size = grown.recipe.size_mm
     assert size > 30.0
     assert f"size_mm: {size:g}, so that the labels fit" in grown.notes
     assert grown.recipe_file()[1].decode().count(f"size_mm: {size:g}") == 1
     with pytest.raises(InputError, match=r"use size_mm = \d+"):
-        printable_die(session, size_mm=size - 1.0)
-    plain = printable_die(session, size_mm=20.0, engrave=False)
+        make_printable(session, size_mm=size - 1.0)
+    plain = make_printable(session, size_mm=20.0, engrave=False)
     points = plain.points
     extent = np.linalg.norm(points[:, None] - points[None], axis=-1).max()
     assert extent == pytest.approx(20.0, rel=1e-6)
@@ -154,9 +154,9 @@ def test_size_and_labels() -> None:
 @pytest.mark.parametrize("size", [0.0, float("nan"), 1e9])
 def test_sizes_that_cannot_be(size: float, coin: DesignSession) -> None:
     with pytest.raises(InputError, match="size_mm: "):
-        printable_die(coin, size_mm=size)
+        make_printable(coin, size_mm=size)
 
 
 def test_there_has_to_be_a_shape() -> None:
     with pytest.raises(InputError, match="expected a shape to print, got none yet"):
-        printable_die(DesignSession(DieRequest({"fair": 5})))
+        make_printable(DesignSession(DieRequest({"fair": 5})))

@@ -1,4 +1,4 @@
-"""Whatever a page is opened with comes as a body with the probabilities of the model."""
+"""Every kind of path gives a body with the probabilities of the model."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import trimesh
 from common.finished_run import box_file
 
 import dicedesign as dd
-from dicedesign.view.sources import Tell, source_of
-from dicedesign.view.viewed_body import MOST_SHOWN, farthest_points, thinned
+from dicedesign.view.sources import LoadCallbacks, open_source
+from dicedesign.view.viewed_body import MAX_DRAWN_TRIANGLES, decimate, farthest_points
 
 
-def test_a_mesh_is_itself(tmp_path: Path) -> None:
+def test_a_mesh_has_its_rests(tmp_path: Path) -> None:
     path = box_file(tmp_path)
-    source = source_of(path)
+    source = open_source(path)
     assert source.names == ("box.obj",)
-    viewed = source.load("box.obj", Tell())
-    told = dd.rest_poses(dd.read_body(path))
-    np.testing.assert_array_equal(viewed.poses.probabilities, told.probabilities)
-    assert viewed.follows
+    viewed = source.load("box.obj", LoadCallbacks())
+    expected = dd.rest_poses(dd.read_body(path))
+    np.testing.assert_array_equal(viewed.poses.probabilities, expected.probabilities)
+    assert viewed.has_uniform_center
 
 
 def test_a_folder_of_meshes_has_them_all(tmp_path: Path) -> None:
@@ -29,9 +29,9 @@ def test_a_folder_of_meshes_has_them_all(tmp_path: Path) -> None:
     box_file(tmp_path, name="b.obj")
     box_file(tmp_path / "more", (1.0, 1.0, 3.0), "a.stl")
     (tmp_path / "read.me").write_text("no mesh")
-    source = source_of(tmp_path)
+    source = open_source(tmp_path)
     assert source.names == ("b.obj", "more/a.stl")
-    longest = source.load("more/a.stl", Tell())
+    longest = source.load("more/a.stl", LoadCallbacks())
     assert float(np.ptp(longest.hull.vertices, axis=0).max()) == pytest.approx(3.0)
 
 
@@ -45,39 +45,39 @@ def test_a_finished_die_has_its_labels_and_probabilities(tmp_path: Path, engrave
         "engrave": engrave,
     }
     result = dd.run(recipe, out=tmp_path / "d4")
-    viewed = source_of(tmp_path / "d4").load("d4", Tell())
+    viewed = open_source(tmp_path / "d4").load("d4", LoadCallbacks())
     probabilities = result.engraved.probabilities if engrave else result.probabilities
     assert probabilities is not None
     assert [row.label for row in viewed.rows][:4] == ["one", "2", "3", "4"]
     np.testing.assert_allclose(
-        [row.probabilities for row in viewed.rows][:4], probabilities, atol=1e-9
+        [row.probability for row in viewed.rows][:4], probabilities, atol=1e-9
     )
-    assert [row.wanted for row in viewed.rows][:4] == [0.1, 0.2, 0.3, 0.4]
+    assert [row.target for row in viewed.rows][:4] == [0.1, 0.2, 0.3, 0.4]
 
 
-def test_a_recipe_is_designed_and_tells_how_far_it_is(tmp_path: Path) -> None:
+def test_a_recipe_is_designed_with_progress(tmp_path: Path) -> None:
     path = tmp_path / "d5.yaml"
     path.write_text("name: d5\ntarget: {fair: 5}\nengrave: false\n")
-    said: list[str] = []
-    source = source_of(path)
-    assert not source.quick
-    viewed = source.load("d5", Tell(said.append))
-    np.testing.assert_allclose([row.probabilities for row in viewed.rows], 0.2, atol=1e-6)
-    assert any("step" in words for words in said)
+    texts: list[str] = []
+    source = open_source(path)
+    assert not source.is_quick
+    viewed = source.load("d5", LoadCallbacks(texts.append))
+    np.testing.assert_allclose([row.probability for row in viewed.rows], 0.2, atol=1e-6)
+    assert any("step" in text for text in texts)
 
 
-def test_a_thinned_mesh_is_small_and_where_it_was() -> None:
+def test_a_decimated_mesh_is_small_and_similar() -> None:
     ball = trimesh.creation.icosphere(7, 5.0)
     points, triangles = np.asarray(ball.vertices), np.asarray(ball.faces)
-    assert len(triangles) > MOST_SHOWN
-    fewer, kept = thinned(points, triangles)
-    assert 0.3 * MOST_SHOWN < len(kept) <= MOST_SHOWN
+    assert len(triangles) > MAX_DRAWN_TRIANGLES
+    fewer, merged = decimate(points, triangles)
+    assert 0.3 * MAX_DRAWN_TRIANGLES < len(merged) <= MAX_DRAWN_TRIANGLES
     assert np.abs(np.linalg.norm(fewer, axis=1) - 5.0).max() < 0.1
-    assert trimesh.Trimesh(fewer, kept, process=False).volume == pytest.approx(
+    assert trimesh.Trimesh(fewer, merged, process=False).volume == pytest.approx(
         ball.volume, rel=0.02
     )
-    same = thinned(points[:100], triangles[:50] % 100)
-    np.testing.assert_array_equal(same[0], points[:100])
+    unchanged, _ = decimate(points[:100], triangles[:50] % 100)
+    np.testing.assert_array_equal(unchanged, points[:100])
 
 
 def test_the_farthest_points_span_nearly_the_same_hull() -> None:

@@ -1,0 +1,215 @@
+"""3D view of one body, its pose and its Gauss sphere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.runtime.arrays import Floats
+from dicedesign.view.motion import (
+    SPHERE_POSITION,
+    SPHERE_RADIUS,
+    Motion,
+    SceneFrame,
+    turn_motion,
+)
+from dicedesign.view.nodes import BodyNodes, Sphere, direction_on_ray, facet_on_ray
+from dicedesign.view.page import Job, Page
+from dicedesign.view.viewed_body import MAX_DRAWN_TRIANGLES, ViewedBody, decimate
+
+__all__ = ["Viewport"]
+
+AMBIENT_LIGHT: Final = 1.2
+
+Listener = Callable[[ViewedBody], None]
+
+FRAME_SECONDS: Final = 1.0 / 50.0
+"""Time between two poses of a motion."""
+
+
+class Viewport:
+    """3D view of the page. Use it only in the thread of changes (`Page.enqueue`).
+
+    Attributes
+    ----------
+    viewed: body in view, or None.
+    frame: coordinates of the body in the scene.
+    pose: (4, 4) motion of the body onto the plane z = 0, in its own unit.
+    on_facet: called after a click on the hull, with the facet and the point (3,) of the body.
+    on_direction: called after a click on the sphere, with the direction (3,).
+    """
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.viewed: ViewedBody | None = None
+        self.frame = SceneFrame(np.zeros(3), 1.0)
+        self.pose = np.eye(4)
+        self.on_facet: Callable[[int, Floats], None] | None = None
+        self.on_direction: Callable[[Floats], None] | None = None
+        self._change_listeners: list[Listener] = []
+        self._show_listeners: list[Listener] = []
+        self._motion_job: Job | None = None
+        scene = page.scene
+        # Reflections are the largest part of the drawing time.
+        scene.configure_environment_map(hdri=None)
+        scene.add_light_ambient("/light", intensity=AMBIENT_LIGHT)
+        # Shadows are slow in a browser without a graphics card.
+        scene.configure_default_lights(True, cast_shadow=False)
+        scene.add_grid(
+            "/floor", width=6.0, height=3.0, cell_size=0.5, section_size=0.5, shadow_opacity=0.0
+        )
+        self._sphere = Sphere(scene)
+        self._body = BodyNodes(scene)
+        self._sphere.on_click(lambda *ray: page.enqueue(lambda: self._click_sphere(*ray)))
+        camera = page.server.initial_camera
+        camera.position, camera.look_at, camera.fov = (0.7, -8.4, 3.9), (0.7, 0.0, 0.7), 0.75
+
+    def on_change(self, listener: Listener) -> None:
+        """Call a function with the body after every change of it."""
+        self._change_listeners.append(listener)
+
+    def on_show(self, listener: Listener) -> None:
+        """Call a function with the body whenever another body comes into view."""
+        self._show_listeners.append(listener)
+
+    def enable_clicks(self, enabled: bool) -> None:
+        """Let the hull take clicks, or let the mouse through to objects inside it."""
+        page = self.page
+        self._body.on_click(
+            (lambda *ray: page.enqueue(lambda: self._click_body(*ray))) if enabled else None
+        )
+
+    @property
+    def down(self) -> Floats:
+        """(3,) direction of the body that points down."""
+        return -self.pose[2, :3]
+
+    def show(self, viewed: ViewedBody) -> None:
+        """Show another body on its most probable rest."""
+        self.hold()
+        self.viewed = None
+        self.frame = SceneFrame.of(viewed.hull)
+        self._show_mesh(viewed)
+        self.update(viewed)
+        self.put(viewed.poses.transforms[0])
+        for listener in self._show_listeners:
+            listener(viewed)
+
+    def preview(self, hull: ConvexHull) -> None:
+        """Show a hull before its rests are known."""
+        self.hold()
+        self.viewed = None
+        self.frame = SceneFrame.of(hull)
+        with self.page.server.atomic():
+            self._body.show_hull(self.frame.to_scene(hull.vertices), hull.triangles)
+        pose = np.eye(4)
+        pose[2, 3] = -hull.vertices[:, 2].min()
+        pose[:2, 3] = -self.frame.origin[:2]
+        self.put(pose)
+
+    def update(self, viewed: ViewedBody) -> None:
+        """Show the body after a change."""
+        before, self.viewed = self.viewed, viewed
+        if before is not None and viewed.is_dragged != before.is_dragged:
+            self._show_mesh(viewed)
+        with self.page.server.atomic():
+            self._body.update(viewed, self.frame)
+            self._sphere.update(viewed)
+            for listener in self._change_listeners:
+                listener(viewed)
+        self.page.server.flush()
+
+    def put(self, pose: Floats) -> None:
+        """Put the body into a pose (4, 4)."""
+        self.pose = pose
+        with self.page.server.atomic():
+            self._body.frame.wxyz, self._body.frame.position = self.frame.place(pose)
+            self._sphere.point_down(self.down)
+
+    def stand(self, rest: int) -> None:
+        """Turn the body until it stands on a rest."""
+        assert self.viewed is not None
+        pose = self.viewed.poses.transforms[rest]
+        self.move(turn_motion(self.viewed.hull, self.pose, pose))
+
+    def move(self, motion: Motion, on_end: Callable[[], None] = lambda: None) -> None:
+        """Show a motion. on_end: called at its end, unless `hold` or another motion stopped it."""
+        self.hold()
+
+        def is_current(job: Job) -> bool:
+            return self._motion_job is job
+
+        def put(job: Job, pose: Floats) -> None:
+            if is_current(job):
+                self.put(pose)
+
+        def show_frames(job: Job) -> None:
+            start = time.perf_counter()
+            seconds = 0.0
+            while seconds < motion.seconds[-1]:
+                job.progress("")
+                seconds = time.perf_counter() - start
+                self.page.enqueue(partial(put, job, motion.at(seconds)), "pose")
+                time.sleep(FRAME_SECONDS)
+
+        def end() -> None:
+            if is_current(job):
+                self._motion_job = None
+                self.put(motion.poses[-1])
+                on_end()
+
+        job = Job(
+            show_frames,
+            lambda *_: None,
+            lambda _: self.page.enqueue(end),
+            self.page.report_error,
+            lambda: None,
+        )
+        self._motion_job = job
+
+    def hold(self) -> None:
+        """Stop the motion at its current pose."""
+        if self._motion_job is not None:
+            self._motion_job.stop()
+            self._motion_job = None
+
+    def _show_mesh(self, viewed: ViewedBody) -> None:
+        shape = viewed.shape
+        points, triangles = shape.body.points, shape.body.triangles
+        self._body.show_mesh(None, None)
+        if triangles is None or viewed.is_dragged or shape.is_convex:
+            return
+        if len(triangles) <= MAX_DRAWN_TRIANGLES:
+            self._body.show_mesh(self.frame.to_scene(points), triangles)
+            return
+
+        def work(job: Job) -> Any:
+            job.progress(f"decimating {len(triangles):,} triangles for display")
+            return decimate(points, triangles)
+
+        def show(mesh: Any) -> None:
+            if self.viewed is not None and self.viewed.shape is shape:
+                self._body.show_mesh(self.frame.to_scene(mesh[0]), mesh[1])
+
+        self.page.start(work, show)
+
+    def _click_body(self, origin: Floats, direction: Floats) -> None:
+        if self.viewed is None or self.on_facet is None:
+            return
+        wxyz, position = self.frame.place(self.pose)
+        to_body = Rotation.from_quat(wxyz, scalar_first=True).inv()
+        start = self.frame.from_scene(to_body.apply(origin - position))
+        hit = facet_on_ray(self.viewed.hull, start, to_body.apply(direction))
+        if hit is not None:
+            self.on_facet(*hit)
+
+    def _click_sphere(self, origin: Floats, direction: Floats) -> None:
+        hit = direction_on_ray((origin - SPHERE_POSITION) / SPHERE_RADIUS, direction)
+        if hit is not None and self.viewed is not None and self.on_direction is not None:
+            self.on_direction(hit)
