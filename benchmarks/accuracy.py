@@ -28,7 +28,7 @@ from dicedesign.geometry.sphere import signed_solid_angle
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import basin_references, separatrix_points, signed_areas, wraps
 from dicedesign.rest.poses import RestPoses
-from dicedesign.rest.tracing import destined_facets
+from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.starts import hendecahedron
 from tests.reference.extremes import large
@@ -213,7 +213,7 @@ def solid_angles(equilibria: Equilibria) -> Floats:
     facets = np.arange(len(hull.normals))
     owner = np.repeat(facets, np.diff(hull.facet_start) - 2)
     shares = np.bincount(owner, angles / (4.0 * np.pi), len(facets))
-    return np.bincount(destined_facets(equilibria, facets), shares, len(facets))
+    return np.bincount(trace_to_rests(equilibria, facets), shares, len(facets))
 
 
 def ask_trimesh(subject: Subject, limit: float) -> Iterator[Answer]:

@@ -26,7 +26,7 @@ from benchmarks.models import is_model, model_names, random_model
 from dicedesign import InputError, Result, parse_recipe
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.geometry.meshes.reading import stl_bytes
-from dicedesign.geometry.surfaces.closed_surface import decimated
+from dicedesign.geometry.surfaces.closed_surface import decimate
 from dicedesign.recipe.pipeline import run_stages
 
 GOALS = {"fair:2": 0.9, "fair:3": 0.9, "1/2,1/3,1/6": 0.75, "fair:4": 0.4}
@@ -166,7 +166,7 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
                 path.write_bytes(stl_bytes(surface.points, surface.triangles))
             work = make_die(parse_recipe(entries_of(case, path)), "start")
         if case.most_points is not None and len(work.surface.points) > case.most_points:
-            work.surface, _ = decimated(work.surface, case.most_points)
+            work.surface, _ = decimate(work.surface, case.most_points)
         found["points"] = len(work.surface.points)
         start = time.perf_counter()
         try:

@@ -28,7 +28,7 @@ from benchmarks.frame import (
     read_recipes,
     with_method,
 )
-from dicedesign import InputError, Recipe, rigid_body, simulate, table_named
+from dicedesign import InputError, Recipe, load_table, rigid_body, simulate
 from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
@@ -356,7 +356,7 @@ def compare_sides(recipe: Recipe, report: Report) -> None:
         main = [rest for rest in solid.outcomes.main if rest >= 0]
         facet = min(float(solid.poses.areas[rest]) for rest in main) / solid.poses.hull.areas.sum()
         body = rigid_body(work.plain.body, work.plain.poses)
-        throws = simulate(body, table_named("board-game").sized(2e-3 * body.radius), DROPS, 1)
+        throws = simulate(body, load_table("board-game").for_size(2e-3 * body.radius), DROPS, 1)
         counts = work.plain.outcomes.sums(throws.counts)
         frequencies = np.append(counts, DROPS - counts.sum()) / DROPS
         row(

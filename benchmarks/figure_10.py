@@ -28,12 +28,12 @@ from benchmarks.frame import Report, panels, processes
 from dicedesign import (
     Body,
     InputError,
+    load_table,
     make_body,
     read_body,
     rest_poses,
     rigid_body,
     simulate,
-    table_named,
 )
 from dicedesign.concave.shapes import shape
 from dicedesign.extensions import ENGINES
@@ -218,7 +218,7 @@ def compare_shape(
             count = PAPER_DIRECTIONS if engine == "native" else drops
             throws = simulate(
                 thrown,
-                table_named(table),
+                load_table(table),
                 count,
                 3 * number + ENGINES.names.index(engine),
                 engine=engine,

@@ -38,7 +38,7 @@ from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.methods import FacetCoordinates
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
-from dicedesign.rest.tracing import destined_facets
+from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import hendecahedron, prism, repulsion
 from tests.reference import solids
@@ -384,7 +384,7 @@ class Walk:
             [hull.facet[np.flatnonzero(equilibria.saddle)], hull.facet[hull.twin[rolling]]]
         )
         destined = np.full(len(hull.normals), -1)
-        destined[onto] = destined_facets(equilibria, onto)
+        destined[onto] = trace_to_rests(equilibria, onto)
         steps = np.arange(paths.crossed.shape[1])
         crossed = np.where((steps < paths.lengths[:, None])[..., None], paths.crossed, -1)
         return {

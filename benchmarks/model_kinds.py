@@ -16,9 +16,9 @@ from dicedesign.concave.shapes import (
     Distance,
     blend,
     ellipsoid,
-    mirrored,
+    mirror,
     round_cone,
-    stretched,
+    stretch,
     tube,
 )
 from dicedesign.geometry.sphere import unit_vectors
@@ -64,7 +64,7 @@ def _animal(rng: Generator) -> Distance:
     muzzle = head + size * _at(rng.uniform(1.0, 2.2), 0.0, -0.3)
     parts.append(round_cone(head, muzzle, 0.6 * size, rng.uniform(0.12, 0.2)))
     ear, tip = size * _at(0.0, 0.4, 0.4), size * _at(-0.2, *rng.uniform(0.7, 1.8, size=2))
-    parts.append(mirrored(round_cone(head + ear, head + tip, 0.18, 0.12)))
+    parts.append(mirror(round_cone(head + ear, head + tip, 0.18, 0.12)))
     steps = np.linspace(0.0, 1.0, 6)[:, None]
     way = rng.uniform([-1.6, -0.5, -0.6], [-0.3, 0.5, 1.2])
     curl = _at(0.0, 0.0, rng.uniform(-0.5, 0.8))
@@ -81,7 +81,7 @@ def _figure(rng: Generator) -> Distance:
     top = torso + 0.9 * size + 0.1
     parts = [
         round_cone((0.0, 0.0, 0.0), (0.0, 0.0, torso), 0.9 * girth, 0.75 * girth),
-        mirrored(round_cone((0.0, 0.45 * girth, 0.0), (0.0, feet, -leg), 1.4 * thin, thin)),
+        mirror(round_cone((0.0, 0.45 * girth, 0.0), (0.0, feet, -leg), 1.4 * thin, thin)),
         ellipsoid((0.05, 0.0, top), (size, 0.9 * size, rng.uniform(0.9, 1.3) * size)),
     ]
     for side in (-1.0, 1.0):
@@ -105,7 +105,7 @@ def _rings(rng: Generator) -> Distance:
     parts, center = [], np.zeros(3)
     for _ in range(int(rng.integers(1, 5))):
         radius, thickness = rng.uniform(0.55, 1.1), rng.uniform(0.16, 0.34)
-        oval = stretched(ring(radius, thickness), [1.0, rng.uniform(0.8, 1.5), 1.0])
+        oval = stretch(ring(radius, thickness), [1.0, rng.uniform(0.8, 1.5), 1.0])
         rotation = _rotation(rng)
         parts.append(turned(oval, rotation, center))
         center = center + (1.9 * radius) * rotation[:, 0]
@@ -154,7 +154,7 @@ def _star(rng: Generator) -> Distance:
         )
         for angle, size in zip(angles, lengths, strict=True)
     ]
-    arms = stretched(blended(parts, 0.2), (1.0, 1.0, rng.uniform(0.45, 0.8)))
+    arms = stretch(blended(parts, 0.2), (1.0, 1.0, rng.uniform(0.45, 0.8)))
     hump = ellipsoid((0.0, 0.0, 0.15), rng.uniform(0.3, 0.6, size=3))
     return _wavy(rng, blended([arms, hump], 0.2), 0.06)
 
@@ -220,7 +220,7 @@ def _toy(rng: Generator) -> Distance:
         wheel = rng.uniform(0.25, 0.4)
         for x in (-0.65, 0.65):
             axle = (x * half[0], half[1], -half[2])
-            parts.append(mirrored(ellipsoid(axle, (wheel, 0.2, wheel))))
+            parts.append(mirror(ellipsoid(axle, (wheel, 0.2, wheel))))
     for _ in range(int(rng.integers(0, 3))):
         start = rng.uniform(-0.7, 0.7, size=3) * half
         end = start + rng.uniform(0.9, 1.8) * _direction(rng, least=[-1.0, -1.0, 0.0])

@@ -55,9 +55,9 @@ from dicedesign import (
     Recipe,
     Table,
     evaluate_rests,
+    load_table,
     rigid_body,
     simulate,
-    table_named,
 )
 from dicedesign.extensions import ENGINES
 from dicedesign.gradient.probability_model import ThrowProbabilities
@@ -68,7 +68,7 @@ from dicedesign.throws.distances import measure_variation, total_variation
 from dicedesign.throws.engines import ThrowStates, throw_states
 from dicedesign.throws.momentum_model import momentum_model, other_tables
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
-from dicedesign.throws.rigid_body import RigidBody, released
+from dicedesign.throws.rigid_body import RigidBody, release_states
 from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.tables import posterior_tables
 
@@ -140,7 +140,7 @@ def throw_recipes(
             refine = replace(exact.refine, drops=min(exact.refine.drops, 2_000), rounds=1)
             exact = replace(exact, refine=refine)
         seeds = iter(range(FRESH + 100 * recipe.seed, FRESH + 100 * recipe.seed + 100))
-        table = table_named(exact.table_with_hand)
+        table = load_table(exact.table_with_hand)
         others = posterior_tables(exact.table_with_hand) or other_tables(table)
         for name, method in {
             "resting": replace(exact, probabilities="resting", refine=None),
@@ -161,7 +161,7 @@ def throw_recipes(
             elsewhere: list[float] = []
             for other in others if name == "thrown" else ():
                 each = drops // 20 if options.quick else drops // 5
-                lifted = other.lifted(die.table.size)
+                lifted = other.for_size_above(die.table.size)
                 throws = simulate(die.body, lifted, each, next(seeds), workers=workers)
                 elsewhere.append(measure_variation(die.counts(throws), target, 0.95).value)
             status = work.status.name.lower()
@@ -178,7 +178,7 @@ def throw_recipes(
 
 def judge_model(options: argparse.Namespace, workers: Executor, report: Report) -> None:
     """The momentum model against throws of dice that it was not fitted to."""
-    table, model = table_named(options.table), momentum_model(options.table)
+    table, model = load_table(options.table), momentum_model(options.table)
     if model is None:
         raise InputError(
             f"--table {options.table}: expected a table on which dice have momentum, got one with "
@@ -242,7 +242,7 @@ def compare_simulators(
     recipes: Sequence[Recipe], options: argparse.Namespace, workers: Executor, report: Report
 ) -> None:
     """Dice of recipes, without labels, and random ones in every way."""
-    table = table_named(options.table)
+    table = load_table(options.table)
     count = options.random or (2 if options.quick else 10)
     drops = options.drops or (500 if options.quick else 20_000)
     dice = [rigid_body(die.plain.body, die.plain.poses) for die in map(make_die, recipes)]
@@ -290,7 +290,7 @@ def throw_part(task: tuple[RigidBody, Table, ThrowStates, int, tuple[int, ...]])
     """Counts (g + 1,) of the outcomes of a die, and of drops that came to none."""
     body, table, throw, drops, seed = task
     rng = np.random.default_rng([2 * UNSEEN, *seed])
-    rests = throw(body, table, released(body, table, np.arange(drops), "uniform", rng))
+    rests = throw(body, table, release_states(body, table, np.arange(drops), "uniform", rng))
     close = body.rest_normals @ body.rest_normals.T > math.cos(ALIKE)
     count, outcome = connected_components(close)
     return np.bincount(np.append(outcome, count)[rests], minlength=count + 1)

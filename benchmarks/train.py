@@ -31,7 +31,7 @@ from benchmarks.random_dice import (
     summary,
     throw_random_die,
 )
-from dicedesign import InputError, Table, table_named
+from dicedesign import InputError, Table, load_table
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text
 from dicedesign.throws.momentum_model import (
@@ -52,8 +52,8 @@ from dicedesign.throws.momentum_model import (
     dimensionless,
     general_model,
     general_model_of,
-    moved,
-    scaled,
+    move_table,
+    scale_numbers,
     table_terms,
 )
 from dicedesign.throws.momentum_probabilities import landing_probabilities
@@ -129,7 +129,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """Throw, fit, write, and say how good the model is."""
-    table = table_named(options.table)
+    table = load_table(options.table)
     if table.drag > 0.0:
         raise InputError(
             f"table {table.name}: expected one without drag, on which dice have momentum, got a "
@@ -358,19 +358,19 @@ def new_model(dice: Sequence[TrainingDie], tables: TableRange, seed: int) -> Gen
 def near_tables(tables: Sequence[Table]) -> TableRange:
     """The range of some tables and what is near them, within `WIDEST`."""
     inside = [np.clip(dimensionless(table), WIDEST.least, WIDEST.most) for table in tables]
-    numbers = scaled(np.array(inside))
+    numbers = scale_numbers(np.array(inside))
     least, most = unscaled(numbers.min(axis=0) - NEAR), unscaled(numbers.max(axis=0) + NEAR)
     return TableRange(np.maximum(least, WIDEST.least), np.minimum(most, WIDEST.most))
 
 
 def drawn_table(within: TableRange, table: Table, rng: np.random.Generator) -> Table:
-    """A table of a range, for dice of the same size as another, all alike where `scaled`."""
-    ends = scaled(np.stack([within.least, within.most]))
-    return moved(table, unscaled(rng.uniform(ends[0], ends[1])))
+    """A table of a range, for dice of the same size as another, all alike where `scale_numbers`."""
+    ends = scale_numbers(np.stack([within.least, within.most]))
+    return move_table(table, unscaled(rng.uniform(ends[0], ends[1])))
 
 
 def unscaled(numbers: Floats) -> Floats:
-    """The inverse of `scaled`."""
+    """The inverse of `scale_numbers`."""
     restitution, friction, height, speed, spin = np.moveaxis(numbers * EXTENTS + CENTERS, -1, 0)
     free = restitution, np.exp(friction), np.exp(height), np.expm1(speed), np.expm1(spin)
     return np.stack(free, axis=-1)

@@ -4,7 +4,7 @@ from dicedesign import energies as energies
 from dicedesign import extensions as extensions
 from dicedesign import methods as methods
 from dicedesign import starts as starts
-from dicedesign.balance.balanced import balanced as balanced
+from dicedesign.balance.balanced import balance_body as balance_body
 from dicedesign.balance.best_center import best_center as best_center
 from dicedesign.balance.goals import EqualProbabilities as EqualProbabilities
 from dicedesign.balance.goals import FewestRests as FewestRests
@@ -31,8 +31,8 @@ from dicedesign.gradient.rest_probabilities import RestEvaluation as RestEvaluat
 from dicedesign.gradient.rest_probabilities import evaluate_rests as evaluate_rests
 from dicedesign.optimize.targets import Target as Target
 from dicedesign.optimize.targets import binomial as binomial
+from dicedesign.optimize.targets import custom as custom
 from dicedesign.optimize.targets import fair as fair
-from dicedesign.optimize.targets import listed as listed
 from dicedesign.optimize.targets import sum_of_dice as sum_of_dice
 from dicedesign.recipe.design_die import Die as Die
 from dicedesign.recipe.design_die import design as design
@@ -58,6 +58,6 @@ from dicedesign.throws.rigid_body import rigid_body as rigid_body
 from dicedesign.throws.simulation import Throws as Throws
 from dicedesign.throws.simulation import simulate as simulate
 from dicedesign.throws.tables import Table as Table
-from dicedesign.throws.tables import table_named as table_named
+from dicedesign.throws.tables import load_table as load_table
 
 __version__: str

@@ -31,7 +31,7 @@ ENGINES.register(
 
 mesh = dd.read_body("outputs/2d6_hendecahedron/die.stl")
 poses = dd.rest_poses(mesh)
-table = dd.table_named("board-game")
+table = dd.load_table("board-game")
 throws = dd.simulate(dd.rigid_body(mesh, poses), table, drops=1000, engine="nearest")
 print(poses.probabilities)
 print(throws.frequencies)

@@ -10,11 +10,11 @@ import json
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.fabricate.file_formats import FILE_FORMATS, FileFormat, joined
+from dicedesign.fabricate.file_formats import FILE_FORMATS, FileFormat, join_parts
 
 
 def write(contents):
-    points, triangles = joined(contents.parts)
+    points, triangles = join_parts(contents.parts)
     mesh = {"points": points.tolist(), "triangles": triangles.tolist()}
     return json.dumps({"title": contents.title, **contents.facts, **mesh}).encode()
 

@@ -244,7 +244,7 @@ if __name__ == "__main__":
     mesh = dd.make_body(np.array(corners))
     poses = dd.rest_poses(mesh)
     body = dd.rigid_body(mesh, poses)
-    table = dd.table_named("board-game")
+    table = dd.load_table("board-game")
     for name in ("native", "bullet"):
         throws = dd.simulate(body, table, drops=200, engine=name)
         print(f"{name:7}", throws.frequencies.round(3))

@@ -30,7 +30,7 @@ def firm_rests(state: ClusteredRests, weights: EnergyWeights) -> torch.Tensor:
 
 TERMS.register(Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests))
 
-TARGET = dd.listed([0.5, 0.3, 0.2]).probabilities
+TARGET = dd.custom([0.5, 0.3, 0.2]).probabilities
 START = prism(3)
 
 

@@ -117,7 +117,7 @@ PARTS: Final = (1.0, 0.85, 0.7)
 """Of its reach that a way is asked for in turn, where it can do less than it seemed."""
 
 
-def balanced(
+def balance_body(
     body: Body,
     goal: Goal,
     options: BalanceOptions | None = None,
@@ -141,7 +141,7 @@ def balanced(
         that can be had; walls are too thick for the body.
     """
     wanted = options or BalanceOptions()
-    surface, notes = sized_surface(body, wanted.size_mm)
+    surface, notes = size_surface(body, wanted.size_mm)
     poses = rest_poses(make_body(surface.points, surface.triangles, body.name))
     if not isinstance(goal, FewestRests):
         # Raises where the body has no such pose.
@@ -169,7 +169,7 @@ def balanced(
     return min(found, key=missing)
 
 
-def sized_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str, ...]]:
+def size_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str, ...]]:
     """The surface of a body in mm, in coordinates of float32, and what was done to it. Raises
     InputError, or DegenerateBodyError, where it is none of one solid."""
     surface, notes, _ = input_surface(body, FINEST)
@@ -183,7 +183,7 @@ def sized_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str
             f"{diameter:.3g}, as coordinates are taken for mm; say how large it is to be with "
             "--size-mm"
         )
-    return surface.moved(points.astype(np.float32).astype(np.float64)), notes
+    return surface.with_points(points.astype(np.float32).astype(np.float64)), notes
 
 
 def _by(

@@ -62,7 +62,7 @@ class Descent:
 
     def value(self, center: Floats) -> float:
         """The sum of squares, infinite where the center of mass (3,) is not allowed."""
-        return self._served(center)[0]
+        return self._serve(center)[0]
 
     def from_center(self, center: Floats) -> Floats:
         """The center of mass that is reached.
@@ -92,7 +92,7 @@ class Descent:
     def by_squares(self, center: Floats) -> tuple[Floats, float]:
         """The same by steps of Levenberg and Marquardt alone, and the sum of squares there."""
         damping, factor_less, factor_more, most = DAMPING
-        found = self._served(center)
+        found = self._serve(center)
         for _ in range(self.steps):
             value, rests, served = found
             if rests is None or served is None or value <= ENOUGH**2:
@@ -104,7 +104,7 @@ class Descent:
             while damping <= most and largest > 0.0:
                 damped = form + damping * largest * np.eye(3)
                 step = least_within(damped, slope, self.within.normals, heights)
-                following = self._served(center + step)
+                following = self._serve(center + step)
                 if following[0] < value:
                     center, found, damping = center + step, following, damping * factor_less
                     break
@@ -115,7 +115,7 @@ class Descent:
                 break
         return center, found[0]
 
-    def _served(self, center: Floats) -> tuple[float, Rests | None, ServedGoal | None]:
+    def _serve(self, center: Floats) -> tuple[float, Rests | None, ServedGoal | None]:
         if (self.within.heights(center) < -1e-12 * self.hull.diameter).any():
             return np.inf, None, None
         rests = rests_at(self.hull, center)
@@ -336,7 +336,7 @@ class _Search:
         for center in self.apart(values):
             for descent in descents[:-1]:
                 center, _ = descent.by_squares(center)
-            ends.append(self._cleared(descents[-1].from_center(center), objective))
+            ends.append(self._clear(descents[-1].from_center(center), objective))
         good = (GOOD * tolerance) ** 2
 
         def rank(end: Floats) -> tuple[float, bool, float]:
@@ -357,7 +357,7 @@ class _Search:
                 chosen.append(center)
         return np.array(chosen)
 
-    def _cleared(self, center: Floats, objective: Objective) -> Floats:
+    def _clear(self, center: Floats, objective: Objective) -> Floats:
         """The best near a center of mass (3,) that keeps clear of where probabilities jump, as far
         as there is room."""
         clear = CLEAR * self.hull.diameter

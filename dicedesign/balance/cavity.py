@@ -24,7 +24,7 @@ from dicedesign.geometry.surfaces.grid_surface import (
     surface_nets,
     without_double_cuts,
 )
-from dicedesign.geometry.triangles import Surface, joined, solid_properties, surface_of
+from dicedesign.geometry.triangles import Surface, join_surfaces, solid_properties, surface_of
 from dicedesign.results.parts import Cavities
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -279,10 +279,10 @@ def reach(
 def with_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
     """A solid with the least cavity that brings its center of mass to a place (3,), as the surfaces
     of both together. Parameters, and what is raised, as `balancing_cavity`."""
-    return joined(surface, _reversed(balancing_cavity(surface, wall, center)))
+    return join_surfaces(surface, _reverse(balancing_cavity(surface, wall, center)))
 
 
-def measured_cavities(body: Body) -> Cavities:
+def measure_cavities(body: Body) -> Cavities:
     """The cavities of a body in mm.
 
     body: of one surface oriented outward and others, oriented inward, inside of it. Raises
@@ -294,7 +294,7 @@ def measured_cavities(body: Body) -> Cavities:
         surface_of(body.points, body.triangles[shell == k]) for k in range(int(shell.max()) + 1)
     ]
     outer = [each for each in shells if each.volume > 0.0]
-    inner = [_reversed(each) for each in shells if each.volume < 0.0]
+    inner = [_reverse(each) for each in shells if each.volume < 0.0]
     if len(outer) != 1 or not inner:
         raise InputError(
             f"{body.name}: expected one surface with cavities inside, got {len(outer)} oriented "
@@ -311,5 +311,5 @@ def measured_cavities(body: Body) -> Cavities:
     )
 
 
-def _reversed(surface: Surface) -> Surface:
+def _reverse(surface: Surface) -> Surface:
     return Surface(surface.points, surface.triangles[:, ::-1])

@@ -18,7 +18,7 @@ from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.rest.basins import Basins, basin_areas
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
-from dicedesign.rest.outcomes import gathered
+from dicedesign.rest.outcomes import assign_rests
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE, SAME_REST_ANGLE
@@ -191,7 +191,7 @@ def top_directions(rests: Rests, count: int) -> Floats:
         own.append(left[0])
         left = left[angle_between(left, left[0]) > SAME_REST_ANGLE]
     directions = np.array(own)
-    probabilities = gathered(rests.normals, rests.probabilities, directions).probabilities
+    probabilities = assign_rests(rests.normals, rests.probabilities, directions).probabilities
     return directions[np.argsort(-probabilities, kind="stable")[:count]]
 
 
@@ -199,13 +199,13 @@ def pose_probabilities(poses: RestPoses, directions: Floats) -> Floats:
     """(c,) probabilities of poses with directions (c, 3): those of the rests that count for each,
     as by `outcome_probabilities`, but for poses that have no rest within `SAME_REST_ANGLE`, which
     have none."""
-    counted = _counted(poses.normals, poses.probabilities, directions)
+    counted = _count_rests(poses.normals, poses.probabilities, directions)
     return np.asarray(counted @ poses.probabilities)
 
 
-def _counted(normals: Floats, probabilities: Floats, directions: Floats) -> Booleans:
+def _count_rests(normals: Floats, probabilities: Floats, directions: Floats) -> Booleans:
     """(c, k) whether each rest counts for each of the poses."""
-    found = gathered(normals, probabilities, directions)
+    found = assign_rests(normals, probabilities, directions)
     counted = found.outcome_of_rest == np.arange(len(directions))[:, None]
     near = angle_between(normals[found.main], directions) <= SAME_REST_ANGLE
     return np.asarray(counted & (near & (found.main >= 0))[:, None])
@@ -252,7 +252,7 @@ def objective_of(
         count, wanted = len(goal.probabilities), np.sort(goal.probabilities)[::-1]
         if goal.poses is not None:
             wanted = np.array(goal.probabilities)
-            directions = np.stack([_numbered("poses", pose, poses) for pose in goal.poses])
+            directions = np.stack([_check_pose("poses", pose, poses) for pose in goal.poses])
             angles = angle_between(directions[:, None], directions[None])
             angles[np.tril_indices(count)] = np.pi
             first, second = np.unravel_index(int(angles.argmin()), angles.shape)
@@ -267,7 +267,7 @@ def objective_of(
         chosen = top_directions(rests, count) if directions is None else directions
         # Poses that are missing have no probabilities, and no direction.
         counted = np.zeros((count, len(rests.probabilities)))
-        counted[: len(chosen)] = _counted(rests.normals, rests.probabilities, chosen)
+        counted[: len(chosen)] = _count_rests(rests.normals, rests.probabilities, chosen)
         probabilities = counted @ rests.probabilities
         if wanted is not None:
             return ServedGoal(chosen, probabilities, wanted, probabilities - wanted, counted)
@@ -284,7 +284,7 @@ def pose_direction(goal: Standing, poses: RestPoses) -> Floats:
     """(3,) down in the pose that a body is to stand in. Raises InputError for none."""
     if goal.down is None:
         assert goal.pose is not None
-        return _numbered("stand", goal.pose, poses)
+        return _check_pose("stand", goal.pose, poses)
     down = unit_vectors(np.array(goal.down, dtype=np.float64))
     angles = angle_between(poses.hull.normals, down)
     nearest = int(angles.argmin())
@@ -298,7 +298,7 @@ def pose_direction(goal: Standing, poses: RestPoses) -> Floats:
     return poses.hull.normals[nearest]
 
 
-def _numbered(key: str, pose: int, poses: RestPoses) -> Floats:
+def _check_pose(key: str, pose: int, poses: RestPoses) -> Floats:
     count = len(poses.facets)
     if pose > count:
         raise InputError(

@@ -17,7 +17,7 @@ from scipy.stats import qmc
 from dicedesign.balance.cavity import (
     beyond_plane,
     least_wall,
-    measured_cavities,
+    measure_cavities,
     reach,
     with_cavity,
     within_walls,
@@ -29,7 +29,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body, shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
-from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
+from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
 from dicedesign.geometry.sphere import norms, rotation_between, unit_vectors
 from dicedesign.geometry.surfaces.grid_surface import closest_points
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
@@ -163,7 +163,7 @@ class Made:
 
 def read_back(data: bytes) -> Body:
     """The body of an STL file."""
-    points, triangles = parsed_stl(data, Path("body.stl"))
+    points, triangles = parse_stl(data, Path("body.stl"))
     return make_body(points, triangles, "body.stl", single_precision=True)
 
 
@@ -193,16 +193,16 @@ def move_center(surface: Surface, center: Floats, by: str, material: Material) -
             {"": data}, read_back(data), surface.centroid, None, {}, ("nothing is to be moved",)
         )
     if material.drain_mm is not None:
-        return _drained(surface, center, material.wall_mm, 0.5 * material.drain_mm)
+        return _drain(surface, center, material.wall_mm, 0.5 * material.drain_mm)
     whole = with_cavity(surface, material.wall_mm, center)
     data = stl_bytes(whole.points, whole.triangles)
-    cavities = measured_cavities(read_back(data))
-    return _made_with_cavity(
+    cavities = measure_cavities(read_back(data))
+    return _make_with_cavity(
         data, cavities.wall_mm, cavities.number, cavities.volume_mm3, cavities.part
     )
 
 
-def _made_with_cavity(
+def _make_with_cavity(
     data: bytes,
     wall: float,
     number: int,
@@ -228,7 +228,7 @@ def _made_with_cavity(
     return Made({"": data}, body, center, wall, facts, tuple(notes))
 
 
-def _drained(surface: Surface, center: Floats, wall: float, radius: float) -> Made:
+def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Made:
     """With a hole to each part of the cavity, which is found again with each hole."""
     body = solid(surface.points, surface.triangles)
     room, _ = within_walls(surface, wall)
@@ -279,7 +279,7 @@ def _drained(surface: Surface, center: Floats, wall: float, radius: float) -> Ma
             "drain_mm"
         )
     volume = float(missing.volume())
-    return _made_with_cavity(data, least, len(parts), volume, volume / surface.volume, holes)
+    return _make_with_cavity(data, least, len(parts), volume, volume / surface.volume, holes)
 
 
 def _without(body: Manifold, others: list[Manifold]) -> Manifold:
@@ -292,7 +292,7 @@ def _with_two_infills(surface: Surface, center: Floats, material: Material) -> M
     as the place of other settings (a modifier)."""
     less, more = material.infill
     room, _ = within_walls(surface, material.wall_mm)
-    mass, middle = _weighed(surface, [(room, more - 1.0)])
+    mass, middle = _weigh(surface, [(room, more - 1.0)])
     files = {"": stl_bytes(surface.points, surface.triangles)}
     if is_shifted(surface, surface.centroid + center - middle):
         cut = beyond_plane(room, center, mass * (middle - center) / (more - less))
@@ -323,12 +323,12 @@ def _with_two_infills(surface: Surface, center: Floats, material: Material) -> M
             f"the part in NAME{MODIFIER} is no body but the place of {100.0 * less:g} % infill: a "
             "modifier in the slicer"
         )
-    mass, center = _weighed(surface, densities)
+    mass, center = _weigh(surface, densities)
     facts = {"infill": [less, more], "part": mass / surface.volume}
     return Made(files, body, center, wall, facts, tuple(notes), modifier)
 
 
-def _weighed(surface: Surface, densities: list[tuple[Manifold, float]]) -> tuple[float, Floats]:
+def _weigh(surface: Surface, densities: list[tuple[Manifold, float]]) -> tuple[float, Floats]:
     """Mass, and center of mass (3,), of a solid of density 1 with others of some added."""
     mass, moment = surface.volume, surface.volume * surface.centroid
     for part, density in densities:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NoReturn
 
-from dicedesign.batch.rest_table import Entry, Stamp, analyzed_entry, broken_entry
+from dicedesign.batch.rest_table import Entry, Stamp, broken_entry, make_entry
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.reading import OWN_ENDINGS, mesh_endings
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
@@ -101,7 +101,7 @@ def analyze_files(
                 body = read_body(path)
             poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
             seconds = time.perf_counter() - started
-            entries[file] = analyzed_entry(file, stamp, poses, seconds)
+            entries[file] = make_entry(file, stamp, poses, seconds)
         except Exception as error:
             # Thousands of files are not given up for one, even where the fault is ours.
             said = str(error) if isinstance(error, DiceError) else f"{file}: {error!r}"

@@ -88,11 +88,11 @@ class Entry:
     rests: int
 
 
-def analyzed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Entry:
+def make_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Entry:
     """The rows of a file's rests; `seconds` were spent on reading and analyzing it."""
     count = len(poses.probabilities)
     # What the rows have in common becomes text once.
-    name = csv_line([escaped_name(file)])[:-1]
+    name = csv_line([escape_name(file)])[:-1]
     end = csv_line(
         [
             count,
@@ -126,7 +126,7 @@ def analyzed_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) ->
 def broken_entry(file: str, stamp: Stamp, error: str, seconds: float = 0.0) -> Entry:
     """The row of a file that could not be analyzed, with the reason in one line."""
     row: dict[str, object] = dict.fromkeys(COLUMNS, "")
-    row |= {"file": escaped_name(file), "rests": 0, "seconds": round(seconds, 6)}
+    row |= {"file": escape_name(file), "rests": 0, "seconds": round(seconds, 6)}
     row |= {"error": " ".join(error.split())}
     row |= zip(STAMPED, astuple(stamp), strict=True)
     return Entry(stamp, csv_line(row.values()), 0)
@@ -150,7 +150,7 @@ _ESCAPED = re.compile(r"(\\+)(udc[89a-f][0-9a-f])")
 _TO_ESCAPE = re.compile(r"(\\*)(udc[89a-f][0-9a-f]|[\udc80-\udcff])")
 
 
-def escaped_name(name: str) -> str:
+def escape_name(name: str) -> str:
     """The name of a file as a table has it: a byte that is not UTF-8 is an escape, such as
     `\\udcff`, and backslashes before one, or before letters that would look like one, are
     doubled."""
@@ -163,7 +163,7 @@ def escaped_name(name: str) -> str:
 
 
 def _own_name(escaped: str) -> str:
-    """The name that `escaped_name` has made this from."""
+    """The name that `escape_name` has made this from."""
 
     def unescape(match: re.Match[str]) -> str:
         slashes, rest = match.groups()

@@ -270,7 +270,7 @@ def repair(options: RepairArguments) -> int:
 
 def balance(options: BalanceArguments) -> int:
     """Write a mesh with its center of mass moved toward a goal."""
-    from dicedesign.balance.balanced import balanced
+    from dicedesign.balance.balanced import balance_body
     from dicedesign.balance.options import BalanceOptions
     from dicedesign.report.surface_figures import balance_figure
 
@@ -296,7 +296,7 @@ def balance(options: BalanceArguments) -> int:
     with open_output_folder(file.parent):
         _refuse_overwriting(options.mesh, file, "another file than the mesh")
         body = read_body(options.mesh)
-        result = balanced(body, goal, settings, on_way=lambda way: print_note(f"by {way} ..."))
+        result = balance_body(body, goal, settings, on_way=lambda way: print_note(f"by {way} ..."))
         contents = {
             file.with_name(file.stem + end) if end else file: data
             for end, data in result.made.files.items()

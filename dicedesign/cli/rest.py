@@ -235,10 +235,10 @@ def drop(options: DropArguments) -> int:
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
     if options.figure is not None:
-        from dicedesign.report.figures import drawn_surface
+        from dicedesign.report.figures import surface_to_draw
         from dicedesign.report.motion_pictures import drop_figure
 
-        surface = drawn_surface(body.points, body.triangles, poses.hull)
+        surface = surface_to_draw(body.points, body.triangles, poses.hull)
         atomic_write(options.figure, drop_figure(surface, poses, down).png())
     columns: dict[str, Any] = {
         "down": [step.down for step in steps],

@@ -40,10 +40,10 @@ from dicedesign.throws.table_fit import (
 from dicedesign.throws.tables import Table, posterior_entries
 from dicedesign.throws.throw_counts import (
     CountedDie,
+    read_die_without_counts,
+    read_rolled_die,
     read_throw_counts,
-    rolled_die,
     throws_digest,
-    uncounted_die,
 )
 
 CHECKED: Final = 1 / 12
@@ -106,7 +106,7 @@ def fit(options: TableArguments) -> int:
     if out is not None and out.suffix != ".json":
         raise InputError(f"--out: expected a path that ends in .json, got {out}; rename it")
     dice, others = _read_dice(options)
-    designed = None if options.die is None else uncounted_die(options.die)
+    designed = None if options.die is None else read_die_without_counts(options.die)
     counted = (*dice, *others)
     if designed is not None:
         others = (*others, designed[0])
@@ -149,7 +149,9 @@ def fit(options: TableArguments) -> int:
         at_hand = None
         if designed is not None:
             die, target = designed
-            throws = simulate(die.body, fit.table.lifted(die.size), fresh, options.seed, **share)
+            throws = simulate(
+                die.body, fit.table.for_size_above(die.size), fresh, options.seed, **share
+            )
             at_hand = DieAtHand(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
             entries = fit.table.as_dict() | {"posterior": posterior_entries(fit.posterior)}
@@ -184,7 +186,7 @@ def _read_dice(
         raise InputError(
             "--dice, --check: expected a file that has these dice, got none; add --throws"
         )
-    dice = (*dice, *(rolled_die(folder, rolls) for folder, rolls in options.rolls))
+    dice = (*dice, *(read_rolled_die(folder, rolls) for folder, rolls in options.rolls))
     if not dice or {die.name for die in dice} & set(checked or ()):
         raise InputError(
             "--check: expected dice that are not fitted to, and some that are, got "

@@ -52,18 +52,18 @@ def throw(options: ThrowArguments) -> int:
     from dicedesign.throws.momentum_probabilities import momentum_probabilities
     from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, rigid_body
     from dicedesign.throws.simulation import check_throws, simulate
-    from dicedesign.throws.tables import table_named, with_hand
+    from dicedesign.throws.tables import load_table, with_hand
 
     size = None if options.size is None else options.size / MM_PER_METER
     with named("--table"):
         name = with_hand(options.table, options.hand)
-        table = table_named(name)
+        table = load_table(name)
     model = None
     try:
         model = momentum_model(name)
     except InputError as error:
         print_note(f"without probabilities by the momentum model, as {printable(error)}")
-    table = table.sized(size)
+    table = table.for_size(size)
     orientations: Any = options.orientations or ("icosahedron" if name == "paper" else "uniform")
     drops = options.drops
     if drops is None:
@@ -81,7 +81,7 @@ def throw(options: ThrowArguments) -> int:
     body = rigid_body(mesh, poses, tensor)
     if labels is not None and size is None:
         # Its files are in millimeters.
-        table = table.sized(2.0 * body.radius / MM_PER_METER)
+        table = table.for_size(2.0 * body.radius / MM_PER_METER)
     started = time.perf_counter()
     momentum = None if model is None else momentum_probabilities(poses, body, model)
     with workers_of(options, "drops", drops) as workers:

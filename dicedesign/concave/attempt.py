@@ -17,10 +17,10 @@ from dicedesign.concave.hull_design import (
     UNCROSSED,
     HullDraft,
     design_hull,
-    designed_hull,
-    eased_hull,
+    make_designed_hull,
     nearer_draft,
-    settled_draft,
+    relax_hull,
+    settle_draft,
 )
 from dicedesign.concave.hull_problem import DesignedHull, HullProblem, point_masses
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
@@ -121,7 +121,7 @@ class Attempts:
         """Of the hull's design."""
         options = self.options
         return HullProblem(
-            self.surface.moved((self.surface.points - self.center) / self.radius),
+            self.surface.with_points((self.surface.points - self.center) / self.radius),
             self.target,
             tolerance=ROOM * options.tolerance,
             apart=math.radians(options.apart_deg),
@@ -143,11 +143,11 @@ class Attempts:
         on_step = partial(self.on_step, number, "hull")
         if self.options.hull == "paper":
             # Imported late: the usual way does without.
-            from dicedesign.concave.paper_hull import searched_hull
+            from dicedesign.concave.paper_hull import search_hull
 
             paper = self.options.paper or ConcavePaperOptions()
-            design = searched_hull(problem, choices, paper, random, on_step, plain=number == 1)
-            return self._filled(number, problem, design, best)
+            design = search_hull(problem, choices, paper, random, on_step, plain=number == 1)
+            return self._fill(number, problem, design, best)
         circle = max(SLOPES.circle, CIRCLE * problem.margin)
         factors = np.ones(3)
         if number > len(choices):
@@ -156,19 +156,19 @@ class Attempts:
         draft = design_hull(problem, choices[(number - 1) % len(choices)], slopes, on_step)
         if draft is None or not self._is_promising(problem, draft, best):
             return None
-        return self.filled(number, draft, slopes, best)
+        return self.fill_near(number, draft, slopes, best)
 
-    def filled(
+    def fill_near(
         self, number: int, draft: HullDraft, slopes: SlopeOptions, best: FilledHull | None
     ) -> FilledHull | None:
         """A hull as it was designed, brought nearer to the original and filled; None where none
         comes about, or the best is as good."""
         if self.wall is not None:
-            return self._filled_about_cavity(number, draft, slopes, best, self.wall)
+            return self._fill_about_cavity(number, draft, slopes, best, self.wall)
         made = None
         for metric in (NEAREST, UNCROSSED):
             nearer = nearer_draft(self.problem, draft, slopes, metric)
-            filled = self.finished(number, self.problem, nearer, best)
+            filled = self.finish(number, self.problem, nearer, best)
             if filled is None:
                 break
             if self.is_better(filled, made):
@@ -177,7 +177,7 @@ class Attempts:
                 break
         return made
 
-    def _filled_about_cavity(
+    def _fill_about_cavity(
         self,
         number: int,
         draft: HullDraft,
@@ -199,7 +199,7 @@ class Attempts:
 
         def has_room(filled: FilledHull) -> bool:
             """Whether a cavity brings the center of mass to where it is wanted."""
-            surface, center = self.surface.moved(filled.points), filled.center_of_mass
+            surface, center = self.surface.with_points(filled.points), filled.center_of_mass
             with suppress(InputError):
                 if is_shifted(surface, center):
                     balancing_cavity(surface, thickness(surface), center)
@@ -208,24 +208,24 @@ class Attempts:
 
         problem = with_room(self.problem.surface, SAFE)
         nearer = nearer_draft(problem, draft, slopes)
-        filled = self.finished(number, problem, nearer, best)
+        filled = self.finish(number, problem, nearer, best)
         if filled is None or not self.is_better(filled, best):
             return None
         if not has_room(filled):
             # A solid one to begin with, which has more room when it is bent less.
             nearer = nearer_draft(self.problem, draft, slopes)
-            filled = self.finished(number, self.problem, nearer, None)
+            filled = self.finish(number, self.problem, nearer, None)
         part = SAFE
         for _ in range(SHIFTS):
             if filled is None:
                 break
-            bent = self.problem.surface.moved((filled.points - self.center) / self.radius)
+            bent = self.problem.surface.with_points((filled.points - self.center) / self.radius)
             try:
                 problem = with_room(bent, part)
             except InputError:
                 break
             further = nearer_draft(problem, nearer, slopes)
-            following = self.finished(number, problem, further, filled)
+            following = self.finish(number, problem, further, filled)
             if following is None or not self.is_better(following, filled):
                 break
             if has_room(following):
@@ -238,11 +238,11 @@ class Attempts:
         """Whether a filled hull is better than the best, or the first."""
         return best is None or rank(filled, self.options) < rank(best, self.options)
 
-    def finished(
+    def finish(
         self, number: int, problem: HullProblem, draft: HullDraft, best: FilledHull | None
     ) -> FilledHull | None:
         """A draft as a filled hull; None where none comes about, or the best is as good."""
-        draft = settled_draft(problem, draft)
+        draft = settle_draft(problem, draft)
         if not self._is_promising(problem, draft, best):
             return None
         if best is not None and missing(best, self.options) == 0.0:
@@ -253,7 +253,7 @@ class Attempts:
             cost = (1.0 + doubts(apart, margin, self.options)) * moved
             if cost >= rank(best, self.options)[1]:
                 return None
-        return self._filled(number, problem, designed_hull(problem, draft), best)
+        return self._fill(number, problem, make_designed_hull(problem, draft), best)
 
     def _is_promising(
         self, problem: HullProblem, draft: HullDraft, best: FilledHull | None
@@ -264,12 +264,12 @@ class Attempts:
         lacking = draft.shortfall(problem)
         return lacking == 0.0 or lacking < missing(best, self.options)
 
-    def _filled(
+    def _fill(
         self, number: int, problem: HullProblem, design: DesignedHull, best: FilledHull | None
     ) -> FilledHull | None:
         """A designed hull filled in the way that the options say."""
         if self.options.fill == "correspondence":
-            return self._eased(number, problem, design)
+            return self._ease(number, problem, design)
         if best is not None and design.error > max(self.options.tolerance, best.error):
             return None
         # Imported late: the usual way does without.
@@ -285,9 +285,9 @@ class Attempts:
         # As near as it comes.
         if filled.status is FillStatus.UNSOLVED:
             return None
-        return self._measured(number, design, filled)
+        return self._measure(number, design, filled)
 
-    def _eased(self, number: int, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
+    def _ease(self, number: int, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
         """A designed hull filled by correspondence, and eased as long as that helps; None where it
         cannot be filled."""
         points, triangles = problem.surface.points, self.surface.triangles
@@ -302,7 +302,7 @@ class Attempts:
             )
             if filled.status is not FillStatus.FITTED:
                 break
-            eased = self._measured(number, design, filled)
+            eased = self._measure(number, design, filled)
             if best and eased.self_intersections > HELPED * best.self_intersections:
                 break
             best = eased
@@ -310,19 +310,19 @@ class Attempts:
                 break
             crossing = np.unique(intersecting_triangles(best.points, triangles))
             places = points[np.unique(triangles[crossing])]
-            following = eased_hull(problem, design, places, WIDTH * WIDENING**easing)
+            following = relax_hull(problem, design, places, WIDTH * WIDENING**easing)
             if following is None:
                 break
             design = following
         return best
 
-    def _measured(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
+    def _measure(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
         """A designed hull after it was filled."""
         unit = self.problem.surface
         back = best_similarity(filled.points, unit.points, point_masses(unit))
-        solid = unit.moved(back(filled.points))
+        solid = unit.with_points(back(filled.points))
         # As they come out of a file of single precision.
-        rounded = unit.moved(solid.points.astype(np.float32).astype(np.float64))
+        rounded = unit.with_points(solid.points.astype(np.float32).astype(np.float64))
         reached = convex_hull(rounded.points, single_precision=True)
         shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
         poses = analyze(reached, rounded.centroid + shift)

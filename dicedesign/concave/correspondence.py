@@ -67,7 +67,7 @@ class Contacts:
         self.facets = np.concatenate([self.facets, facets[fresh]])
         unknown = np.unique(self.points[self.place[self.points] < 0])
         self.place[unknown] = self.responses.shape[1] + np.arange(len(unknown))
-        fresh_responses = self.held.held(self.held.elasticity.responses(unknown))
+        fresh_responses = self.held.hold(self.held.elasticity.responses(unknown))
         self.responses = np.hstack([self.responses, fresh_responses])
 
     def solve(
@@ -174,13 +174,13 @@ def fill_by_correspondence(
     stick out after the last round.
     """
     surface, held = elasticity.surface, HeldCorners(elasticity, corners)
-    following = held.followed(hull.vertices - surface.points[corners])
+    following = held.follow(hull.vertices - surface.points[corners])
     contacts, moved = Contacts(held), following.copy()
     middle = hull.vertices.mean(axis=0)
     room = hull.heights(middle) - SINK * surface.diagonal
     status = FillStatus.STEP_LIMIT
     for number in range(MOST_ROUNDS):
-        now = surface.moved(surface.points + moved)
+        now = surface.with_points(surface.points + moved)
         # By the forces they come there to within rounding times the condition of those.
         now.points[corners] = hull.vertices
         heights = (now.points - middle) @ hull.normals.T - room
@@ -201,13 +201,13 @@ def fill_by_correspondence(
         contacts.add(out, highest[out])
         if number < FIRST_ROUNDS:
             # Of a change from start to end its gradient half way tells all but the third order.
-            halfway = surface.moved(surface.points + 0.5 * moved)
+            halfway = surface.with_points(surface.points + 0.5 * moved)
             whole = np.moveaxis(halfway.centroid_derivatives(), 0, -1)
             misses = center_of_mass - surface.centroid - np.einsum("nab,na->b", whole, following)
         else:
             following, misses = moved.copy(), miss
             whole = np.moveaxis(now.centroid_derivatives(), 0, -1)
-        raised = held.held(elasticity.center_responses(whole).reshape(-1, 9)).reshape(whole.shape)
+        raised = held.hold(elasticity.center_responses(whole).reshape(-1, 9)).reshape(whole.shape)
         normals, at = hull.normals[contacts.facets], contacts.points
         places = surface.points[at] + following[at] - middle
         bounds = room[contacts.facets] - (places * normals).sum(-1)

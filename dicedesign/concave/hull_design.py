@@ -33,7 +33,7 @@ from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rest
 from dicedesign.optimize.coordinates import VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import CandidateMaker, LevenbergMarquardt
-from dicedesign.rest.outcomes import gathered
+from dicedesign.rest.outcomes import assign_rests
 from dicedesign.runtime.arrays import Floats, Integers
 
 LARGEST_GAIN = 0.05
@@ -127,7 +127,7 @@ class HullDraft:
 
     def error(self, target: Floats) -> float:
         """See `DesignedHull.error`."""
-        return gathered(self.rest_normals, self.rests.probability_values, self.normals).error(
+        return assign_rests(self.rest_normals, self.rests.probability_values, self.normals).error(
             target
         )
 
@@ -182,7 +182,7 @@ def change_of_least_work(
     return following - displacement
 
 
-def designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
+def make_designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
     """A draft as the hull to fill, where the surface would be led by its corners alone."""
     own, moved = draft.rests.hull, draft.corners - problem.hull.vertices
     error = draft.error(problem.target)
@@ -271,7 +271,7 @@ def design_hull(
             return draft
         if missing < least:
             best, least = draft, missing
-        directions = _followed(problem, draft, directions)
+        directions = _follow_rests(problem, draft, directions)
         compliance = problem.compliance(SOFTENING[step // STAGE_STEPS])
         change = change_of_least_work(problem, draft, compliance, memory, directions, step)
         longest = float(norms(change).max())
@@ -281,7 +281,7 @@ def design_hull(
     return best
 
 
-def _followed(problem: HullProblem, draft: HullDraft, directions: Floats) -> Floats:
+def _follow_rests(problem: HullProblem, draft: HullDraft, directions: Floats) -> Floats:
     """The outcomes' directions (k, 3) on the way to their own rests, as far as they stay apart."""
     followed = directions.copy()
     normals = draft.normals
@@ -350,7 +350,7 @@ def nearer_draft(
             )
             for part in (np.ones((1, 1)), *about):
                 change = part * (goal - nearer.corners)
-                nearer = _moved(problem, nearer, change, missing) or nearer
+                nearer = _move(problem, nearer, change, missing) or nearer
             if nearer is first:
                 break
         before, after = (problem.displacement(hull.corners - original) for hull in (draft, nearer))
@@ -361,7 +361,7 @@ def nearer_draft(
     return draft
 
 
-def _moved(
+def _move(
     problem: HullProblem, draft: HullDraft, change: Floats, missing: float
 ) -> HullDraft | None:
     """A draft after a change (n, 3) of its corners, or the first half, ... of it, from which no
@@ -373,7 +373,7 @@ def _moved(
     return None
 
 
-def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
+def settle_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
     """The hull whose probabilities are met as well as can be, next to one where they nearly are."""
     exact = exact_draft(problem, draft)
     if exact is not None:
@@ -393,7 +393,7 @@ def settled_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
     return draft
 
 
-def eased_hull(
+def relax_hull(
     problem: HullProblem, design: DesignedHull, places: Floats, width: float
 ) -> DesignedHull | None:
     """A design whose corners near some places (p, 3) of the original surface go where the others
@@ -415,12 +415,12 @@ def eased_hull(
         group = np.flatnonzero((owner[1] == place) & (owner[0] < width))
         others = np.setdiff1d(np.arange(len(original)), group)
         held = HeldCorners(problem.elasticity, problem.source[others])
-        followed = held.followed((draft.corners - unbent)[others])
+        followed = held.follow((draft.corners - unbent)[others])
         goal = draft.corners.copy()
         goal[group] = unbent[group] + followed[problem.source[group]]
-        following = _moved(problem, draft, goal - draft.corners, missing)
+        following = _move(problem, draft, goal - draft.corners, missing)
         if following is not None:
             draft, eased = following, True
     if not eased:
         return None
-    return designed_hull(problem, settled_draft(problem, draft))
+    return make_designed_hull(problem, settle_draft(problem, draft))

@@ -125,13 +125,13 @@ class HeldCorners:
         factor: tuple[Floats, bool] = cho_factor(self.by_corner[self.corners])
         return factor
 
-    def followed(self, displacement: Floats) -> Floats:
+    def follow(self, displacement: Floats) -> Floats:
         """(n, d) displacements of all points for those (c, d) of the corners."""
         return np.asarray(self.by_corner @ cho_solve(self._factor, displacement))
 
-    def held(self, responses: Floats) -> Floats:
+    def hold(self, responses: Floats) -> Floats:
         """(n, d) what is left of displacements (n, d) when the corners are held in place."""
-        return responses - self.followed(responses[self.corners])
+        return responses - self.follow(responses[self.corners])
 
     @cached_property
     def relative(self) -> tuple[Floats, Floats]:
@@ -204,7 +204,7 @@ SAMPLES = 600
 """Points of the surface that stand for those around them."""
 
 
-def squared_displacement(held: HeldCorners, forces: Floats) -> Floats:
+def displacement_form(held: HeldCorners, forces: Floats) -> Floats:
     """(c, 3, c, 3) the quadratic form that is the mean squared displacement of the points of a
     surface, laid onto the original as well as a similarity can, for displacements of some of them.
 
@@ -320,9 +320,9 @@ class HullProblem:
         return HeldCorners(self.elasticity, self.source)
 
     @cached_property
-    def squared_displacement(self) -> Floats:
-        """(n, 3, n, 3) see `squared_displacement`, for displacements of the corners."""
-        return squared_displacement(self.held, self.held.relative[0])
+    def displacement_form(self) -> Floats:
+        """(n, 3, n, 3) see `displacement_form`, for displacements of the corners."""
+        return displacement_form(self.held, self.held.relative[0])
 
     def shift(self, moved: Floats) -> Floats:
         """(3,) from the center of mass of the uniform solid to where cavities are to bring it, so
@@ -333,15 +333,15 @@ class HullProblem:
         """
         if self.room is None:
             return np.zeros(3)
-        slope = np.tensordot(moved, self.squared_displacement.sum(axis=2), 2)
-        form, room = self.squared_displacement.sum(axis=(0, 2)), self.room
+        slope = np.tensordot(moved, self.displacement_form.sum(axis=2), 2)
+        form, room = self.displacement_form.sum(axis=(0, 2)), self.room
         return least_within(form, slope, room.normals, room.heights(np.zeros(3)))
 
     def displacement(self, moved: Floats) -> float:
         """Root of the mean squared displacement of the surface, over its diagonal, when it is led
         by the corners alone, moved by (n, 3) as in `shift`."""
         moved = moved + self.shift(moved)
-        square = np.tensordot(np.tensordot(self.squared_displacement, moved, 2), moved, 2)
+        square = np.tensordot(np.tensordot(self.displacement_form, moved, 2), moved, 2)
         return float(np.sqrt(square)) / self.surface.diagonal
 
     @cached_property
@@ -380,7 +380,7 @@ class HullProblem:
         for axis in range(3):
             stiffness[:, axis, :, axis] += smooth
         if metric.displaced > 0.0:
-            stiffness += metric.displaced * self.squared_displacement
+            stiffness += metric.displaced * self.displacement_form
         flat = stiffness.reshape(3 * count, 3 * count)
         compliance = positive_inverse(flat).reshape(count, 3, count, 3)
         if self.room is not None:

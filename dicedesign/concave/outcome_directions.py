@@ -102,7 +102,7 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
     order = np.argsort(-target, kind="stable")
     shares = target[order]
     sets = _sets(costs, candidates, count, apart, shares, random)
-    price, sets = _ordered(costs, sets, shares)
+    price, sets = _order_sets(costs, sets, shares)
     alike = target[:, None] == target
     chosen: list[Floats] = []
     for place in np.argsort(price, kind="stable"):
@@ -173,15 +173,15 @@ def _sets(
             for one, other in combinations(range(count), 2):
                 sets = sets[~near[sets[:, one], sets[:, other]]]
         else:
-            sets = _drawn_sets(near, count, random)
+            sets = _draw_sets(near, count, random)
         if len(sets) > 0:
             break
         apart *= LOOSENED
     sets = _cheapest(costs, sets, MOST_ASSIGNED)
     for _ in range(0 if every else IMPROVED):
-        prices = _assigned(costs, _by_natural_share(costs, sets), shares)
+        prices = _assign_samples(costs, _by_natural_share(costs, sets), shares)
         best = sets[np.argsort(prices, kind="stable")[:MOST_ORDERED]]
-        exchanged = _exchanged(near, best)
+        exchanged = _exchange(near, best)
         sets = np.unique(np.concatenate([best, _cheapest(costs, exchanged, MOST_ASSIGNED)]), axis=0)
     return sets
 
@@ -192,7 +192,7 @@ def _at_a_time(most: int, count: int) -> int:
     return max(1, round(most * min(1.0, (FEW / count) ** 2)))
 
 
-def _drawn_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Integers:
+def _draw_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Integers:
     """Sets that are drawn one candidate after the other, all at once."""
     drawn = _at_a_time(MOST_SETS, count)
     free = np.ones((drawn, len(near)), dtype=bool)
@@ -206,7 +206,7 @@ def _drawn_sets(near: np.ndarray, count: int, random: np.random.Generator) -> In
     return np.unique(np.sort(sets, axis=1), axis=0)
 
 
-def _exchanged(near: np.ndarray, sets: Integers) -> Integers:
+def _exchange(near: np.ndarray, sets: Integers) -> Integers:
     """The sets (m, k) with one candidate exchanged for any other that is apart from the rest."""
     made = []
     for place in range(sets.shape[1]):
@@ -233,18 +233,18 @@ def _by_natural_share(costs: Floats, sets: Integers) -> Integers:
     return np.take_along_axis(sets, np.argsort(-natural, axis=1, kind="stable"), axis=1)
 
 
-def _ordered(costs: Floats, sets: Integers, shares: Floats) -> tuple[Floats, Integers]:
+def _order_sets(costs: Floats, sets: Integers, shares: Floats) -> tuple[Floats, Integers]:
     """Costs (m,) of sets (m, k) in the orders that cost least."""
     sets = _by_natural_share(costs, sets)
-    prices = _assigned(costs, sets, shares)
+    prices = _assign_samples(costs, sets, shares)
     if len(np.unique(shares)) == 1 or math.factorial(len(shares)) > MOST_ORDERS:
         return prices, sets
     best = sets[np.argsort(prices, kind="stable")[:MOST_ORDERED]]
     tried = np.concatenate([best[:, list(order)] for order in permutations(range(len(shares)))])
-    return _assigned(costs, tried, shares), tried
+    return _assign_samples(costs, tried, shares), tried
 
 
-def _assigned(costs: Floats, sets: Integers, shares: Floats) -> Floats:
+def _assign_samples(costs: Floats, sets: Integers, shares: Floats) -> Floats:
     """(m,) cost of the cheapest assignment of the samples to sets (m, k) with their shares (k,).
 
     Source: Cuturi, Sinkhorn distances (NeurIPS 2013).

@@ -113,8 +113,8 @@ def balance(
     """
     # In units of the reference's diagonal about the wanted center of mass.
     unit, weight, part = reference.diagonal, options.center_of_mass, 1.0
-    scaled = reference.moved(reference.points / unit)
-    surface = filled.moved((filled.points - center_of_mass) / unit)
+    scaled = reference.with_points(reference.points / unit)
+    surface = filled.with_points((filled.points - center_of_mass) / unit)
     heights = hull.heights(center_of_mass) / unit
     elastic = ElasticEnergy.of(scaled, options.membrane, options.bending)
     # A closed oriented surface passes each edge once in each direction.
@@ -147,7 +147,7 @@ def balance(
         part = min(1.0, 4.0 * part)
         while part >= SHORTEST_MOVE:
             step = part * longest
-            trial = surface.moved(surface.points - step * move)
+            trial = surface.with_points(surface.points - step * move)
             lower = energy(trial)
             if lower <= before - DECREASE * step * slope:
                 surface = trial
@@ -169,7 +169,7 @@ def balance(
         if longest == 0.0:
             return False
         step = min(1.0, BOLDEST / longest) * (moves @ multipliers)
-        surface = surface.moved(surface.points + step)
+        surface = surface.with_points(surface.points + step)
         on_step(energy(surface))
         return True
 
@@ -317,7 +317,7 @@ class PointsInside:
         ).x
         return ALMOST * (best[0] * points + best[1:])
 
-    def mended(self, points: Floats) -> Floats:
+    def pull_inside(self, points: Floats) -> Floats:
         """Points (n, 3), those outside drawn toward the origin until they are not."""
         excess = (points @ self.normals.T / self.heights).max(axis=1)
         return points / np.maximum(excess, 1.0)[:, None]
@@ -400,12 +400,12 @@ def fill_by_quadratic_programs(
     """
     # In units of the surface's diagonal about the hull's centroid.
     unit, middle = surface.diagonal, hull.centroid
-    scaled = surface.moved((surface.points - middle) / unit)
+    scaled = surface.with_points((surface.points - middle) / unit)
     targets = (hull.vertices - middle) / unit
     inside = PointsInside(hull.normals, hull.heights(middle) / unit - MARGIN)
     elastic = ElasticEnergy.of(scaled, options.membrane, options.bending)
     points, weight = inside.largest(scaled.points), options.closest_point
-    closest = ClosestPointEnergy.of(scaled.moved(points), targets)
+    closest = ClosestPointEnergy.of(scaled.with_points(points), targets)
 
     def energy_at(points: Floats) -> float:
         return elastic.value(points) + weight * closest.value(points)
@@ -426,7 +426,7 @@ def fill_by_quadratic_programs(
         if move is None:
             status = FillStatus.UNSOLVED
             break
-        trial = inside.mended(points + move)
+        trial = inside.pull_inside(points + move)
         before, energy, part = points, energy_at(points), 1.0
         while part >= SHORTEST:
             nearer = trial if part == 1.0 else before + part * (trial - before)
@@ -438,7 +438,7 @@ def fill_by_quadratic_programs(
         on_step(energy)
         if part == 1.0 or part < SHORTEST:
             weight *= options.growth
-        closest = ClosestPointEnergy.of(scaled.moved(points), targets)
+        closest = ClosestPointEnergy.of(scaled.with_points(points), targets)
     return FillResult(points * unit + middle, energy, status)
 
 
@@ -464,7 +464,7 @@ def fill_as_paper(
         return filled
     return balance(
         surface,
-        surface.moved(filled.points),
+        surface.with_points(filled.points),
         convex_hull(filled.points),
         center_of_mass,
         options,

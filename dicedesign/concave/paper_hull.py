@@ -41,7 +41,7 @@ CHOICE_SCALE = 1.0
 """Mean place, among the choices, of the one that a trial is made with."""
 
 
-def searched_hull(
+def search_hull(
     problem: HullProblem,
     choices: list[Floats],
     options: ConcavePaperOptions,
@@ -90,7 +90,7 @@ def descend_hull(
 ) -> DesignedHull:
     """The hull at the end of a descent, whatever its error.
 
-    directions: (k, 3) unit directions of the outcomes; on_step: as in `searched_hull`. The corners
+    directions: (k, 3) unit directions of the outcomes; on_step: as in `search_hull`. The corners
     are told by the least sum of squared distances from those of the original.
     """
     original = problem.hull.vertices

@@ -163,7 +163,7 @@ def make_concave_die(
             f"{progress.attempts} attempts did; allow more with method.concave.attempts, "
             "or take another target or surface"
         )
-    after, hollow = surface.moved(best.points), None
+    after, hollow = surface.with_points(best.points), None
     if wall is not None and is_shifted(after, best.center_of_mass):
         hollow = Hollow(wall, best.center_of_mass)
     return ConcaveDie(

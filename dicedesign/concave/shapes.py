@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.surfaces.grid_surface import evened, surface_nets
+from dicedesign.geometry.surfaces.grid_surface import smooth_mesh, surface_nets
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -75,7 +75,7 @@ def tube(line: Sequence[Vector] | Floats, start_radius: float, end_radius: float
     return lambda points: np.minimum.reduce([piece(points) for piece in pieces])
 
 
-def mirrored(part: Distance) -> Distance:
+def mirror(part: Distance) -> Distance:
     """A part that lies at y above 0, and its mirror image in the plane y = 0."""
 
     def distance(points: Floats) -> Floats:
@@ -85,7 +85,7 @@ def mirrored(part: Distance) -> Distance:
     return distance
 
 
-def stretched(part: Distance, factors: Vector) -> Distance:
+def stretch(part: Distance, factors: Vector) -> Distance:
     """A part whose extents along x, y and z are multiplied by factors above 0."""
     return lambda points: min(factors) * part(points / np.array(factors))
 
@@ -113,7 +113,7 @@ DIFFERENCE = 1e-5
 def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> Surface:
     """Triangles with edges of about one length on the surface where a distance function is 0.
 
-    A surface between the nodes of a grid (`surface_nets`) is made even (`evened`).
+    A surface between the nodes of a grid (`surface_nets`) is made even (`smooth_mesh`).
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> 
         steps = (values / squares).clip(-0.5 * spacing, 0.5 * spacing)
         return points - steps[:, None] * slopes
 
-    return Surface(*evened(*surface_nets(values < 0.0, crossing), onto, ROUNDS))
+    return Surface(*smooth_mesh(*surface_nets(values < 0.0, crossing), onto, ROUNDS))
 
 
 PARTS: Final = {"ellipsoid": ellipsoid, "round_cone": round_cone, "tube": tube}
@@ -168,14 +168,14 @@ def shape(name: str) -> Surface:
         make: Any = PARTS[kind]
         part: Distance = make(*entry[kind])
         if "stretched" in entry:
-            part = stretched(part, entry["stretched"])
+            part = stretch(part, entry["stretched"])
         if entry.get("mirrored"):
-            part = mirrored(part)
+            part = mirror(part)
         body = part if body is None else blend(body, part, entry["width"])
     assert body is not None
     low, high = np.array(described["low"]), np.array(described["high"])
     surface = level_set(body, low, high, described["spacing"])
-    return surface.moved(surface.points * described["lengthened"])
+    return surface.with_points(surface.points * described["lengthened"])
 
 
 def _knot() -> Surface:

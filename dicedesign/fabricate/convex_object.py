@@ -27,7 +27,7 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.manifold import mesh_of
 from dicedesign.geometry.sphere import foot_on_line, norms, rotation_between, unit_vectors
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
-from dicedesign.geometry.triangles import Surface, joined, solid_properties
+from dicedesign.geometry.triangles import Surface, join_surfaces, solid_properties
 from dicedesign.optimize.solvers.reshaping import Measured
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
@@ -54,37 +54,37 @@ class ConvexObject:
     edges: EdgeOptions | None
     offset: Floats | None = None
 
-    def unlabeled(self, core: ConvexHull) -> Surface:
+    def make_unlabeled(self, core: ConvexHull) -> Surface:
         """The solid without labels."""
         hull = core
         if self.edges is not None:
             center = core.centroid if self.offset is None else core.centroid + self.offset
-            hull = rounded(core, center, self.edges)
+            hull = round_edges(core, center, self.edges)
         return Surface(hull.vertices, hull.triangles)
 
-    def balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
+    def make_balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """The solid by which the object is judged: engraved, with a hidden hollow where that is to
         balance it; whole where the labels are filled. Raises EngravingError."""
         if self.labels is None or self.labels.balance == "fill":
-            return self.unlabeled(core)
-        return self.engraved(core, placements)
+            return self.make_unlabeled(core)
+        return self.make_engraved(core, placements)
 
-    def engraved(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
+    def make_engraved(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """The solid with its labels cut in, whatever fills them. Raises EngravingError."""
-        plain = self.unlabeled(core)
+        plain = self.make_unlabeled(core)
         if self.labels is None or not placements:
             return plain
-        marked = engrave(plain.points, plain.triangles, self.placed(placements), self.labels)
-        return hollowed(marked, plain.centroid) if self.labels.balance == "opposite" else marked
+        marked = engrave(plain.points, plain.triangles, self.place_labels(placements), self.labels)
+        return hollow_out(marked, plain.centroid) if self.labels.balance == "opposite" else marked
 
     def inlay(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """The bodies that fill the labels."""
         assert self.labels is not None
-        plain = self.unlabeled(core)
-        return inlay(plain.points, plain.triangles, self.placed(placements), self.labels)
+        plain = self.make_unlabeled(core)
+        return inlay(plain.points, plain.triangles, self.place_labels(placements), self.labels)
 
     @staticmethod
-    def carried(
+    def carry_labels(
         placements: Sequence[Placement],
         before: ConvexHull,
         after: ConvexHull,
@@ -123,10 +123,10 @@ class ConvexObject:
         """(l, 3) normals of the facets with labels."""
         return np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
 
-    def placed(self, placements: Sequence[Placement]) -> tuple[Placement, ...]:
+    def place_labels(self, placements: Sequence[Placement]) -> tuple[Placement, ...]:
         """Labels on the facets of the core moved outward onto those of the object."""
         lift = 0.0 if self.edges is None else self.edges.radius_mm
-        return tuple(each.moved(lift * each.frame[:3, 2]) for each in placements)
+        return tuple(each.shift(lift * each.frame[:3, 2]) for each in placements)
 
 
 def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
@@ -203,7 +203,7 @@ SHIFT: Final = 1e-12
 balance."""
 
 
-def hollowed(surface: Surface, center: Floats) -> Surface:
+def hollow_out(surface: Surface, center: Floats) -> Surface:
     """An engraved solid with a hollow ball inside, so that its center of mass is at a point.
 
     The ball lies on the heavier side, opposite to the labels together, as small as it can be.
@@ -237,7 +237,7 @@ def hollowed(surface: Surface, center: Floats) -> Surface:
         )
     best = int(np.argmax(fits))
     ball = middles[best] + radii[best] * (points - middle)
-    return joined(surface, Surface(ball, triangles[:, ::-1]))
+    return join_surfaces(surface, Surface(ball, triangles[:, ::-1]))
 
 
 TURN: Final = math.radians(11.0)
@@ -251,7 +251,7 @@ SAME: Final = 2e-3
 """The same between points that keep the solid from resting where it should not."""
 
 
-def rounded(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHull:
+def round_edges(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHull:
     """The solid that a ball rolled over a core fills, with flat strips in place of round ones.
 
     A flat strip could be rested on where the ideal round one is passed over: at a saddle, or at the

@@ -13,7 +13,7 @@ import numpy as np
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.reading import parsed_stl
+from dicedesign.geometry.meshes.reading import parse_stl
 from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.targets import Target
 from dicedesign.rest.outcomes import (
@@ -71,7 +71,7 @@ class Design:
     reshaped: ConcaveDie | None = None
     prior: Prior | None = None
 
-    def reordered(self, order: Integers) -> Design:
+    def reorder(self, order: Integers) -> Design:
         """The same die whose outcomes, `order` (k,) of this one's, have changed places."""
 
         def place(values: Numbers) -> Numbers:
@@ -275,7 +275,7 @@ def assess_file(
     ------
     DegenerateBodyError, OutsideHullError: as `rest_poses`.
     """
-    points, triangles = parsed_stl(data, Path("die.stl"))
+    points, triangles = parse_stl(data, Path("die.stl"))
     # The coordinates are those of the file, float32.
     body = make_body(points, triangles, "die.stl", single_precision=True)
     poses = rest_poses(body, center_of_mass).under(prior)

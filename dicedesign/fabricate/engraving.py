@@ -29,7 +29,7 @@ from dicedesign.fabricate.label_layout import (
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
-from dicedesign.geometry.triangles import Surface, connected_parts, edge_neighbors
+from dicedesign.geometry.triangles import Surface, edge_neighbors, find_parts
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
@@ -176,11 +176,13 @@ def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> 
     what `engrave` does.
     """
     body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
-    failure = _failed_check(plain, body, sum(cut.volume for cut in cuts))
+    failure = _find_failed_check(plain, body, sum(cut.volume for cut in cuts))
     if not failure:
         return Surface(*mesh_of(body))
     # Pockets that break through, or meet others.
-    at_fault = {cut.where for cut in cuts if _failed_check(plain, plain - cut.cutter, cut.volume)}
+    at_fault = {
+        cut.where for cut in cuts if _find_failed_check(plain, plain - cut.cutter, cut.volume)
+    }
     for one, other in combinations(cuts, 2):
         if (one.cutter ^ other.cutter ^ plain).volume() > 0.0:
             at_fault |= {one.where, other.where}
@@ -191,7 +193,7 @@ def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> 
     )
 
 
-def _failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
+def _find_failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
     """The first check that the engraved solid fails, in words, or None."""
     if body.status() != Error.NoError:
         return f"expected a boolean subtraction without error, got {body.status().name}"
@@ -279,7 +281,7 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     is_below = convex_hull(marked.points).least_depths(middles) > OFF * depth
     across = edge_neighbors(marked.triangles)
     one, edge = np.nonzero(across >= 0)
-    part = connected_parts(one, across[one, edge], len(across))
+    part = find_parts(one, across[one, edge], len(across))
     return is_below & np.isin(part, part[~is_below])
 
 

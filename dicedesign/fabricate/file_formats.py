@@ -125,7 +125,7 @@ class FileFormat(Extension):
         return points @ np.linalg.inv(self.frame).T, triangles
 
 
-def joined(parts: Sequence[Part]) -> tuple[Floats, Integers]:
+def join_parts(parts: Sequence[Part]) -> tuple[Floats, Integers]:
     """Points (n, 3) and triangles (t, 3) of parts as one mesh of several shells."""
     starts = np.cumsum([0, *(len(part.points) for part in parts)])
     triangles = [part.triangles + start for part, start in zip(parts, starts, strict=False)]
@@ -144,7 +144,7 @@ STL: Final = FileFormat(
     name="stl",
     line="binary STL, which every printing program takes",
     precision="float32",
-    write=lambda contents: stl_bytes(*joined(contents.parts)),
+    write=lambda contents: stl_bytes(*join_parts(contents.parts)),
 )
 
 
@@ -350,7 +350,7 @@ OBJ: Final = FileFormat(
 
 def ply(contents: Contents) -> bytes:
     """Contents as little-endian binary PLY."""
-    points, triangles = joined(contents.parts)
+    points, triangles = join_parts(contents.parts)
     header = f"ply\nformat binary_little_endian 1.0\ncomment lengths in {contents.unit}\n"
     header += f"element vertex {len(points)}\n"
     header += "".join(f"property double {axis}\n" for axis in "xyz")
@@ -369,7 +369,7 @@ PLY: Final = FileFormat(
 
 def off(contents: Contents) -> bytes:
     """Contents as ASCII OFF."""
-    points, triangles = joined(contents.parts)
+    points, triangles = join_parts(contents.parts)
     text = rows("{!r} {!r} {!r}\n", points) + rows("3 {} {} {}\n", triangles)
     return f"OFF\n{len(points)} {len(triangles)} 0\n{text}".encode()
 

@@ -173,7 +173,7 @@ def open_font(name: str) -> Font:
         if is_font_file(name):
             path = Path(name)
         else:
-            path = _bundled() if name == BUNDLED_FONT else _installed(name)
+            path = _bundled_font() if name == BUNDLED_FONT else _find_installed(name)
         try:
             status = os.stat(path)
             stamp = (status.st_mtime_ns, status.st_size)
@@ -183,7 +183,7 @@ def open_font(name: str) -> Font:
 
 
 @cache
-def _bundled() -> Path:
+def _bundled_font() -> Path:
     spec = importlib.util.find_spec("matplotlib")
     folders = spec.submodule_search_locations if spec else None
     path = Path(folders[0], BUNDLED_FILE) if folders else BUNDLED_FILE
@@ -196,7 +196,7 @@ def _bundled() -> Path:
 
 
 @cache
-def _installed(family: str) -> Path:
+def _find_installed(family: str) -> Path:
     """File of the bold face of an installed family."""
     # Imported where it is needed: it lists all fonts of the system.
     from matplotlib import font_manager

@@ -202,7 +202,9 @@ def _outlines(
             _refuse(f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture")
         style |= {key: value for key, value in own.items() if INHERITED.fullmatch(key)}
         if name in SHAPES:
-            yield from _drawn(from_element(etree.Element(element.tag, own), **style), matrix)
+            yield from _shape_outlines(
+                from_element(etree.Element(element.tag, own), **style), matrix
+            )
             return
         within = element
         if name == "use":
@@ -213,7 +215,7 @@ def _outlines(
         yield from _outlines(child, by_id, matrix, depth + 1, **style)
 
 
-def _drawn(shape: Any, matrix: Any) -> Iterator[Outline]:
+def _shape_outlines(shape: Any, matrix: Any) -> Iterator[Outline]:
     """What a shape of picosvg fills, and its stroke."""
     from pathops import LineCap, LineJoin
     from picosvg.svg_pathops import skia_path

@@ -122,7 +122,7 @@ def reads_upside_down(text: str) -> bool:
     return turned != text and (len(turned) == 1 or turned[0] != "0")
 
 
-def marked(section: CrossSection, mark: str) -> CrossSection:
+def add_mark(section: CrossSection, mark: str) -> CrossSection:
     """A number with a bar beneath that is as wide ("bar"), or a dot on the baseline after it
     ("dot"), or neither ("none").
 
@@ -232,12 +232,12 @@ def stroke_growth(section: CrossSection, width: float) -> float:
 
     A stroke is as wide where discs of that diameter in the grown section cover it, but for corners.
     """
-    if width <= 0.0 or _covered(section, section, width):
+    if width <= 0.0 or _covers(section, section, width):
         return 0.0
     low, high = 0.0, 0.5 * width
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _covered(section, grown(section, middle), width):
+        if _covers(section, grown(section, middle), width):
             high = middle
         else:
             low = middle
@@ -251,7 +251,7 @@ def grown(section: CrossSection, distance: float) -> CrossSection:
     return section.offset(distance, JoinType.Miter, MITER)
 
 
-def _covered(section: CrossSection, whole: CrossSection, width: float) -> bool:
+def _covers(section: CrossSection, whole: CrossSection, width: float) -> bool:
     opened = grown(whole.offset(-0.5 * width, JoinType.Miter, MITER), 0.5 * width)
     left = section - opened
     if left.is_empty():
@@ -302,7 +302,7 @@ def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
     elif options.content == "pips":
         return [LabelArt(pips_section(text), (0.0, 0.0, 1.0, 1.0))]
     elif reads_upside_down(text):
-        sections = [marked(text_section(text, options.font), options.ambiguous)]
+        sections = [add_mark(text_section(text, options.font), options.ambiguous)]
     else:
         broken = line_breaks(text, options.font)
         sections = [text_section(lines, options.font) for lines in broken]

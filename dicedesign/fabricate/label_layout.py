@@ -344,13 +344,13 @@ class Placement:
             )
         return wider
 
-    def moved(self, shift: Floats) -> Placement:
+    def shift(self, shift: Floats) -> Placement:
         """The same elsewhere, by a shift (3,) in mm."""
         frame = self.frame.copy()
         frame[:3, 3] += shift
         return replace(self, frame=frame)
 
-    def stretched(self, matrix: Floats) -> Placement:
+    def stretch(self, matrix: Floats) -> Placement:
         """The same on a body that was stretched a little by a symmetric matrix (3, 3)."""
         frame = self.frame.copy()
         normal = np.asarray(np.linalg.solve(matrix, frame[:3, 2]), dtype=np.float64)

@@ -58,7 +58,7 @@ def opposite_facets(hull: ConvexHull, facets: Integers) -> Integers:
     return np.where(angles.min(axis=1) <= LEVEL_ANGLE, angles.argmin(axis=1), -1)
 
 
-def numbered(
+def number_die(
     hull: ConvexHull, facets: Integers, labels: Sequence[str], probabilities: Floats, style: str
 ) -> tuple[Integers, str]:
     """The numbering of a die in a style: (k,) outcome that is on the facet of each outcome as it
@@ -104,7 +104,7 @@ def numbered(
         row[group] = 1.0
     numbers = np.array([float(labels[outcome]) for outcome in members.tolist()])
     task = EvenSums.of(numbers, kinds, is_member)
-    found = task.best([np.arange(len(members)), _paired(numbers, kinds, pairs)])
+    found = task.best([np.arange(len(members)), _pair_opposites(numbers, kinds, pairs)])
     order[members] = members[found.order]
     sums = is_member @ numbers[found.order]
     if style == "standard":
@@ -122,7 +122,7 @@ def numbered(
     return order, note
 
 
-def _paired(numbers: Floats, kinds: Integers, pairs: Integers) -> Integers:
+def _pair_opposites(numbers: Floats, kinds: Integers, pairs: Integers) -> Integers:
     """(m,) an order in which, from place to place, the smallest number that is left comes onto a
     place and the largest one that is left onto the opposite place, where that is of its kind."""
     left: dict[int, list[int]] = {kind: [] for kind in kinds.tolist()}
@@ -197,7 +197,7 @@ class EvenSums:
         pairs = np.stack(np.triu_indices(len(self.kinds), 1))
         return pairs[:, self.kinds[pairs[0]] == self.kinds[pairs[1]]]
 
-    def arranged(self, order: Integers) -> Arrangement:
+    def arrange(self, order: Integers) -> Arrangement:
         """An order (k,) with what it is worth."""
         deviations = np.abs(self.groups @ self.values[order])
         largest, total = float(deviations.max(initial=0.0)), float(deviations.sum())
@@ -210,31 +210,31 @@ class EvenSums:
 
         starts: orders (k,) of which the first as good as any is kept; at least one.
         """
-        found = self.arranged(starts[0])
+        found = self.arrange(starts[0])
         for start in starts[1:]:
-            other = self.arranged(start)
+            other = self.arrange(start)
             found = other if other.beats(found) else found
         if not self._swaps.size:
             return replace(found, is_best=True)
-        found = found if found.is_best else self._searched(found)
+        found = found if found.is_best else self._search(found)
         if found.is_best or np.square(np.bincount(self.kinds)).sum() > MOST_CHOICES:
             return found
         answers = []
         for largest, total in ((-FINEST, math.inf), (FINEST, -FINEST)):
-            better, is_certain = self._solved(found.largest + largest, found.total + total)
+            better, is_certain = self._solve(found.largest + largest, found.total + total)
             answers.append(is_certain)
             found = better if better is not None and better.beats(found) else found
         return replace(found, is_best=all(answers))
 
-    def _searched(self, found: Arrangement) -> Arrangement:
+    def _search(self, found: Arrangement) -> Arrangement:
         """The best of those that swaps lead to from an arrangement and from random ones."""
         generator, order = np.random.default_rng(0), found.order
         swaps = min(self._swaps.shape[1], MOST_SWAPS)
         for turn in range(min(TRIES, 1 + MOST_SUMS // (self.groups.size * swaps))):
             # By turns: squares lead farther, and then the measure itself.
             for squared in (False,) if turn % 2 else (True, False):
-                order = self._descended(order, squared, generator)
-            tried = self.arranged(order)
+                order = self._descend(order, squared, generator)
+            tried = self.arrange(order)
             found = tried if tried.beats(found) else found
             if found.is_best:
                 break
@@ -244,9 +244,7 @@ class EvenSums:
                 order[members] = generator.permutation(members)
         return found
 
-    def _descended(
-        self, order: Integers, squared: bool, generator: np.random.Generator
-    ) -> Integers:
+    def _descend(self, order: Integers, squared: bool, generator: np.random.Generator) -> Integers:
         """The order to which the best swaps lead until none helps."""
         swaps = self._swaps
         if swaps.shape[1] > MOST_SWAPS:
@@ -271,7 +269,7 @@ class EvenSums:
             swap = swaps[:, best]
             order[swap], values[swap] = order[swap[::-1]], values[swap[::-1]]
 
-    def _solved(self, largest: float, total: float) -> tuple[Arrangement | None, bool]:
+    def _solve(self, largest: float, total: float) -> tuple[Arrangement | None, bool]:
         """The arrangement of least total, or where that may be any of least largest deviation,
         within these bounds, by an integer program; None where none was found. And whether that
         answer is certain.
@@ -313,4 +311,4 @@ class EvenSums:
         taken = answer.x[:choices] > 0.5
         order = np.empty(count, dtype=np.int64)
         order[place[taken]] = number[taken]
-        return self.arranged(order), answer.status in CERTAIN
+        return self.arrange(order), answer.status in CERTAIN

@@ -39,7 +39,7 @@ from dicedesign.geometry.triangles import (
 from dicedesign.gradient.facet_measures import offset_derivatives
 from dicedesign.gradient.probability_model import ProbabilityModel
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
-from dicedesign.rest.outcomes import OutcomeProbabilities, gathered, outcome_probabilities
+from dicedesign.rest.outcomes import OutcomeProbabilities, assign_rests, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.result import InfillProbabilities, PrintTolerances
 from dicedesign.runtime.arrays import Floats
@@ -224,7 +224,7 @@ class ProbabilitySpread:
             return None
         return float(brentq(excess, 0.0, NEVER * size, xtol=FINENESS * size))
 
-    def noticed(self, offset: float, target: Floats, bias: Floats) -> float:
+    def share_noticed(self, offset: float, target: Floats, bias: Floats) -> float:
         """Part of prints, made one by one with facets or corners off by a standard deviation in mm,
         that a test of `ROLLS` rolls notices; target, bias: (k,) as for `print_tolerances`. The same
         prints for all offsets; those that are no body are noticed."""
@@ -254,7 +254,7 @@ class ProbabilitySpread:
         probabilities = (
             rests.probability_values if self.model is None else self.model.probabilities(rests)
         )
-        return gathered(
+        return assign_rests(
             rests.hull.normals[rests.facets], probabilities, self.directions
         ).probabilities
 
@@ -270,12 +270,12 @@ def print_tolerances(
     else the derivatives are trusted.
     """
     allowed = spread.allowed_offset(target, bias)
-    if allowed and is_checked and spread.noticed(allowed, target, bias) > NOTICED + DOUBT:
+    if allowed and is_checked and spread.share_noticed(allowed, target, bias) > NOTICED + DOUBT:
         # The largest with which they are not.
         least, most = 0.0, allowed
         for _ in range(HALVINGS):
             middle = (least + most) / 2.0
-            is_hidden = spread.noticed(middle, target, bias) < NOTICED
+            is_hidden = spread.share_noticed(middle, target, bias) < NOTICED
             least, most = (middle, most) if is_hidden else (least, middle)
         # A die at the verge of tipping: the smallest that was tried.
         allowed = least or most
@@ -380,7 +380,9 @@ def pocket_walls(
     ]
 
 
-def weighed(volume: float, centroid: Floats, inside: Inside, infill: float) -> tuple[float, Floats]:
+def weigh_print(
+    volume: float, centroid: Floats, inside: Inside, infill: float
+) -> tuple[float, Floats]:
     """Mass of a print over that of the solid one, and its center of mass (3,).
 
     volume, centroid: of the outer body, labels cut in where it has them; infill: 0 to 1.
@@ -413,7 +415,7 @@ def infill_probabilities(
 
     def printed(part: float) -> tuple[float, Floats, OutcomeProbabilities, bool]:
         """Mass, center of mass, probabilities, and whether the test notices them."""
-        mass, center = weighed(volume, poses.center_of_mass, inside, part)
+        mass, center = weigh_print(volume, poses.center_of_mass, inside, part)
         outcomes = outcome_probabilities(analyze(poses.hull, center).under(poses.prior), directions)
         change = outcomes.probabilities[shown] - solid[shown]
         chances = chances_noticed(solid[shown] / solid[shown].sum(), ROLLS, change[None])

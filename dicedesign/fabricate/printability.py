@@ -21,9 +21,9 @@ from dicedesign.geometry.sphere import norms, rotation_between
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import (
     Surface,
-    connected_parts,
     doubled_area_vectors,
     edge_neighbors,
+    find_parts,
     solid_properties,
 )
 from dicedesign.rest.poses import RestPoses
@@ -92,7 +92,7 @@ class PrintedSolid:
     def poses(self, downs: Floats, printer: Printer) -> list[PrintPose]:
         """The die on the bed for each direction (d, 3), unit, that points to the bed."""
         heights = self._heights(downs)
-        hangs, areas = self.overhanging(downs, printer), norms(self._doubled) / 2.0
+        hangs, areas = self.overhanging(downs, printer), norms(self._doubled_areas) / 2.0
         contacts = areas @ (heights.max(axis=1) < ON_BED)
         overhangs = areas @ hangs
         supports = areas @ (hangs * (self._units @ downs.T) * heights.mean(axis=1))
@@ -125,14 +125,14 @@ class PrintedSolid:
         return np.asarray((depths.max(axis=0) - depths)[self.triangles])
 
     @cached_property
-    def _doubled(self) -> Floats:
+    def _doubled_areas(self) -> Floats:
         return doubled_area_vectors(self.points, self.triangles)
 
     @cached_property
     def _units(self) -> Floats:
         """(t, 3) normals of the triangles, 0 for those without area."""
-        doubled = norms(self._doubled)[:, None]
-        return np.asarray(self._doubled / np.where(doubled > 0.0, doubled, 1.0))
+        doubled = norms(self._doubled_areas)[:, None]
+        return np.asarray(self._doubled_areas / np.where(doubled > 0.0, doubled, 1.0))
 
     @cached_property
     def _outside(self) -> Booleans:
@@ -328,12 +328,12 @@ def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
     )
 
 
-def checked_file(points: Floats, triangles: Integers) -> FileCheck:
+def check_file(points: Floats, triangles: Integers) -> FileCheck:
     """The flaws of a file of points (n, 3) and triangles (t, 3), t at least 1, that was read back,
     its equal positions joined."""
     neighbors = edge_neighbors(triangles)
     one, edge = np.nonzero(neighbors >= 0)
-    parts = connected_parts(one, neighbors[one, edge], len(triangles))
+    parts = find_parts(one, neighbors[one, edge], len(triangles))
     meeting = intersecting_triangles(points, triangles)
     corners = points[triangles]
     longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
@@ -377,7 +377,7 @@ class PrintedDie(PrintedSolid):
 
 def printability(die: PrintedDie, options: PrintOptions) -> Printability:
     """How a die is printed with the printer of some options."""
-    printer, rests, designed = options.chosen, die.rests, die.designed
+    printer, rests, designed = options.selected_printer, die.rests, die.designed
     # The fewest labels spoiled, then the least area to support, then the largest on the bed.
     # Hundredths of mm2 decide nothing.
     best = min(
@@ -393,7 +393,7 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         radii = [facet_inradius(designed, facet) for facet in range(len(designed.normals))]
         least = int(np.argmin(radii))
         smallest = SmallestFacet(float(designed.areas[least]), radii[least])
-    check = checked_file(die.points, die.triangles)
+    check = check_file(die.points, die.triangles)
     thin = None if die.shape is None else thin_parts(die.shape, printer.wall_mm)
     walls: Sequence[float | None] = [None] * len(die.placements)
     if not die.raised:

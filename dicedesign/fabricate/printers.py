@@ -286,7 +286,7 @@ class PrintOptions:
                 raise InputError(
                     f"{name}: expected a number {expected} {most:g}, got {value!r}; {remedy}"
                 )
-        fitting = self.chosen.materials
+        fitting = self.selected_printer.materials
         if self.material is not None and self.material not in fitting:
             raise InputError(
                 f"material: expected {', '.join(fitting)} for {self.printer}, got "
@@ -294,7 +294,7 @@ class PrintOptions:
             )
 
     @property
-    def chosen(self) -> Printer:
+    def selected_printer(self) -> Printer:
         """The printer, with its nozzle."""
         printer = PRINTERS[self.printer]
         return printer if self.nozzle_mm is None else printer.with_nozzle(self.nozzle_mm)
@@ -303,13 +303,15 @@ class PrintOptions:
     def expected_errors(self) -> PrintErrors:
         """Those that were given, or the printer's."""
         # Twice the standard deviation of the difference of two planes.
-        plane = self.chosen.dimensional_error_mm / math.sqrt(8.0)
-        return self.errors or PrintErrors(dimensional_mm=plane, shrinkage=self.chosen.shrinkage)
+        plane = self.selected_printer.dimensional_error_mm / math.sqrt(8.0)
+        return self.errors or PrintErrors(
+            dimensional_mm=plane, shrinkage=self.selected_printer.shrinkage
+        )
 
     @property
     def substance(self) -> str:
         """Name of the material."""
-        return self.material or self.chosen.materials[0]
+        return self.material or self.selected_printer.materials[0]
 
     @property
     def density(self) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.fabricate.file_formats import Contents, FileFormat, Part
-from dicedesign.geometry.triangles import connected_parts, edge_neighbors, solid_properties
+from dicedesign.geometry.triangles import edge_neighbors, find_parts, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 
 JOINT_MM: Final = 1e-7
@@ -131,7 +131,7 @@ def _solids(part: Part) -> list[Any]:
         )
     across = edge_neighbors(part.triangles)
     one, edge = np.nonzero(across >= 0)
-    shell_of = connected_parts(one, across[one, edge], len(across))
+    shell_of = find_parts(one, across[one, edge], len(across))
     meshes = [part.triangles[shell_of == k] for k in range(shell_of.max() + 1)]
     is_outer = [solid_properties(part.points, mesh)[0] > 0.0 for mesh in meshes]
     if not all(is_outer) and sum(is_outer) != 1:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from manifold3d import Error, Manifold, OpType
 
-from dicedesign.balance.cavity import measured_cavities, with_cavity
+from dicedesign.balance.cavity import measure_cavities, with_cavity
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie
 from dicedesign.errors import InputError
@@ -58,7 +58,7 @@ def solid_of_surface(die: Design, made: ConcaveDie, size_mm: float) -> Solid:
     hollow = made.hollow
     center = made.after.centroid if hollow is None else hollow.center_of_mass
     scale = size_mm / convex_hull(made.after.points).diameter
-    placed = made.after.moved((made.after.points - center) * scale)
+    placed = made.after.with_points((made.after.points - center) * scale)
     points, triangles, is_printable = placed.points, placed.triangles, True
     try:
         points, triangles, changes = printable_solid(placed)
@@ -153,14 +153,14 @@ def _with_overlaps_joined(body: Manifold, diagonal: float) -> Manifold:
             lower = corners.min(axis=0) - margin * diagonal
             upper = corners.max(axis=0) + margin * diagonal
             box = Manifold.cube(tuple(upper - lower)).translate(tuple(lower))
-            joined = _joined(body, box)
+            joined = _join(body, box)
             if joined is not None:
                 body = joined
                 break
     return body
 
 
-def _joined(body: Manifold, box: Manifold) -> Manifold | None:
+def _join(body: Manifold, box: Manifold) -> Manifold | None:
     """The body with the parts that it has inside a box joined; None if that is of no use."""
     parts = (body ^ box).decompose()
     if len(parts) < 2:
@@ -214,7 +214,7 @@ def assess_surface(
         )
     cavities = None
     if made.hollow is not None and solid.is_printable:
-        cavities = measured_cavities(body)
+        cavities = measure_cavities(body)
     record = Concave(
         probabilities_before=tuple(before.probabilities.tolist()),
         elsewhere_before=before.elsewhere,

@@ -61,7 +61,7 @@ def edge_neighbors(triangles: Integers) -> Integers:
     return np.where(once & single, twin // 3, -1).reshape(triangles.shape)
 
 
-def connected_parts(tails: Integers, heads: Integers, count: int) -> Integers:
+def find_parts(tails: Integers, heads: Integers, count: int) -> Integers:
     """(count,) the part of each of so many things, numbered from 0 in the order of their first
     things, when pairs of them (m,) and (m,) are joined."""
     # Imported late: a query of a mesh does without SciPy.
@@ -252,7 +252,7 @@ class Surface:
         """(3, n, 3) of each coordinate of the centroid by each coordinate of the points."""
         return centroid_derivatives(self.points, self.triangles, self.centroid)
 
-    def moved(self, points: Floats) -> Surface:
+    def with_points(self, points: Floats) -> Surface:
         """The same triangles between other points (n, 3)."""
         return Surface(points, self.triangles)
 
@@ -263,7 +263,7 @@ def surface_of(points: Floats, triangles: Integers) -> Surface:
     return Surface(points[used], renumbered.reshape(-1, 3))
 
 
-def joined(first: Surface, second: Surface) -> Surface:
+def join_surfaces(first: Surface, second: Surface) -> Surface:
     """Two surfaces as one, of which neither changes."""
     return Surface(
         np.concatenate([first.points, second.points]),

@@ -56,7 +56,7 @@ class ThrowProbabilities:
 
     @classmethod
     def _of(cls, model: MomentumModel | None) -> ThrowProbabilities:
-        return cls(None if model is None else (model, model.converted(torch.as_tensor)))
+        return cls(None if model is None else (model, model.convert(torch.as_tensor)))
 
     def onto(self, table: Table) -> ThrowProbabilities:
         """That of another table, or of the nearest one that the model knows."""

@@ -22,7 +22,7 @@ from dicedesign.geometry.sphere import foot_on_line
 from dicedesign.geometry.triangles import second_moments, stretch_matrix, volume_and_centroid
 from dicedesign.gradient.body_function import adjoint_function, double_tensor, seen
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.basins import Basins, basin_areas, closed_areas, tie_distance
+from dicedesign.rest.basins import Basins, basin_areas, close_areas, tie_distance
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import (
     Separatrices,
@@ -345,7 +345,7 @@ def rest_probabilities(
     basins = torch.as_tensor(paths.basins.ravel())
     areas = torch.zeros(count, dtype=torch.float64).index_add(0, basins, border.reshape(-1))
     signed = areas.detach().numpy()
-    areas = areas + torch.as_tensor(closed_areas(signed) - signed)
+    areas = areas + torch.as_tensor(close_areas(signed) - signed)
     return areas / (4.0 * torch.pi)
 
 

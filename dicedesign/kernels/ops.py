@@ -134,7 +134,7 @@ def are_proper(points: Floats, smallest_extent: float) -> bool:
 
 
 @_kernel
-def repeated_positions(points: Floats) -> tuple[Integers, Integers]:
+def merge_positions(points: Floats) -> tuple[Integers, Integers]:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
     point's position there."""
     return compiled.repeated_positions(points) or (np.arange(len(points)),) * 2
@@ -164,7 +164,7 @@ def hull_properties(
 
 
 @_kernel
-def moved_hull(
+def move_hull(
     points: Floats, source: Integers, facet_start: Integers, tail: Integers, twin: Integers
 ) -> dict[str, Any] | None:
     """Vertices and measures by name of a hull whose points moved to (n, 3), of which `source` are
@@ -210,13 +210,13 @@ def separatrices(hull: Handled, center: Floats, tie_distance: float) -> list[Any
     """The arrays of a `Separatrices`, in order, their handle, and the `growth_sign` and `side_sign`
     (h,) of `Equilibria`. Raises Tie where a move of the center by no more than a tie distance above
     0 could change them; so do `destinations` and `slides`."""
-    return _untied(compiled.separatrices(hull.handle, center, bounds.ROUNDING, tie_distance))
+    return _raise_ties(compiled.separatrices(hull.handle, center, bounds.ROUNDING, tie_distance))
 
 
 @_kernel
 def destinations(hull: Handled, center: Floats, tie_distance: float, facets: Integers) -> Integers:
     """Stable facet (k,) on which a body comes to rest that is let go on facets (k,)."""
-    return _untied(
+    return _raise_ties(
         compiled.destinations(hull.handle, center, bounds.ROUNDING, tie_distance, facets)
     )
 
@@ -226,11 +226,13 @@ def slides(
     hull: Handled, center: Floats, tie_distance: float, *lines: NDArray[Any]
 ) -> tuple[Integers, Booleans]:
     """As `dicedesign.rest.tracing.slide`; lines: its vertices, directions and errors."""
-    answer = _untied(compiled.slides(hull.handle, center, bounds.ROUNDING, tie_distance, *lines))
+    answer = _raise_ties(
+        compiled.slides(hull.handle, center, bounds.ROUNDING, tie_distance, *lines)
+    )
     return answer and (answer[0], answer[1] > 0)
 
 
-def _untied(answer: Any) -> Any:
+def _raise_ties(answer: Any) -> Any:
     """What a kernel answered; raises Tie where it said by False that the body is tied."""
     if answer is False:
         raise Tie

@@ -175,7 +175,7 @@ class ExactOptions:
 
     @property
     def table_with_hand(self) -> str:
-        """Name of the table with the way to throw, for `table_named`."""
+        """Name of the table with the way to throw, for `load_table`."""
         return with_hand(self.table, self.hand)
 
 

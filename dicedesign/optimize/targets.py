@@ -64,7 +64,7 @@ def fair(outcomes: int) -> Target:
     return Target(labels, np.full(outcomes, 1.0 / outcomes))
 
 
-def listed(probabilities: Sequence[float]) -> Target:
+def custom(probabilities: Sequence[float]) -> Target:
     """Any distribution, given by its probabilities: labels "1", "2", ...
 
     Decimals that were cut off, whose sum is not 1 to rounding, are divided by it.
@@ -96,7 +96,7 @@ def listed(probabilities: Sequence[float]) -> Target:
     return Target(tuple(str(i + 1) for i in range(len(values))), values)
 
 
-def relabeled(target: Target, labels: Sequence[str] | None) -> Target:
+def relabel(target: Target, labels: Sequence[str] | None) -> Target:
     """The same distribution under other labels; None leaves it as it is. Raises InputError."""
     if labels is None:
         return target

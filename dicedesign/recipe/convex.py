@@ -209,7 +209,7 @@ def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, .
         rounds=rounds,
         prior=recipe.density_prior(),
     )
-    return die.reordered(np.argsort(recipe.outcome_of_direction()))
+    return die.reorder(np.argsort(recipe.outcome_of_direction()))
 
 
 def make_step_callback(work: Work) -> Callable[[DesignStep], None]:

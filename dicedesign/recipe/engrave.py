@@ -23,7 +23,7 @@ from dicedesign.fabricate.label_layout import Placement, Reading
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import Surface, joined
+from dicedesign.geometry.triangles import Surface, join_surfaces
 from dicedesign.gradient.probability_model import (
     ProbabilitiesUnderPrior,
     ProbabilityModel,
@@ -35,7 +35,7 @@ from dicedesign.results.parts import Status
 from dicedesign.results.result import Balance, Inside
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import momentum_model
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.tables import load_table
 from dicedesign.tolerances import FILE_PROBABILITIES
 
 LEFT: Final = 1e-9
@@ -93,7 +93,7 @@ def _make_convex(work: Work) -> None:
     made = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or is_thrown):
         # Labels do not change what the die stands on.
-        _finish(work, made.engraved(core, placements), made.placed(placements), core)
+        _finish(work, made.make_engraved(core, placements), made.place_labels(placements), core)
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
@@ -103,10 +103,10 @@ def _make_convex(work: Work) -> None:
     work.balance = Balance(
         by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
     )
-    placed, center = made.placed(end.placements), end.measured.center_of_mass
+    placed, center = made.place_labels(end.placements), end.measured.center_of_mass
     is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
     if by == "fill":
-        marked = made.engraved(end.core, end.placements)
+        marked = made.make_engraved(end.core, end.placements)
         inlay = made.inlay(end.core, end.placements)
         _finish(work, marked, placed, end.core, center, inlay)
     elif rounds and is_left and given is None and not is_thrown:
@@ -124,11 +124,11 @@ def _measure(
     to be thrown the probabilities that the plain shape has by the momentum model."""
     given, table = work.solid.center_of_mass, work.recipe.method.table
     if given is not None or table is None:
-        offset = None if given is None else given - made.unlabeled(core).centroid
+        offset = None if given is None else given - made.make_unlabeled(core).centroid
         prior = work.die.prior
         model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
         return measure_resting(prior, offset), model, work.target.probabilities
-    measure = measure_thrown(table_named(table), momentum_model(table))
+    measure = measure_thrown(load_table(table), momentum_model(table))
     plain = Surface(work.solid.points, work.solid.triangles)
     return measure, ThrowProbabilities.on(table), measure(plain, work.die.directions).probabilities
 
@@ -159,7 +159,7 @@ def _finish_stretched(
 ) -> None:
     """The object of a surface, stretched until it has the probabilities."""
     center = surface.centroid
-    surface = surface.moved(surface.points - center)
+    surface = surface.with_points(surface.points - center)
     end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
     before = work.balance or Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
     scales = np.linalg.eigvalsh(end.matrix)
@@ -169,7 +169,7 @@ def _finish_stretched(
         moved_mm=before.moved_mm + float(norms(end.surface.points - surface.points).max()),
         stretch=float(scales[-1] / scales[0] - 1.0),
     )
-    placements = [placement.moved(-center).stretched(end.matrix) for placement in placements]
+    placements = [placement.shift(-center).stretch(end.matrix) for placement in placements]
     if core is not None:
         core = convex_hull((core.vertices - center) @ end.matrix.T)
     _finish(work, end.surface, placements, core)
@@ -189,14 +189,14 @@ def _finish(
     it is; inlay: bodies that fill the labels, which have a file of their own.
     """
     if center is not None:
-        surface = surface.moved(surface.points - center)
-        placements = [placement.moved(-center) for placement in placements]
-        inlay = None if inlay is None else inlay.moved(inlay.points - center)
+        surface = surface.with_points(surface.points - center)
+        placements = [placement.shift(-center) for placement in placements]
+        inlay = None if inlay is None else inlay.with_points(inlay.points - center)
         core = None if core is None else convex_hull(core.vertices - center)
     data = work.files["die.stl"] = stl_bytes(surface.points, surface.triangles)
     if inlay is not None:
         work.files["die_inlay.stl"] = stl_bytes(inlay.points, inlay.triangles)
-        whole = joined(surface, inlay)
+        whole = join_surfaces(surface, inlay)
         data = stl_bytes(whole.points, whole.triangles)
     verdict = None
     if work.solid.center_of_mass is None:

@@ -22,7 +22,7 @@ from dicedesign.fabricate.file_formats import (
     Contents,
     Part,
     file_bytes,
-    joined,
+    join_parts,
 )
 from dicedesign.fabricate.print_tolerances import (
     ProbabilitySpread,
@@ -35,7 +35,7 @@ from dicedesign.fabricate.printability import PrintedDie, printability
 from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.reading import parsed_stl, stl_bytes
+from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
 from dicedesign.geometry.triangles import Surface, solid_properties
 from dicedesign.gradient.probability_model import probability_model
 from dicedesign.recipe.pipeline import Work
@@ -54,7 +54,7 @@ def prepare_print(work: Work) -> None:
     assert options is not None
     plain, body, poses = work.plain, work.plain.body, work.plain.poses
     if made is not None:
-        points, triangles = parsed_stl(work.files["die.stl"], Path("die.stl"))
+        points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
         body = make_body(points, triangles, "die.stl", single_precision=True)
         # Of the rounded body too, where the center of mass was given.
         given = work.solid.center_of_mass
@@ -165,7 +165,7 @@ def write_files(work: Work) -> None:
     probabilities of the die, or whose format cannot hold it, is left out, and the die has not
     converged."""
     contents = die_contents(work)
-    probabilities = _probabilities(work, *joined(contents.parts))
+    probabilities = _probabilities(work, *join_parts(contents.parts))
     for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
         name = f"{_stem(work)}.{kind.name}"
         try:
@@ -252,7 +252,7 @@ def draw_figures(work: Work) -> None:
 def write_data_sheet(work: Work) -> None:
     """Make data_sheet.pdf and data_sheet.png of the result and the figures."""
     from dicedesign.report.data_sheet import data_sheet, four_views, sheet_facts, sheet_pdf
-    from dicedesign.report.raster import decoded
+    from dicedesign.report.raster import decode_png
     from dicedesign.report.renderer import Surface
 
     die = make_finished_die(work)
@@ -262,7 +262,7 @@ def write_data_sheet(work: Work) -> None:
     file = "die_plain.stl" if die.engraved is None else "die.stl"
     checksum = hashlib.sha256(work.files[file]).hexdigest()
     facts = sheet_facts(die, file, checksum)
-    figures = [decoded(work.images[name]) for name in FIGURES_SHOWN if name in work.images]
+    figures = [decode_png(work.images[name]) for name in FIGURES_SHOWN if name in work.images]
     sheet = data_sheet(facts, four_views(surface, die.upward), figures)
     pdf = sheet_pdf(sheet, facts.title)
     work.files |= {"data_sheet.png": sheet.png(dpi=150), "data_sheet.pdf": pdf}

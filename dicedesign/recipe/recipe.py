@@ -149,7 +149,7 @@ class MethodRecipe(Strict):
 
     @property
     def table(self) -> str | None:
-        """Name of the table that the die is thrown onto, with the way to throw, for `table_named`;
+        """Name of the table that the die is thrown onto, with the way to throw, for `load_table`;
         None for a die whose target is meant without momentum."""
         return self.exact.table_with_hand if self.exact is not None and self.thrown else None
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError, named
 from dicedesign.fabricate.die import assess_file, make_solid
-from dicedesign.fabricate.numbering import numbered
+from dicedesign.fabricate.numbering import number_die
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.options import ExactOptions
@@ -56,7 +56,7 @@ def make_start(work: Work) -> None:
 
 def _make_surface(work: Work, points: int | None) -> None:
     """The surface of a recipe, remeshed to have so many points unless that is None."""
-    from dicedesign.geometry.surfaces.closed_surface import decimated, refined, require_dents
+    from dicedesign.geometry.surfaces.closed_surface import decimate, refine, require_dents
     from dicedesign.geometry.surfaces.repair import FINEST, MOST_POINTS
 
     start = work.recipe.start
@@ -67,7 +67,7 @@ def _make_surface(work: Work, points: int | None) -> None:
     work.notes += made.notes
     require_dents(made.surface)
     if points is not None:
-        remesh = refined if len(made.surface.points) < points else decimated
+        remesh = refine if len(made.surface.points) < points else decimate
         work.surface, note = remesh(made.surface, points)
         work.notes.append(note)
 
@@ -107,10 +107,10 @@ def _check_table(options: ExactOptions, size_mm: float) -> None:
     """
     from dicedesign.throws.engines import require_engine
     from dicedesign.throws.momentum_model import momentum_model
-    from dicedesign.throws.tables import table_named
+    from dicedesign.throws.tables import load_table
 
     with named("method.exact.table"):
-        table = table_named(options.table_with_hand)
+        table = load_table(options.table_with_hand)
         momentum_model(options.table_with_hand)
     # The radius is at least half of that distance.
     replace(table, size=1e-3 * size_mm)
@@ -155,10 +155,10 @@ def number(work: Work) -> None:
         work.notes.append("numbering: an outcome has no facet, so that all stay where they are")
         return
     facets = solid.poses.facets[main]
-    order, note = numbered(
+    order, note = number_die(
         solid.poses.hull, facets, target.labels, target.probabilities, work.recipe.numbering
     )
-    work.die = die.reordered(np.argsort(order))
+    work.die = die.reorder(np.argsort(order))
     work.notes.append(note)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.report.figures import Lain, Subject, drawn_surface
+from dicedesign.report.figures import Lain, Subject, surface_to_draw
 from dicedesign.report.raster import upward_of
 from dicedesign.report.renderer import Surface
 from dicedesign.rest.outcomes import facet_of_rest
@@ -96,7 +96,7 @@ def subject_of(
         if before is not None:
             body = read_body(before)
             hull = convex_hull(body.points, single_precision=body.single_precision)
-            return drawn_surface(body.points, body.triangles, hull)
+            return surface_to_draw(body.points, body.triangles, hull)
         if is_mesh:
             raise InputError(
                 f"before_after: expected to know what {path} was made from, got a mesh alone; name "
@@ -150,7 +150,7 @@ def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
         )
     whole = after.poses.hull
     moved = (points - hull.centroid) * (whole.diameter / hull.diameter) + whole.centroid
-    return drawn_surface(moved, triangles, hull)
+    return surface_to_draw(moved, triangles, hull)
 
 
 def _ablations(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
 
-from dicedesign.optimize.targets import Target, binomial, fair, listed, relabeled, sum_of_dice
+from dicedesign.optimize.targets import Target, binomial, custom, fair, relabel, sum_of_dice
 
 LONGEST_LABEL: Final = 24
 """Characters that a facet may bear, in one line or more."""
@@ -66,7 +66,7 @@ TARGETS: Final = {
     "binomial": binomial,
     "sum_of_dice": sum_of_dice,
     "fair": fair,
-    "probabilities": listed,
+    "probabilities": custom,
 }
 """The distribution that each key of `target` gives from its value."""
 
@@ -98,4 +98,4 @@ class TargetRecipe(Strict):
         """The distribution with its labels."""
         name = self.one_of(*TARGETS)
         make: Any = TARGETS[name]
-        return relabeled(make(getattr(self, name)), self.labels)
+        return relabel(make(getattr(self, name)), self.labels)

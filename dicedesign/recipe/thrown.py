@@ -42,7 +42,7 @@ from dicedesign.throws.momentum_model import (
     table_measures,
 )
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
-from dicedesign.throws.tables import Table, posterior_tables, table_named
+from dicedesign.throws.tables import Table, load_table, posterior_tables
 
 ON_TABLES: Final = 0.5
 """Throws onto what the table may be instead, all together, over those onto the table itself."""
@@ -69,7 +69,7 @@ def design_for_table(work: Work) -> Design:
     the recipe asks for them. Raises InputError as `exact.design`, or as the start does."""
     wanted, options = target_probabilities(work.recipe), exact_options(work.recipe)
     name = options.table_with_hand
-    others = other_tables(table_named(name), posterior_tables(name))
+    others = other_tables(load_table(name), posterior_tables(name))
     sensitivity = TableSensitivity(ThrowProbabilities.on(name), others, wanted)
     starts = iter(find_starts(work, wanted))
     result = solver(work)(starts, wanted, sensitivity=sensitivity)
@@ -102,11 +102,11 @@ def _refine(
         scale = recipe.size_mm / die.hull.diameter
         solid = make_body(scale * die.hull.vertices, name="die")
         middle = None if center is None else scale * center
-        return DieOnTable.of(solid, middle, die.directions, table_named(name))
+        return DieOnTable.of(solid, middle, die.directions, load_table(name))
 
     def throw(die: DesignResult, drops: int, number: int) -> Thrown:
         thrown, seed = on_table(die), throw_seed(recipe.seed, number)
-        throws = thrown.simulated(drops, seed, refine.engine, workers)
+        throws = thrown.simulate(drops, seed, refine.engine, workers)
         return Thrown(thrown.counts(throws), thrown.momentum(model))
 
     def throw_on_tables(die: DesignResult, drops: int, number: int) -> list[Thrown]:
@@ -136,7 +136,7 @@ def _refine(
         return Refinement(
             target=wanted,
             orbits=orbits if group is None else orbits_of_directions(die.directions, group),
-            tables=table_measures(table_named(name), others),
+            tables=table_measures(load_table(name), others),
             drops=refine.drops,
             rounds=refine.rounds,
             within=refine.within,
@@ -180,20 +180,20 @@ def throw(work: Work) -> None:
     name, refine = exact_options(work.recipe).table_with_hand, exact_options(work.recipe).refine
     target, model, tables = work.target.probabilities, momentum_model(name), posterior_tables(name)
     die = DieOnTable.of(
-        work.final.body, work.solid.center_of_mass, work.die.directions, table_named(name)
+        work.final.body, work.solid.center_of_mass, work.die.directions, load_table(name)
     )
     throws = elsewhere = None
     if refine is not None:
         with throwing_threads() as workers:
             seed = throw_seed(work.recipe.seed, VERDICT)
-            throws = die.simulated(refine.verdict, seed, refine.engine, workers)
+            throws = die.simulate(refine.verdict, seed, refine.engine, workers)
             if model is not None and tables:
                 drops = math.ceil(ON_TABLES * refine.verdict / len(tables))
                 seed = throw_seed(work.recipe.seed, VERDICT, is_elsewhere=True)
                 counts = die.counts_on(tables, drops, seed, refine.engine, workers)
                 elsewhere = variations_on_tables(
                     target,
-                    table_measures(table_named(name), tables),
+                    table_measures(load_table(name), tables),
                     [
                         Series(die.momentum(model.near(table)), count[:-1])
                         for table, count in zip(tables, counts, strict=True)
@@ -202,7 +202,7 @@ def throw(work: Work) -> None:
                     drops * len(tables),
                 )
     work.thrown = ThrownDie(die, die.momentum(model), throws)
-    measured = work.thrown.measured(target)
+    measured = work.thrown.measure(target)
     work.throws = ThrownSection(
         table=die.table.as_dict(),
         momentum=tuple(work.thrown.momentum.tolist()),

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.palette import ACCENT, DARK, FAINT, PALE
-from dicedesign.report.sheet import SMALL, TINY, Sheet, styled, text_width
+from dicedesign.report.sheet import SMALL, TINY, Sheet, text_width, with_style
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.distances import total_variation
@@ -60,7 +60,7 @@ def intervals_of_prints(probabilities: ArrayLike, deviations: ArrayLike) -> Floa
     return np.clip(np.asarray(probabilities)[:, None] + reach, 0.0, 1.0)
 
 
-@styled
+@with_style
 def outcome_chart(
     labels: Sequence[str],
     kinds: Sequence[Bars],

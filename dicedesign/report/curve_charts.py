@@ -13,7 +13,7 @@ from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
 from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
-from dicedesign.report.sheet import NOTE, Sheet, styled
+from dicedesign.report.sheet import NOTE, Sheet, with_style
 from dicedesign.results.parts import Status, ThrowProbabilities, TradeOff
 from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
@@ -40,7 +40,7 @@ def course_chart(die: FinishedDie) -> Sheet:
     return course_of(die.result.history, die.tolerance)
 
 
-@styled
+@with_style
 def course_of(history: Sequence[Step], tolerance: float) -> Sheet:
     """Error and energy of a design against its run time, or its steps without a clock.
 
@@ -149,7 +149,7 @@ def rounds_chart(die: FinishedDie) -> Sheet:
     return rounds_of(die.result.thrown)
 
 
-@styled
+@with_style
 def rounds_of(thrown: ThrowProbabilities) -> Sheet:
     """Total variation from the target of the die of each round, against the throws so far: as its
     own throws show it, beside what a perfect die would show in as many, and as the throws of all
@@ -232,7 +232,7 @@ def trade_off_chart(die: FinishedDie) -> Sheet:
     return trade_off_of(search.trade_off, search.attempt, die.result.error_before)
 
 
-@styled
+@with_style
 def trade_off_of(trade_off: TradeOff, chosen: int | None, before: float) -> Sheet:
     """A point for each draft: its error against its displacement, both better if smaller, marked by
     what is worst of it, beside the surface as it came.
@@ -278,7 +278,7 @@ def trade_off_of(trade_off: TradeOff, chosen: int | None, before: float) -> Shee
     return sheet
 
 
-@styled
+@with_style
 def pareto_chart(
     trials: Sequence[Mapping[str, Any]], front: Collection[int], named: Sequence[int]
 ) -> Sheet:

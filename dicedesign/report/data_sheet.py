@@ -17,9 +17,9 @@ from dicedesign.fabricate.printers import MATERIALS, PRINTERS
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.report.pages import throwing_advice
 from dicedesign.report.palette import ACCENT, FAINT, GRID
-from dicedesign.report.raster import Camera, Picture, framed, three_cameras
+from dicedesign.report.raster import Camera, Picture, frame_cameras, three_cameras
 from dicedesign.report.renderer import Surface, render
-from dicedesign.report.sheet import Sheet, styled, text_width
+from dicedesign.report.sheet import Sheet, text_width, with_style
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ def _table(result: Result) -> tuple[list[str], list[list[str]]]:
     return ["outcome", *columns], rows
 
 
-@styled
+@with_style
 def data_sheet(
     facts: SheetFacts,
     views: Sequence[tuple[str, Picture]],
@@ -241,7 +241,7 @@ def data_sheet(
 def sheet_pdf(sheet: Sheet, title: str) -> bytes:
     """One page of PDF with text that can be searched; the same drawing gives the same bytes."""
     facts = {"Title": title, "Creator": "dicedesign", "Producer": None, "CreationDate": None}
-    return sheet.saved("pdf", 300, metadata=facts)
+    return sheet.save_as("pdf", 300, metadata=facts)
 
 
 def _show(sheet: Sheet, picture: Picture, left: float, top: float, width: float) -> None:
@@ -339,6 +339,6 @@ def four_views(surface: Surface, upward: Floats) -> list[tuple[str, Picture]]:
     else:
         titles = ["from ({}, {}, {})".format(*corner) for corner in CORNERS]
         cameras = [Camera(np.array(corner, dtype=np.float64), upward) for corner in CORNERS]
-        cameras = framed(cameras, [surface.points] * len(cameras))
+        cameras = frame_cameras(cameras, [surface.points] * len(cameras))
     pictures = [render(surface, camera, VIEW_PIXELS) for camera in cameras]
     return list(zip(titles, pictures, strict=True))

@@ -119,7 +119,7 @@ def choose_axis(minima: Floats) -> tuple[int, int, int]:
     return axes[int(np.argmax(np.round(nearest - 0.02 * norms(grid), 9)))]
 
 
-def placed_discs(poses: RestPoses) -> tuple[Disc, Disc]:
+def place_discs(poses: RestPoses) -> tuple[Disc, Disc]:
     """The two hemispheres of the figure of a body, where the figure has them."""
     weighty = poses.probabilities >= min(LEAST_WRITTEN, poses.probabilities[0])
     x, y, z = choose_axis(poses.normals[weighty])
@@ -173,7 +173,7 @@ def basin_outlines(poses: RestPoses) -> list[tuple[Disc, list[list[Floats]]]]:
     turns = np.linspace(0.0, 2.0 * np.pi, 5)[:-1]
     around = 30.0 * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     outlines = []
-    for disc in placed_discs(poses):
+    for disc in place_discs(poses):
         far = even_directions(1000)
         far = far[disc.heights(far) < -0.2]
         opened = far[(far @ points.T).max(axis=1).argmin()]

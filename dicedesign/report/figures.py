@@ -33,7 +33,7 @@ MOST_FLAT: Final = 400
 """Triangles up to which a mesh is drawn with flat faces and edges."""
 
 
-def _drawn(address: str, *arguments: Any) -> Any:
+def _drawing(address: str, *arguments: Any) -> Any:
     """What a function of this room draws, "module:name"."""
     module, _, name = address.partition(":")
     return getattr(import_module(f"dicedesign.report.{module}"), name)(*arguments)
@@ -72,7 +72,7 @@ def _figure(
     """A figure that a function of this room draws, "module:name", as a sheet or as its file."""
 
     def draw(die: FinishedDie) -> bytes:
-        drawn = _drawn(address, die)
+        drawn = _drawing(address, die)
         png: bytes = drawn if isinstance(drawn, bytes) else drawn.png()
         return png
 
@@ -351,10 +351,10 @@ class Subject:
     @property
     def surface(self) -> Surface:
         """The body, ready to be drawn."""
-        return drawn_surface(self.lain.body.points, self.lain.body.triangles, self.poses.hull)
+        return surface_to_draw(self.lain.body.points, self.lain.body.triangles, self.poses.hull)
 
 
-def drawn_surface(points: Floats, triangles: Integers | None, hull: ConvexHull) -> Surface:
+def surface_to_draw(points: Floats, triangles: Integers | None, hull: ConvexHull) -> Surface:
     """A mesh as it is drawn: smooth unless it has few triangles; its hull where it has none, or
     too many."""
     from dicedesign.report.renderer import Surface
@@ -389,29 +389,29 @@ BODY_FIGURES: Final = Registry(
             (
                 "heights",
                 "height of the center of mass over the Gauss map, by color",
-                lambda it: _drawn("gauss_map:heights_figure", it.poses),
+                lambda it: _drawing("gauss_map:heights_figure", it.poses),
             ),
             (
                 "paths",
                 "ways of rolling bodies over the Gauss map, from many orientations or one (--down)",
-                lambda it: _drawn("gauss_map:paths_figure", it.poses, _down(it)),
+                lambda it: _drawing("gauss_map:paths_figure", it.poses, _down(it)),
             ),
             (
                 "complex",
                 "Morse-Smale complex over the Gauss map: basins, separatrices, rests, saddles, "
                 "maxima",
-                lambda it: _drawn("gauss_map:gauss_map_figure", it.poses, it.lain.labels),
+                lambda it: _drawing("gauss_map:gauss_map_figure", it.poses, it.lain.labels),
             ),
             (
                 "drop",
                 "a body that rolls to rest, moment by moment (from --down), and its path",
-                lambda it: _drawn("motion_pictures:drop_figure", it.surface, it.poses, it.down),
+                lambda it: _drawing("motion_pictures:drop_figure", it.surface, it.poses, it.down),
             ),
             (
                 "before_after",
                 "a die above the shape that its design began with, or a mesh above another "
                 "(--before)",
-                lambda it: _drawn(
+                lambda it: _drawing(
                     "surface_figures:before_after_figure",
                     it.make_before(it.lain),
                     it.surface,
@@ -421,7 +421,7 @@ BODY_FIGURES: Final = Registry(
             (
                 "ablation",
                 "a recipe's die by the paper's method, and without one regularizer after the other",
-                lambda it: _drawn("solid_figures:ablation_figure", it.make_ablations()),
+                lambda it: _drawing("solid_figures:ablation_figure", it.make_ablations()),
             ),
         )
     ],

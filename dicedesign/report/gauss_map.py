@@ -22,10 +22,10 @@ from dicedesign.report.discs import (
     Disc,
     basin_of_directions,
     great_arcs,
-    placed_discs,
+    place_discs,
 )
 from dicedesign.report.palette import BASINS, DARK, FAINT, LOW_TO_HIGH, rgb
-from dicedesign.report.sheet import NOTE, Sheet, styled
+from dicedesign.report.sheet import NOTE, Sheet, with_style
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.prior import DensityPrior
 from dicedesign.rest.roll import RollStep, roll_steps
@@ -110,7 +110,7 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> S
     return complex_figure(poses, paint, note, labels)
 
 
-@styled
+@with_style
 def heights_figure(poses: RestPoses) -> Sheet:
     """The support function by color, with separatrices and stationary points, as two equal-area
     discs: it is lowest at the rests, and has creases on the arcs of the hull's edges. Source:
@@ -158,7 +158,7 @@ def path_of(steps: Sequence[RollStep]) -> Floats:
     return np.array([step.down for step in steps])
 
 
-@styled
+@with_style
 def complex_figure(
     poses: RestPoses,
     painter: Painter,
@@ -185,7 +185,7 @@ def complex_figure(
         "paths": [great_arcs(path[:-1], path[1:], ARC_PIECES) for path in paths],
     }
     lines = {name: np.concatenate(own) for name, own in arcs.items() if sum(map(len, own))}
-    for disc in placed_discs(poses):
+    for disc in place_discs(poses):
         _draw_disc(sheet, disc, poses, painter, labels, lines)
         starts = np.array([path[0] for path in paths]).reshape(-1, 3)
         starts = disc.project(starts[disc.heights(starts) >= 0.0])

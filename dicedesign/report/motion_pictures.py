@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.sphere import angle_between, even_directions, norms, unit_vectors
 from dicedesign.report.gauss_map import path_of, paths_figure
-from dicedesign.report.raster import UP, Camera, Picture, framed, lifted, trim
+from dicedesign.report.raster import UP, Camera, Picture, frame_cameras, tilt_up, trim
 from dicedesign.report.renderer import (
     Surface,
     render,
     render_on_table,
-    shadowed_table,
+    render_shadow,
     with_shadow,
 )
 from dicedesign.report.sheet import Sheet, picture_grid
@@ -79,7 +79,7 @@ class FilmedDie:
         """At the origin; the throw runs to the right, where it runs anywhere."""
         positions = self.film.positions
         right = _level_direction(positions[-1] - positions[0], self.radius)
-        return Camera(lifted(np.cross(right, UP), UP), UP)
+        return Camera(tilt_up(np.cross(right, UP), UP), UP)
 
     def reach(self, middles: Floats, camera: Camera, depth: float) -> tuple[float, float]:
         """How far below and above the table's middle (3,), or (f, 3) in each frame, a picture of
@@ -97,9 +97,9 @@ class FilmedDie:
         middle: (3,) point of the table halfway between its front edge and its back edge; depth:
         from there to each, in m.
         """
-        points = self.film.placed(self.points, self.center_of_mass, frame)
+        points = self.film.place_points(self.points, self.center_of_mass, frame)
         heights = points[:, 2].clip(0.0)
-        shadow = shadowed_table(points, self.triangles, heights, UP, camera, size, self.radius)
+        shadow = render_shadow(points, self.triangles, heights, UP, camera, size, self.radius)
         rows = (size / 2.0 - np.arange(size) - 0.5) * 2.0 * camera.half_width / size
         # Upward from the table's middle: the table, and below that its edge.
         above = rows + (camera.center - middle) @ camera.frame()[1] + SLANT * depth
@@ -124,7 +124,7 @@ def _moments(ways: Floats) -> list[int]:
 
 
 @lru_cache(maxsize=1)
-def filmed(die: FinishedDie) -> FilmedDie:
+def film_throw(die: FinishedDie) -> FilmedDie:
     """A typical throw of a die that is thrown as a mesh."""
     assert die.thrown is not None
     thrown = die.thrown.die
@@ -136,7 +136,7 @@ def filmed(die: FinishedDie) -> FilmedDie:
 
 def film(die: FinishedDie) -> Sheet:
     """A throw of a die at several moments."""
-    return film_figure(filmed(die))
+    return film_figure(film_throw(die))
 
 
 def film_figure(filmed: FilmedDie) -> Sheet:
@@ -169,7 +169,7 @@ def film_figure(filmed: FilmedDie) -> Sheet:
 
 def throw(die: FinishedDie) -> bytes:
     """A throw of a die as a GIF."""
-    return moving_picture(filmed(die))
+    return moving_picture(film_throw(die))
 
 
 def moving_picture(filmed: FilmedDie) -> bytes:
@@ -222,8 +222,8 @@ def drop_figure(
     begin, end = (moves[k][0] @ poses.center_of_mass + moves[k][1] for k in (0, -1))
     right, turn = _level_direction(end - begin, 0.0), np.radians(25.0)
     level = np.cos(turn) * np.cross(right, UP) + np.sin(turn) * right
-    cameras = [Camera(lifted(level, UP), UP)] * len(placed)
-    cameras = framed(cameras, [with_shadow(points, UP) for points in placed])
+    cameras = [Camera(tilt_up(level, UP), UP)] * len(placed)
+    cameras = frame_cameras(cameras, [with_shadow(points, UP) for points in placed])
     pictures = [
         render_on_table(replace(surface, points=points), UP, own, 300)
         for points, own in zip(placed, cameras, strict=True)

@@ -12,7 +12,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.report.palette import BASINS, PALE, repeated, rgb
+from dicedesign.report.palette import BASINS, PALE, repeat, rgb
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
@@ -32,7 +32,7 @@ MAX_ROWS = 30
 
 def poses_html(poses: RestPoses) -> str:
     """HTML of a body's hull, and a table of its rests."""
-    colors = repeated(BASINS, len(poses.normals))
+    colors = repeat(BASINS, len(poses.normals))
     rows = [
         (f"{k}", f"{p:.4%}", f"{margin:.1f}°")
         for k, (p, margin) in enumerate(
@@ -50,7 +50,7 @@ def result_html(result: Result, solid: tuple[Floats, Integers] | None = None) ->
     solid: its points (n, 3) and triangles (m, 3); read from the folder of the result unless given,
         and left out if there is none.
     """
-    colors = dict(zip(result.labels, repeated(BASINS, len(result.labels)), strict=True))
+    colors = dict(zip(result.labels, repeat(BASINS, len(result.labels)), strict=True))
     normals = np.array([facet.normal for facet in result.facets])
     of_facets = [colors.get(facet.outcome or "", PALE) for facet in result.facets]
     name = result.files.get("die", result.files.get("plain"))

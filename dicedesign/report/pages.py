@@ -27,13 +27,13 @@ from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.palette import BASINS
-from dicedesign.report.raster import Camera, encoded, lifted
+from dicedesign.report.raster import Camera, encode_png, tilt_up
 from dicedesign.report.renderer import Surface, render
 from dicedesign.results.parts import Draft, Search, Status, ThrowProbabilities
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
-from dicedesign.throws.tables import Spread, Table, most_of, scaled
+from dicedesign.throws.tables import Spread, Table, most_of, scale
 
 MAP: Final = "gauss_map"
 """Name of the figure that is linked with the table of facets."""
@@ -252,7 +252,7 @@ def _environment() -> Environment:
         "most": most_of,
         "lengths": _lengths,
         "ends": _ends,
-        "scaled": scaled,
+        "scaled": scale,
     }
     return environment
 
@@ -394,13 +394,13 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
     flat = flat - np.outer(flat @ down, down)
     along, across = np.linalg.svd(flat)[2][:2]
     turn = np.radians(25.0)
-    direction = lifted(np.cos(turn) * across + np.sin(turn) * along, -down, 30.0)
+    direction = tilt_up(np.cos(turn) * across + np.sin(turn) * along, -down, 30.0)
     # In the middle of the picture, the die is nowhere wider than its frame.
     frame = Camera(direction, -down).frame()
     seen = vertices @ frame.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 @ frame
     camera = Camera(direction, -down, middle, 0.53 * hull.diameter)
-    return encoded(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, 220))
+    return encode_png(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, 220))
 
 
 def throwing_advice(thrown: ThrowProbabilities | None, prior: str | None = None) -> str:
@@ -434,7 +434,7 @@ def throwing_advice(thrown: ThrowProbabilities | None, prior: str | None = None)
 
 def _lengths(meters: Spread) -> str:
     in_cm = most_of(meters) < 1.0
-    return f"{_ends(scaled(meters, 100.0 if in_cm else 1.0), 3)} {'cm' if in_cm else 'm'}"
+    return f"{_ends(scale(meters, 100.0 if in_cm else 1.0), 3)} {'cm' if in_cm else 'm'}"
 
 
 def _ends(spread: Spread, digits: int) -> str:

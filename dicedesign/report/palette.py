@@ -65,7 +65,7 @@ LOW_TO_HIGH: Final = ("#2a1a52", "#31508f", "#2a8c8c", "#7fbf5a", "#f4e67a")
 """Of a quantity, at equal steps; ever lighter, so that it can be told without colors too."""
 
 
-def repeated(colors: Sequence[str], count: int) -> list[str]:
+def repeat(colors: Sequence[str], count: int) -> list[str]:
     """`count` colors, from the first again after the last."""
     return [colors[k % len(colors)] for k in range(count)]
 

@@ -30,14 +30,14 @@ TURNS_DEG: Final = (35.0, 155.0, 275.0)
 MARGIN: Final = 1.08
 
 
-def encoded(picture: Picture) -> bytes:
+def encode_png(picture: Picture) -> bytes:
     """A picture as a PNG."""
     buffer = BytesIO()
     Image.fromarray(picture).save(buffer, "PNG", compress_level=1)
     return buffer.getvalue()
 
 
-def decoded(png: bytes) -> Picture:
+def decode_png(png: bytes) -> Picture:
     """A PNG as a picture."""
     return np.asarray(Image.open(BytesIO(png)).convert("RGB"))
 
@@ -82,7 +82,7 @@ class Camera:
         return positions * np.array([1.0, -1.0, 1.0]) + np.array([size / 2.0, size / 2.0, 0.0])
 
 
-def lifted(level: Floats, up: Floats, degrees: float = 18.0) -> Floats:
+def tilt_up(level: Floats, up: Floats, degrees: float = 18.0) -> Floats:
     """A level unit direction (3,), turned by an angle toward the upward one (3,), a unit vector
     too."""
     rise = np.radians(degrees)
@@ -103,8 +103,8 @@ def three_cameras(
     right = unit_vectors(right - (right @ upward) * upward)
     front = np.cross(right, upward)
     levels = [np.cos(turn) * front + np.sin(turn) * right for turn in np.radians(turns_deg)]
-    cameras = [Camera(lifted(level, upward, 15.0), upward) for level in levels]
-    return framed(cameras, [points] * len(cameras))
+    cameras = [Camera(tilt_up(level, upward, 15.0), upward) for level in levels]
+    return frame_cameras(cameras, [points] * len(cameras))
 
 
 def upward_of(path: Path) -> Floats:
@@ -112,7 +112,7 @@ def upward_of(path: Path) -> Floats:
     return np.eye(3)[2 if path.suffix.lower() in UPRIGHT else 1]
 
 
-def framed(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[Camera]:
+def frame_cameras(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[Camera]:
     """Cameras that look the same way, moved and at one scale such that each has its points (n, 3)
     in the middle of its picture and none of them outside."""
     moved, half_widths = [], []

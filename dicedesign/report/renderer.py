@@ -264,7 +264,7 @@ def _mix(values: Floats, triangle: Integers, weights: Floats) -> Floats:
     return np.asarray(np.einsum("mk,mkc->mc", weights, values[triangle]))
 
 
-def blurred(pixels: Floats, reach: float) -> Floats:
+def blur(pixels: Floats, reach: float) -> Floats:
     """Pixels (h, w), beyond which all is 0, blurred almost as by a Gaussian.
 
     reach: standard deviation in pixels, above 0. Three means over as many pixels have it.
@@ -283,7 +283,7 @@ def _recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
     where the rest counts as 0; reach: of the surroundings, in pixels.
     """
     here = height / np.where(coverage > 0.0, coverage, 1.0)
-    behind = blurred(height, reach) - here * blurred(coverage, reach)
+    behind = blur(height, reach) - here * blur(coverage, reach)
     return np.asarray(1.0 - RECESS_SHADE * (behind / (SAMPLES * reach)).clip(0.0, 1.0))
 
 
@@ -315,7 +315,7 @@ def _outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: floa
     return line
 
 
-def shadowed_table(
+def render_shadow(
     points: Floats,
     triangles: Integers,
     heights: Floats,
@@ -339,7 +339,7 @@ def shadowed_table(
     positions[:, 2] = -heights / reach
     seen, depth = rasterize(positions, triangles, size)
     dark = np.where(seen >= 0, 0.18 + 0.45 * np.exp(6.0 * depth), 0.0)
-    return np.asarray(1.0 - blurred(dark, 0.012 * reach * size / camera.half_width))
+    return np.asarray(1.0 - blur(dark, 0.012 * reach * size / camera.half_width))
 
 
 def with_shadow(points: Floats, up: Floats) -> Floats:
@@ -353,5 +353,5 @@ def render_on_table(surface: Surface, up: Floats, camera: Camera, size: int) -> 
     points, heights = surface.points, surface.points @ up
     heights -= heights.min()
     reach = camera.half_width
-    table = shadowed_table(points, surface.triangles, heights, up, camera, size, reach)
+    table = render_shadow(points, surface.triangles, heights, up, camera, size, reach)
     return render(surface, camera, size, backdrop=table)

@@ -22,7 +22,7 @@ from matplotlib.textpath import text_to_path
 from numpy.typing import ArrayLike
 
 from dicedesign.report.palette import DARK, GRID
-from dicedesign.report.raster import Picture, decoded, trim
+from dicedesign.report.raster import Picture, decode_png, trim
 
 TITLE: Final = 23
 BODY: Final = 21
@@ -74,7 +74,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def styled(draw: Callable[P, R]) -> Callable[P, R]:
+def with_style(draw: Callable[P, R]) -> Callable[P, R]:
     """Make a function draw in the style of all figures; letters that the font lacks are boxes."""
 
     @wraps(draw)
@@ -117,7 +117,7 @@ class Sheet:
         axes.axis("off")
         return axes
 
-    @styled
+    @with_style
     def text(self, text: str, place: ArrayLike, *, size: float = BODY, **style: Any) -> None:
         """Write one or more lines of text above all shapes.
 
@@ -139,8 +139,8 @@ class Sheet:
         found = [one for one in self.figure.findobj(Text) if isinstance(one, Text)]
         return [text.get_text() for text in found if text.get_text() and text.get_visible()]
 
-    @styled
-    def saved(self, format: str, dpi: int = DPI, **more: Any) -> bytes:
+    @with_style
+    def save_as(self, format: str, dpi: int = DPI, **more: Any) -> bytes:
         """The sheet in a file format of matplotlib's."""
         buffer = BytesIO()
         if self.grows:
@@ -152,11 +152,11 @@ class Sheet:
         """The sheet as a PNG; the same drawing gives the same bytes."""
         # A fifth larger than by default, in a fourth of the time.
         packing = {"compress_level": 1}
-        return self.saved("png", dpi, metadata={"Software": None}, pil_kwargs=packing)
+        return self.save_as("png", dpi, metadata={"Software": None}, pil_kwargs=packing)
 
     def pixels(self) -> Picture:
         """The sheet as a picture."""
-        return decoded(self.png())
+        return decode_png(self.png())
 
 
 @lru_cache(maxsize=8192)
@@ -166,7 +166,7 @@ def text_width(text: str, size: float) -> float:
     return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0])
 
 
-@styled
+@with_style
 def picture_grid(
     pictures: Sequence[Picture],
     titles: Sequence[str],

@@ -17,7 +17,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, norms, unit_vectors
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.palette import ACCENT, BASINS, DARK, FAINT, rgb
-from dicedesign.report.raster import UP, Camera, camera_on, framed, lifted
+from dicedesign.report.raster import UP, Camera, camera_on, frame_cameras, tilt_up
 from dicedesign.report.renderer import (
     MATERIAL,
     Surface,
@@ -26,7 +26,7 @@ from dicedesign.report.renderer import (
     render_on_table,
     with_shadow,
 )
-from dicedesign.report.sheet import NOTE, Sheet, picture_grid, styled
+from dicedesign.report.sheet import NOTE, Sheet, picture_grid, with_style
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
@@ -80,10 +80,10 @@ def views_figure(points: Floats, triangles: Integers) -> Sheet:
 
 def views(die: FinishedDie) -> Sheet:
     """A die from several sides, with its labels where it has them."""
-    return views_figure(*printed_mesh(die))
+    return views_figure(*mesh_to_print(die))
 
 
-def printed_mesh(die: FinishedDie) -> tuple[Floats, Integers]:
+def mesh_to_print(die: FinishedDie) -> tuple[Floats, Integers]:
     """Points (n, 3) and triangles (t, 3) of a die, with its labels where it has them."""
     solid = die.plain.body if die.engraved is None else die.engraved
     assert solid.triangles is not None
@@ -100,7 +100,7 @@ def print_orientation_figure(
     """
     beside = Camera(np.array([1.0, -0.8, 0.55]), UP)
     beneath = Camera(-UP, np.array([0.0, 1.0, 0.0]))
-    beside, beneath = framed([beside, beneath], [with_shadow(points, UP), points])
+    beside, beneath = frame_cameras([beside, beneath], [with_shadow(points, UP), points])
     colors = np.where(touching[:, None], (0.42, 0.60, 0.80), MATERIAL)
     colors = np.where(hanging[:, None], (0.87, 0.35, 0.22), colors)
     colored = color_triangles(points, triangles, colors)
@@ -117,7 +117,7 @@ def print_orientation(die: FinishedDie) -> Sheet:
 
     found = die.result.printability
     assert found is not None
-    points, triangles = printed_mesh(die)
+    points, triangles = mesh_to_print(die)
     judged = die.plain if die.engraved is None else die.engraved.assessment or die.plain
     hull = judged.poses.hull if die.reshaped is None else None
     printed = PrintedSolid(points, triangles, hull, (), np.zeros((0, 3)))
@@ -150,10 +150,10 @@ def reading_figure(
     away = unit_vectors(across - (across @ down) * down)
     turn = np.radians(30.0)
     level = -np.cos(turn) * away + np.sin(turn) * np.cross(down, away)
-    cameras = [Camera(lifted(level, -down, 35.0), -down)]
+    cameras = [Camera(tilt_up(level, -down, 35.0), -down)]
     cameras += [Camera(side, up) for _, side, up in sides]
     seen = [with_shadow(surface.points, -down), *[surface.points] * len(sides)]
-    oblique, *straight = framed(cameras, seen)
+    oblique, *straight = frame_cameras(cameras, seen)
     pictures = [render_on_table(surface, -down, oblique, PIXELS)]
     pictures += [render(surface, camera, PIXELS) for camera in straight]
     titles = ["as it lies", *(title for title, _, _ in sides)]
@@ -260,7 +260,7 @@ def _facet_of(hull: ConvexHull, placement: Placement) -> int:
     return int(np.argmax(hull.normals @ normal - np.abs(hull.heights(place)) / hull.diameter))
 
 
-@styled
+@with_style
 def faces_figure(faces: Sequence[Face]) -> Sheet:
     """Faces side by side, all on one scale, and a bar of so many millimeters.
 

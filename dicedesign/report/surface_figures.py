@@ -16,8 +16,16 @@ from dicedesign.fabricate.die import FinishedDie
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import edge_keys
 from dicedesign.report.bar_charts import Bars, outcome_chart
-from dicedesign.report.palette import ACCENT, BASINS, FAINT, PALE, repeated, rgb
-from dicedesign.report.raster import UP, Camera, Picture, camera_on, framed, lifted, three_cameras
+from dicedesign.report.palette import ACCENT, BASINS, FAINT, PALE, repeat, rgb
+from dicedesign.report.raster import (
+    UP,
+    Camera,
+    Picture,
+    camera_on,
+    frame_cameras,
+    three_cameras,
+    tilt_up,
+)
 from dicedesign.report.renderer import (
     MATERIAL,
     Shell,
@@ -27,7 +35,7 @@ from dicedesign.report.renderer import (
     render_on_table,
     with_shadow,
 )
-from dicedesign.report.sheet import TITLE, Sheet, picture_grid, styled
+from dicedesign.report.sheet import TITLE, Sheet, picture_grid, with_style
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
@@ -81,7 +89,7 @@ def shell_of(die: FinishedDie) -> Shell:
 
 def outcome_tints(outcomes: Integers) -> Floats:
     """Tints (h, 3) of a shell whose triangles belong to rests of outcomes (h,), or -1 of none."""
-    tints = rgb(repeated(BASINS, int(outcomes.max(initial=0)) + 1))[outcomes]
+    tints = rgb(repeat(BASINS, int(outcomes.max(initial=0)) + 1))[outcomes]
     tints[outcomes < 0] = np.nan
     return tints
 
@@ -147,7 +155,7 @@ def displacement_colors(shares: Floats) -> Floats:
     return np.stack([np.interp(shares, places, channel) for channel in colors.T], axis=1)
 
 
-@styled
+@with_style
 def displacement_figure(
     before: Floats, after: Floats, triangles: Integers, cameras: Sequence[Camera]
 ) -> Sheet:
@@ -208,7 +216,7 @@ def crossings(die: FinishedDie) -> Sheet:
     return crossings_figure(after.points, after.triangles, die.quality.intersections, cameras)
 
 
-@styled
+@with_style
 def hull_figure(
     surface: Surface, shell: Shell, labels: Sequence[str], cameras: Sequence[Camera]
 ) -> Sheet:
@@ -220,7 +228,7 @@ def hull_figure(
     columns = 10
     below = 36.0 * -(-len(labels) // columns)
     sheet = rows_of_views({"": surface}, cameras, shell, below=below)
-    colors = repeated(BASINS, len(labels))
+    colors = repeat(BASINS, len(labels))
     keys = [Patch(color=colors[k], label=label) for k, label in enumerate(labels)]
     place = (0.5, (below + 10.0) / sheet.height)
     sheet.figure.legend(handles=keys, loc="upper center", bbox_to_anchor=place, ncols=columns)
@@ -266,10 +274,10 @@ def rests_figure(
     size = PIXELS if columns < REST_COLUMNS else 300
     ups = -unit_vectors(downs)
     levels = [_level_view(surface.points, up, front) for up in ups]
-    cameras = [Camera(lifted(level, up), up) for level, up in zip(levels, ups, strict=True)]
+    cameras = [Camera(tilt_up(level, up), up) for level, up in zip(levels, ups, strict=True)]
     # The underside as it is seen when the die is tipped backward, its front upward.
     cameras += [Camera(-up, level) for level, up in zip(levels, ups, strict=True)]
-    cameras = framed(cameras, 2 * [with_shadow(surface.points, up) for up in ups])
+    cameras = frame_cameras(cameras, 2 * [with_shadow(surface.points, up) for up in ups])
     count = len(downs)
     lying = [render_on_table(surface, ups[k], cameras[k], size) for k in range(count)]
     undersides = [render(surface, camera, size, shell) for camera in cameras[count:]]

@@ -93,13 +93,13 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     unevenness = hull.unevenness / (np.ptp(hull.vertices, axis=0).max() / 2.0)
     for factor in COPLANAR_WIDENINGS[1:]:
         with suppress(DegenerateBodyError):
-            coarser = _made_again(hull, min(factor * unevenness, COPLANAR_COARSEST))
+            coarser = remake_hull(hull, min(factor * unevenness, COPLANAR_COARSEST))
             if coarser.warp <= WARP_TOLERANCE:
                 return _basins(coarser, center_of_mass)
-    return _basins(_made_again(hull, 0.0), center_of_mass)
+    return _basins(remake_hull(hull, 0.0), center_of_mass)
 
 
-def _made_again(hull: ConvexHull, coplanar_tolerance: float) -> ConvexHull:
+def remake_hull(hull: ConvexHull, coplanar_tolerance: float) -> ConvexHull:
     again = convex_hull(hull.vertices, coplanar_tolerance)
     return replace(again, source=hull.source[again.source])
 
@@ -156,10 +156,10 @@ def basin_areas(equilibria: Equilibria, paths: Separatrices) -> Floats:
     hull = equilibria.hull
     points = separatrix_points(paths, hull.vertices, equilibria.center_of_mass, np)
     references = basin_references(paths, points, hull.normals[paths.rests])
-    return closed_areas(signed_areas(paths, points, references))
+    return close_areas(signed_areas(paths, points, references))
 
 
-def closed_areas(signed: Floats) -> Floats:
+def close_areas(signed: Floats) -> Floats:
     """Areas (k,) of basins from their signed areas (k,), which are right up to multiples of 4 pi.
 
     Raises

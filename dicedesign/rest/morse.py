@@ -22,7 +22,7 @@ from dicedesign.geometry.sphere import (
 )
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.tracing import ascend, destined_facets
+from dicedesign.rest.tracing import ascend, trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import NEAR_ANTIPODE
 
@@ -104,7 +104,7 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
         saddles = saddles[:0]
     sides = np.stack([hull.facet[saddles], hull.facet[hull.twin[saddles]]], axis=1)
     needed, inverse = np.unique(sides, return_inverse=True)
-    destined = destined_facets(equilibria, needed)[inverse].reshape(sides.shape)
+    destined = trace_to_rests(equilibria, needed)[inverse].reshape(sides.shape)
     dividing = destined[:, 0] != destined[:, 1]
     saddles = saddles[dividing]
     basins = np.searchsorted(rests, destined[dividing])

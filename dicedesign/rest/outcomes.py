@@ -61,10 +61,12 @@ class OutcomeProbabilities:
 
 def outcome_probabilities(poses: RestPoses, directions: Floats) -> OutcomeProbabilities:
     """Probabilities of the outcomes of a body, whose directions (k, 3), unit, are down in them."""
-    return gathered(poses.normals, poses.probabilities, directions)
+    return assign_rests(poses.normals, poses.probabilities, directions)
 
 
-def gathered(normals: Floats, probabilities: Floats, directions: Floats) -> OutcomeProbabilities:
+def assign_rests(
+    normals: Floats, probabilities: Floats, directions: Floats
+) -> OutcomeProbabilities:
     """The same of rests with normals (r, 3) and probabilities (r,).
 
     Where no rest is within `SAME_REST_ANGLE` of an outcome's direction, its own is the nearest of

@@ -18,7 +18,7 @@ from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mas
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.tracing import destined_facets
+from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import CLOSURE_TOLERANCE
 
@@ -43,7 +43,7 @@ class SampledPoses(NamedTuple):
     rests: Integers
 
 
-def sampled_poses(probabilities: Floats, transforms: Floats, n: int, rng: Seed) -> SampledPoses:
+def sample_poses(probabilities: Floats, transforms: Floats, n: int, rng: Seed) -> SampledPoses:
     """Draw from the poses of transforms (k, 4, 4), which have probabilities (k,); see
     `RestPoses.sample`."""
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 0 <= n <= MOST_COUNT:
@@ -55,7 +55,7 @@ def sampled_poses(probabilities: Floats, transforms: Floats, n: int, rng: Seed) 
     ends = np.cumsum(probabilities)
     rests = np.searchsorted(ends, ends[-1] * chance.random(n), side="right")
     rests = np.minimum(rests, len(ends) - 1).astype(np.int64)
-    return SampledPoses(turned(transforms[rests], 2.0 * math.pi * chance.random(n)), rests)
+    return SampledPoses(turn_about_z(transforms[rests], 2.0 * math.pi * chance.random(n)), rests)
 
 
 def generator_of(rng: Seed) -> np.random.Generator:
@@ -70,7 +70,7 @@ def generator_of(rng: Seed) -> np.random.Generator:
     return np.random.default_rng(rng)
 
 
-def turned(transforms: Floats, angles: Floats) -> Floats:
+def turn_about_z(transforms: Floats, angles: Floats) -> Floats:
     """Motions (n, 4, 4), followed by turns about the z axis by angles (n,) in radians."""
     turns = np.zeros((len(angles), 4, 4))
     cosines, sines = np.cos(angles), np.sin(angles)
@@ -137,7 +137,7 @@ class MorseComplex:
     def basin_of_facet(self) -> Integers:
         """(m,) the rest to which each facet of the hull rolls."""
         facets = np.arange(len(self.equilibria.hull.normals))
-        destined = destined_facets(self.equilibria, facets)
+        destined = trace_to_rests(self.equilibria, facets)
         place = np.full(len(facets), -1, dtype=np.int64)
         place[self.rest_facets] = np.arange(len(self.rest_facets))
         return place[destined]
@@ -196,7 +196,7 @@ class RestPoses:
             if self.prior is None:
                 return self
             parts = np.zeros(len(self.hull.normals))
-            facets, areas, _ = _combined(self.basins)
+            facets, areas, _ = _combine_sides(self.basins)
             parts[facets] = areas / (4.0 * np.pi)
             return self._with_probabilities(None, parts[self.facets], None)
         # Imported here, as most queries do without.
@@ -279,7 +279,7 @@ class RestPoses:
         rng: a seed, a `numpy.random.Generator` to draw from, or None for other poses every time.
         Raises InputError: `n` is no whole number of at least 0, or `rng` is none of these.
         """
-        return sampled_poses(self.probabilities, self.transforms, n, rng)
+        return sample_poses(self.probabilities, self.transforms, n, rng)
 
 
 def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:
@@ -346,7 +346,7 @@ def analyze(
     if sides[0].equilibria.hull is not hull:
         hull = sides[0].equilibria.hull
         notes = (*notes, UNEVEN)
-    facets, areas, tied = _combined(sides)
+    facets, areas, tied = _combine_sides(sides)
     order = np.argsort(-areas, kind="stable")
     return RestPoses(
         hull=hull,
@@ -360,7 +360,7 @@ def analyze(
     )
 
 
-def _combined(sides: tuple[Basins, ...]) -> tuple[Integers, Floats, bool]:
+def _combine_sides(sides: tuple[Basins, ...]) -> tuple[Integers, Floats, bool]:
     """Facets (k,) that a body rests on, the mean areas (k,) of their basins, and whether the sides
     differ."""
     first = sides[0]

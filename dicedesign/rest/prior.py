@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import InputError
 from dicedesign.rest.basins import Basins
 from dicedesign.rest.border_arcs import Arcs
-from dicedesign.rest.tracing import destined_facets, slide
+from dicedesign.rest.tracing import slide, trace_to_rests
 from dicedesign.runtime.arrays import Floats, exact_intervals
 from dicedesign.runtime.files import read_text
 from dicedesign.runtime.registry import Extension, Registry
@@ -204,7 +204,7 @@ class SampledDirections(Prior):
         errors = np.full(len(directions), ROUNDING)
         facets, _ = slide(equilibria, np.concatenate(lowest), directions, errors)
         touched, place = np.unique(facets, return_inverse=True)
-        places = np.searchsorted(basins.paths.rests, destined_facets(equilibria, touched)[place])
+        places = np.searchsorted(basins.paths.rests, trace_to_rests(equilibria, touched)[place])
         probabilities = np.bincount(places, minlength=len(basins.paths.rests)) / len(directions)
         intervals = exact_intervals(probabilities * len(directions), len(directions), CONFIDENCE)
         return PriorProbabilities(

@@ -216,7 +216,7 @@ def descend(equilibria: Equilibria, facets: Integers) -> Integers:
     return reached
 
 
-def destined_facets(equilibria: Equilibria, facets: Integers) -> Integers:
+def trace_to_rests(equilibria: Equilibria, facets: Integers) -> Integers:
     """Stable facet (k,) on which a body comes to rest that is let go on facets (k,).
 
     Where rounding leaves a decision open it is found in exact arithmetic.

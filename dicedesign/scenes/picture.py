@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dicedesign.report.palette import BASINS, rgb
-from dicedesign.report.raster import Camera, encoded, framed, rasterize, trim
-from dicedesign.report.renderer import Surface, render, shadowed_table
+from dicedesign.report.raster import Camera, encode_png, frame_cameras, rasterize, trim
+from dicedesign.report.renderer import Surface, render, render_shadow
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.scenes.room import FLOOR_TRIANGLES, Room
 
@@ -50,13 +50,13 @@ def room_picture(room: Room) -> bytes:
     up = np.array([0.0, 0.0, 1.0])
     level = np.array([np.sin(TURN), -np.cos(TURN), 0.0])
     camera = Camera(np.cos(RISE) * level + np.sin(RISE) * up, up, np.zeros(3), 1.0)
-    (camera,) = framed([camera], [np.concatenate([all_points, room.floor_corners])])
+    (camera,) = frame_cameras([camera], [np.concatenate([all_points, room.floor_corners])])
     heights = all_points[:, 2].clip(0.0)
     highest = float(max(heights.max(), 1e-300))
-    table = shadowed_table(all_points, all_triangles, heights, up, camera, PIXELS, highest)
+    table = render_shadow(all_points, all_triangles, heights, up, camera, PIXELS, highest)
     floor = camera.pixel_positions(room.floor_corners, PIXELS)
     on_floor, _ = rasterize(floor, FLOOR_TRIANGLES, PIXELS)
     table[on_floor >= 0] *= FLOOR_BRIGHTNESS
     surface = Surface(all_points, all_triangles, np.concatenate(tints))
     (picture,) = trim([render(surface, camera, PIXELS, backdrop=table)])
-    return encoded(picture)
+    return encode_png(picture)

@@ -50,7 +50,7 @@ def pareto_front(points: Floats) -> Booleans:
     return ~beaten
 
 
-def ranked(finished: Sequence[Finished]) -> list[Finished]:
+def rank_trials(finished: Sequence[Finished]) -> list[Finished]:
     """The trials that converged, the best first: by the product of the smallest circle's radius and
     the margin, then by error, then by number. No die comes after one that is worse in both."""
     return sorted(
@@ -66,7 +66,7 @@ def ranked(finished: Sequence[Finished]) -> list[Finished]:
 def leaders(finished: Sequence[Finished]) -> list[Finished]:
     """The first `LEADERS` of the ranked trials, and those with the largest circle, the largest
     margin and the smallest error where these come later."""
-    order = ranked(finished)
+    order = rank_trials(finished)
     if not order:
         return []
     single = [
@@ -88,7 +88,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
     from dicedesign.report.curve_charts import pareto_chart
     from dicedesign.report.pages import leaderboard_page
 
-    solved = ranked(finished)
+    solved = rank_trials(finished)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
     on_front = pareto_front(values.reshape(-1, 2))
     front = {trial["number"] for trial, is_on in zip(solved, on_front, strict=True) if is_on}

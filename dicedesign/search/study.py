@@ -83,7 +83,7 @@ def search_space(recipe: Recipe) -> dict[str, Range]:
     return space
 
 
-def varied_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Recipe:
+def vary_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Recipe:
     """The recipe of a trial: its place in the search is added to the seed, and the numbers of
     `search_space` take the given values. With `Range.own` for all, that at place 0 is the recipe as
     it was given."""
@@ -189,7 +189,7 @@ class SearchStudy:
                 for name, entry in self._space.items()
             }
         )
-        entries = varied_recipe(self._recipe, number, trial.params).resolved()
+        entries = vary_recipe(self._recipe, number, trial.params).resolved()
         trial.set_user_attr(PLACE, number)
         trial.set_user_attr("recipe", entries)
         self._asked[number] = trial

@@ -65,7 +65,7 @@ BLOCK: Final = 1_000_000
 """Counts of a block, at most, unless one series has more."""
 
 
-def drawn_counts(probabilities: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
+def draw_counts(probabilities: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
     """Counts (b, k) of so many series of throws in all, drawn with probabilities (k,).
 
     How many come at a time does not change them.
@@ -179,7 +179,7 @@ def measure_variation(
     estimate = jeffreys_means(came)
     distances = [
         np.abs(drawn / math.floor(throws) - estimate).sum(axis=1) / 2.0
-        for drawn in drawn_counts(estimate, math.floor(throws), DRAWS, SEED)
+        for drawn in draw_counts(estimate, math.floor(throws), DRAWS, SEED)
     ]
     scatter = float(np.quantile(np.concatenate(distances), (1.0 + confidence) / 2.0))
     limits = (
@@ -217,7 +217,7 @@ def measure_transport(
 
     def scatter(probabilities: Floats) -> Floats:
         """Distances of frequencies from the probabilities (k,) that they were drawn with."""
-        series = drawn_counts(probabilities, math.floor(came.sum()), TRANSPORT_DRAWS, SEED)
+        series = draw_counts(probabilities, math.floor(came.sum()), TRANSPORT_DRAWS, SEED)
         pairs = ((drawn, probabilities) for block in series for drawn in block)
         return np.array([wasserstein_distance(directions, a, directions, b) for a, b in pairs])
 

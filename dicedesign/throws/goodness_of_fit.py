@@ -15,7 +15,7 @@ from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.throws.distances import (
     MeasuredDistance,
     Posterior,
-    drawn_counts,
+    draw_counts,
     event_error,
     jeffreys_posterior,
     measure_variation,
@@ -76,7 +76,7 @@ def chi_square(counts: ArrayLike, probabilities: ArrayLike) -> ChiSquareTest:
         return ChiSquareTest(math.inf, int(possible.sum()), 0.0)
     expected = came.sum() * p[possible]
     statistic = float((np.square(came[possible] - expected) / expected).sum())
-    return _judged(statistic, int(possible.sum()) - 1)
+    return _judge(statistic, int(possible.sum()) - 1)
 
 
 def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
@@ -85,10 +85,10 @@ def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
     both = np.stack([np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)])
     both = both[:, both.any(axis=0)]
     expected = both.sum(axis=1, keepdims=True) * both.sum(axis=0) / both.sum()
-    return _judged(float((np.square(both - expected) / expected).sum()), both.shape[1] - 1)
+    return _judge(float((np.square(both - expected) / expected).sum()), both.shape[1] - 1)
 
 
-def _judged(statistic: float, degrees: int) -> ChiSquareTest:
+def _judge(statistic: float, degrees: int) -> ChiSquareTest:
     p_value = float(chdtrc(degrees, statistic)) if degrees else 1.0
     return ChiSquareTest(statistic, degrees, p_value)
 
@@ -116,7 +116,7 @@ def exact_multinomial(counts: ArrayLike, probabilities: ArrayLike) -> Multinomia
         every = _all_log_likelihoods(throws, p)
         return MultinomialTest(min(1.0, float(np.exp(every[every <= observed]).sum())), tables, 0.0)
     hits = 1
-    for drawn in drawn_counts(p, throws, DRAWS, SEED):
+    for drawn in draw_counts(p, throws, DRAWS, SEED):
         hits += int((_log_likelihood(drawn, p) <= observed).sum())
     looked_at = 1 + DRAWS
     p_value = hits / looked_at

@@ -22,8 +22,8 @@ from dicedesign.errors import InputError, named
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines import GRAVITY
-from dicedesign.throws.tables import Table, least_of, read_packaged, table_entries, table_named
-from dicedesign.throws.tables import scaled as spread_by
+from dicedesign.throws.tables import Table, least_of, load_table, read_packaged, table_entries
+from dicedesign.throws.tables import scale as spread_by
 from dicedesign.throws.transition_features import CARRY_FEATURES, SMOOTHING, TRANSITION_FEATURES
 from dicedesign.tolerances import ROUNDING
 
@@ -52,13 +52,13 @@ def dimensionless(table: Table) -> Floats:
 
 
 def table_terms(table: Table) -> Floats:
-    """(`TABLE_TERMS`,) what a model's numbers are linear in: 1, the `scaled` numbers of a table and
-    their products by twos. Its friction and height are above 0."""
-    numbers = np.array([1.0, *scaled(dimensionless(table))])
+    """(`TABLE_TERMS`,) what a model's numbers are linear in: 1, the `scale_numbers` numbers of a
+    table and their products by twos. Its friction and height are above 0."""
+    numbers = np.array([1.0, *scale_numbers(dimensionless(table))])
     return np.outer(numbers, numbers)[np.triu_indices(len(numbers))]
 
 
-def scaled(numbers: Floats) -> Floats:
+def scale_numbers(numbers: Floats) -> Floats:
     """(..., 5) of the numbers of `dimensionless`: frictions and heights count by their logarithms,
     speeds and spins by that of 1 more."""
     restitution, friction, height, speed, spin = np.moveaxis(numbers, -1, 0)
@@ -86,7 +86,7 @@ class TableRange:
 
     def nearest(self, table: Table) -> Table:
         """The table, or one with the numbers that are beyond the range at its end."""
-        return moved(table, np.clip(dimensionless(table), self.least, self.most))
+        return move_table(table, np.clip(dimensionless(table), self.least, self.most))
 
     def require(self, table: Table, remedy: str) -> None:
         """Raise InputError, which names the parameter, for a table beyond the range."""
@@ -104,7 +104,7 @@ class TableRange:
                 )
 
 
-def moved(table: Table, numbers: Floats) -> Table:
+def move_table(table: Table, numbers: Floats) -> Table:
     """A table with those numbers that differ from its own; ranges stay as wide as they are
     compared with their mean."""
     values = dict(zip(TABLE_NUMBERS, (numbers * _units(table.size)).tolist(), strict=True))
@@ -133,7 +133,7 @@ def other_tables(table: Table, posterior: Sequence[Table] = ()) -> tuple[Table, 
     if not posterior:
         livelier = (table.livelier(change) for change in CHANGES)
         return tuple(other for other in livelier if other != table)
-    numbers = np.array([scaled(dimensionless(one)) for one in posterior])
+    numbers = np.array([scale_numbers(dimensionless(one)) for one in posterior])
     spread = numbers.std(axis=0)
     numbers = numbers / np.where(spread > 0.0, spread, 1.0)
     apart = np.linalg.norm(numbers[:, None] - numbers, axis=2)
@@ -149,12 +149,12 @@ def other_tables(table: Table, posterior: Sequence[Table] = ()) -> tuple[Table, 
 
 def table_measures(table: Table, others: Sequence[Table]) -> Floats:
     """(n, d) of other tables, 0 for the table itself: differences in what the momentum model knows
-    of them (`scaled`), each over the root of its mean square; those in which none differs are
-    left out."""
+    of them (`scale_numbers`), each over the root of its mean square; those in which none differs
+    are left out."""
     if not others:
         return np.zeros((0, 0))
-    own = scaled(dimensionless(table))
-    gaps = np.array([scaled(dimensionless(other)) for other in others]) - own
+    own = scale_numbers(dimensionless(table))
+    gaps = np.array([scale_numbers(dimensionless(other)) for other in others]) - own
     spread = np.sqrt((gaps**2).mean(axis=0))
     differing = spread > 0.0
     measures: Floats = gaps[:, differing] / spread[differing]
@@ -191,7 +191,7 @@ class Network:
         hidden = xp.tanh(scaled @ self.inward + self.shift)
         return scaled @ self.linear + self.bias + hidden @ self.outward
 
-    def unscaled(self) -> tuple[Floats, ...]:
+    def unscale(self) -> tuple[Floats, ...]:
         """The maps and their constants, of NumPy, that take features as they are."""
         linear, inward = (part / self.deviation[:, None] for part in (self.linear, self.inward))
         bias, shift = self.bias - self.mean @ linear, self.shift - self.mean @ inward
@@ -367,7 +367,7 @@ class MomentumModel(kernels.Handled):
         """That of another table, or of the nearest one that the model knows."""
         return self.of(self.general, self.general.range.nearest(table))
 
-    def converted(self, convert: Callable[[Any], Any]) -> MomentumModel:
+    def convert(self, convert: Callable[[Any], Any]) -> MomentumModel:
         """The same with other arrays."""
         numbers = self.hot, self.cooling, self.carry_barrier
         hot, cooling, carry_barrier = map(convert, numbers)
@@ -382,7 +382,7 @@ class MomentumModel(kernels.Handled):
         """This model as kernels take it, in NumPy."""
         networks = self.transitions, self.carries
         numbers = [np.array([self.hot, self.cooling, self.carry_barrier])]
-        numbers += [part.ravel() for network in networks for part in network.unscaled()]
+        numbers += [part.ravel() for network in networks for part in network.unscale()]
         return kernels.new_handle(
             "Momentum",
             np.concatenate(numbers),
@@ -400,7 +400,7 @@ def momentum_model(table: str) -> MomentumModel | None:
     ------
     InputError: there is no such table, its own model is none, or it is not in the model's range.
     """
-    thrown = table_named(table)
+    thrown = load_table(table)
     if thrown.drag > 0.0:
         return None
     entries = table_entries(table)

@@ -67,9 +67,9 @@ def landing_probabilities(
     # One of no height may come out below 0 by rounding.
     barriers = xp.where(known > ROUNDING, known, ROUNDING)
     free = -xp.log(-xp.expm1(-barriers / NO_BARRIER))
-    rates = _bounded((going[:, :3] @ terms).T - stretch * known / temperature + free, xp)
+    rates = _bounded_exp((going[:, :3] @ terms).T - stretch * known / temperature + free, xp)
     barred = (model.carry_barrier / temperature)[:, first]
-    weights = _bounded((going_on @ terms).T - barred * features.exits, xp)
+    weights = _bounded_exp((going_on @ terms).T - barred * features.exits, xp)
     probabilities = features.probabilities
     for rate, weight in zip(rates, weights, strict=True):
         leaving = _sums(rate, source, rests)
@@ -87,7 +87,7 @@ def landing_probabilities(
     return probabilities
 
 
-def _bounded(logarithm: Any, xp: ModuleType) -> Any:
+def _bounded_exp(logarithm: Any, xp: ModuleType) -> Any:
     """Exponential of a logarithm that is smoothly kept below `MOST_RATE`."""
     return xp.exp(-xp.logaddexp(-logarithm, 0.0 * logarithm - MOST_RATE))
 

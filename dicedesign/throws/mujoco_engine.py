@@ -139,8 +139,8 @@ def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
         # faster it is.
         integrator="Euler" if table.drag > 0.0 else "RK4",
         gravity=-GRAVITY,
-        vertices=_listed((body.vertices * scale).ravel()),
-        moments=_listed(body.moments * scale**2),
+        vertices=_format_numbers((body.vertices * scale).ravel()),
+        moments=_format_numbers(body.moments * scale**2),
         rows=3 if table.friction > 0.0 else 1,
         friction=table.friction,
         stiffness=-contact.stiffness,
@@ -150,7 +150,7 @@ def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
     )
 
 
-def _listed(numbers: Floats) -> str:
+def _format_numbers(numbers: Floats) -> str:
     return " ".join(repr(float(x)) for x in numbers)
 
 

@@ -232,7 +232,7 @@ def effective(weights: Floats) -> float:
     return float(1.0 / np.square(weights).sum())
 
 
-def weighted_points(
+def sample_posterior(
     log_likelihoods: Callable[[Floats], Floats],
     dimensions: int,
     each: int,

@@ -14,7 +14,7 @@ from dicedesign.geometry.meshes.body import Body, solid_triangles
 from dicedesign.geometry.triangles import solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.tables import Table, drawn
+from dicedesign.throws.tables import Table, draw
 from dicedesign.tolerances import INERTIA_TOLERANCE, VOLUME_TOLERANCE
 
 
@@ -84,7 +84,7 @@ def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -
     hull, center, morse = poses.hull, poses.center_of_mass, poses.morse
     arms = hull.vertices - center
     radius = float(np.linalg.norm(arms, axis=1).max())
-    tensor = _solid_inertia(body, poses) if inertia is None else _given_inertia(inertia, radius)
+    tensor = _solid_inertia(body, poses) if inertia is None else _check_inertia(inertia, radius)
     moments, axes = np.linalg.eigh(tensor)
     if np.linalg.det(axes) < 0.0:
         axes = axes * np.array([1.0, 1.0, -1.0])
@@ -131,7 +131,7 @@ def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
     return solid_inertia(body.points, solid[0])
 
 
-def _given_inertia(inertia: ArrayLike, radius: float) -> Floats:
+def _check_inertia(inertia: ArrayLike, radius: float) -> Floats:
     tensor = np.asarray(inertia, dtype=np.float64)
     expected = "inertia: expected a symmetric (3, 3) tensor of finite numbers"
     if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
@@ -204,7 +204,7 @@ def drop_weights(drops: int, orientations: Orientations) -> Floats:
     return PAPER_DIRECTIONS * up_directions()[1][np.arange(drops) % PAPER_DIRECTIONS]
 
 
-def released(
+def release_states(
     body: RigidBody,
     table: Table,
     numbers: Integers,
@@ -227,15 +227,15 @@ def released(
         yaw = np.arctan2(turns[:, 1], turns[:, 0])
         turns = _standing(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
     axes = rng.normal(size=(count, 3))
-    spins = np.reshape(drawn(table.spin, count, rng), (-1, 1))
+    spins = np.reshape(draw(table.spin, count, rng), (-1, 1))
     states[:, 10:13] = spins * axes / np.linalg.norm(axes, axis=1)[:, None]
-    states[:, 7] = drawn(table.speed, count, rng)
-    heights = drawn(table.height, count, rng)
+    states[:, 7] = draw(table.speed, count, rng)
+    heights = draw(table.height, count, rng)
     if down is not None:
         yaw = rng.uniform(-np.pi, np.pi, count)
         turns = _standing(np.tile(-down @ body.axes, (count, 1)), yaw)
         # Each seed's throws stay those that they were.
-        heights = drawn(table.height, count, rng)
+        heights = draw(table.height, count, rng)
     states[:, 3:7] = turns
     # Of the lowest point over the center of mass.
     lowest = (vertical(turns) @ body.vertices.T).min(axis=1) * table.size / 2.0

@@ -107,7 +107,7 @@ def session_points(points: Floats, offsets: Offsets, size: float | None) -> Floa
     return np.clip((coordinates - least) / (most - least), 0.0, 1.0)
 
 
-def drawn_values(points: Floats, offsets: Offsets) -> Floats:
+def draw_values(points: Floats, offsets: Offsets) -> Floats:
     """The same values (n, 5) for dice of `SIZE` and larger ones."""
     values = _session_values(points, offsets, SIZE)
     values[:, 2] = np.maximum(values[:, 2], LOWEST)

@@ -34,7 +34,7 @@ from dicedesign.throws.rigid_body import (
     Orientations,
     RigidBody,
     drop_weights,
-    released,
+    release_states,
     rigid_body,
     vertical,
 )
@@ -189,7 +189,7 @@ def throw_task(
     """The rests (n,) of drops (n,), the first of which has a multiple of `DROPS_PER_TASK` as its
     number; -1 for those that found none."""
     count, rng = len(numbers), np.random.default_rng([seed, int(numbers[0]) // DROPS_PER_TASK])
-    states = released(body, table, numbers, orientations, rng)
+    states = release_states(body, table, numbers, orientations, rng)
     outcomes = np.asarray(ENGINES[engine].throw_states(body, table, states, refinement))
     rests = len(body.rest_heights)
     if outcomes.shape != (count,) or outcomes.dtype.kind != "i":
@@ -234,7 +234,7 @@ class DieOnTable:
         directions (k, 3)."""
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
-        sized = table.sized(2e-3 * body.radius)
+        sized = table.for_size(2e-3 * body.radius)
         return cls(solid, body, poses, outcome_probabilities(poses, directions), sized)
 
     def momentum(self, model: MomentumModel | None) -> Floats:
@@ -244,7 +244,7 @@ class DieOnTable:
         )
         return probabilities
 
-    def simulated(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
+    def simulate(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
         """So many throws. Raises InputError: none of them came to rest."""
         throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
         throws.require_rest()
@@ -257,7 +257,7 @@ class DieOnTable:
         first on."""
 
         def counted(place: int) -> Integers:
-            table = tables[place].lifted(self.table.size)
+            table = tables[place].for_size_above(self.table.size)
             return self.counts(simulate(self.body, table, drops, seed + place, engine=engine))
 
         # Engines are loaded by the first who asks for one, who is alone here.
@@ -285,7 +285,7 @@ class ThrownDie:
     momentum: Floats
     throws: Throws | None
 
-    def measured(self, target: Floats) -> SimulatedThrows | None:
+    def measure(self, target: Floats) -> SimulatedThrows | None:
         """The throws against a target (k,); None without throws."""
         throws = self.throws
         if throws is None:
@@ -355,7 +355,7 @@ class Film:
         """(f, 3, 3) matrices of the quaternions."""
         return np.asarray(Rotation.from_quat(self.quaternions, scalar_first=True).as_matrix())
 
-    def placed(self, points: Floats, center_of_mass: ArrayLike, frame: int) -> Floats:
+    def place_points(self, points: Floats, center_of_mass: ArrayLike, frame: int) -> Floats:
         """Positions (n, 3) in m of points (n, 3) of the body in a frame.
 
         points, center_of_mass: in the body's own frame and unit of length. They are scaled like the
@@ -379,7 +379,7 @@ def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None
     """
     contact = contact_of(table)
     rng = np.random.default_rng(seed)
-    states = released(body, table, np.arange(CANDIDATES), "uniform", rng, down)
+    states = release_states(body, table, np.arange(CANDIDATES), "uniform", rng, down)
     _, steps = advance(body, table, states.copy(), round(contact.seconds / contact.step))
     state = states[[np.argsort(steps, kind="stable")[CANDIDATES // 2]]]
     # Whole steps to a frame.

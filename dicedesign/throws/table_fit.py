@@ -28,11 +28,11 @@ from dicedesign.throws.probability_surrogate import (
     WeightedPoints,
     effective,
     log_likelihoods,
-    weighted_points,
+    sample_posterior,
 )
 from dicedesign.throws.sessions import (
     PARAMETERS,
-    drawn_values,
+    draw_values,
     session_offsets,
     session_points,
     set_counts,
@@ -70,7 +70,7 @@ class Prediction:
     interval: tuple[int, int]
 
 
-def predicted(counts: Integers, probabilities: Floats, rng: np.random.Generator) -> Prediction:
+def predict(counts: Integers, probabilities: Floats, rng: np.random.Generator) -> Prediction:
     """Counts (g,) against a prediction: equally likely probabilities (m, g).
 
     Source: Gelman, Meng and Stern, Statistica Sinica 6, 1996, with the likelihood ratio of the
@@ -171,7 +171,7 @@ def check_table(
     """
     checks = []
     for die in dice:
-        lifted = table.lifted(die.size)
+        lifted = table.for_size_above(die.size)
         throws = simulate(die.body, lifted, drops, seed, workers=workers, progress=progress)
         simulated = die.by_outcome(throws.counts)
         checks.append(
@@ -359,7 +359,7 @@ def fit_table(
         surrogates: Sequence[ProbabilitySurrogate], effort: tuple[int, int], is_final: bool
     ) -> WeightedPoints:
         offsets = session_offsets(effort[1], rng)
-        return weighted_points(
+        return sample_posterior(
             lambda points: log_likelihoods(surrogates, points, offsets, is_final),
             len(PARAMETERS),
             effort[0],
@@ -371,7 +371,7 @@ def fit_table(
         # Hands of sessions with unknown sizes spread the sets as far as any die's.
         offsets = session_offsets(2 ** (len(batch) - 1).bit_length(), rng)[: len(batch)]
         pilot = weighted(surrogates_of(dice), PILOT, False)
-        drawn = _resampled(pilot.points, pilot.weights(), len(batch), rng)
+        drawn = _resample(pilot.points, pilot.weights(), len(batch), rng)
         more = session_points(drawn, offsets, None)
         added = set_counts(every, start, more, drops, seed, len(sets), workers, kept, progress)
         sets = np.concatenate([sets, more])
@@ -390,8 +390,8 @@ def fit_table(
     surprises = [process.surprises() for one in surrogates for process in one.processes]
     values = shared_values(best)
     parameters, correlations = _summary(found, values)
-    drawn = _resampled(found.points, found.weights(), TABLES, rng)
-    drawn_tables = drawn_values(drawn, session_offsets(TABLES, rng))
+    drawn = _resample(found.points, found.weights(), TABLES, rng)
+    drawn_tables = draw_values(drawn, session_offsets(TABLES, rng))
     return TableFit(
         table=table_of(start, values),
         posterior=tuple(table_of(start, row) for row in drawn_tables),
@@ -409,7 +409,7 @@ def fit_table(
     )
 
 
-def _resampled(points: Floats, weights: Floats, count: int, rng: np.random.Generator) -> Floats:
+def _resample(points: Floats, weights: Floats, count: int, rng: np.random.Generator) -> Floats:
     """(count, d) equally likely points, each as often as its weight has it to one less or more, in
     random order."""
     places = (np.arange(count) + rng.random()) / count
@@ -425,20 +425,20 @@ def _die_fit(
 ) -> DieFit:
     """The predictions of a die; number: its place in the likelihoods, None if it has none."""
     die = surrogate.die
-    points = _resampled(found.points, found.weights(), DRAWS, rng)
+    points = _resample(found.points, found.weights(), DRAWS, rng)
     fresh = session_points(points, session_offsets(DRAWS, rng), die.size)
     probabilities = surrogate.probabilities(fresh, rng)
-    whole, left_out = None, predicted(die.counts, probabilities, rng) if die.counts.any() else None
+    whole, left_out = None, predict(die.counts, probabilities, rng) if die.counts.any() else None
     if number is not None:
         hands = session_offsets(FINAL[1], rng)
         by_session = surrogate.by_session(points, hands, True)
         chances = np.exp(by_session - logsumexp(by_session, axis=1, keepdims=True))
         chosen = (chances.cumsum(axis=1) < rng.random((DRAWS, 1))).sum(axis=1)
         same = session_points(points, hands[chosen.clip(max=len(hands) - 1)], die.size)
-        whole = predicted(die.counts, surrogate.probabilities(same, rng), rng)
-        others = _resampled(found.points, found.weights(number), DRAWS, rng)
+        whole = predict(die.counts, surrogate.probabilities(same, rng), rng)
+        others = _resample(found.points, found.weights(number), DRAWS, rng)
         without = session_points(others, session_offsets(DRAWS, rng), die.size)
-        left_out = predicted(die.counts, surrogate.probabilities(without, rng), rng)
+        left_out = predict(die.counts, surrogate.probabilities(without, rng), rng)
     return DieFit(
         die=die,
         probabilities=probabilities.mean(axis=0),

@@ -33,14 +33,14 @@ def most_of(spread: Spread) -> float:
     return float(np.max(spread))
 
 
-def scaled(spread: Spread, factor: float) -> Spread:
+def scale(spread: Spread, factor: float) -> Spread:
     """Every value times a number above 0."""
     if isinstance(spread, tuple):
         return factor * spread[0], factor * spread[1]
     return factor * spread
 
 
-def drawn(spread: Spread, count: int, rng: np.random.Generator) -> float | Floats:
+def draw(spread: Spread, count: int, rng: np.random.Generator) -> float | Floats:
     """The values (count,) of so many throws, or the number that all have, for which nothing is
     drawn."""
     return rng.uniform(*spread, count) if isinstance(spread, tuple) else spread
@@ -163,7 +163,7 @@ class Table:
                     f"table: expected texts as name and source, got {text!r}; correct it"
                 )
         for name in _LIMITS:
-            object.__setattr__(self, name, self._checked(name, getattr(self, name)))
+            object.__setattr__(self, name, self._check(name, getattr(self, name)))
         if most_of(self.height) > 0.0 and least_of(self.height) < self.size:
             least = "least " * isinstance(self.height, tuple)
             raise InputError(
@@ -172,7 +172,7 @@ class Table:
                 "or make it smaller"
             )
 
-    def _checked(self, name: str, value: Any) -> Spread:
+    def _check(self, name: str, value: Any) -> Spread:
         """A number, or a range as list or tuple, within its limits."""
         owner, (least, most, words) = f"table {self.name}", _LIMITS[name]
         is_range = name in SPREADS and isinstance(value, list | tuple) and len(value) == 2
@@ -195,19 +195,19 @@ class Table:
         """A table whose restitution is higher by this part, but not above `MOST_RESTITUTION`."""
         return replace(self, restitution=min((1.0 + change) * self.restitution, MOST_RESTITUTION))
 
-    def sized(self, size: float | None) -> Table:
+    def for_size(self, size: float | None) -> Table:
         """The same for a die of a size in m; None leaves the table's own."""
         return self if size is None else replace(self, size=size)
 
-    def lifted(self, size: float | None) -> Table:
+    def for_size_above(self, size: float | None) -> Table:
         """The same for a die of a size in m, let go from no lower than it is large; None leaves the
         table's own."""
         height = self.height
         if size is not None and most_of(height) > 0.0 and least_of(height) < size:
             height = (size, most_of(height)) if most_of(height) > size else size
-        return replace(self, height=height).sized(size)
+        return replace(self, height=height).for_size(size)
 
-    def thrown_by(self, hand: str) -> Table:
+    def with_hand(self, hand: str) -> Table:
         """The same table with dice thrown in another way, one of `HANDS`.
 
         Raises InputError: there is no such way, the die is larger than its least height, or nothing
@@ -242,7 +242,7 @@ def _throw_by(way: Hand, source: object) -> dict[str, Any]:
     return {**_motion(way), "source": f"{source}; {way.phrase}, {way.source}"}
 
 
-def table_named(name: str) -> Table:
+def load_table(name: str) -> Table:
     """A table by its name, or from a JSON file by its path (ending in .json). A colon and one of
     `HANDS` after these, as in "board-game:cup", take another way to throw.
 
@@ -261,7 +261,7 @@ def posterior_tables(name: str) -> tuple[Table, ...]:
     The entry "posterior" of the file lists objects with restitution, friction, height, speed and
     spin, numbers or ranges; all else they have from the table.
 
-    Raises InputError: as `table_named`, or the entry is no such list, or an empty one.
+    Raises InputError: as `load_table`, or the entry is no such list, or an empty one.
     """
     entries = table_entries(name)
     table = _table(entries)
@@ -294,19 +294,19 @@ def _table(entries: dict[str, Any]) -> Table:
 
 
 def with_hand(name: str, hand: str | None) -> str:
-    """The name of a table with another way to throw, for `table_named`; None leaves its own."""
+    """The name of a table with another way to throw, for `load_table`; None leaves its own."""
     return name if hand is None else f"{name}:{hand}"
 
 
 def table_entries(name: str) -> dict[str, Any]:
     """Entries of the file of a table: the attributes of `Table`, "posterior" where it was fitted,
-    and "momentum" where it has a momentum model of its own. Raises InputError as `table_named`."""
+    and "momentum" where it has a momentum model of its own. Raises InputError as `load_table`."""
     place, _, hand = name.rpartition(":")
     if place not in TABLE_NAMES and not place.endswith(".json"):
         return _entries_of_file(name)
     entries = _entries_of_file(place)
     with named(f"table {name}"):
-        thrown = _table(entries).thrown_by(hand)
+        thrown = _table(entries).with_hand(hand)
     if isinstance(entries.get("posterior"), list):
         entries["posterior"] = [
             row | _motion(thrown) if isinstance(row, dict) else row for row in entries["posterior"]

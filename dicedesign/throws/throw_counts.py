@@ -114,23 +114,23 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
     return tuple(_die(path, name, of_die[name]) for name in wanted)
 
 
-def uncounted_die(folder: Path) -> tuple[CountedDie, Floats]:
+def read_die_without_counts(folder: Path) -> tuple[CountedDie, Floats]:
     """The die of a finished run's folder, without throws, and the target (g,) of its outcomes.
 
     Raises InputError: no run left that folder, or one of its labels is on no stable facet.
     """
     result = read_result(folder)
-    labels, found = result.labels, _designed(folder, result.labels)
+    labels, found = result.labels, _read_designed_die(folder, result.labels)
     size, counts = 2e-3 * found[0].radius, np.zeros(len(labels), dtype=np.int64)
-    return _counted(result.name, size, labels, counts, found), np.array(result.target)
+    return _make_counted_die(result.name, size, labels, counts, found), np.array(result.target)
 
 
-def rolled_die(folder: Path, rolls: Path) -> CountedDie:
+def read_rolled_die(folder: Path, rolls: Path) -> CountedDie:
     """The die of a finished run's folder, with the throws of a file as of `read_counts`.
 
     Raises InputError: as that, no run left that folder, or one of its labels is on no stable facet.
     """
-    die, _ = uncounted_die(folder)
+    die, _ = read_die_without_counts(folder)
     return replace(die, counts=read_counts(rolls, die.labels))
 
 
@@ -146,7 +146,7 @@ def throws_digest(dice: Sequence[CountedDie]) -> str:
     return digest.hexdigest()
 
 
-def _counted(
+def _make_counted_die(
     name: str, size: float | None, labels: Sequence[str], counts: Integers, found: FoundDie
 ) -> CountedDie:
     body, poses, groups = found
@@ -205,10 +205,10 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
                 f"{1e3 * MOST_SIZE:g}, got {first.row[SIZE]!r}; correct it"
             )
     if os.path.isdir(mesh):
-        found = _designed(mesh, outcomes)
+        found = _read_designed_die(mesh, outcomes)
         size = 2e-3 * found[0].radius if size is None else size
     else:
-        found = _measured(path, name, mesh, lines)
+        found = _measure_mesh(path, name, mesh, lines)
     members = found[2].members
     labels = [" or ".join(outcomes[i] for i in group) for group in members]
     if len(labels) < 2:
@@ -217,10 +217,10 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
             "the die out"
         )
     counts = np.array([throws[list(group)].sum() for group in members])
-    return _counted(name, size, labels, counts, found)
+    return _make_counted_die(name, size, labels, counts, found)
 
 
-def _measured(path: Path, name: str, mesh: Path, lines: list[_Line]) -> FoundDie:
+def _measure_mesh(path: Path, name: str, mesh: Path, lines: list[_Line]) -> FoundDie:
     """The die of a mesh file, whose outcomes are found by their probabilities."""
     first, center = lines[0], None
     if GEOMETRIC not in first.row:
@@ -243,7 +243,7 @@ def _measured(path: Path, name: str, mesh: Path, lines: list[_Line]) -> FoundDie
     return rigid_body(body, poses), poses, groups
 
 
-def _designed(folder: Path, outcomes: Sequence[str]) -> FoundDie:
+def _read_designed_die(folder: Path, outcomes: Sequence[str]) -> FoundDie:
     """The die that a run left, whose facets have labels."""
     die = read_result(folder)
     shown = [(outcomes.index(label), normal) for label, normal in die.shown if label in outcomes]

@@ -17,7 +17,7 @@ from dicedesign.report.palette import BASINS
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model
 from dicedesign.throws.simulation import throw_film
-from dicedesign.throws.tables import TABLE_NAMES, table_named
+from dicedesign.throws.tables import TABLE_NAMES, load_table
 from dicedesign.view.dragging import DragControls
 from dicedesign.view.motion import Motion, film_motion, release_motion
 from dicedesign.view.page import Job, Page, html_part
@@ -169,7 +169,7 @@ class MotionControls:
         viewed = self._viewport.viewed
         if viewed is None:
             return
-        table = table_named(self._probabilities.table or DEFAULT_TABLE)
+        table = load_table(self._probabilities.table or DEFAULT_TABLE)
         seed = int(self._rng.integers(2**31))
 
         def show(motion: Motion) -> None:

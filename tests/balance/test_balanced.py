@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from common.boxes import box
 
-from dicedesign.balance.balanced import balanced
+from dicedesign.balance.balanced import balance_body
 from dicedesign.balance.best_center import CenterSearch
 from dicedesign.balance.goals import EqualProbabilities, FewestRests, GivenProbabilities, Standing
 from dicedesign.balance.options import BalanceOptions
@@ -35,7 +35,9 @@ def probabilities_of_file(data: bytes, directions: np.ndarray) -> np.ndarray:
 
 
 def test_equal_probabilities_by_a_cavity_are_those_of_the_file() -> None:
-    found = balanced(leaning(), EqualProbabilities(3), BalanceOptions(by="cavity", search=QUICK))
+    found = balance_body(
+        leaning(), EqualProbabilities(3), BalanceOptions(by="cavity", search=QUICK)
+    )
     assert found.reached
     assert found.wanted is not None
     probabilities = probabilities_of_file(found.made.files[""], found.directions)
@@ -48,7 +50,7 @@ def test_equal_probabilities_by_a_cavity_are_those_of_the_file() -> None:
 @pytest.mark.parametrize("by", ["cavity", "infill"])
 def test_a_body_stands_better(by: str) -> None:
     goal = Standing(pose=2)
-    found = balanced(leaning(), goal, BalanceOptions(by=by, search=QUICK))
+    found = balance_body(leaning(), goal, BalanceOptions(by=by, search=QUICK))
     poses = rest_poses(leaning())
     np.testing.assert_allclose(found.before, poses.probabilities[1], atol=1e-6)
     assert found.probabilities[0] > found.before[0] + 0.01
@@ -65,7 +67,7 @@ def test_given_probabilities_of_chosen_poses() -> None:
     near = poses.normals[:3] @ other.normals.T > np.cos(np.radians(5.0))
     wanted = near @ other.probabilities
     goal = GivenProbabilities(tuple(wanted.tolist()), (1, 2, 3))
-    found = balanced(leaning(), goal, BalanceOptions(tolerance=1e-5, search=QUICK))
+    found = balance_body(leaning(), goal, BalanceOptions(tolerance=1e-5, search=QUICK))
     assert found.reached
     probabilities = probabilities_of_file(found.made.files[""], poses.normals[:3])
     np.testing.assert_allclose(probabilities, wanted, atol=1e-5)
@@ -73,8 +75,8 @@ def test_given_probabilities_of_chosen_poses() -> None:
 
 def test_the_unit_does_not_matter_where_a_size_is_given() -> None:
     options = BalanceOptions(by="cavity", size_mm=60.0, search=QUICK)
-    found = balanced(leaning(1e-6), Standing(pose=2), options)
-    same = balanced(leaning(), Standing(pose=2), options)
+    found = balance_body(leaning(1e-6), Standing(pose=2), options)
+    same = balance_body(leaning(), Standing(pose=2), options)
     np.testing.assert_allclose(found.probabilities, same.probabilities, atol=1e-4)
     assert np.ptp(found.made.body.points, axis=0).max() < 60.0
 
@@ -82,7 +84,7 @@ def test_the_unit_does_not_matter_where_a_size_is_given() -> None:
 def test_a_goal_that_no_center_of_mass_reaches() -> None:
     surface = box((30.0, 40.0, 50.0))
     body = make_body(surface.points, surface.triangles, "box.stl")
-    found = balanced(body, FewestRests(), BalanceOptions(by="cavity", search=QUICK))
+    found = balance_body(body, FewestRests(), BalanceOptions(by="cavity", search=QUICK))
     assert not found.reached
     assert (found.rests, found.rests_before) == (6, 6)
     assert any("fewer rests" in note for note in found.notes)
@@ -92,8 +94,8 @@ def test_meshes_that_bound_no_solid() -> None:
     surface = box((30.0, 36.0, 48.0))
     opened = make_body(surface.points, surface.triangles[1:], "open.stl")
     with pytest.raises(InputError, match="closed"):
-        balanced(opened, FewestRests())
+        balance_body(opened, FewestRests())
     with pytest.raises(InputError, match="point cloud"):
-        balanced(make_body(surface.points, None, "cloud.xyz"), FewestRests())
+        balance_body(make_body(surface.points, None, "cloud.xyz"), FewestRests())
     with pytest.raises(InputError, match=r"size .* mm, got .*--size-mm"):
-        balanced(leaning(1e-6), FewestRests())
+        balance_body(leaning(1e-6), FewestRests())

@@ -15,7 +15,7 @@ from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import table_fit
-from dicedesign.throws.tables import posterior_tables, table_named
+from dicedesign.throws.tables import load_table, posterior_tables
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_a_fit_of_one_die_with_another_predicted_and_one_at_hand(
     told, noted = capsys.readouterr()
     assert noted == f"note: wrote {out}\n"
     found = json.loads(told)
-    table = table_named(str(out))
+    table = load_table(str(out))
     assert table.as_dict() == found["table"]
     assert (table.name, table.source) == ("mine", "fitted to 200 throws of box")
     assert table.restitution == found["parameters"]["restitution"]["fitted"]

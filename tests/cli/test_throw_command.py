@@ -20,7 +20,7 @@ from dicedesign.rest.outcomes import asymmetry
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import distances
 from dicedesign.throws.momentum_probabilities import throw_probabilities
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import Table, load_table
 
 FEW = ("--drops", "300", "--jobs", "1", "--table", "carpet")
 
@@ -55,7 +55,7 @@ def test_the_answer(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = answer(capsys, box, *FEW, "--seed", 3)
     assert (found["drops"], found["unresolved"], found["seed"]) == (300, 0, 3)
     assert (found["engine"], found["orientations"]) == ("native", "uniform")
-    assert Table(**found["table"]) == table_named("carpet")
+    assert Table(**found["table"]) == load_table("carpet")
     poses = rest_poses(read_body(box))
     assert len(found["rests"]) == 6
     for rest, normal, probabilities in zip(
@@ -88,7 +88,7 @@ def test_the_answer(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_another_hand(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     few = ("--drops", 200, "--jobs", 1)
     found = answer(capsys, box, *few, "--hand", "cup")
-    table = table_named("board-game").thrown_by("cup")
+    table = load_table("board-game").with_hand("cup")
     assert found["table"] == table.as_dict()
     assert Table(**found["table"]) == table
     assert sum(rest["count"] for rest in found["rests"]) == 200
@@ -109,7 +109,7 @@ def test_another_hand(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_table_beyond_the_momentum_model_is_thrown_onto_all_the_same(
     box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = replace(table_named("board-game"), height=(3.0, 5.0))
+    table = replace(load_table("board-game"), height=(3.0, 5.0))
     path = tmp_path / "tall.json"
     path.write_text(json.dumps(table.as_dict()))
     few = ("--table", str(path), "--drops", "100", "--jobs", "1")

@@ -23,13 +23,13 @@ def pushed_through(subdivisions: int = 4) -> Surface:
     """A sphere with a finger from its top through its other side, near (0, 0, -1)."""
     surface = ball(subdivisions)
     tip = np.exp(-((np.linalg.norm(surface.points - [0, 0, 1], axis=1) / 0.25) ** 2))
-    return surface.moved(surface.points - 2.6 * tip[:, None] * [0.0, 0.0, 1.0])
+    return surface.with_points(surface.points - 2.6 * tip[:, None] * [0.0, 0.0, 1.0])
 
 
 def unit(surface: Surface) -> Surface:
     """About its center of mass, of circumscribed radius 1."""
     offsets = surface.points - surface.centroid
-    return surface.moved(offsets / np.linalg.norm(offsets, axis=1).max())
+    return surface.with_points(offsets / np.linalg.norm(offsets, axis=1).max())
 
 
 def bumpy_sphere(subdivisions: int = 2) -> Surface:
@@ -38,7 +38,7 @@ def bumpy_sphere(subdivisions: int = 2) -> Surface:
     x, y, z = surface.points.T
     radii = 1.0 + 0.25 * np.sin(3.0 * np.arctan2(y, x)) * (1.0 - z * z) ** 1.5 + 0.1 * z
     stretched = surface.points * radii[:, None] * np.array([1.3, 1.0, 0.8])
-    return surface.moved(stretched + np.array([5.0, -2.0, 1.0]))
+    return surface.with_points(stretched + np.array([5.0, -2.0, 1.0]))
 
 
 def bent_capsule(rings: int = 24, around: int = 12) -> Surface:

@@ -102,6 +102,6 @@ class MadeUpSearch:
                 raise KeyboardInterrupt
         if progress.best is None:
             raise NoStartError("start: expected a surface that leads to the target, got a cube")
-        after = surface.moved(progress.best.points)
+        after = surface.with_points(progress.best.points)
         hull = convex_hull(progress.best.hull_points)
         return ConcaveDie(surface, after, hull, progress.best.directions, (8, 8), progress)

@@ -22,7 +22,7 @@ def problem_of(
 ) -> HullProblem:
     """Of a sheared surface: symmetric bodies have ties."""
     return HullProblem(
-        unit(surface.moved(surface.points @ SHEAR)),
+        unit(surface.with_points(surface.points @ SHEAR)),
         np.array(target),
         TOLERANCE,
         float(np.radians(apart_deg)),

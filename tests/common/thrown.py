@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.throws.rigid_body import RigidBody, released, rigid_body
+from dicedesign.throws.rigid_body import RigidBody, release_states, rigid_body
 from dicedesign.throws.tables import Table
 
 BOARD = Table("board", restitution=0.65, friction=0.2, height=0.1, speed=0.3, spin=15.0)
@@ -49,7 +49,7 @@ def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
 
 def let_go(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
     """States (n, 13) of bodies as they are let go."""
-    return released(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
+    return release_states(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
 
 
 def turns_of(states: np.ndarray) -> np.ndarray:

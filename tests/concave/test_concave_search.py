@@ -45,7 +45,7 @@ def bumpy() -> Surface:
     """Sheared: symmetric bodies have ties."""
     surface = bumpy_sphere()
     shear = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
-    return surface.moved(40.0 * surface.points @ shear)
+    return surface.with_points(40.0 * surface.points @ shear)
 
 
 @cache

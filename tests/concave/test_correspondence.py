@@ -13,7 +13,7 @@ from dicedesign.concave.correspondence import MOST_ROUNDS, Contacts, fill_by_cor
 from dicedesign.concave.hull_problem import Elasticity, HeldCorners
 from dicedesign.concave.result import FillResult, FillStatus
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.surfaces.closed_surface import refined
+from dicedesign.geometry.surfaces.closed_surface import refine
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -36,7 +36,7 @@ class Case:
     def of(cls, count: int, seed: int) -> Case:
         rng = np.random.default_rng(seed)
         surface = bent_capsule(14, 8)
-        surface = surface.moved(surface.points - surface.centroid)
+        surface = surface.with_points(surface.points - surface.centroid)
         elasticity = Elasticity(surface)
         held = HeldCorners(elasticity, convex_hull(surface.points).source[::3])
         free = np.setdiff1d(np.arange(len(surface.points)), held.corners)
@@ -47,7 +47,7 @@ class Case:
         bounds = rng.uniform(-0.02, 0.01, count)
         gradient = np.moveaxis(surface.centroid_derivatives(), 0, -1)
         responses = elasticity.center_responses(gradient).reshape(-1, 9)
-        raised = held.held(responses).reshape(gradient.shape)
+        raised = held.hold(responses).reshape(gradient.shape)
         return cls(held, points, facets, normals, bounds, gradient, raised, rng.normal(size=3) / 50)
 
     def solved(self, contacts: Contacts) -> Floats:
@@ -125,7 +125,7 @@ def test_the_hull_and_the_center_of_mass_are_the_wanted_ones(
     others = np.setdiff1d(np.arange(len(result.points)), corners)
     slacks = hull.heights(np.zeros(3)) - result.points[others] @ hull.normals.T
     assert slacks.min() > 1e-6 * surface.diagonal
-    miss = surface.moved(result.points).centroid - center
+    miss = surface.with_points(result.points).centroid - center
     assert np.linalg.norm(miss) < 1e-12 * surface.diagonal
     moved = np.linalg.norm(result.points - surface.points, axis=1) / surface.diagonal
     assert moved.mean() < 2.0 * amount + 0.05
@@ -133,7 +133,7 @@ def test_the_hull_and_the_center_of_mass_are_the_wanted_ones(
 
 def test_points_on_flat_sides_sink_by_a_hair() -> None:
     """A cube of some hundred points, most of them on its sides and edges."""
-    surface, _ = refined(dented_cube(), 300)
+    surface, _ = refine(dented_cube(), 300)
     surface = unit(surface)
     own = convex_hull(surface.points)
     corners = own.vertices + 0.02 * np.random.default_rng(0).normal(size=own.vertices.shape)

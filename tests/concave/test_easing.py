@@ -11,10 +11,10 @@ from common.hull_problems import SLOPES, designed, problem_of
 from dicedesign import rest_poses
 from dicedesign.concave.hull_design import (
     HullDraft,
-    designed_hull,
-    eased_hull,
+    make_designed_hull,
     nearer_draft,
-    settled_draft,
+    relax_hull,
+    settle_draft,
 )
 from dicedesign.concave.hull_problem import DesignedHull, HeldCorners, HullProblem
 from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
@@ -46,9 +46,9 @@ def displacement(draft: HullDraft, problem: HullProblem) -> float:
 
 
 def test_easing_takes_corners_back_and_nothing_gets_worse() -> None:
-    design = designed_hull(problem(), draft())
+    design = make_designed_hull(problem(), draft())
     places = problem().surface.points[:10]
-    eased = eased_hull(problem(), design, places, 0.3)
+    eased = relax_hull(problem(), design, places, 0.3)
     assert eased is not None
     assert is_as_wanted(eased)
     corners = problem().hull.vertices
@@ -56,17 +56,17 @@ def test_easing_takes_corners_back_and_nothing_gets_worse() -> None:
     near, others = np.flatnonzero(away < 0.3), np.flatnonzero(away >= 0.3)
     held = HeldCorners(problem().elasticity, problem().source[others])
     off = [
-        np.linalg.norm(held.followed(moved[others])[problem().source[near]] - moved[near])
+        np.linalg.norm(held.follow(moved[others])[problem().source[near]] - moved[near])
         for moved in (design.moved, eased.moved)
     ]
     assert off[1] < 0.8 * off[0]
     far = np.array([[9.0, 9.0, 9.0]])
-    assert eased_hull(problem(), design, far, 0.3) is None
+    assert relax_hull(problem(), design, far, 0.3) is None
 
 
 def test_what_is_nearer_is_as_wanted() -> None:
     nearer = nearer_draft(problem(), draft(), SLOPES)
-    assert is_as_wanted(designed_hull(problem(), nearer))
+    assert is_as_wanted(make_designed_hull(problem(), nearer))
     assert nearer.shortfall(problem()) == 0.0
     # It moves: there is work to be saved, or slopes to be had.
     assert np.abs(nearer.corners - draft().corners).max() > 1e-6
@@ -77,7 +77,7 @@ def test_what_is_settled_has_the_probabilities_to_rounding() -> None:
     corners = draft().corners + 1e-4 * np.sin(9.0 * draft().corners)
     near = HullDraft.of(corners, draft().normals)
     assert near is not None
-    settled = settled_draft(problem(), near)
+    settled = settle_draft(problem(), near)
     poses = rest_poses(settled.rests.hull.vertices, center_of_mass=np.zeros(3))
     assert outcome_probabilities(poses, settled.normals).error(problem().target) < 1e-10
     assert near.error(problem().target) > 1e-8

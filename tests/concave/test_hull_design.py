@@ -14,9 +14,9 @@ from dicedesign import rest_poses
 from dicedesign.concave.hull_design import (
     HullDraft,
     design_hull,
-    designed_hull,
     exact_draft,
-    settled_draft,
+    make_designed_hull,
+    settle_draft,
 )
 from dicedesign.concave.hull_problem import HullProblem
 from dicedesign.geometry.triangles import Surface
@@ -135,7 +135,7 @@ def test_probabilities_and_angles_are_as_wanted(
     surface: Surface, target: list[float], apart_deg: float, margin_deg: float
 ) -> None:
     problem = problem_of(surface, target, apart_deg, margin_deg)
-    design = designed_hull(problem, settled_draft(problem, designed(problem)))
+    design = make_designed_hull(problem, settle_draft(problem, designed(problem)))
     poses = rest_poses(design.hull.vertices, center_of_mass=design.center_of_mass)
     outcomes = outcome_probabilities(poses, design.directions)
     assert outcomes.error(problem.target) <= problem.tolerance
@@ -157,7 +157,7 @@ def test_where_none_is_as_wanted_there_is_the_best_on_the_way() -> None:
 
 def test_corners_are_those_of_the_surface_moved() -> None:
     problem = problem_of(bumpy_sphere(1), [0.6, 0.4])
-    design = designed_hull(problem, designed(problem))
+    design = make_designed_hull(problem, designed(problem))
     place = np.full(len(problem.surface.points), -1)
     place[problem.source] = np.arange(len(problem.source))
     moved = design.moved[place[design.corners]] + design.center_of_mass

@@ -34,7 +34,7 @@ def heights_above(points: Floats, corners: Floats) -> Floats:
 def squashed(subdivisions: int) -> Surface:
     """A round body, all of whose points are corners, of three widths."""
     surface = ball(subdivisions)
-    return unit(surface.moved(surface.points * np.array([1.0, 0.8, 0.3])))
+    return unit(surface.with_points(surface.points * np.array([1.0, 0.8, 0.3])))
 
 
 @pytest.mark.parametrize("surface", [unit(bumpy_sphere(3)), squashed(3)])
@@ -66,7 +66,9 @@ SHEAR = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
 @cache
 def problem() -> HullProblem:
     surface = bumpy_sphere()
-    return HullProblem(unit(surface.moved(surface.points @ SHEAR)), np.array([0.5, 0.5]), 0.004)
+    return HullProblem(
+        unit(surface.with_points(surface.points @ SHEAR)), np.array([0.5, 0.5]), 0.004
+    )
 
 
 @cache
@@ -81,8 +83,8 @@ def led() -> tuple[Floats, Floats]:
         for axis in range(3):
             shift = np.zeros_like(points)
             shift[point, axis] = step
-            ahead = surface.moved(points + shift).centroid
-            behind = surface.moved(points - shift).centroid
+            ahead = surface.with_points(points + shift).centroid
+            behind = surface.with_points(points - shift).centroid
             rows[:, :, point, axis] -= (ahead - behind) / (2.0 * step)
     responses = np.kron(FREE - cdist(points, points), np.eye(3))
     return responses, rows.reshape(3 * len(source), -1)
@@ -97,7 +99,7 @@ def displacement_of_all(moved: Floats) -> Floats:
 
 def square(moved: Floats) -> float:
     """What the quadratic form says."""
-    return float(np.tensordot(np.tensordot(problem().squared_displacement, moved, 2), moved, 2))
+    return float(np.tensordot(np.tensordot(problem().displacement_form, moved, 2), moved, 2))
 
 
 @pytest.mark.parametrize("smooth", [True, False])

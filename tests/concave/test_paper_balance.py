@@ -29,7 +29,7 @@ def test_the_center_of_mass_is_met_and_the_hull_stays(way: list[float]) -> None:
     result = balance(surface, surface, hull, center, OPTIONS, energies.append)
     assert result.status is FillStatus.FITTED
     assert result.status is FillStatus.FITTED
-    found = surface.moved(result.points)
+    found = surface.with_points(result.points)
     assert np.linalg.norm(found.centroid - center) < 1e-12 * surface.diagonal
     after = convex_hull(result.points)
     np.testing.assert_array_equal(after.source, hull.source)

@@ -162,7 +162,7 @@ def test_points_inside_a_polyhedron() -> None:
     aims = 3.0 * rng.normal(size=(40, 3))
     moves = inside.step(points, csc_array(np.eye(120)), points - aims)
     assert moves is not None
-    reached = inside.mended(points + moves)
+    reached = inside.pull_inside(points + moves)
     assert inside.slacks(reached).min() > -1e-14
     for place, aim in zip(reached, aims, strict=True):
         expected = minimize(

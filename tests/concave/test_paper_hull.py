@@ -12,7 +12,7 @@ from common.hull_problems import choices_of, problem_of
 from dicedesign import rest_poses
 from dicedesign.concave.hull_problem import DesignedHull, HullProblem
 from dicedesign.concave.options import ConcavePaperOptions
-from dicedesign.concave.paper_hull import descend_hull, searched_hull
+from dicedesign.concave.paper_hull import descend_hull, search_hull
 from dicedesign.rest.outcomes import outcome_probabilities
 
 
@@ -40,6 +40,6 @@ def test_the_best_of_several_hulls_by_the_paper_is_taken() -> None:
     problem = problem_of(bumpy_sphere(1), [0.5, 0.5])
     choices = choices_of(problem)
     options, random = ConcavePaperOptions(steps=30), np.random.default_rng(1)
-    design = searched_hull(problem, choices, options, random, lambda *step: None, plain=True)
+    design = search_hull(problem, choices, options, random, lambda *step: None, plain=True)
     first = descend_hull(problem, choices[0], options, lambda *step: None)
     assert error_of(design, problem) <= max(problem.tolerance, first.error)

@@ -9,10 +9,10 @@ from dicedesign.concave.shapes import (
     blend,
     ellipsoid,
     level_set,
-    mirrored,
+    mirror,
     round_cone,
     shape,
-    stretched,
+    stretch,
     tube,
 )
 from dicedesign.errors import InputError
@@ -72,7 +72,7 @@ def test_distances_of_simple_parts_are_exact_outside():
     assert bent(np.array([[1.0, -3.0, 0.0], [5.0, 1.0, 0.0]])) == pytest.approx([2.5, 2.5])
     ball = ellipsoid((1.0, 2.0, 3.0), (2.0, 2.0, 2.0), 30.0, 40.0)
     assert ball(np.array([[1.0, 2.0, 8.0], [1.0, 2.0, 3.0]])) == pytest.approx([3.0, -2.0])
-    assert mirrored(ball)(np.array([[1.0, -2.0, 8.0]])) == pytest.approx([3.0])
+    assert mirror(ball)(np.array([[1.0, -2.0, 8.0]])) == pytest.approx([3.0])
 
 
 def test_an_ellipsoid_is_stretched_pitched_and_turned_as_told():
@@ -84,7 +84,7 @@ def test_an_ellipsoid_is_stretched_pitched_and_turned_as_told():
     assert part(on_it) == pytest.approx(0.0, abs=1e-12)
     ball = ellipsoid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     on_it = np.array([[3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
-    assert stretched(ball, (3.0, 2.0, 1.0))(on_it) == pytest.approx(0.0, abs=1e-12)
+    assert stretch(ball, (3.0, 2.0, 1.0))(on_it) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_blend_is_the_union_where_the_parts_are_apart():

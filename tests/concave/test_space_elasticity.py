@@ -36,7 +36,7 @@ def test_work_is_least_among_displacements_that_move_the_corners_alike() -> None
     stiffness = np.linalg.inv(kernel(held))
     rng = np.random.default_rng(1)
     wanted = rng.normal(size=(len(held.corners), 3))
-    found = held.followed(wanted)
+    found = held.follow(wanted)
     np.testing.assert_allclose(found[held.corners], wanted, atol=1e-10)
     free = np.setdiff1d(np.arange(len(found)), held.corners)
     forces = stiffness @ found

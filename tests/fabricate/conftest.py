@@ -43,7 +43,7 @@ class Box:
             )
         ]
 
-    def moved(self, rotation: np.ndarray, factor: float = 1.0) -> Box:
+    def with_points(self, rotation: np.ndarray, factor: float = 1.0) -> Box:
         return Box(factor * self.vertices @ rotation.T, self.facets, self.normals @ rotation.T)
 
 

@@ -41,7 +41,7 @@ def volume(die) -> float:
 
 
 def test_a_cube_loses_outline_area_times_depth_and_is_one_watertight_piece(box):
-    body = box(20.0, 20.0, 20.0).moved(Rotation.from_rotvec((0.3, 1.1, -0.7)).as_matrix())
+    body = box(20.0, 20.0, 20.0).with_points(Rotation.from_rotvec((0.3, 1.1, -0.7)).as_matrix())
     die, placements = engraved(body, list("123456"))
     removed = sum(outline_area(p.text) * p.height**2 * OPTIONS.depth_mm for p in placements)
     assert volume(die) == pytest.approx(8000.0 - removed, rel=1e-9)
@@ -168,5 +168,5 @@ def test_labels_of_a_surface_that_was_stretched_and_moved(box, marked, placement
     expected = labels_off_surface(engraved, plain, DEPTH)
     assert area(engraved, expected) == pytest.approx(sum(floors_and_walls(placements)), rel=1e-6)
     matrix = np.eye(3) + 0.004 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3))
-    moved = engraved.moved(engraved.points @ matrix + [0.02, -0.03, 0.05])
+    moved = engraved.with_points(engraved.points @ matrix + [0.02, -0.03, 0.05])
     np.testing.assert_array_equal(labels_off_surface(moved, plain, DEPTH), expected)

@@ -17,7 +17,7 @@ from dicedesign.fabricate.file_formats import (
     BODY_COLOR,
     FILE_FORMATS,
     LABEL_COLOR,
-    joined,
+    join_parts,
     mesh_bytes,
     save_mesh,
 )
@@ -105,7 +105,7 @@ def test_parts_are_one_thing_to_print(inlaid, tmp_path: Path) -> None:
     volumes = sorted(mesh.volume for mesh in scene.dump())
     assert volumes == pytest.approx([64.0, 936.0])
     points, triangles = THREE_MF.read_back(tmp_path / "inlaid.3mf")
-    expected, _ = joined(inlaid.parts)
+    expected, _ = join_parts(inlaid.parts)
     np.testing.assert_array_equal(np.unique(points, axis=0), np.unique(expected, axis=0))
     volume, center = solid_properties(points, triangles)
     assert volume == pytest.approx(1000.0)
@@ -160,7 +160,7 @@ def die() -> Surface:
     surface = bumpy_sphere()
     points = 10.0 * (surface.points - surface.points[0])
     points[1] = [1e-7 / 3.0, -1e-13, 12.345678901234567]
-    return surface.moved(points)
+    return surface.with_points(points)
 
 
 def by_trimesh(data: bytes, name: str) -> trimesh.Trimesh:

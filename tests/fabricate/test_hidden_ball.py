@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from dicedesign.errors import EngravingError
-from dicedesign.fabricate.convex_object import WALL, hollowed
+from dicedesign.fabricate.convex_object import WALL, hollow_out
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.triangles import Surface
@@ -32,7 +32,7 @@ def with_pocket(size: float, side: float, depth: float) -> Surface:
 def test_the_center_of_mass_is_back() -> None:
     body = with_pocket(20.0, 8.0, 0.6)
     assert abs(body.centroid[2]) > 0.03
-    end = hollowed(body, np.zeros(3))
+    end = hollow_out(body, np.zeros(3))
     judge = trimesh.Trimesh(end.points, end.triangles, process=False)
     np.testing.assert_allclose(judge.center_mass, np.zeros(3), atol=1e-12)
     assert judge.is_watertight
@@ -47,9 +47,9 @@ def test_the_center_of_mass_is_back() -> None:
 
 def test_nothing_to_balance() -> None:
     body = cube(20.0)
-    assert hollowed(body, np.zeros(3)) is body
+    assert hollow_out(body, np.zeros(3)) is body
 
 
 def test_no_room() -> None:
     with pytest.raises(EngravingError, match="balance: expected room"):
-        hollowed(with_pocket(6.0, 5.0, 2.0), np.zeros(3))
+        hollow_out(with_pocket(6.0, 5.0, 2.0), np.zeros(3))

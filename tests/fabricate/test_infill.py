@@ -15,7 +15,7 @@ from dicedesign.fabricate.print_tolerances import (
     infill_probabilities,
     inside_walls,
     pocket_walls,
-    weighed,
+    weigh_print,
 )
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
@@ -26,7 +26,7 @@ PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.
 def printed(hull: ConvexHull, infill: float, walls: float) -> tuple[float, np.ndarray]:
     """Mass over that of the solid body, and center of mass."""
     volume, centroid = solid_properties(hull.vertices, hull.triangles)
-    return weighed(volume, centroid, inside_walls(hull, walls), infill)
+    return weigh_print(volume, centroid, inside_walls(hull, walls), infill)
 
 
 def test_a_box_within_its_walls() -> None:
@@ -57,7 +57,7 @@ def test_walls_that_meet_leave_nothing() -> None:
     flat = convex_hull(box(20.0, 20.0, 2.0))
     assert inside_walls(flat, 1.0).volume == 0.0
     assert inside_walls(flat, 0.9).volume > 0.0
-    assert weighed(1.0, np.ones(3), Inside(0.0, np.zeros(3)), 0.0)[0] == 1.0
+    assert weigh_print(1.0, np.ones(3), Inside(0.0, np.zeros(3)), 0.0)[0] == 1.0
 
 
 @pytest.mark.parametrize(("text", "style"), [("8", "engraved"), ("5", "raised")])

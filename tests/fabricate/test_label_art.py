@@ -17,12 +17,12 @@ from fontTools.ttLib import TTFont
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.fonts import _bundled
+from dicedesign.fabricate.fonts import _bundled_font
 from dicedesign.fabricate.label_art import (
     MOST_PIPS,
+    add_mark,
     label_arts,
     line_breaks,
-    marked,
     pip_places,
     pips_section,
     reads_upside_down,
@@ -56,7 +56,7 @@ def test_an_ambiguous_label_has_a_bar_beneath_as_wide_as_the_text() -> None:
     )
     assert y1 < bottom
     assert (x0, x1) == pytest.approx((left, right), abs=1e-6)
-    assert (x1 - x0) * (y1 - y0) == pytest.approx(marked(plain, "bar").area() - plain.area())
+    assert (x1 - x0) * (y1 - y0) == pytest.approx(add_mark(plain, "bar").area() - plain.area())
 
 
 def test_a_dot_follows_the_number_on_its_baseline() -> None:
@@ -98,7 +98,7 @@ def area_by_fonttools(font: TTFont, text: str) -> float:
 
 
 def test_areas_are_those_that_fonttools_finds_for_the_curves() -> None:
-    font = TTFont(_bundled())
+    font = TTFont(_bundled_font())
     for text in ("0", "8", "16", "66", "3/6", "A & B", "2d6", "½", "ÄÖ"):
         expected = area_by_fonttools(font, text.replace(" ", ""))
         assert text_section(text).area() == pytest.approx(expected, rel=3e-3)
@@ -218,7 +218,7 @@ def test_a_file_that_is_no_font_is_refused(tmp_path: Path, content: bytes) -> No
 
 def test_damaged_fonts_give_a_label_or_an_error_of_ours(tmp_path: Path) -> None:
     """Bytes overwritten anywhere or in the list of tables, and files cut short."""
-    data, chance = _bundled().read_bytes(), random.Random(0)
+    data, chance = _bundled_font().read_bytes(), random.Random(0)
     path = tmp_path / "damaged.ttf"
     for _ in range(60):
         damaged = bytearray(data)

@@ -58,7 +58,9 @@ def clearances(placement, polygon, normal) -> np.ndarray:
 
 
 def test_labels_lie_within_the_margin_of_their_facet(box):
-    body = box(14.0, 11.0, 9.0).moved(Rotation.random(rng=np.random.default_rng(0)).as_matrix())
+    body = box(14.0, 11.0, 9.0).with_points(
+        Rotation.random(rng=np.random.default_rng(0)).as_matrix()
+    )
     texts = ["1", "6", "16", "8", "100", "9"]
     placements = place_labels(body.places(texts), OPTIONS, body.size_mm)
     for placement, polygon, normal in zip(placements, body.polygons, body.normals, strict=True):
@@ -79,7 +81,7 @@ def test_labels_lie_within_the_margin_of_their_facet(box):
 
 def test_labels_are_upright_toward_a_direction(box):
     rng = np.random.default_rng(0)
-    body = box(16.0, 15.0, 14.0).moved(Rotation.random(rng=rng).as_matrix())
+    body = box(16.0, 15.0, 14.0).with_points(Rotation.random(rng=rng).as_matrix())
     toward = rng.normal(size=3)
     options = EngravingOptions(upright=tuple(toward.tolist()))
     placements = place_labels(body.places(list("123456")), options, body.size_mm)
@@ -137,11 +139,11 @@ def test_the_advised_size_does_for_all_labels_and_little_less_does_not(box):
     advised = float(re.search(r"use size_mm = ([\d.]+)", message).group(1))
     assert caught.value.size_mm == advised
 
-    larger = body.moved(np.eye(3), advised / body.size_mm)
+    larger = body.with_points(np.eye(3), advised / body.size_mm)
     placements = place_labels(larger.places(texts), OPTIONS, larger.size_mm)
     assert min(placement.height for placement in placements) >= OPTIONS.min_height_mm
 
-    smaller = body.moved(np.eye(3), (advised - 0.11) / body.size_mm)
+    smaller = body.with_points(np.eye(3), (advised - 0.11) / body.size_mm)
     with pytest.raises(EngravingError, match=f"use size_mm = {advised:.1f}"):
         place_labels(smaller.places(texts), OPTIONS, smaller.size_mm)
 

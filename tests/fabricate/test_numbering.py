@@ -8,7 +8,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from dicedesign.fabricate.numbering import numbered
+from dicedesign.fabricate.numbering import number_die
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.optimize.starts.shapes import hendecahedron
 from dicedesign.optimize.targets import sum_of_dice
@@ -19,7 +19,7 @@ from tests.reference.solids import PLATONIC
 def fair(hull: ConvexHull, style: str) -> tuple[Integers, str]:
     count = len(hull.normals)
     labels = [str(k + 1) for k in range(count)]
-    return numbered(hull, np.arange(count), labels, np.full(count, 1.0 / count), style)
+    return number_die(hull, np.arange(count), labels, np.full(count, 1.0 / count), style)
 
 
 def placed(hull: ConvexHull, style: str) -> Floats:
@@ -91,7 +91,7 @@ def test_of_unequal_probabilities_only_equal_ones_change_places() -> None:
     orders = np.array(list(swaps_of_two_dice()))
     size = member.sum(axis=1)
     largest, total = evenness((2.0 + orders) @ member.T, size, 7.0)
-    order, _ = numbered(hull, facets, target.labels, target.probabilities, "balanced")
+    order, _ = number_die(hull, facets, target.labels, target.probabilities, "balanced")
     np.testing.assert_allclose(target.probabilities[order], target.probabilities, rtol=1e-12)
     found = evenness(member @ (2.0 + order), size, 7.0)
     assert found[0] == pytest.approx(largest.min())
@@ -101,6 +101,6 @@ def test_of_unequal_probabilities_only_equal_ones_change_places() -> None:
 def test_labels_that_are_no_numbers_stay() -> None:
     hull = convex_hull(PLATONIC["cube"])
     labels = ["10", "star", "-2", "0.5", "1", "6.5"]
-    order, _ = numbered(hull, np.arange(6), labels, np.full(6, 1.0 / 6.0), "standard")
+    order, _ = number_die(hull, np.arange(6), labels, np.full(6, 1.0 / 6.0), "standard")
     assert order[1] == 1
     assert sorted(order) == list(range(6))

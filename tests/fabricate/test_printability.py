@@ -12,10 +12,10 @@ from common.made_up_die import SIDES, box, checked
 from scipy.spatial import cKDTree
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.printability import checked_file
+from dicedesign.fabricate.printability import check_file
 from dicedesign.fabricate.printers import MATERIALS, PrintErrors, PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.reading import parsed_stl
+from dicedesign.geometry.meshes.reading import parse_stl
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe
 from dicedesign.results.parts import Printability
@@ -136,7 +136,7 @@ def test_a_cube_needs_no_supports_and_weighs_its_volume(cube: Work) -> None:
 
 def test_the_oriented_file_is_the_die_on_the_bed(cube: Work) -> None:
     plain, laid = (
-        parsed_stl(cube.files[name], Path(name)) for name in ("die.stl", "die_oriented.stl")
+        parse_stl(cube.files[name], Path(name)) for name in ("die.stl", "die_oriented.stl")
     )
     placement = np.array(found(cube).placement)
     moved = plain[0] @ placement[:3, :3].T + placement[:3, 3]
@@ -181,22 +181,22 @@ def test_what_cannot_be_made_is_said_with_a_remedy(entries: dict, told: str) -> 
 def test_flaws_of_a_file_are_counted() -> None:
     hull = convex_hull(box(2.0, 2.0, 2.0))
     corners, triangles = hull.vertices, hull.triangles
-    whole = checked_file(corners, triangles)
+    whole = check_file(corners, triangles)
     assert (whole.is_solid, whole.pieces) == (True, 1)
-    open_box = checked_file(corners, triangles[1:])
+    open_box = check_file(corners, triangles[1:])
     assert (open_box.open_edges, open_box.is_solid) == (3, False)
-    inward = checked_file(corners, triangles[:, ::-1])
+    inward = check_file(corners, triangles[:, ::-1])
     assert inward.volume_mm3 == pytest.approx(-8.0)
     assert (inward.pieces, inward.cavities) == (0, 1)
     assert not inward.is_solid
     twice = np.concatenate([triangles, triangles + 8])
-    crossed = checked_file(np.concatenate([corners, corners + 1.0]), twice)
+    crossed = check_file(np.concatenate([corners, corners + 1.0]), twice)
     assert crossed.pieces == 2
     assert crossed.self_intersections > 0
-    two = checked_file(np.concatenate([corners, corners + 3.0]), twice)
+    two = check_file(np.concatenate([corners, corners + 3.0]), twice)
     assert (two.pieces, two.self_intersections, two.is_solid) == (2, 0, False)
     nested = np.concatenate([triangles, triangles[:, ::-1] + 8])
-    hollow = checked_file(np.concatenate([corners, 0.5 * corners]), nested)
+    hollow = check_file(np.concatenate([corners, 0.5 * corners]), nested)
     assert (hollow.pieces, hollow.cavities, hollow.is_solid) == (1, 1, True)
     assert hollow.volume_mm3 == pytest.approx(7.0)
 

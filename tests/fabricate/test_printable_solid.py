@@ -22,8 +22,8 @@ def test_slivers_are_collapsed_and_counted_and_nothing_else() -> None:
     points = before.points.copy()
     a, b = before.triangles[0, :2]
     points[a] = points[b] + 1e-9 * (points[a] - points[b])
-    assert len(surface_quality(before.moved(points)).slivers) == 2
-    found, triangles, notes = printable_solid(before.moved(points))
+    assert len(surface_quality(before.with_points(points)).slivers) == 2
+    found, triangles, notes = printable_solid(before.with_points(points))
     after = Surface(found, triangles)
     assert len(surface_quality(after).slivers) == 0
     assert len(triangles) == len(before.triangles) - 2
@@ -32,7 +32,7 @@ def test_slivers_are_collapsed_and_counted_and_nothing_else() -> None:
         r"edges and slivers were taken out: 5118 triangles are left of 5120, volume [+-]\d.* %$",
         notes[0],
     )
-    assert after.volume == pytest.approx(before.moved(points).volume, rel=1e-8)
+    assert after.volume == pytest.approx(before.with_points(points).volume, rel=1e-8)
 
 
 def test_where_the_solid_meets_itself_is_left_and_said() -> None:
@@ -81,6 +81,6 @@ def test_what_is_no_solid_is_refused() -> None:
 
 
 def test_a_solid_that_is_gone_when_it_is_cleaned_is_refused() -> None:
-    flat = ball(4).moved(ball(4).points * [1, 1, 1e-9])
+    flat = ball(4).with_points(ball(4).points * [1, 1, 1e-9])
     with pytest.raises(InputError, match="printable solid: expected one piece of positive volume"):
         printable_solid(flat)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.convex_object import rounded
+from dicedesign.fabricate.convex_object import round_edges
 from dicedesign.fabricate.finish_options import EdgeOptions, core_scale
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
@@ -38,7 +38,7 @@ def test_a_rounded_body_has_the_probabilities_of_its_core(
     """Its height over the table is that of the core and the radius, whatever is down; so there are
     no rests on edges and corners either. The center of mass is the same."""
     core = random_hull(seed)
-    body = rounded(core, core.centroid, EdgeOptions(radius, shape))
+    body = round_edges(core, core.centroid, EdgeOptions(radius, shape))
     before, after = analyze(core, core.centroid), analyze(body, core.centroid)
     assert len(after.normals) == len(before.normals)
     pairs = np.argmax(before.normals @ after.normals.T, axis=1)
@@ -50,7 +50,7 @@ def test_a_rounded_body_has_the_probabilities_of_its_core(
 
 def test_a_cube_keeps_its_faces_and_steiners_volume() -> None:
     radius = 2.0
-    body = rounded(CUBE, np.zeros(3), EdgeOptions(radius))
+    body = round_edges(CUBE, np.zeros(3), EdgeOptions(radius))
     poses = analyze(body, np.zeros(3))
     np.testing.assert_allclose(poses.probabilities, np.full(6, 1 / 6), atol=1e-12)
     np.testing.assert_allclose(poses.areas, np.full(6, 100.0), rtol=1e-9)
@@ -67,7 +67,7 @@ def test_a_cube_keeps_its_faces_and_steiners_volume() -> None:
 
 def test_chamfers_are_two_strips_over_a_saddle() -> None:
     """Each edge of a cube is one, and its chamfer would be a place to rest on."""
-    body = rounded(CUBE, np.zeros(3), EdgeOptions(1.0, "chamfer"))
+    body = round_edges(CUBE, np.zeros(3), EdgeOptions(1.0, "chamfer"))
     slopes = np.sort(np.abs(body.normals), axis=1)[:, 1:]
     edges = body.normals[(np.abs(body.normals).min(axis=1) < 1e-9) & (slopes[:, 0] > 1e-9)]
     assert len(edges) == 24

@@ -115,7 +115,7 @@ def test_derivatives_of_the_centroid_by_finite_differences() -> None:
     rng = np.random.default_rng(10)
     way = rng.normal(size=surface.points.shape)
     step = 1e-6
-    after, before = (surface.moved(surface.points + s * way).centroid for s in (step, -step))
+    after, before = (surface.with_points(surface.points + s * way).centroid for s in (step, -step))
     derivatives = surface.centroid_derivatives()
     expected = (after - before) / (2.0 * step)
     np.testing.assert_allclose(np.tensordot(derivatives, way, 2), expected, rtol=1e-7)

@@ -16,7 +16,7 @@ from dicedesign.rest.basins import basin_areas, find_basins, tie_distance
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.poses import rest_poses
-from dicedesign.rest.tracing import destined_facets
+from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats
 
 pytestmark = compiled_only
@@ -136,6 +136,6 @@ def test_destinations_are_those_of_numpy() -> None:
         answers.append(found is not None)
         if found is not None:
             with without_kernels():
-                expected = destined_facets(classify(hull, center), facets)
+                expected = trace_to_rests(classify(hull, center), facets)
             np.testing.assert_array_equal(found, expected)
     assert np.mean(answers) > 0.98

@@ -33,7 +33,7 @@ from dicedesign.results.parts import Status
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.tables import load_table
 
 OUTSIDE = '''
 """One extension of each kind."""
@@ -249,10 +249,10 @@ def test_the_exact_method_prefers_it() -> None:
 def test_an_engine_throws() -> None:
     cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     body = rigid_body(make_body(cube), rest_poses(cube))
-    throws = simulate(body, table_named("carpet"), 20, engine="set_down")
+    throws = simulate(body, load_table("carpet"), 20, engine="set_down")
     assert throws.counts.tolist() == [20, 0, 0, 0, 0, 0]
     with pytest.raises(InputError, match=r"engine: expected native, .*set_down, got 'other'; take"):
-        simulate(body, table_named("carpet"), 20, engine="other")
+        simulate(body, load_table("carpet"), 20, engine="other")
 
 
 def test_reading_a_recipe_loads_no_torch_and_no_scipy(repository: Path) -> None:

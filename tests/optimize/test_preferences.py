@@ -31,7 +31,7 @@ from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.rest.morse import basin_moments, separatrix_points
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_model import other_tables
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.tables import load_table
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 BOX = np.array([1.0, 1.5, 2.0])
@@ -183,7 +183,7 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
 
 
 BOARD_GAME = ThrowProbabilities.on("board-game")
-OTHERS = other_tables(table_named("board-game"))
+OTHERS = other_tables(load_table("board-game"))
 
 
 def sensitivity(

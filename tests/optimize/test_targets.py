@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.targets import Target, binomial, fair, listed, relabeled, sum_of_dice
+from dicedesign.optimize.targets import Target, binomial, custom, fair, relabel, sum_of_dice
 
 
 def enumerated(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
@@ -49,16 +49,16 @@ def test_fair_counts_each_face_once(outcomes: int) -> None:
 
 
 def test_listed_keeps_values() -> None:
-    target = listed([0.5, 0.25, 0.25])
+    target = custom([0.5, 0.25, 0.25])
     assert target.labels == ("1", "2", "3")
     np.testing.assert_array_equal(target.probabilities, [0.5, 0.25, 0.25])
-    assert listed([1 / 3] * 3).probabilities.dtype == np.float64
+    assert custom([1 / 3] * 3).probabilities.dtype == np.float64
 
 
 def test_relabeled_keeps_the_distribution() -> None:
     target = fair(3)
-    assert relabeled(target, None) is target
-    renamed = relabeled(target, ["a", "b", "c"])
+    assert relabel(target, None) is target
+    renamed = relabel(target, ["a", "b", "c"])
     assert isinstance(renamed, Target)
     assert renamed.labels == ("a", "b", "c")
     np.testing.assert_array_equal(renamed.probabilities, target.probabilities)
@@ -74,23 +74,23 @@ def test_relabeled_keeps_the_distribution() -> None:
             lambda: sum_of_dice([6, 1]),
             "sum_of_dice: expected a whole number of at least 2, got 1",
         ),
-        (lambda: listed([1.0]), "probabilities: expected at least two, got [1.0]"),
+        (lambda: custom([1.0]), "probabilities: expected at least two, got [1.0]"),
         (
-            lambda: listed([0.0, 1.0]),
+            lambda: custom([0.0, 1.0]),
             "probabilities: expected numbers between 0 and 1, got 0; leave out outcomes that "
             "never happen",
         ),
-        (lambda: listed([float("nan"), 0.5]), "expected numbers between 0 and 1, got nan"),
+        (lambda: custom([float("nan"), 0.5]), "expected numbers between 0 and 1, got nan"),
         (
-            lambda: listed([0.3, 0.3, 0.3]),
+            lambda: custom([0.3, 0.3, 0.3]),
             "probabilities: expected a sum of 1, got 0.9; write fractions such as 1/3",
         ),
         (
-            lambda: relabeled(fair(2), ["a"]),
+            lambda: relabel(fair(2), ["a"]),
             "labels: expected 2, one for each outcome, got 1",
         ),
         (
-            lambda: relabeled(fair(3), ["a", "b", "a"]),
+            lambda: relabel(fair(3), ["a", "b", "a"]),
             "labels: expected distinct labels, got 'a' more than once",
         ),
     ],
@@ -105,7 +105,7 @@ def test_more_outcomes_than_anybody_can_read_are_refused_at_once() -> None:
         lambda: binomial(10**9),
         lambda: sum_of_dice([10**9]),
         lambda: fair(10**11),
-        lambda: listed([1 / 300] * 300),
+        lambda: custom([1 / 300] * 300),
     ):
         with pytest.raises(InputError, match="expected at most 200 outcomes, got"):
             make()

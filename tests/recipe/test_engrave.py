@@ -13,7 +13,7 @@ from dicedesign.errors import EngravingError
 from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
-from dicedesign.geometry.meshes.reading import parsed_stl
+from dicedesign.geometry.meshes.reading import parse_stl
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
@@ -75,7 +75,7 @@ def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> Non
     by as much as that label takes."""
     work = engraved(read=read)
     assert work.engraved is not None
-    points, triangles = parsed_stl(work.files["die.stl"], Path("die.stl"))
+    points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
     engraved_solid, depth = solid(points.astype(np.float64), triangles), 0.6
     # Labels are pockets, so that the box is its hull.
     hull = convex_hull(points.astype(np.float64), single_precision=True)

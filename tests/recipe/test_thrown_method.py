@@ -25,7 +25,7 @@ from dicedesign.throws import simulation as die_on_table
 from dicedesign.throws.momentum_model import other_tables
 from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import Throws
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import Table, load_table
 
 TARGET = np.array([1, 4, 6, 4, 1]) / 16.0
 OPTIONS = ExactOptions(probabilities="thrown", prefer=Preferences(circles=1.0), seconds=20.0)
@@ -33,7 +33,7 @@ OPTIONS = ExactOptions(probabilities="thrown", prefer=Preferences(circles=1.0), 
 
 def model_of(table: str) -> TableSensitivity:
     """What is known of dice that are yet to be thrown."""
-    return TableSensitivity(ThrowProbabilities.on(table), other_tables(table_named(table)), TARGET)
+    return TableSensitivity(ThrowProbabilities.on(table), other_tables(load_table(table)), TARGET)
 
 
 def solved(options: ExactOptions) -> DesignResult:
@@ -51,7 +51,7 @@ def changes_of(die: DesignResult) -> float:
     thrown = ThrowProbabilities.on("board-game")
     return sum(
         float(np.abs(thrown.onto(table).probabilities(rests) - thrown.probabilities(rests)).sum())
-        for table in other_tables(table_named("board-game"))
+        for table in other_tables(load_table("board-game"))
     )
 
 

@@ -10,7 +10,7 @@ from common.made_up_die import SIDES, box, designed
 from common.random_points import depths, drawn, in_pocket_walls
 from common.thrown import thrown
 
-from dicedesign.fabricate.print_tolerances import inside_walls, weighed
+from dicedesign.fabricate.print_tolerances import inside_walls, weigh_print
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work, run_stages
@@ -62,7 +62,7 @@ def test_infill_moves_the_center_of_mass_and_the_probabilities() -> None:
     found = hollow.result().infill
     assert found is not None
     hull = hollow.plain.poses.hull
-    mass, center = weighed(*_uniform(hull.vertices), inside_walls(hull, 2.0), 0.0)
+    mass, center = weigh_print(*_uniform(hull.vertices), inside_walls(hull, 2.0), 0.0)
     probabilities = outcome_probabilities(rest_poses(hull.vertices, center), SIDES).probabilities
     assert found.mass == pytest.approx(mass, rel=1e-6)
     np.testing.assert_allclose(found.probabilities, probabilities, atol=1e-6)

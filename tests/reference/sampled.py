@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.tracing import destined_facets, slide
+from dicedesign.rest.tracing import slide, trace_to_rests
 from dicedesign.runtime.arrays import Floats
 
 MOST_AT_ONCE = 20_000
@@ -39,7 +39,7 @@ def sampled_probabilities(
         touched, _ = slide(equilibria, lowest, down, np.zeros(len(down)))
         reached += np.bincount(touched, minlength=facets)
     start = np.flatnonzero(reached)
-    ends = destined_facets(equilibria, start)
+    ends = trace_to_rests(equilibria, start)
     return np.bincount(ends, weights=reached[start], minlength=facets) / len(directions)
 
 

@@ -15,7 +15,7 @@ from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.shapes import prism, repulsion
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.targets import binomial, fair, listed, sum_of_dice
+from dicedesign.optimize.targets import binomial, custom, fair, sum_of_dice
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 from tests.reference.problem import Case, DesignProblem
@@ -123,7 +123,7 @@ def coincident(angle: float) -> DesignProblem:
 def loaded_box() -> DesignProblem:
     """A cube, unperturbed, that should favor one of its faces: every path of it is a tie."""
     start = Start(np.array(list(product((-1.0, 1.0), repeat=3))), AXES)
-    return DesignProblem(start, listed([0.3, *[0.14] * 5]).probabilities, perturbation=0.0)
+    return DesignProblem(start, custom([0.3, *[0.14] * 5]).probabilities, perturbation=0.0)
 
 
 def _cornered() -> DesignProblem:
@@ -135,7 +135,7 @@ def _cornered() -> DesignProblem:
 
 
 def _improbable(probability: float) -> DesignProblem:
-    target = listed([probability] * 2 + [0.25 - 0.5 * probability] * 4)
+    target = custom([probability] * 2 + [0.25 - 0.5 * probability] * 4)
     tolerance = 0.1 * probability
     return DesignProblem(repulsion(6, 0), target.probabilities, tolerance=tolerance)
 
@@ -156,7 +156,7 @@ def _near(target: Floats) -> Start:
 
 
 def _lopsided() -> DesignProblem:
-    return DesignProblem(repulsion(4, 0), listed([0.97, 0.01, 0.01, 0.01]).probabilities)
+    return DesignProblem(repulsion(4, 0), custom([0.97, 0.01, 0.01, 0.01]).probabilities)
 
 
 def _stretched(factor: float) -> DesignProblem:
@@ -176,5 +176,5 @@ def _symmetric() -> DesignProblem:
 
 
 def _exact() -> DesignProblem:
-    target = listed([0.1, 0.1, 0.2, 0.2, 0.2, 0.2])
+    target = custom([0.1, 0.1, 0.2, 0.2, 0.2, 0.2])
     return DesignProblem(repulsion(6, 0), target.probabilities, tolerance=1e-12)

@@ -20,7 +20,7 @@ from dicedesign.report.data_sheet import (
     sheet_pdf,
     wrap,
 )
-from dicedesign.report.raster import decoded
+from dicedesign.report.raster import decode_png
 from dicedesign.report.renderer import Surface
 from dicedesign.report.sheet import Sheet, text_width
 from dicedesign.results.result import Engraved
@@ -112,7 +112,7 @@ def test_the_pdf_is_one_page_of_a4_with_text_and_the_png_the_same() -> None:
         assert expected in text
     for probabilities in die.result.probabilities:
         assert f"{100.0 * probabilities:.3f}" in text
-    pixels = decoded(sheet.png(dpi=150))
+    pixels = decode_png(sheet.png(dpi=150))
     assert pixels.shape == (1754, 1240, 3)
     assert 0.01 < (pixels.mean(axis=2) < 128).mean() < 0.3
 

@@ -13,7 +13,7 @@ from common.parsed_html import parsed
 
 from dicedesign.report.figures import FIGURES, Figure, figure_files
 from dicedesign.report.pages import die_page
-from dicedesign.report.raster import decoded, encoded
+from dicedesign.report.raster import decode_png, encode_png
 from dicedesign.report.sheet import Sheet, picture_grid
 
 
@@ -28,8 +28,8 @@ def test_a_png_repeats_and_has_no_metadata() -> None:
     assert data == draw().png()
     assert b"tEXt" not in data
     assert b"tIME" not in data
-    assert decoded(data).shape == (100, 200, 3)
-    np.testing.assert_array_equal(decoded(encoded(decoded(data))), draw().pixels())
+    assert decode_png(data).shape == (100, 200, 3)
+    np.testing.assert_array_equal(decode_png(encode_png(decode_png(data))), draw().pixels())
 
 
 def test_pictures_of_a_grid_are_drawn_pixel_for_pixel() -> None:

@@ -16,7 +16,7 @@ from PIL import Image
 
 from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.report.discs import MAP_SIZE, placed_discs
+from dicedesign.report.discs import MAP_SIZE, place_discs
 from dicedesign.report.pages import die_page, live_die
 from dicedesign.rest.poses import rest_poses
 
@@ -113,7 +113,7 @@ def test_the_map_shows_its_basin_in_view_and_table(opened: Opened, fair_d3: Path
     scale = box["width"] / MAP_SIZE[0]
     for facet, found in enumerate(facets(fair_d3)):
         normal = np.array(found["normal"])
-        disc = max(placed_discs(poses), key=lambda disc: float(disc.heights(normal)))
+        disc = max(place_discs(poses), key=lambda disc: float(disc.heights(normal)))
         # A little aside of its middle, where the figure has a dot.
         x, y = scale * disc.to_paper(disc.project(normal)) + [4.0, 4.0]
         opened.page.mouse.move(box["x"] + x, box["y"] + y)

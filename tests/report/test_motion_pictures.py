@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.report.figures import MOST_TRIANGLES, drawn_surface
+from dicedesign.report.figures import MOST_TRIANGLES, surface_to_draw
 from dicedesign.report.motion_pictures import (
     MOMENTS,
     FilmedDie,
@@ -130,7 +130,7 @@ def rolled(mesh: trimesh.Trimesh, down: list[float]) -> tuple[RestPoses, tuple[R
 def test_a_falling_tower_is_shown_from_corner_to_side() -> None:
     mesh = trimesh.creation.box((1.0, 1.2, 4.0))
     poses, steps = rolled(mesh, [0.5, 0.2, 0.6])
-    surface = drawn_surface(mesh.vertices, mesh.faces, poses.hull)
+    surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
     figure = drop_figure(surface, poses, steps[0].down)
     assert is_whole(figure)
     grid, sphere = figure.pictures
@@ -149,7 +149,7 @@ def test_a_roll_of_many_contacts_is_shown_in_few_pictures() -> None:
     mesh = trimesh.convex.convex_hull(mesh.vertices)
     poses, steps = rolled(mesh, [0.1, 0.05, 1.0])
     assert len(steps) > MOMENTS
-    surface = drawn_surface(mesh.vertices, mesh.faces, poses.hull)
+    surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
     figure = drop_figure(surface, poses, steps[0].down)
     assert figure.pictures[0].shape[1] <= 5 * 324 + 24
     assert figure.png() == drop_figure(surface, poses, steps[0].down).png()
@@ -159,7 +159,7 @@ def test_a_body_at_rest_is_one_picture() -> None:
     mesh = trimesh.creation.box((1.0, 1.2, 4.0))
     poses, steps = rolled(mesh, [1.0, 0.0, 0.0])
     assert len(steps) == 1
-    surface = drawn_surface(mesh.vertices, mesh.faces, poses.hull)
+    surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
     assert is_whole(drop_figure(surface, poses, steps[0].down))
 
 
@@ -167,5 +167,5 @@ def test_what_is_drawn_of_points_and_of_too_many_triangles_is_the_hull() -> None
     mesh = trimesh.creation.icosphere(subdivisions=2)
     hull = rest_poses(mesh.vertices).hull
     for triangles in (None, np.zeros((MOST_TRIANGLES + 1, 3), dtype=np.int64)):
-        assert drawn_surface(mesh.vertices, triangles, hull).points is hull.vertices
-    assert drawn_surface(mesh.vertices, mesh.faces, hull).points is mesh.vertices
+        assert surface_to_draw(mesh.vertices, triangles, hull).points is hull.vertices
+    assert surface_to_draw(mesh.vertices, mesh.faces, hull).points is mesh.vertices

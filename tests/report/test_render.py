@@ -15,7 +15,7 @@ from dicedesign.report.renderer import (
     Surface,
     brightness,
     render,
-    shadowed_table,
+    render_shadow,
 )
 
 
@@ -196,7 +196,7 @@ def test_shadows_are_under_the_body_and_fade_with_height() -> None:
     middles = []
     for height in (0.0, 0.3, 1.0, 50.0):
         points = PLATE + height * UPRIGHT
-        shade = shadowed_table(points, SQUARE, points[:, 2], UPRIGHT, ABOVE, 200, 1.0)
+        shade = render_shadow(points, SQUARE, points[:, 2], UPRIGHT, ABOVE, 200, 1.0)
         assert shade.shape == (200, 200)
         np.testing.assert_allclose(shade[[5, 5, 195, 195], [5, 195, 5, 195]], 1.0)
         middle = shade[70:130, 70:130]

@@ -24,7 +24,7 @@ from dicedesign.results.parts import (
     TradeOff,
 )
 from dicedesign.results.result import Designed, InfillProbabilities, PrintTolerances, Result
-from dicedesign.throws.tables import table_named
+from dicedesign.throws.tables import load_table
 
 PNG = b"\x89PNG"
 RESHAPED = {
@@ -34,7 +34,7 @@ RESHAPED = {
     "notes": ("7 vertices were welded",),
 }
 THROWN = ThrowProbabilities(
-    table_named("board-game").as_dict()
+    load_table("board-game").as_dict()
     | {"restitution": 0.5, "friction": 0.3, "height": 0.1, "speed": 0.2, "spin": 10.0}
     | {"size": 0.0317, "name": "my <table>", "source": "guessed"},
     (0.16, 0.16, 0.16, 0.16, 0.16, 0.2),
@@ -149,7 +149,7 @@ def test_throws_that_tell_no_difference_and_none_at_all() -> None:
     assert "without a label" not in text
     text = page_of(thrown=replace(THROWN, simulated=None)).text
     assert "No throws of it were simulated" in text
-    text = page_of(thrown=replace(THROWN, table=table_named("carpet").as_dict())).text
+    text = page_of(thrown=replace(THROWN, table=load_table("carpet").as_dict())).text
     assert "it is set down on the table, turned at random. It does not bounce" in text
     assert "honey" in text
     assert "when it is let go" not in text

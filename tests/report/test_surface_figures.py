@@ -9,7 +9,7 @@ from common.drawings import is_whole, painted
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.report.palette import BASINS, repeated, rgb
+from dicedesign.report.palette import BASINS, repeat, rgb
 from dicedesign.report.raster import Camera, three_cameras
 from dicedesign.report.renderer import Shell, Surface
 from dicedesign.report.sheet import Sheet
@@ -175,7 +175,7 @@ def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
         assert f"{label}: {k + 1}.00 %" in shown
         # The facet that it rests on is seen straight from below.
         below = f"{label}: underside"
-        colors = rgb(repeated(BASINS, count))
+        colors = rgb(repeat(BASINS, count))
         shares = [share_tinted(shown[below], plain[below], color) for color in colors]
         assert int(np.argmax(shares)) == k
         assert shares[k] > 0.15

@@ -19,7 +19,7 @@ from dicedesign.rest import equilibria as equilibria_module
 from dicedesign.rest import tracing as tracing_module
 from dicedesign.rest.equilibria import Equilibria, classify, surroundings
 from dicedesign.rest.morse import separatrices
-from dicedesign.rest.tracing import destined_facets
+from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats
 from tests.reference.oracle import DIGITS, Balanced, Oracle, facet_polygons
 
@@ -144,7 +144,7 @@ def agrees_with_the_oracle(equilibria: Equilibria) -> bool:
     assert crossed == [list(pairwise(cells)) for cells in ways]
     assert paths.maxima.tolist() == [cells[-1] for cells in ways]
     facets = np.arange(len(equilibria.stable))
-    assert destined_facets(equilibria, facets).tolist() == destined
+    assert trace_to_rests(equilibria, facets).tolist() == destined
     return True
 
 

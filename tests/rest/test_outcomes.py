@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.rest.outcomes import (
-    gathered,
+    assign_rests,
     match_by_normals,
     match_by_probability,
     outcome_margins,
@@ -82,7 +82,7 @@ def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
     angles = np.radians([[0.0, 20.0], [150.0, 20.0]])
     directions, normals = np.stack([0.0 * angles, np.sin(angles), np.cos(angles)], axis=-1)
     normals[0, 1] *= -1.0
-    found = gathered(normals, np.array([0.1, 0.9]), directions)
+    found = assign_rests(normals, np.array([0.1, 0.9]), directions)
     assert found.main.tolist() == [0, 1]
     np.testing.assert_array_equal(found.probabilities, [0.1, 0.9])
     assert found.elsewhere == 0.0

@@ -21,7 +21,7 @@ from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.report.curve_charts import pareto_chart
 from dicedesign.report.pages import lying_die_png
-from dicedesign.search.leaderboard import leaders, pareto_front, ranked, write_results
+from dicedesign.search.leaderboard import leaders, pareto_front, rank_trials, write_results
 from dicedesign.search.trials import run_trial
 
 TETRAHEDRON = [[9.0, 9.0, 9.0], [9.0, -9.0, -9.0], [-9.0, 9.0, -9.0], [-9.0, -9.0, 9.0]]
@@ -68,7 +68,7 @@ def test_the_front_against_brute_force(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(2))
 def test_the_order_against_brute_force(recipe: Recipe, seed: int) -> None:
     trials = made(recipe, 60, seed)
-    order = ranked(trials)
+    order = rank_trials(trials)
     assert {t["number"] for t in order} == {
         t["number"] for t in trials if t["status"] == "converged"
     }
@@ -108,7 +108,7 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
     table = json.loads((folder / "leaderboard.json").read_text())
     assert table["leaderboard"] == board
     assert table["trials"] == 30
-    assert table["converged"] == len(ranked(trials))
+    assert table["converged"] == len(rank_trials(trials))
     assert [entry["number"] for entry in board if entry["on_front"]] == [
         number for number in numbers if number in table["front"]
     ]
@@ -180,7 +180,7 @@ def test_a_lying_die_is_seen_whole() -> None:
 
 def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
     trials = made(recipe, 60)
-    solved = ranked(trials)
+    solved = rank_trials(trials)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
     front = [t["number"] for t, on in zip(solved, pareto_front(values), strict=True) if on]
     named = [trial["number"] for trial in solved[:10]]

@@ -16,7 +16,7 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.optimize.preferences import PREFERENCES, Preferences
 from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.search.study import JOURNAL, RECIPE, open_study, search_space, varied_recipe
+from dicedesign.search.study import JOURNAL, RECIPE, open_study, search_space, vary_recipe
 from dicedesign.search.trials import run_search
 
 pytestmark = pytest.mark.usefixtures("made_up")
@@ -215,7 +215,7 @@ def test_labels_move_where_that_makes_a_difference(
     expected = recipe.resolved()
     if assigned:
         expected["assignment"] = expected["assignment"] if "assignment" in entries else list("0123")
-    assert varied_recipe(recipe, 0, own).resolved() == expected
+    assert vary_recipe(recipe, 0, own).resolved() == expected
 
 
 def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> None:
@@ -223,7 +223,7 @@ def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> 
     seen = set()
     for number in range(200):
         values = {name: rng.random() for name in ASSIGNED}
-        varied = varied_recipe(recipe, number, values)
+        varied = vary_recipe(recipe, number, values)
         assert varied.seed == 7 + number
         assert varied.assignment is not None
         numbers = [values[f"assignment.{label}"] for label in varied.assignment]
@@ -244,11 +244,11 @@ def test_weights_of_preferences_are_on_or_off() -> None:
     assert space["prefer.circles"].high == 25.0
 
     values = {name: entry.own for name, entry in space.items()}
-    own = varied_recipe(recipe, 0, values).method.exact
+    own = vary_recipe(recipe, 0, values).method.exact
     assert own is not None
     assert own.prefer == Preferences(circles=25.0, margin=0.5, areas=1e-9)
 
     values |= {"prefer.roundness": 0.01, "prefer.areas": 0.0099, "prefer.margin": 1e-5}
-    changed = varied_recipe(recipe, 3, values).method.exact
+    changed = vary_recipe(recipe, 3, values).method.exact
     assert changed is not None
     assert changed.prefer == Preferences(circles=25.0, roundness=0.01)

@@ -35,9 +35,9 @@ from dicedesign.throws.engines import (
     throw_states,
 )
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import Table, load_table
 
-WOOD, CARPET, PAPER = (table_named(name) for name in ("hard-wood", "carpet", "paper"))
+WOOD, CARPET, PAPER = (load_table(name) for name in ("hard-wood", "carpet", "paper"))
 
 
 @compiled_only
@@ -163,7 +163,7 @@ def test_the_damping_ratio_of_a_restitution(restitution: float) -> None:
     assert bounce(ratio)[0] == pytest.approx(restitution, abs=1e-7)
 
 
-@pytest.mark.parametrize("table", [BOARD, table_named("hard-wood"), table_named("paper")])
+@pytest.mark.parametrize("table", [BOARD, load_table("hard-wood"), load_table("paper")])
 def test_the_fastest_impact_goes_no_deeper_than_it_may(table: Table) -> None:
     """That of the whole body at once; depths scale with speed over frequency."""
     contact = contact_of(table)

@@ -33,11 +33,11 @@ from dicedesign.throws.momentum_model import (
 )
 from dicedesign.throws.momentum_probabilities import hull_probabilities, momentum_probabilities
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import TABLE_NAMES, Table, table_named
+from dicedesign.throws.tables import TABLE_NAMES, Table, load_table
 
 PLAIN = plain_model(general_model())
 UNITS = len(PLAIN["carries"]["outward"])
-TABLE = table_named("board-game")
+TABLE = load_table("board-game")
 
 
 def changed(path: str, value: object) -> dict[str, Any]:
@@ -179,7 +179,7 @@ def test_probabilities_are_nearer_to_throws_than_those_without_momentum(
 ) -> None:
     apart = []
     for die in dice:
-        throws = simulate(die.body, table_named(name), 1000, 3)
+        throws = simulate(die.body, load_table(name), 1000, 3)
         frequencies = throws.counts / throws.counts.sum()
         found = momentum_probabilities(die.poses, die.body, momentum_model(name))
         apart.append(
@@ -195,7 +195,7 @@ def test_probabilities_are_nearer_to_throws_than_those_without_momentum(
 
 
 def test_the_model_knows_what_a_livelier_table_does(dice: list[RandomDie]) -> None:
-    table, model = table_named("board-game"), momentum_model("board-game")
+    table, model = load_table("board-game"), momentum_model("board-game")
     assert model is not None
     seen, expected = [], []
     for die in dice[:4]:

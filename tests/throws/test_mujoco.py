@@ -12,7 +12,7 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.throws.engines import advance, contact_of
 from dicedesign.throws.mujoco_engine import _scene, final_rest, rest_below
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import Table, load_table
 
 
 @compiled_only
@@ -43,7 +43,7 @@ def test_a_body_can_leave_a_basin_over_its_lowest_saddle_only(seed: int) -> None
         assert final_rest(body, normal, 1.001 * barrier) == -1
 
 
-CARPET, PAPER = table_named("carpet"), table_named("paper")
+CARPET, PAPER = load_table("carpet"), load_table("paper")
 
 
 def balanced(points: np.ndarray) -> np.ndarray:

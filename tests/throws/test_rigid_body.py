@@ -26,11 +26,11 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.rigid_body import (
     PAPER_DIRECTIONS,
     Orientations,
-    released,
+    release_states,
     rigid_body,
     up_directions,
 )
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import Table, load_table
 
 
 def test_a_box() -> None:
@@ -117,10 +117,10 @@ def test_the_paper_has_1212_directions() -> None:
 
 
 @pytest.mark.parametrize("orientations", ["uniform", "icosahedron"])
-@pytest.mark.parametrize("how", [BOARD, table_named("carpet")])
+@pytest.mark.parametrize("how", [BOARD, load_table("carpet")])
 def test_bodies_are_let_go_above_the_table(orientations: Orientations, how: Table) -> None:
     body = random_body(2)[0]
-    states = released(body, how, np.arange(400), orientations, np.random.default_rng(0))
+    states = release_states(body, how, np.arange(400), orientations, np.random.default_rng(0))
     np.testing.assert_allclose(np.linalg.norm(states[:, 3:7], axis=1), 1.0, rtol=1e-14)
     np.testing.assert_allclose(np.linalg.norm(states[:, 7:10], axis=1), how.speed)
     np.testing.assert_array_equal(states[:, 9], 0.0)
@@ -137,7 +137,7 @@ def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
     body, count = random_body(2)[0], 4000
     rng = np.random.default_rng(5)
     down = np.array([0.0, 0.0, 1.0]) if aimed else None
-    states = released(body, SPREAD, np.arange(count), "uniform", rng, down)
+    states = release_states(body, SPREAD, np.arange(count), "uniform", rng, down)
     # Heights of the lowest points, speeds and spins.
     lowest = (turns_of(states)[:, 2] @ body.vertices.T).min(axis=1) * SPREAD.size / 2.0
     motions = (np.linalg.norm(states[:, i : i + 3], axis=1) for i in (7, 10))

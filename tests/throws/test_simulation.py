@@ -15,9 +15,9 @@ from dicedesign.runtime.workers import local_workers
 from dicedesign.throws.engines import DEEPEST, GRAVITY, contact_of
 from dicedesign.throws.rigid_body import PAPER_DIRECTIONS
 from dicedesign.throws.simulation import FRAMES_PER_SECOND, SETTLED, simulate, throw_film
-from dicedesign.throws.tables import Table, table_named
+from dicedesign.throws.tables import Table, load_table
 
-BOARD, CARPET = table_named("board-game"), table_named("carpet")
+BOARD, CARPET = load_table("board-game"), load_table("carpet")
 
 
 @compiled_only
@@ -82,10 +82,10 @@ def test_the_body_falls_on_the_table_and_lies_on_a_rest(seed: int) -> None:
     body, poses = random_body(seed)
     film = throw_film(body, TABLE, seed)
     points, radius = random_points(seed), TABLE.size / 2
-    first, last = (film.placed(points, poses.center_of_mass, frame) for frame in (0, -1))
+    first, last = (film.place_points(points, poses.center_of_mass, frame) for frame in (0, -1))
     assert first[:, 2].min() == pytest.approx(TABLE.height)
     for frame in range(len(film.seconds)):
-        placed = film.placed(points, poses.center_of_mass, frame)
+        placed = film.place_points(points, poses.center_of_mass, frame)
         assert placed[:, 2].min() > -1.5 * DEEPEST * radius
     assert film.rest >= 0
     assert abs(last[:, 2].min()) < 0.01 * radius

@@ -21,7 +21,7 @@ from dicedesign.throws.probability_surrogate import (
     LogProbabilityProcess,
     ProbabilitySurrogate,
     effective,
-    weighted_points,
+    sample_posterior,
 )
 from dicedesign.throws.sessions import (
     BETWEEN,
@@ -35,9 +35,9 @@ from dicedesign.throws.table_fit import (
     check_table,
     expected_deviations,
     fit_table,
-    predicted,
+    predict,
 )
-from dicedesign.throws.tables import Table, least_of, table_named
+from dicedesign.throws.tables import Table, least_of, load_table
 from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
 
 
@@ -48,7 +48,7 @@ def test_a_posterior_that_is_narrow_beside_the_prior() -> None:
     def narrow(points: np.ndarray) -> np.ndarray:
         return -0.5 * np.square((points - center) / deviation).sum(axis=1, keepdims=True)
 
-    found = weighted_points(narrow, 3, 1024, np.random.default_rng(3), leave_one_out=False)
+    found = sample_posterior(narrow, 3, 1024, np.random.default_rng(3), leave_one_out=False)
     weights = found.weights()
     assert effective(weights) > 200
     mean = weights @ found.points
@@ -278,7 +278,7 @@ def test_by_probabilities_that_are_known_it_is_the_likelihood_ratio_test() -> No
     ratio = 2.0 * (xlogy(counts, counts / throws) - counts * np.log([p, 1.0 - p])).sum(axis=1)
     for came in (4, 9, 15):
         exact = stats.binom.pmf(every[ratio >= ratio[came] - 1e-9], throws, p).sum()
-        found = predicted(counts[came], np.array([[p, 1.0 - p]]), np.random.default_rng(came))
+        found = predict(counts[came], np.array([[p, 1.0 - p]]), np.random.default_rng(came))
         assert found.p_value == pytest.approx(exact, abs=4.0 * found.standard_error + 1e-3)
         assert found.probabilities == pytest.approx([p, 1.0 - p])
         assert found.deviation == pytest.approx([0.0, 0.0], abs=1e-12)
@@ -286,7 +286,7 @@ def test_by_probabilities_that_are_known_it_is_the_likelihood_ratio_test() -> No
 
 def test_the_outcome_that_is_least_as_predicted() -> None:
     probabilities = np.tile([0.1, 0.3, 0.6], (50, 1))
-    found = predicted(np.array([60, 90, 150]), probabilities, np.random.default_rng(4))
+    found = predict(np.array([60, 90, 150]), probabilities, np.random.default_rng(4))
     assert found.worst == 0
     low, high = found.interval
     assert [low, high] == pytest.approx(stats.binom.ppf([0.025, 0.975], 300, 0.1), abs=1)
@@ -327,6 +327,6 @@ def test_no_published_die_rejects_the_board_game() -> None:
     many a seed, without being rejected."""
     throws = public_data("published/throws.csv")
     names = ["binomial2", "binomial3", "binomial4", "2d6_hendecahedron"]
-    checks = check_table(read_throw_counts(throws, names), table_named("board-game"), 4000, 12)
+    checks = check_table(read_throw_counts(throws, names), load_table("board-game"), 4000, 12)
     assert all(check.chi_square.p_value > 0.01 for check in checks)
     assert [check.geometric.p_value > 0.01 for check in checks] == [True, True, False, False]

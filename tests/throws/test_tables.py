@@ -14,9 +14,9 @@ from dicedesign.throws.tables import (
     HANDS,
     TABLE_NAMES,
     Table,
+    load_table,
     posterior_entries,
     posterior_tables,
-    table_named,
     with_hand,
 )
 
@@ -32,7 +32,7 @@ GOOD = {
 
 @pytest.mark.parametrize("name", TABLE_NAMES)
 def test_tables_that_come_with_the_package(name: str) -> None:
-    table = table_named(name)
+    table = load_table(name)
     assert table.name == name
     assert table.source != "given"
 
@@ -40,11 +40,11 @@ def test_tables_that_come_with_the_package(name: str) -> None:
 def test_a_table_in_a_file(tmp_path: Path) -> None:
     path = tmp_path / "lino.json"
     path.write_text(json.dumps(GOOD))
-    table = table_named(str(path))
+    table = load_table(str(path))
     assert table == Table(**GOOD)
     assert (table.size, table.drag) == (0.025, 0.0)
     path.write_text(json.dumps(table.as_dict()))
-    assert table_named(str(path)) == table
+    assert load_table(str(path)) == table
 
 
 def test_tables_of_a_posterior(tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_tables_of_a_posterior(tmp_path: Path) -> None:
         {"restitution": 0.5, "friction": 0.4, "height": 0.3, "speed": [0.1, 0.2], "spin": 4.0},
     ]
     path.write_text(json.dumps({**GOOD, "size": 0.03, "posterior": rows}))
-    assert table_named(str(path)) == Table(**GOOD, size=0.03)
+    assert load_table(str(path)) == Table(**GOOD, size=0.03)
     found = posterior_tables(str(path))
     for number, (table, row) in enumerate(zip(found, rows, strict=True), start=1):
         assert table == Table(**{**GOOD, **row, "size": 0.03, "name": f"lino {number} of 2"})
@@ -110,7 +110,7 @@ def test_files_that_are_no_tables(tmp_path: Path, text: str, message: str) -> No
     path = tmp_path / "table.json"
     path.write_text(text)
     with pytest.raises(InputError, match=message):
-        table_named(str(path))
+        load_table(str(path))
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_files_that_are_no_tables(tmp_path: Path, text: str, message: str) -> No
 )
 def test_a_large_die_is_let_go_from_no_lower_than_it_is_large(height: Any, lifted: Any) -> None:
     table = Table("low", 0.5, 0.5, height, 0.1, 1.0, size=0.02)
-    assert table.lifted(0.035) == replace(table, height=lifted, size=0.035)
+    assert table.for_size_above(0.035) == replace(table, height=lifted, size=0.035)
 
 
 LINO = {"name": "lino", "restitution": 0.4, "friction": 0.2}
@@ -129,8 +129,8 @@ CUP = HANDS["cup"]
 @pytest.mark.parametrize("hand", HANDS)
 def test_a_hand_changes_the_throw_and_nothing_else(hand: str) -> None:
     for name in set(TABLE_NAMES) - {"carpet"}:
-        own = table_named(name)
-        table = own.thrown_by(hand)
+        own = load_table(name)
+        table = own.with_hand(hand)
         assert table.hand is HANDS[hand]
         assert (
             replace(
@@ -145,7 +145,7 @@ def test_a_hand_changes_the_throw_and_nothing_else(hand: str) -> None:
         )
         # It goes by its name wherever tables do.
         assert table.name == with_hand(name, hand) == f"{name}:{hand}"
-        assert table_named(table.name) == table
+        assert load_table(table.name) == table
         # Where the numbers are from is told.
         assert own.source in table.source
         assert HANDS[hand].source in table.source
@@ -154,16 +154,16 @@ def test_a_hand_changes_the_throw_and_nothing_else(hand: str) -> None:
 def test_a_hand_in_a_file(tmp_path: Path) -> None:
     path = tmp_path / "lino.json"
     path.write_text(json.dumps({**LINO, "hand": "cup", "size": 0.03}))
-    table = table_named(str(path))
+    table = load_table(str(path))
     assert (table.height, table.speed, table.spin) == (CUP.height, CUP.speed, CUP.spin)
     assert (table.name, table.size, table.hand) == ("lino", 0.03, CUP)
     assert CUP.source in table.source
     # Another one takes its place.
-    thrown = table_named(f"{path}:tower")
+    thrown = load_table(f"{path}:tower")
     assert (thrown.name, thrown.hand) == ("lino:tower", HANDS["tower"])
     # What is written is read as the same table.
     path.write_text(json.dumps(table.as_dict()))
-    assert table_named(str(path)) == table
+    assert load_table(str(path)) == table
 
 
 @pytest.mark.parametrize(
@@ -178,4 +178,4 @@ def test_files_with_a_hand_that_cannot_be(tmp_path: Path, changes: dict, message
     path = tmp_path / "lino.json"
     path.write_text(json.dumps({**LINO, **changes}))
     with pytest.raises(InputError, match=message):
-        table_named(str(path))
+        load_table(str(path))

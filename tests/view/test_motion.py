@@ -59,7 +59,7 @@ def test_a_half_turn_has_small_steps(viewed: ViewedBody) -> None:
 @pytest.mark.parametrize("has_direction", [False, True])
 def test_a_thrown_body_ends_on_its_rest(viewed: ViewedBody, has_direction: bool) -> None:
     down = viewed.poses.normals[1] if has_direction else None
-    film = throw_film(viewed.rigid, dd.table_named("board-game"), 3, down)
+    film = throw_film(viewed.rigid, dd.load_table("board-game"), 3, down)
     motion = film_motion(film, viewed.center)
     if down is not None:
         np.testing.assert_allclose(-motion.poses[0][2, :3], down, atol=1e-6)

@@ -334,7 +334,7 @@ def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
         source = np.arange(len(points))
     if not source[-1] < len(points) <= len(source) + MOST_INSIDE:
         return None
-    moved = kernels.moved_hull(points, source, hull.facet_start, hull.tail, hull.twin)
+    moved = kernels.move_hull(points, source, hull.facet_start, hull.tail, hull.twin)
     if moved is kernels.UNDECIDED:
         return None
     kept = {name: value for name, value in vars(hull).items() if name in CONNECTIVITY}

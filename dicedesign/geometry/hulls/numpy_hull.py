@@ -23,9 +23,9 @@ from dicedesign.geometry.meshes.body import consistent_winding
 from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import (
-    connected_parts,
     doubled_area_vectors,
     edge_neighbors,
+    find_parts,
     is_closed,
 )
 from dicedesign.runtime.arrays import Floats, Integers
@@ -93,7 +93,7 @@ def facet_labels(
     base = np.where(area[left] >= area[right], left, right)
     joined = fits(base, left + right - base)
     while True:
-        labels = connected_parts(left[joined], right[joined], count)
+        labels = find_parts(left[joined], right[joined], count)
         # A chain of small bends is no facet: compare with the plane of each group's largest
         # triangle, and split those that drift into regions grown from the largest outward.
         drifts = ~fits(largest_of(labels)[labels], np.arange(count))
@@ -200,12 +200,12 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
     kept, scaled = np.arange(len(positions)), local / scale
     while True:
         try:
-            half_edges = _merged_half_edges(kept, scaled, tolerance)
+            half_edges = _merge_half_edges(kept, scaled, tolerance)
         except QhullError as error:
             raise flat_error(scaled) from error
         if half_edges is None:
             break
-        repeated = _repeated(scaled, kept, half_edges, tolerance)
+        repeated = _find_repeats(scaled, kept, half_edges, tolerance)
         if len(repeated) == 0:
             return half_edges
         kept = np.setdiff1d(kept, repeated)
@@ -218,7 +218,7 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
     )
 
 
-def _merged_half_edges(kept: Integers, scaled: Floats, tolerance: float) -> HalfEdges | None:
+def _merge_half_edges(kept: Integers, scaled: Floats, tolerance: float) -> HalfEdges | None:
     """Hull of the kept points, or None where its facets make no polyhedron at any tolerance."""
     triangles, neighbors = hull_triangles(scaled[kept])
     triangles = kept[triangles]
@@ -230,7 +230,9 @@ def _merged_half_edges(kept: Integers, scaled: Floats, tolerance: float) -> Half
     return None
 
 
-def _repeated(points: Floats, kept: Integers, half_edges: HalfEdges, distance: float) -> Integers:
+def _find_repeats(
+    points: Floats, kept: Integers, half_edges: HalfEdges, distance: float
+) -> Integers:
     """Kept points within a distance of a vertex of lower number, which stands for them; only those
     are looked for that make an edge so short."""
     source, _, tails, twins = half_edges
@@ -295,7 +297,7 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     beyond = triangles[neighbors].sum(axis=2) - (triangles.sum(axis=1)[:, None] - triangles)
     left, corner = np.nonzero(neighbors > np.arange(len(triangles))[:, None])
     flat = sides.signs(triangles[left], beyond[left, corner]) == 0
-    labels = connected_parts(left[flat], neighbors[left, corner][flat], len(triangles))
+    labels = find_parts(left[flat], neighbors[left, corner][flat], len(triangles))
     return triangles, neighbors, labels
 
 

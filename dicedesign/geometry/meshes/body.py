@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.triangles import (
-    connected_parts,
     doubled_area_vectors,
     edge_keys,
+    find_parts,
     is_closed,
     solid_properties,
     winding_number,
@@ -153,7 +153,7 @@ def weld(points: Floats, triangles: Integers | None) -> tuple[Floats, Integers |
     (m, 3) the distinct positions, in the order in which they first occur, and (u, 3) the triangles
     without those that lost a corner by the merging, or None.
     """
-    first, group = repeated_positions(points)
+    first, group = merge_positions(points)
     points, triangles = points[first], None if triangles is None else group[triangles]
     if triangles is None:
         return points, None
@@ -161,10 +161,10 @@ def weld(points: Floats, triangles: Integers | None) -> tuple[Floats, Integers |
     return points, triangles[whole]
 
 
-def repeated_positions(points: Floats) -> tuple[Integers, Integers]:
+def merge_positions(points: Floats) -> tuple[Integers, Integers]:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
     point's position there."""
-    positions = kernels.repeated_positions(points)
+    positions = kernels.merge_positions(points)
     if positions is not kernels.UNDECIDED:
         return positions
     order = np.lexsort(points.T)
@@ -252,7 +252,7 @@ _TWO_SIDED: Final = 0.9
 """Part of its triangles that a surface with two sides has from both, at least."""
 
 
-def closed_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | None:
+def close_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | None:
     """The same triangles (t, 3) as a closed, consistently oriented surface, and what had to be
     reversed for it, in a sentence; None where they do not close."""
     if is_closed(triangles):
@@ -345,7 +345,7 @@ def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
     shift = np.where(rising[first] == rising[second], count, 0)
     rows = np.concatenate((left, left + count))
     columns = np.concatenate((right + shift, right + count - shift))
-    parts = connected_parts(rows, columns, 2 * count)
+    parts = find_parts(rows, columns, 2 * count)
     kept, turned = parts[:count], parts[count:]
     weight = np.bincount(kept, minlength=int(parts.max()) + 1)
     flip = (weight[kept] < weight[turned]) | ((weight[kept] == weight[turned]) & (kept > turned))
@@ -353,7 +353,7 @@ def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
     return oriented, np.unique(np.minimum(kept, turned), return_inverse=True)[1]
 
 
-def oriented_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:
+def orient_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:
     """Turn the shells that lie beside others and are oriented against them.
 
     The largest shell says which orientation is that of bodies. One of the other orientation is a
@@ -394,7 +394,7 @@ def shells_of(triangles: Integers) -> Integers:
     keys = edge_keys(triangles)
     order = np.argsort(keys, kind="stable")
     same = keys[order[1:]] == keys[order[:-1]]
-    return connected_parts(order[:-1][same] // 3, order[1:][same] // 3, len(triangles))
+    return find_parts(order[:-1][same] // 3, order[1:][same] // 3, len(triangles))
 
 
 def resolve_center_of_mass(
@@ -461,11 +461,11 @@ def resolve_center_of_mass(
 def solid_triangles(body: Body) -> tuple[Integers, tuple[str, ...]] | None:
     """The triangles (t, 3) that bound a body's solid, wound alike, and what had to be done for it,
     one sentence each; None for a point cloud and an open mesh. All may point inward."""
-    closed = None if body.triangles is None else closed_triangles(body.triangles)
+    closed = None if body.triangles is None else close_triangles(body.triangles)
     if closed is None:
         return None
     triangles, notes = closed
-    triangles, turned = oriented_shells(body.points, triangles)
+    triangles, turned = orient_shells(body.points, triangles)
     if turned > 0:
         notes += (f"turned {turned} shells that lie beside others and were oriented against them",)
     return triangles, notes

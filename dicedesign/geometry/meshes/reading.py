@@ -23,7 +23,7 @@ from typing import Final, cast
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
-from dicedesign.geometry.meshes.body import Body, is_rounded, make_body, repeated_positions
+from dicedesign.geometry.meshes.body import Body, is_rounded, make_body, merge_positions
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
 
@@ -44,7 +44,7 @@ DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
 """A number with a comma for its point."""
 
 
-def parsed_obj(data: bytes, path: Path) -> Geometry:
+def parse_obj(data: bytes, path: Path) -> Geometry:
     """Positions and fan-triangulated faces of a Wavefront OBJ file.
 
     Texture and normal indices are skipped, so seams in them do not split vertices. Groups and
@@ -78,10 +78,10 @@ def parsed_obj(data: bytes, path: Path) -> Geometry:
     return _arrays(points, triangles)
 
 
-def parsed_off(data: bytes, path: Path) -> Geometry:
+def parse_off(data: bytes, path: Path) -> Geometry:
     """Positions and fan-triangulated faces of an ASCII OFF file, colored or not.
 
-    Parameters, results and errors are those of `parsed_obj`.
+    Parameters, results and errors are those of `parse_obj`.
     """
     lines = list(_lines(data))
     if not lines or lines[0][1][0].upper() not in {"OFF", "COFF", "NOFF", "CNOFF"}:
@@ -114,10 +114,10 @@ def parsed_off(data: bytes, path: Path) -> Geometry:
     return _arrays(points, triangles)
 
 
-def parsed_xyz(data: bytes, path: Path) -> Geometry:
+def parse_xyz(data: bytes, path: Path) -> Geometry:
     """Points of a text file, the first three numbers of every line; further columns are skipped.
 
-    Parameters, results and errors are those of `parsed_obj`, without triangles.
+    Parameters, results and errors are those of `parse_obj`, without triangles.
     """
     points: list[float] = []
     for number, words in _lines(data):
@@ -204,7 +204,7 @@ STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3))
 """A triangle of a binary file; its last two bytes are an extension that most programs skip."""
 
 
-def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
+def parse_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
     """Points and triangles of the content of an STL file, equal positions made one point again.
 
     A file is binary when its size is that of the number of triangles it tells, whatever its header
@@ -238,7 +238,7 @@ def parsed_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
             f"+ {STL_TRIANGLE.itemsize} bytes per triangle, got {len(data)} bytes; {EXPORT_AGAIN}"
         )
     # The format has no shared corners, so joining them repairs nothing worth a note.
-    first, place = repeated_positions(points)
+    first, place = merge_positions(points)
     return points[first], place.reshape(-1, 3)
 
 
@@ -283,10 +283,10 @@ def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
 
 
 OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
-    ".stl": parsed_stl,
-    ".obj": parsed_obj,
-    ".off": parsed_off,
-    ".xyz": parsed_xyz,
+    ".stl": parse_stl,
+    ".obj": parse_obj,
+    ".off": parse_off,
+    ".xyz": parse_xyz,
 }
 """The reader of each file ending, in lower case, that does without trimesh."""
 

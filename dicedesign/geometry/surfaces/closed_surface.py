@@ -9,14 +9,14 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, missing_extra
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.body import Body, closed_triangles, distinct_triangles, shells_of
+from dicedesign.geometry.meshes.body import Body, close_triangles, distinct_triangles, shells_of
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import (
     Surface,
-    connected_parts,
     edge_keys,
     edge_neighbors,
+    find_parts,
     surface_of,
     winding_number,
 )
@@ -89,7 +89,7 @@ def one_shell(body: Body) -> tuple[Surface, tuple[str, ...]]:
             f"{name}: expected a closed surface in which each edge joins two triangles, got {got}; "
             f"{REPAIR}"
         )
-    closed = closed_triangles(distinct)
+    closed = close_triangles(distinct)
     if closed is None:
         raise InputError(
             f"{name}: expected a surface with an inside and an outside, got a one-sided one (not "
@@ -134,7 +134,7 @@ def _check_shells(points: Floats, triangles: Integers, name: str) -> None:
     across = np.roll(edge_neighbors(triangles), -1, axis=1)  # the next triangle around a corner
     corner = (triangles[across] == triangles[:, :, None]).argmax(axis=2)
     following = (3 * across + corner).ravel()
-    ring = connected_parts(np.arange(triangles.size), following, triangles.size)
+    ring = find_parts(np.arange(triangles.size), following, triangles.size)
     rings = np.unique(triangles.ravel() * np.int64(triangles.size) + ring) // triangles.size
     pinched = np.flatnonzero(np.bincount(rings) > 1)
     if len(pinched) > 0:
@@ -192,7 +192,7 @@ SHORTER: Final = 0.93
 """Factor by which edges are shortened until there are enough points."""
 
 
-def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
+def decimate(surface: Surface, points: int) -> tuple[Surface, str]:
     """A surface with about so many points, by fast-simplification.
 
     Edges are collapsed in order of quadric error (Garland and Heckbert, Surface simplification
@@ -219,7 +219,7 @@ def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
     while wanted < before:
         for aggressiveness in AGGRESSIVENESS:
             count = 2 * (wanted - 2) + handles
-            coarser = Surface(*thinned(surface.points, surface.triangles, count, aggressiveness))
+            coarser = Surface(*thin(surface.points, surface.triangles, count, aggressiveness))
             if _is_good(coarser, handles):
                 change = coarser.volume / surface.volume - 1.0
                 shift = float(norms(coarser.centroid - surface.centroid)) / surface.diagonal
@@ -235,7 +235,7 @@ def decimated(surface: Surface, points: int) -> tuple[Surface, str]:
     )
 
 
-def thinned(
+def thin(
     points: Floats, triangles: Integers, count: int, aggressiveness: float = AGGRESSIVENESS[0]
 ) -> tuple[Floats, Integers]:
     """About so many triangles in place of more between points (n, 3), by fast-simplification,
@@ -253,7 +253,7 @@ def thinned(
     return np.asarray(fewer, np.float64), np.asarray(joined, np.int64)
 
 
-def refined(surface: Surface, points: int) -> tuple[Surface, str]:
+def refine(surface: Surface, points: int) -> tuple[Surface, str]:
     """The same shape with at least so many points, by manifold3d.
 
     Edges longer than a length are cut into pieces of about that length; it is shortened until there

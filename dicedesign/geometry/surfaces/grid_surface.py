@@ -249,7 +249,7 @@ EXCESS: Final = 1e-9
 """Angle, in radians, by which those opposite to an edge must exceed 180 degrees to flip it."""
 
 
-def evened(
+def smooth_mesh(
     points: Floats, triangles: Integers, onto: Callable[[Floats, Integers], Floats], rounds: int
 ) -> tuple[Floats, Integers]:
     """The points and triangles of a closed surface, moved along it and joined otherwise so that the
@@ -265,17 +265,17 @@ def evened(
     rounds: how often that is done.
     """
     for _ in range(rounds):
-        triangles = _flipped(points, triangles)
+        triangles = _flip_edges(points, triangles)
         a, b, c = points[triangles].transpose(1, 0, 2)
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=-1)
         weights = sums_by_index(triangles.ravel(), areas.repeat(3), len(points))
         moments = (areas[:, None] * points[triangles].mean(axis=1)).repeat(3, axis=0)
         middles = sums_by_index(triangles.ravel(), moments, len(points)) / weights[:, None]
         points = onto(points + STEP * (middles - points), triangles)
-    return points, _flipped(points, triangles)
+    return points, _flip_edges(points, triangles)
 
 
-def _flipped(points: Floats, triangles: Integers) -> Integers:
+def _flip_edges(points: Floats, triangles: Integers) -> Integers:
     """The triangles with edges flipped where the angles opposite to one sum to more than 180
     degrees, as long as that is so and the new edge does not exist yet."""
     triangles = triangles.copy()
@@ -320,7 +320,7 @@ RINGS: Final = 1
 """Of points around those of triangles that meet, moved with them."""
 
 
-def untangled(surface: Surface) -> Surface | None:
+def untangle(surface: Surface) -> Surface | None:
     """The surface with points around triangles that meet moved to the mean of their neighbors,
     again and again and wider, until no two meet; None where some still do in the end."""
     points, triangles = surface.points.copy(), surface.triangles
@@ -329,7 +329,7 @@ def untangled(surface: Surface) -> Surface | None:
     for _ in range(ROUNDS):
         pairs = intersecting_triangles(points, triangles)
         if len(pairs) == 0:
-            return surface.moved(points)
+            return surface.with_points(points)
         if len(pairs) > MOST:
             break
         near[triangles[pairs]] = True

@@ -12,11 +12,11 @@ import numpy as np
 from dicedesign.errors import DegenerateBodyError, InputError, missing_extra
 from dicedesign.geometry.meshes.body import Body, distinct_triangles, outward_patches, shells_of
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.surfaces.closed_surface import decimated, make_surface, one_shell, thinned
+from dicedesign.geometry.surfaces.closed_surface import decimate, make_surface, one_shell, thin
 from dicedesign.geometry.surfaces.grid_surface import (
-    evened,
+    smooth_mesh,
     surface_nets,
-    untangled,
+    untangle,
     without_double_cuts,
 )
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_keys, surface_of
@@ -249,7 +249,7 @@ class RepairedMesh:
     notes: tuple[str, ...]
 
 
-def repaired(body: Body) -> RepairedMesh:
+def repair_mesh(body: Body) -> RepairedMesh:
     """The closed surface of the largest solid that the triangles of a body bound.
 
     What they wind around more than half a turn is solid (`WoundSolid`): holes are covered, shells
@@ -270,7 +270,7 @@ def repaired(body: Body) -> RepairedMesh:
     notes = body.notes
     points, triangles = body.points, body.triangles
     if len(triangles) > MOST_TRIANGLES:
-        points, triangles = thinned(points, triangles, MOST_TRIANGLES)
+        points, triangles = thin(points, triangles, MOST_TRIANGLES)
         notes += (
             f"thinned out {len(body.triangles)} triangles to {len(triangles)} before the repair "
             "(fast-simplification)",
@@ -290,10 +290,12 @@ def repaired(body: Body) -> RepairedMesh:
         solids = volumes[volumes > 0.0]
         # The surface of the largest solid without its cavities.
         largest = surface_of(found, joined[shell == volumes.argmax()])
-        even = untangled(Surface(*evened(largest.points, largest.triangles, solid.onto, ROUNDS)))
+        even = untangle(
+            Surface(*smooth_mesh(largest.points, largest.triangles, solid.onto, ROUNDS))
+        )
         if even is None:
             continue
-        numbers = _compared(
+        numbers = _compare(
             solid,
             even,
             body.triangles,
@@ -304,7 +306,7 @@ def repaired(body: Body) -> RepairedMesh:
         )
         if numbers.sheets > SHEETS:
             raise _nothing_inside(body)
-        surface = even.moved(low + extent * even.points)
+        surface = even.with_points(low + extent * even.points)
         return RepairedMesh(
             points, solid.soup.triangles, surface, numbers, notes + _sentences(numbers, surface)
         )
@@ -322,7 +324,7 @@ def _nothing_inside(body: Body) -> DegenerateBodyError:
     )
 
 
-def _drawn(points: Floats, triangles: Integers) -> tuple[Floats, Floats]:
+def _sample_points(points: Floats, triangles: Integers) -> tuple[Floats, Floats]:
     """Points drawn evenly on triangles, and their normals, (k, 3) each."""
     rng = np.random.default_rng(SEED)
     vectors = doubled_area_vectors(points, triangles)
@@ -333,13 +335,13 @@ def _drawn(points: Floats, triangles: Integers) -> tuple[Floats, Floats]:
     return places, vectors[chosen] / areas[chosen][:, None]
 
 
-def _compared(solid: WoundSolid, surface: Surface, triangles: Integers, **counted: Any) -> Repair:
+def _compare(solid: WoundSolid, surface: Surface, triangles: Integers, **counted: Any) -> Repair:
     """The numbers of a repair, from its surface in the coordinates of the solid, the triangles as
     they came, and what was counted."""
     diagonal = float(norms(np.ptp(solid.soup.points, axis=0)))
-    ours, _ = _drawn(surface.points, surface.triangles)
+    ours, _ = _sample_points(surface.points, surface.triangles)
     off = norms(solid.soup.closest(ours) - ours) / diagonal
-    theirs, normals = _drawn(solid.soup.points, solid.soup.triangles)
+    theirs, normals = _sample_points(solid.soup.points, solid.soup.triangles)
     beside = BESIDE * solid.cell * normals
     above, below = (solid.soup.turns(theirs + way * beside) > HALF for way in (1.0, -1.0))
     outer = theirs[~(above & below)]
@@ -417,7 +419,7 @@ def input_surface(
     ----------
     body: a mesh of any size.
     points: most of them, at least 4.
-    repair: whether to repair a mesh that is none of one solid (`repaired`).
+    repair: whether to repair a mesh that is none of one solid (`repair_mesh`).
 
     Returns
     -------
@@ -425,41 +427,41 @@ def input_surface(
 
     Raises
     ------
-    InputError, DegenerateBodyError: as `make_surface`, or, to be repaired, as `repaired`; the extra
-        `concave` is not installed and the mesh is larger; no decimation gives a good surface.
+    InputError, DegenerateBodyError: as `make_surface`, or, to be repaired, as `repair_mesh`; the
+        extra `concave` is not installed and the mesh is larger; no decimation gives a good surface.
     """
     made = None
     try:
-        surface, notes = _taken(body, points)
+        surface, notes = _take_as_is(body, points)
     except InputError:
         if not repair:
             raise
-        made = repaired(body)
+        made = repair_mesh(body)
         surface, notes = made.surface, made.notes
     else:
         if repair:
             notes += ("the mesh needed no repair",)
     if len(surface.points) > points:
-        surface, note = decimated(surface, points)
+        surface, note = decimate(surface, points)
         notes += (note,)
     return surface, notes, made
 
 
-def _taken(body: Body, points: int) -> tuple[Surface, tuple[str, ...]]:
+def _take_as_is(body: Body, points: int) -> tuple[Surface, tuple[str, ...]]:
     """The surface of a body that needs no repair, thinned out where it is large."""
     most = FIRST * points
     if len(body.points) <= most:
         return make_surface(body)
     surface, notes = one_shell(body)
-    fewer = Body(*thinned(surface.points, surface.triangles, 2 * most), body.name, False, ())
+    fewer = Body(*thin(surface.points, surface.triangles, 2 * most), body.name, False, ())
     try:
-        thin, more = make_surface(fewer)
+        thinned, more = make_surface(fewer)
     except InputError:
         # That may be due to the thinning alone: the mesh itself is judged, which takes longer.
         return make_surface(body)
-    return thin, (
+    return thinned, (
         *notes,
-        f"thinned out the surface from {len(surface.points)} to {len(thin.points)} points "
+        f"thinned out the surface from {len(surface.points)} to {len(thinned.points)} points "
         "(fast-simplification)",
         *more,
     )

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dicedesign.geometry.predicates import Orientation
-from dicedesign.geometry.triangles import connected_parts
+from dicedesign.geometry.triangles import find_parts
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import FLAT_FOLD, ROUNDING, UNDERFLOW
 
@@ -42,8 +42,8 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     meet = common == 3
 
     edge = np.flatnonzero(common == 2)
-    one = _turned(first[edge], in_first[edge].argmin(axis=1))
-    other = _turned(second[edge], in_second[edge].argmin(axis=1))
+    one = _rotate_corners(first[edge], in_first[edge].argmin(axis=1))
+    other = _rotate_corners(second[edge], in_second[edge].argmin(axis=1))
     start = points[one[:, 1]]
     along = points[one[:, 2]] - start
     up, over = (np.cross(along, points[corner[:, 0]] - start) for corner in (one, other))
@@ -51,8 +51,8 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     meet[edge] = (cosine > 0.0) & (sine <= FLAT_FOLD * cosine)
 
     corner = np.flatnonzero(common == 1)
-    one = _turned(first[corner], in_first[corner].argmax(axis=1))
-    other = _turned(second[corner], in_second[corner].argmax(axis=1))
+    one = _rotate_corners(first[corner], in_first[corner].argmax(axis=1))
+    other = _rotate_corners(second[corner], in_second[corner].argmax(axis=1))
     meet[corner] = _meet(one, other, 1, points, signs)
     apart = np.flatnonzero(common == 0)
     meet[apart] = _meet(first[apart], second[apart], 0, points, signs)
@@ -71,12 +71,12 @@ def intersection_groups(triangles: Integers, pairs: Integers) -> list[Integers]:
     count = len(involved)
     tails = np.concatenate((first, np.repeat(np.arange(count), 3)))
     heads = np.concatenate((second, count + corners.ravel()))
-    group = connected_parts(tails, heads, count + len(used))[:count]
+    group = find_parts(tails, heads, count + len(used))[:count]
     groups = [involved[group == k] for k in np.unique(group)]
     return sorted(groups, key=len, reverse=True)
 
 
-def _turned(triangles: Integers, column: Integers) -> Integers:
+def _rotate_corners(triangles: Integers, column: Integers) -> Integers:
     """Triangles (m, 3) turned so that they begin with their corner of that column (m,)."""
     return np.take_along_axis(triangles, (column[:, None] + np.arange(3)) % 3, axis=1)
 

@@ -239,7 +239,7 @@ class _Point:
         damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)
         return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
 
-    def moved(self, move: Floats) -> _Point | None:
+    def move_along(self, move: Floats) -> _Point | None:
         """The point that a move (n,) along the tangent space and Newton's method back lead to, or
         None where no such die is found or a circle has become too small."""
         goal, before = self.goal, np.inf
@@ -268,7 +268,7 @@ def _line_search(point: _Point, curvature: Floats) -> _Point | None:
         return None
     length = min(1.0, LARGEST_MOVE / float(np.abs(direction).max()))
     for _ in range(MOST_LENGTHS):
-        following = point.moved(length * direction)
+        following = point.move_along(length * direction)
         if following is not None and following.merit <= point.merit + SUFFICIENT * length * slope:
             return following
         length *= SHORTER

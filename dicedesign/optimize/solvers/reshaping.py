@@ -30,7 +30,7 @@ from dicedesign.optimize.coordinates import (
     tie_coordinates,
 )
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, LevenbergMarquardt
-from dicedesign.rest.outcomes import gathered, outcome_probabilities
+from dicedesign.rest.outcomes import assign_rests, outcome_probabilities
 from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats
@@ -67,10 +67,10 @@ class Measured:
 class Labeled(Protocol):
     """How an object is made of a plain shape and labels on its facets."""
 
-    def balanced(self, core: ConvexHull, placements: Sequence[Any]) -> Surface:
+    def make_balanced(self, core: ConvexHull, placements: Sequence[Any]) -> Surface:
         """The solid by which the object is judged."""
 
-    def carried(
+    def carry_labels(
         self,
         placements: Sequence[Any],
         before: ConvexHull,
@@ -142,7 +142,7 @@ def reshaped(
     DiceError: the object of the given shape cannot be made or measured.
     """
     labels, size = tuple(placements), core.diameter
-    surface = made.balanced(core, labels)
+    surface = made.make_balanced(core, labels)
     first = measured = measure(surface, directions)
     errors = [float(np.abs(first.probabilities - target).max())]
     best = Reshaped(surface, core, labels, first, first, ())
@@ -160,7 +160,7 @@ def reshaped(
             probabilities = (
                 rests.probability_values if model is None else model.probabilities(rests)
             )
-            plain = gathered(
+            plain = assign_rests(
                 rests.hull.normals[rests.facets], probabilities, directions
             ).probabilities
             came.append(np.concatenate([offset / size, measured.probabilities - plain]))
@@ -182,9 +182,9 @@ def reshaped(
                 normals_of(coordinates.half_spaces(some)) for some in (parameters, shape.parameters)
             )
             moved_normals = unit_vectors(moved[np.argmax(core.normals @ before.T, axis=1)])
-            labels = made.carried(labels, core, after, moved_normals)
+            labels = made.carry_labels(labels, core, after, moved_normals)
             core, directions = after, shape.directions
-            surface = made.balanced(core, labels)
+            surface = made.make_balanced(core, labels)
             measured = measure(surface, directions)
         except DiceError:
             # A label that no longer fits, or an object without the rests: the best so far it is.
@@ -343,7 +343,7 @@ def stretched(
         if error_of(best_probabilities) <= BALANCED_PROBABILITIES:
             break
     matrix, center = _matrix(best), poses.center_of_mass
-    image = surface.moved(center + (surface.points - center) @ matrix.T)
+    image = surface.with_points(center + (surface.points - center) @ matrix.T)
     before, after = (
         float(np.abs(probabilities - target).max()) for probabilities in (first, best_probabilities)
     )

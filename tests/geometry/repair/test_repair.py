@@ -15,7 +15,7 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.grid_surface import surface_nets, without_double_cuts
-from dicedesign.geometry.surfaces.repair import RepairedMesh, input_surface, repaired
+from dicedesign.geometry.surfaces.repair import RepairedMesh, input_surface, repair_mesh
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -42,16 +42,16 @@ def joined(*surfaces: Surface) -> Body:
 
 
 def moved(surface: Surface, x: float, y: float = 0.0, z: float = 0.0) -> Surface:
-    return surface.moved(surface.points + np.array([x, y, z]))
+    return surface.with_points(surface.points + np.array([x, y, z]))
 
 
 def scaled(surface: Surface, scale: float) -> Surface:
-    return surface.moved(scale * surface.points)
+    return surface.with_points(scale * surface.points)
 
 
 def fixed(body: Body) -> RepairedMesh:
     """Repaired, and taken as the surface of one solid, with nothing left to repair."""
-    made = repaired(body)
+    made = repair_mesh(body)
     surface = made.surface
     _, notes = make_surface(body_of(surface.points, surface.triangles))
     assert notes == ()
@@ -115,7 +115,7 @@ def test_thin_parts_are_thickened() -> None:
     blade = trimesh.creation.box((4.0, 1.0, 0.016))
     turned = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
     flat = Surface(np.asarray(blade.vertices), np.asarray(blade.faces))
-    made = fixed(joined(scaled(ball(3), 0.7), flat, flat.moved(flat.points @ turned)))
+    made = fixed(joined(scaled(ball(3), 0.7), flat, flat.with_points(flat.points @ turned)))
     assert (made.numbers.pieces, made.numbers.handles) == (1, 0)
     cell = 0.08 / np.linalg.norm([4.0, 1.4, 2.4])
     assert made.numbers.off_largest < 1.2 * cell
@@ -131,18 +131,18 @@ def test_a_sheet_encloses_nothing() -> None:
     triangles = np.concatenate([corner[:, None] + np.array(half) for half in halves])
     for heights in (0.0, 1.0):
         with pytest.raises(DegenerateBodyError, match="give them a thickness"):
-            repaired(body_of(points * [1.0, 1.0, heights], triangles))
+            repair_mesh(body_of(points * [1.0, 1.0, heights], triangles))
 
 
 def test_a_point_cloud_has_no_surface() -> None:
     with pytest.raises(InputError, match="point cloud"):
-        repaired(make_body(ball(2).points, name="thing"))
+        repair_mesh(make_body(ball(2).points, name="thing"))
 
 
 def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "igl", None)
     with pytest.raises(InputError, match=r"pip install 'dicedesign\[repair\]'"):
-        repaired(joined(ball(2)))
+        repair_mesh(joined(ball(2)))
 
 
 def large() -> Surface:

@@ -14,9 +14,9 @@ from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.surfaces.closed_surface import (
-    decimated,
+    decimate,
     make_surface,
-    refined,
+    refine,
     require_dents,
 )
 from dicedesign.geometry.surfaces.quality import surface_quality
@@ -153,7 +153,9 @@ def subdivided_cube() -> Surface:
 
 def egg() -> Surface:
     surface = ball(3)
-    return surface.moved(surface.points * [1.0, 1.0, 1.4] * (1.0 + 0.1 * surface.points[:, 2:]))
+    return surface.with_points(
+        surface.points * [1.0, 1.0, 1.4] * (1.0 + 0.1 * surface.points[:, 2:])
+    )
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
@@ -162,7 +164,7 @@ def test_convex_surfaces_are_sent_to_the_exact_method(made: object, scale: float
     assert callable(made)
     surface = made()
     with pytest.raises(InputError, match="a convex one; take method"):
-        require_dents(surface.moved(scale * surface.points + 3.0 * scale))
+        require_dents(surface.with_points(scale * surface.points + 3.0 * scale))
 
 
 @pytest.mark.parametrize("height", [0.0, 0.01])
@@ -170,7 +172,7 @@ def test_no_die_is_near_a_sphere(height: float) -> None:
     surface = ball(3)
     ripples = 1.0 + height * np.sin(7.0 * surface.points[:, :1])
     with pytest.raises(InputError, match="nearly a sphere"):
-        require_dents(surface.moved(surface.points * ripples))
+        require_dents(surface.with_points(surface.points * ripples))
 
 
 def test_surfaces_with_dents_pass() -> None:
@@ -195,7 +197,7 @@ def check(surface: Surface, genus: int) -> None:
 def test_a_decimated_torus_is_a_torus_of_so_many_points(points: int) -> None:
     pytest.importorskip("fast_simplification")
     before = torus()
-    after, done = decimated(before, points)
+    after, done = decimate(before, points)
     assert abs(len(after.points) - points) <= 1
     check(after, genus=1)
     aside = np.hypot(np.hypot(after.points[:, 0], after.points[:, 1]) - 2.0, after.points[:, 2])
@@ -207,13 +209,13 @@ def test_a_decimated_torus_is_a_torus_of_so_many_points(points: int) -> None:
 
 def test_fewer_points_than_a_tetrahedron_are_refused() -> None:
     with pytest.raises(InputError, match="expected at least 4 points, got 3; ask for more"):
-        decimated(torus(), 3)
+        decimate(torus(), 3)
 
 
 def test_without_the_extra_the_error_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fast_simplification", None)
     with pytest.raises(InputError, match=r"decimation: .*pip install 'dicedesign\[concave\]'"):
-        decimated(torus(), 100)
+        decimate(torus(), 100)
 
 
 def test_what_meets_itself_in_every_reduction_is_refused() -> None:
@@ -222,13 +224,13 @@ def test_what_meets_itself_in_every_reduction_is_refused() -> None:
     points = np.vstack((first.points, second.points + np.array([0.3, 0.2, 0.1])))
     both = Surface(points, np.vstack((first.triangles, second.triangles + 1152)))
     with pytest.raises(InputError, match="got none from 2304 points by any reduction; remesh"):
-        decimated(both, 1500)
+        decimate(both, 1500)
 
 
 @pytest.mark.parametrize("points", [1153, 3000])
 def test_a_refined_torus_is_the_same_torus(points: int) -> None:
     before = torus()
-    after, done = refined(before, points)
+    after, done = refine(before, points)
     assert points <= len(after.points) <= 3 * points
     check(after, genus=1)
     assert after.volume == pytest.approx(before.volume, rel=1e-12)
@@ -241,4 +243,4 @@ def test_a_refined_torus_is_the_same_torus(points: int) -> None:
 def test_a_mesh_is_refined_to_solid_only() -> None:
     before = torus()
     with pytest.raises(InputError, match="NotManifold"):
-        refined(Surface(before.points, before.triangles[1:]), 2000)
+        refine(Surface(before.points, before.triangles[1:]), 2000)

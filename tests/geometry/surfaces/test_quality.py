@@ -32,7 +32,7 @@ def folded_sphere() -> tuple[Surface, Surface, int]:
     far = ring[np.argmax(points[ring, 0])]
     points[point, 0] += 2.0 * (points[far, 0] - points[point, 0])
     points[point, 2] = points[ring, 2].min()
-    return before, before.moved(points), point
+    return before, before.with_points(points), point
 
 
 def test_a_point_pulled_past_its_neighbors_turns_triangles_over() -> None:
@@ -57,7 +57,7 @@ def test_plain_data_can_be_written_as_json() -> None:
     before = ball(3)
     points = before.points.copy()
     points[before.triangles[0]] = points[before.triangles[0, 0]]
-    data = surface_quality(before.moved(points), before).data()
+    data = surface_quality(before.with_points(points), before).data()
     read = json.loads(json.dumps(data, allow_nan=False))
     assert read["distortion"]["shape_largest"] is None
     assert read["slivers"]["count"] >= 1
@@ -67,7 +67,9 @@ def test_plain_data_can_be_written_as_json() -> None:
 def test_distortion_is_the_ratio_of_singular_values() -> None:
     rng = np.random.default_rng(1)
     before = ball(2)
-    after = before.moved(before.points @ rng.normal(size=(3, 3)) + 0.05 * rng.normal(size=(162, 3)))
+    after = before.with_points(
+        before.points @ rng.normal(size=(3, 3)) + 0.05 * rng.normal(size=(162, 3))
+    )
     shapes, ratios, weights = [], [], []
     for corners, images in zip(
         before.points[before.triangles], after.points[after.triangles], strict=True

@@ -22,7 +22,7 @@ from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
 from dicedesign.optimize.solvers.paper import flattened, solve_paper
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.targets import Target, binomial, fair, listed, sum_of_dice
+from dicedesign.optimize.targets import Target, binomial, custom, fair, sum_of_dice
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
@@ -30,7 +30,7 @@ DESIGNS: dict[str, tuple[Start, Target]] = {
     "2d6": (hendecahedron("circus"), sum_of_dice([6, 6])),
     "binomial3": (prism(4), binomial(3)),
     "binomial4": (prism(5), binomial(4)),
-    "d6": (repulsion(6, 2), listed([0.1, 0.1, 0.2, 0.2, 0.2, 0.2])),
+    "d6": (repulsion(6, 2), custom([0.1, 0.1, 0.2, 0.2, 0.2, 0.2])),
 }
 PLAIN = Preferences()
 

@@ -165,7 +165,9 @@ def test_a_box_becomes_the_box_with_the_probabilities() -> None:
     """Opposite sides of a box are alike, and its proportions follow from the probabilities."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
     wanted = probabilities_of(box(10.0, 10.2, 9.9), sides)
-    end = stretched(box(10.0, 10.0, 10.0).moved(box(10.0, 10.0, 10.0).points + 3.0), sides, wanted)
+    end = stretched(
+        box(10.0, 10.0, 10.0).with_points(box(10.0, 10.0, 10.0).points + 3.0), sides, wanted
+    )
     assert end.errors[0] > 1e-3
     assert end.errors[1] < 1e-11
     np.testing.assert_allclose(probabilities_of(end.surface, end.directions), wanted, atol=1e-11)
