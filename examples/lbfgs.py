@@ -1,5 +1,6 @@
-"""An energy of one's own, lowered by `torch.optim.LBFGS` in the facets of a die: the probabilities
-that are asked for, and rests that take a long way to leave.
+"""Lower a custom energy of the facets of a die with `torch.optim.LBFGS`.
+
+The energy favors the target probabilities, and rests that are hard to tip over.
 
     python examples/lbfgs.py
 """
@@ -19,18 +20,20 @@ START = repulsion(5, seed=1)
 
 
 def energy(points: torch.Tensor, firmness: float) -> tuple[torch.Tensor, ClusteredRests]:
-    """Squared differences from the target, and cosines of the angles from rests to the saddles
-    beside them."""
+    """Return the squared errors plus a penalty on rests close to saddles, and the state.
+
+    The penalty is a mean power of the cosines between rests and adjacent saddles.
+    """
     rests = dd.evaluate_rests(points)
     state = ClusteredRests.of(rests, START.directions, TARGET.numpy())
-    beside = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
-    cosines = (beside * rests.saddles[:, None]).sum(-1)
-    misses = state.outcome_probabilities - TARGET
-    return (misses**2).sum() + firmness * (cosines**8).mean(), state
+    neighbors = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
+    cosines = (neighbors * rests.saddles[:, None]).sum(-1)
+    errors = state.outcome_probabilities - TARGET
+    return (errors**2).sum() + firmness * (cosines**8).mean(), state
 
 
-def designed(firmness: float) -> None:
-    """Thirty iterations, each with a line search."""
+def design(firmness: float) -> None:
+    """Run thirty iterations with line searches, and print the result."""
     coordinates, numbers = FacetCoordinates.of(START.points, np.zeros(3))
     parameters = torch.tensor(numbers, requires_grad=True)
     optimizer = torch.optim.LBFGS([parameters], max_iter=30, line_search_fn="strong_wolfe")
@@ -44,16 +47,16 @@ def designed(firmness: float) -> None:
     optimizer.step(closure)
     _, state = energy(coordinates.points(parameters.detach()), firmness)
     rests = state.rests
-    beside = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
-    angle = torch.rad2deg(torch.arccos((beside * rests.saddles[:, None]).sum(-1).max()))
-    miss = (state.outcome_probabilities - TARGET).abs().max()
+    neighbors = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
+    angle = torch.rad2deg(torch.arccos((neighbors * rests.saddles[:, None]).sum(-1).max()))
+    error = (state.outcome_probabilities - TARGET).abs().max()
     print(
         f"firmness {firmness:g}: {len(rests.facets)} rests on facets {rests.facets.tolist()} of "
-        f"{len(rests.hull.normals)}, {len(rests.saddles)} saddles, largest |p - q| {miss:.1e}, "
+        f"{len(rests.hull.normals)}, {len(rests.saddles)} saddles, largest |p - q| {error:.1e}, "
         f"least angle from a rest to a saddle {angle:.1f} degrees"
     )
 
 
 if __name__ == "__main__":
-    designed(0.0)
-    designed(0.01)
+    design(0.0)
+    design(0.01)

@@ -1,7 +1,7 @@
-"""Coordinates of one's own: any function of torch from parameters to points is a family of dice.
+"""Use custom coordinates: any torch function from parameters to points is a family of dice.
 
-This one is a spindle: a ring of sides around an axis with a tip at both ends. Its parameters say
-how wide each side is and how far out.
+This family is spindles: a ring of sides around an axis, with a tip at each end. The parameters are
+the widths of the sides and their distances from the axis.
 
     python examples/own_coordinates.py
 """
@@ -17,11 +17,11 @@ TARGET = torch.tensor([0.3, 0.1, 0.25, 0.15, 0.2], dtype=torch.float64)
 
 
 def spindle(parameters: torch.Tensor) -> torch.Tensor:
-    """(2 SIDES + 2, 3) corners for (2 SIDES,) widths and distances of sides, as logarithms."""
+    """(2 SIDES + 2, 3) corners, for logarithms (2 SIDES,) of widths and distances."""
     widths = 2.0 * torch.pi * torch.softmax(parameters[:SIDES], 0)
     angles = torch.cumsum(widths, 0) - widths / 2.0
     distances = torch.exp(parameters[SIDES:])
-    # Corners are where neighboring sides meet.
+    # Neighboring sides intersect at the corners.
     normals = torch.stack([torch.cos(angles), torch.sin(angles)], dim=1)
     pairs = torch.stack([normals, normals.roll(-1, 0)], dim=1)
     corners = torch.linalg.solve(pairs, torch.stack([distances, distances.roll(-1)], dim=1))
@@ -41,13 +41,13 @@ def probabilities_by_side(parameters: torch.Tensor) -> torch.Tensor:
 
 
 def main() -> None:
-    """Newton's method, with the Jacobian of `torch.func` and of all steps the shortest."""
+    """Run Newton's method with the Jacobian of `torch.func` and least-norm steps."""
     parameters = torch.zeros(2 * SIDES, dtype=torch.float64)
     jacobian = torch.func.jacrev(probabilities_by_side)
     for step in range(6):
-        misses = probabilities_by_side(parameters) - TARGET
-        print(f"step {step}: largest |p - q| {misses.abs().max():.1e}")
-        move = torch.linalg.lstsq(jacobian(parameters), misses, driver="gelsd").solution
+        errors = probabilities_by_side(parameters) - TARGET
+        print(f"step {step}: largest |p - q| {errors.abs().max():.1e}")
+        move = torch.linalg.lstsq(jacobian(parameters), errors, driver="gelsd").solution
         parameters = parameters - move / max(1.0, 5.0 * float(move.abs().max()))
 
 

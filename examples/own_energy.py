@@ -1,8 +1,7 @@
-"""An energy of one's own: run by the built-in method, and by an optimizer of torch.
+"""Add an energy term, and lower it with the built-in method or a torch optimizer.
 
-A term sees the shape as it is now: the hull, its rests with their probabilities, the clusters of
-    rests that
-count for each outcome, the saddles and maxima between them, and vertices that autograd knows.
+A term receives the current state: the hull, its rests and probabilities, the clusters of rests of
+each outcome, the saddles and maxima between them, and vertices with gradients.
 """
 
 from __future__ import annotations
@@ -18,24 +17,23 @@ from dicedesign.starts import prism
 
 
 def firm_rests(state: ClusteredRests, weights: EnergyWeights) -> torch.Tensor:
-    """Charges outcomes that a small nudge ends: cosines of the angles between the normal of a rest
-    and the saddles on the border of its basin, 1 where the two coincide."""
+    """Penalize rests close to saddles: powers of the cosines between a rest and its saddles."""
     basins = torch.as_tensor(state.rests.paths.basins)
     cosines = (state.rests.rest_normals[basins] * state.saddles[:, None]).sum(-1)
-    # A saddle between two rests of one outcome is no way out.
+    # Saddles between two rests of one outcome do not change the outcome.
     outcome = state.clusters.of_rest[state.rests.paths.basins]
     leads_out = torch.as_tensor(outcome[:, 0] != outcome[:, 1])
     return (cosines[leads_out] ** 8).sum()
 
 
-TERMS.register(Term(name="firm_rests", line="no outcome that ends at a nudge", evaluate=firm_rests))
+TERMS.register(Term(name="firm_rests", line="rests that are hard to tip over", evaluate=firm_rests))
 
 TARGET = dd.custom([0.5, 0.3, 0.2]).probabilities
 START = prism(3)
 
 
-def built_in(weight: float) -> None:
-    """In a recipe: method: {paper: {weights: {firm_rests: 0.3}}}."""
+def run_paper(weight: float) -> None:
+    """Run the paper's method; in a recipe: method: {paper: {weights: {firm_rests: 0.3}}}."""
     weights = PaperWeights(firm_rests=weight)
     die = solve_paper(START, TARGET, PaperOptions(weights=weights, finish="none"))
     print(
@@ -44,8 +42,8 @@ def built_in(weight: float) -> None:
     )
 
 
-def with_torch(weight: float) -> None:
-    """Any optimizer: the energy is a tensor that autograd differentiates in the vertices."""
+def run_adam(weight: float) -> None:
+    """Run any optimizer: autograd differentiates the energy with respect to the vertices."""
     vertices = torch.tensor(START.points, requires_grad=True)
     weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
     adam = torch.optim.Adam([vertices], lr=8e-3)
@@ -62,7 +60,7 @@ def with_torch(weight: float) -> None:
 
 
 def least_angle(points: np.ndarray) -> float:
-    """In degrees, between the normal of a rest and a saddle on the border of its basin."""
+    """Least angle in degrees between a rest and a saddle on the border of its basin."""
     rests = dd.evaluate_rests(torch.tensor(points))
     normals = rests.rest_normals[torch.as_tensor(rests.paths.basins)]
     cosines = (normals * rests.saddles[:, None]).sum(-1)
@@ -70,6 +68,6 @@ def least_angle(points: np.ndarray) -> float:
 
 
 if __name__ == "__main__":
-    built_in(0.0)
-    built_in(0.3)
-    with_torch(0.002)
+    run_paper(0.0)
+    run_paper(0.3)
+    run_adam(0.002)

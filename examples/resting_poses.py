@@ -1,4 +1,4 @@
-"""List the resting poses of a mesh, and follow it from one orientation to rest.
+"""List the resting poses of a mesh, and roll it from one orientation to rest.
 
 python examples/resting_poses.py [MESH]
 """
@@ -15,7 +15,7 @@ BRICK = np.array([[x, y, z] for x in (0.0, 3.0) for y in (0.0, 2.0) for z in (0.
 
 
 def main() -> None:
-    """Poses of a mesh file, or of a brick of 3 by 2 by 1."""
+    """Print the poses of a mesh file, or of a brick of 3 by 2 by 1."""
     body = dd.read_body(sys.argv[1]) if len(sys.argv) > 1 else BRICK
     poses = dd.rest_poses(body)
     print(f"center of mass {poses.center_of_mass} ({poses.center_of_mass_source})")

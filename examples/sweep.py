@@ -1,4 +1,4 @@
-"""Design dice of several targets with several seeds, and tell which has the safest rests.
+"""Design dice for several targets and seeds, and compare the stability of their rests.
 
 python examples/sweep.py
 """
@@ -18,7 +18,7 @@ SEEDS = range(3)
 
 
 def main() -> None:
-    """A row for each die: its error, and the least angle by which it must tip to leave a face."""
+    """Print the error of each die, and the least angle at which it tips over."""
     print(f"{'target':12} {'seed':>4}  {'error':>8}  {'margin':>6}")
     for name, target in TARGETS.items():
         for seed in SEEDS:

@@ -1,7 +1,6 @@
-"""Lower an energy of one's own with `torch.optim`: a stone that comes to rest on each of its sides
-more equally often.
+"""Lower a custom energy with `torch.optim`: equalize the resting probabilities of a stone.
 
-    python examples/torch_gradient.py
+python examples/torch_gradient.py
 """
 
 from __future__ import annotations
@@ -12,14 +11,13 @@ import dicedesign as dd
 
 
 def unevenness(corners: torch.Tensor) -> tuple[torch.Tensor, int]:
-    """Sum of the squared probabilities, which is least where all are equal, and how many rests
-    there are."""
+    """Return the sum of the squared probabilities, lowest if all are equal, and the rest count."""
     _, probabilities = dd.differentiable_rest(corners)
     return (probabilities**2).sum(), len(probabilities)
 
 
 def main() -> None:
-    """Sixty steps of Adam from twelve random points near a sphere."""
+    """Run sixty steps of Adam from twelve random points on a sphere."""
     torch.manual_seed(0)
     corners = torch.nn.functional.normalize(torch.randn(12, 3, dtype=torch.float64), dim=1)
     corners.requires_grad_()
