@@ -1,4 +1,4 @@
-"""Who may talk to the page, and what it is made of."""
+"""Access control of the page."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from dicedesign.view.serving import Gate, open_socket
 
 
 @pytest.fixture(scope="module")
-def alone() -> Iterator[View]:
-    """A page for this machine."""
+def local() -> Iterator[View]:
+    """Page that only this machine can open."""
     view = View(None)
     yield view
     view.close()
 
 
 @pytest.fixture(scope="module")
-def wide() -> Iterator[View]:
-    """A page for every machine."""
+def public() -> Iterator[View]:
+    """Page that other machines can open."""
     view = View(None, "0.0.0.0")
     yield view
     view.close()
@@ -38,14 +38,14 @@ def wide() -> Iterator[View]:
 
 @dataclass(frozen=True)
 class Reply:
-    """What came back."""
+    """HTTP response."""
 
     status: int
     policy: str
     body: bytes
 
 
-def asked(view: View, path: str, **headers: str) -> Reply:
+def get(view: View, path: str, **headers: str) -> Reply:
     connection = http.client.HTTPConnection("127.0.0.1", view.page.gate.port, timeout=30)
     with closing(connection):
         connection.request("GET", path, headers=headers)
@@ -56,53 +56,53 @@ def asked(view: View, path: str, **headers: str) -> Reply:
 
 def socket_opens(view: View, path: str, origin: str | None = None) -> bool:
     url = f"ws://127.0.0.1:{view.page.gate.port}{path}"
-    speaks: Any = {"origin": origin, "subprotocols": [f"viser-v{viser.__version__}"]}
+    options: Any = {"origin": origin, "subprotocols": [f"viser-v{viser.__version__}"]}
     try:
-        with connect(url, **speaks):
+        with connect(url, **options):
             return True
     except InvalidStatus:
         return False
 
 
-def test_a_page_for_this_machine_is_at_its_address_alone(alone: View) -> None:
-    gate = alone.page.gate
+def test_a_local_page_needs_no_token(local: View) -> None:
+    gate = local.page.gate
     assert gate.address == f"http://127.0.0.1:{gate.port}/"
     assert gate.token == ""
-    answer = asked(alone, "/")
+    answer = get(local, "/")
     assert answer.status == 200
     assert "default-src 'self'" in answer.policy
     assert b"<title>dicedesign</title>" in answer.body
-    assert asked(alone, "/../secret").status in (403, 404)
+    assert get(local, "/../secret").status in (403, 404)
 
 
-def test_other_sites_may_not_talk_to_the_page(alone: View) -> None:
-    port = alone.page.gate.port
-    assert socket_opens(alone, "/")
-    assert socket_opens(alone, "/", f"http://127.0.0.1:{port}")
-    assert not socket_opens(alone, "/", "http://evil.example")
-    assert not socket_opens(alone, "/", f"http://127.0.0.1:{port + 1}")
-    # A name that somebody else's server leads to this machine.
-    assert asked(alone, "/", Host=f"evil.example:{port}").status == 403
-    assert asked(alone, "/", Host=f"localhost:{port}").status == 200
-    told = {"Sec-Fetch-Site": "cross-site"}
-    assert asked(alone, "/action/stand:0", **told).status == 403
+def test_other_sites_are_refused(local: View) -> None:
+    port = local.page.gate.port
+    assert socket_opens(local, "/")
+    assert socket_opens(local, "/", f"http://127.0.0.1:{port}")
+    assert not socket_opens(local, "/", "http://evil.example")
+    assert not socket_opens(local, "/", f"http://127.0.0.1:{port + 1}")
+    # DNS rebinding: a foreign name that resolves to this machine.
+    assert get(local, "/", Host=f"evil.example:{port}").status == 403
+    assert get(local, "/", Host=f"localhost:{port}").status == 200
+    headers = {"Sec-Fetch-Site": "cross-site"}
+    assert get(local, "/action/stand:0", **headers).status == 403
 
 
-def test_a_page_for_every_machine_wants_its_token(wide: View) -> None:
-    gate = wide.page.gate
+def test_a_public_page_needs_its_token(public: View) -> None:
+    gate = public.page.gate
     assert len(gate.token) >= 20
     assert urlsplit(gate.address).path == f"/{gate.token}/"
-    assert asked(wide, f"/{gate.token}/").status == 200
+    assert get(public, f"/{gate.token}/").status == 200
     for path in ("/", "/wrong/", f"/{gate.token[:-1]}/", "/index.html", "/action/stand:0"):
-        assert asked(wide, path).status == 403
-    assert socket_opens(wide, f"/{gate.token}")
-    assert not socket_opens(wide, "/")
-    assert not socket_opens(wide, "/wrong")
+        assert get(public, path).status == 403
+    assert socket_opens(public, f"/{gate.token}")
+    assert not socket_opens(public, "/")
+    assert not socket_opens(public, "/wrong")
 
 
 def test_tokens_differ() -> None:
-    with closing(open_socket("0.0.0.0", 0)) as one, closing(open_socket("0.0.0.0", 0)) as other:
-        assert Gate.of(one).token != Gate.of(other).token
+    with closing(open_socket("0.0.0.0", 0)) as first, closing(open_socket("0.0.0.0", 0)) as second:
+        assert Gate.of(first).token != Gate.of(second).token
 
 
 def test_a_taken_port_is_named() -> None:
@@ -113,7 +113,7 @@ def test_a_taken_port_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("host", "port", "said"),
+    ("host", "port", "option"),
     [
         ("127.0.0.1", -1, "--port"),
         ("127.0.0.1", 65536, "--port"),
@@ -121,14 +121,13 @@ def test_a_taken_port_is_named() -> None:
         ("203.0.113.7", 0, "--host|--port"),
     ],
 )
-def test_hosts_and_ports_that_cannot_be(host: str, port: int, said: str) -> None:
-    with pytest.raises(dd.InputError, match=said):
+def test_invalid_hosts_and_ports_are_refused(host: str, port: int, option: str) -> None:
+    with pytest.raises(dd.InputError, match=option):
         open_socket(host, port)
 
 
-def test_a_closed_page_leaves_its_port() -> None:
+def test_a_closed_page_frees_its_port() -> None:
     view = View(None)
     port = view.page.gate.port
     view.close()
-    again = View(None, "127.0.0.1", port)
-    again.close()
+    View(None, "127.0.0.1", port).close()

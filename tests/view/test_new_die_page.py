@@ -1,4 +1,4 @@
-"""A die designed on the page does what the page says, and so do the files that come from it."""
+"""A die designed on the page, and its files, have the probabilities on the page."""
 
 from __future__ import annotations
 
@@ -23,46 +23,42 @@ from dicedesign.view.design_session import DesignSession, DieRequest
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-SHOWN = 6e-6
-"""Half of the last digit of probabilities that the page tells, and a little."""
+TOLERANCE = 6e-6
+"""Slightly more than half of the last digit of the probabilities on the page."""
 
 
 class NewDie(OpenedPage):
-    """The page that opens where nothing is brought."""
+    """Page without a path."""
 
     def field(self, label: str, text: str) -> None:
-        """Type into a field, by the words beside it."""
+        """Type into the field with a label."""
         box = f'//label[normalize-space()="{label}"]/following::input[not(@type="hidden")][1]'
         self.page.locator(f"xpath={box}").fill(text)
         self.page.keyboard.press("Tab")
-        # Viser's client sends but the newest of what changes within some milliseconds, and nobody
-        # types into two fields at once.
+        # Viser's client sends only the newest of several changes within some milliseconds.
         self.page.evaluate("() => new Promise((done) => setTimeout(done, 120))")
 
-    def table(self, name: str, column: int) -> list[str]:
-        rows = self.page.eval_on_selector_all(
-            f"#{name} tbody tr", "rows => rows.map(r => [...r.cells].map(c => c.innerText.trim()))"
-        )
-        return [row[column] for row in rows]
+    def column(self, name: str, column: int) -> list[str]:
+        return [row[column] for row in self.table(name)]
 
     def numbers(self, name: str, column: int) -> np.ndarray:
-        """A column in percent, as parts of 1."""
-        return np.array([float(text) for text in self.table(name, column)]) / 100.0
+        """Column of percentages, as parts of 1."""
+        return np.array([float(text) for text in self.column(name, column)]) / 100.0
 
     def state(self, state: str) -> str:
-        """What is said of the design, once it is in a state."""
+        """Wait for a state of the design, and return its text."""
         self.page.wait_for_selector(f'#design[data-state="{state}"]')
         return self.page.inner_text("#design")
 
-    def said(self, name: str) -> str:
+    def text(self, name: str) -> str:
         self.page.wait_for_selector(f"#{name}")
         return self.page.inner_text(f"#{name}")
 
     def download(self, button: str, folder: Path) -> Path:
-        with self.page.expect_download() as told:
+        with self.page.expect_download() as waiting:
             self.button(button)
-        path = folder / told.value.suggested_filename
-        told.value.save_as(path)
+        path = folder / waiting.value.suggested_filename
+        waiting.value.save_as(path)
         return path
 
 
@@ -83,7 +79,7 @@ def new_die(browser: Browser) -> Iterator[NewDie]:
 
 
 def probabilities_of(path: Path) -> np.ndarray:
-    """(r,) of all rests of a file, the largest first."""
+    """(r,) probabilities of the rests of a file, in descending order."""
     return dd.rest_poses(dd.read_body(path)).probabilities
 
 
@@ -92,15 +88,15 @@ def test_probabilities_become_files(new_die: NewDie, tmp_path: Path) -> None:
     new_die.field("Labels", "heads, tails, edge")
     new_die.button("Design")
     assert "reached the tolerance" in new_die.state("done")
-    assert new_die.table("facets", 0) == ["heads", "tails", "edge"]
+    assert new_die.column("facets", 0) == ["heads", "tails", "edge"]
     target = [1 / 2, 1 / 3, 1 / 6]
     for column in (2, 3):
-        np.testing.assert_allclose(new_die.numbers("facets", column), target, atol=SHOWN)
+        np.testing.assert_allclose(new_die.numbers("facets", column), target, atol=TOLERANCE)
 
     stl = new_die.download("STL", tmp_path)
     assert stl.name == "die.stl"
     np.testing.assert_allclose(probabilities_of(stl), target, atol=1e-6)
-    assert new_die.table("printed", 0) == ["heads", "tails", "edge"]
+    assert new_die.column("printed", 0) == ["heads", "tails", "edge"]
     np.testing.assert_allclose(new_die.numbers("printed", 2), probabilities_of(stl), atol=1e-8)
     np.testing.assert_allclose(
         probabilities_of(new_die.download("3MF", tmp_path)), target, atol=1e-6
@@ -112,26 +108,28 @@ def test_probabilities_become_files(new_die: NewDie, tmp_path: Path) -> None:
     assert (again.folder / "die.stl").read_bytes() == stl.read_bytes()
 
 
-def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
-    """The numbers on the page are those of a design beside it, step by step."""
-    beside = DesignSession(DieRequest({"fair": 5}))
+def test_steps_undo_pins_and_swaps(new_die: NewDie, tmp_path: Path) -> None:
+    """A parallel session has the same probabilities after each step."""
+    parallel = DesignSession(DieRequest({"fair": 5}))
     new_die.field("Probabilities", "fair: 5")
     for number in range(3):
         new_die.button("Step")
         new_die.page.wait_for_function(
             f"document.querySelector('#design')?.innerText.includes('paused; step {number};')"
         )
-        beside.step()
-        assert beside.wait(60.0)
+        parallel.step()
+        assert parallel.wait(60.0)
         probabilities = new_die.numbers("facets", 3)
-        np.testing.assert_allclose(probabilities, beside.shape.outcomes.probabilities, atol=SHOWN)
-    beside.close()
+        np.testing.assert_allclose(
+            probabilities, parallel.shape.outcomes.probabilities, atol=TOLERANCE
+        )
+    parallel.close()
     new_die.button("Undo")
     new_die.page.wait_for_function(
         "document.querySelector('#design').innerText.includes('paused; step 1;')"
     )
     np.testing.assert_allclose(
-        new_die.numbers("facets", 3), beside.shapes[1].outcomes.probabilities, atol=SHOWN
+        new_die.numbers("facets", 3), parallel.shapes[1].outcomes.probabilities, atol=TOLERANCE
     )
     before = new_die.numbers("facets", 3)
 
@@ -144,7 +142,7 @@ def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
         "document.querySelector('#design').innerText.includes('paused; step 2;')"
     )
     np.testing.assert_allclose(
-        new_die.numbers("facets", 3), before[[4, 1, 2, 3, 0]], atol=2.0 * SHOWN
+        new_die.numbers("facets", 3), before[[4, 1, 2, 3, 0]], atol=2.0 * TOLERANCE
     )
     new_die.button("Design")
     new_die.state("done")
@@ -162,8 +160,8 @@ def test_step_by_step(new_die: NewDie, tmp_path: Path) -> None:
 
 @pytest.fixture
 def extension() -> Iterator[str]:
-    """The name of a preference from outside the package."""
-    preference = Preference(name="levelness", line="asks for nothing", residuals=lambda die: None)
+    """Name of a preference registered by an extension."""
+    preference = Preference(name="levelness", line="has no effect", residuals=lambda die: None)
     PREFERENCES.register(preference)
     yield preference.name
     PREFERENCES.unregister(preference.name)
@@ -185,36 +183,36 @@ def test_extensions_and_their_weights(extension: str, new_die: NewDie, tmp_path:
     assert prefer["circles"] == legible().circles
 
 
-def test_what_cannot_be_is_said_beside_the_field(new_die: NewDie) -> None:
+def test_what_cannot_be_is_said_parallel_the_field(new_die: NewDie) -> None:
     new_die.button("STL")
-    assert "press Design first" in new_die.said("file-error")
-    for probabilities, words in (
+    assert "press Design first" in new_die.text("file-error")
+    for probabilities, text in (
         ("1/2, 1/3", "expected a sum of 1, got 0.8333"),
         ("<b>: [", "expected YAML"),
     ):
         new_die.field("Probabilities", probabilities)
-        new_die.until(lambda words=words: words in new_die.said("target-error"))
+        new_die.until(lambda text=text: text in new_die.text("target-error"))
         new_die.button("Design")
     assert new_die.page.query_selector("#design") is None
     new_die.field("Probabilities", "1/2, 1/3, 1/6")
     new_die.field("Labels", "a, a, b")
-    new_die.until(lambda: "expected distinct labels, got 'a'" in new_die.said("target-error"))
+    new_die.until(lambda: "expected distinct labels, got 'a'" in new_die.text("target-error"))
     new_die.field("Labels", "a, b, <i>c")
     new_die.until(lambda: new_die.page.query_selector("#target-error") is None)
     new_die.button("Design")
     new_die.state("done")
-    assert new_die.table("facets", 0) == ["a", "b", "<i>c"]
-    for size, words in (
+    assert new_die.column("facets", 0) == ["a", "b", "<i>c"]
+    for size, text in (
         ("4", "use size_mm = "),
         ("large", "size: expected a number of millimeters, got 'large'"),
     ):
         new_die.field("Size in mm", size)
         new_die.page.wait_for_timeout(500.0)
         new_die.button("STL")
-        new_die.until(lambda words=words: words in new_die.said("file-error"))
+        new_die.until(lambda text=text: text in new_die.text("file-error"))
 
 
-def test_a_die_that_is_brought_can_be_designed_again(
+def test_the_target_of_a_loaded_die_fills_the_fields(
     open_page: Callable[[Path], OpenedPage], tmp_path: Path
 ) -> None:
     path = tmp_path / "coin.yaml"

@@ -1,4 +1,4 @@
-"""The files of a designed die, read back, and its recipe, run again."""
+"""Files of a designed die are read back, and its recipe is run again."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
@@ -27,7 +28,7 @@ COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "ed
 PATIENCE = 120.0
 
 
-def designed(**entries) -> DesignSession:
+def design(**entries) -> DesignSession:
     session = DesignSession(DieRequest(**{"target": COIN, "name": "coin", **entries}))
     session.run()
     assert session.wait(PATIENCE)
@@ -35,7 +36,7 @@ def designed(**entries) -> DesignSession:
 
 
 def run_again(die: PrintableDie, folder: Path) -> Result:
-    """The result of the die's recipe, as it was downloaded."""
+    """Run the downloaded recipe."""
     name, data = die.recipe_file()
     path = folder / name
     if name.endswith(".zip"):
@@ -49,8 +50,8 @@ def run_again(die: PrintableDie, folder: Path) -> Result:
 
 @pytest.fixture(scope="module")
 def coin() -> DesignSession:
-    """A session whose design has ended; it is not changed."""
-    return designed()
+    """Session of a finished design; tests must not change it."""
+    return design()
 
 
 def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> None:
@@ -71,9 +72,9 @@ def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> No
 
 
 @pytest.mark.parametrize("method", ["exact", "paper"])
-def test_a_straight_way_is_the_recipe_alone(tmp_path: Path, method: str) -> None:
-    """`dicedesign run` makes the same file, byte for byte."""
-    die = make_printable(designed(method=method))
+def test_an_unchanged_design_needs_only_its_recipe(tmp_path: Path, method: str) -> None:
+    """`dicedesign run` writes the same bytes."""
+    die = make_printable(design(method=method))
     assert not die.needs_shape
     assert die.recipe_file()[0] == "coin.yaml"
     result = run_again(die, tmp_path)
@@ -82,7 +83,7 @@ def test_a_straight_way_is_the_recipe_alone(tmp_path: Path, method: str) -> None
 
 
 def assert_same_die(die: PrintableDie, result: Result) -> None:
-    """The same probabilities, as designed and with labels, and each label on the same facet."""
+    """Compare probabilities with and without labels, and the facet of each label."""
     probabilities = [has for _, _, has in die.rows()]
     np.testing.assert_allclose(result.engraved.probabilities, probabilities, atol=1e-7)
     np.testing.assert_allclose(result.probabilities, die.plain.outcomes.probabilities, atol=1e-7)
@@ -93,8 +94,8 @@ def assert_same_die(die: PrintableDie, result: Result) -> None:
         np.testing.assert_allclose(again[label], normal, atol=1e-6)
 
 
-def test_a_way_with_turns_begins_with_the_shape(tmp_path: Path) -> None:
-    session = designed()
+def test_a_changed_design_needs_its_shape(tmp_path: Path) -> None:
+    session = design()
     session.undo()
     session.swap("heads", "edge")
     session.change(replace(session.request, pinned=("tails",), prefer=Preferences(roundness=1.0)))
@@ -111,7 +112,7 @@ def test_a_way_with_turns_begins_with_the_shape(tmp_path: Path) -> None:
     assert_same_die(die, result)
 
 
-def test_a_die_that_is_not_done_can_be_made_too(tmp_path: Path) -> None:
+def test_an_unfinished_design_can_be_printed(tmp_path: Path) -> None:
     session = DesignSession(DieRequest({"sum_of_dice": [4, 4]}, prefer=Preferences()))
     for _ in range(3):
         session.step()
@@ -135,28 +136,26 @@ def test_every_preset_is_a_target() -> None:
         assert sum(recipe.target.target().probabilities) == pytest.approx(1.0)
 
 
-def test_size_and_labels() -> None:
-    session = designed(target={**COIN, "labels": ["1000000000", "2000000000", "3000000000"]})
-    grown = make_printable(session)
-    size = grown.recipe.size_mm
+def test_labels_determine_the_size() -> None:
+    session = design(target={**COIN, "labels": ["1000000000", "2000000000", "3000000000"]})
+    labeled = make_printable(session)
+    size = labeled.recipe.size_mm
     assert size > 30.0
-    assert f"size_mm: {size:g}, so that the labels fit" in grown.notes
-    assert grown.recipe_file()[1].decode().count(f"size_mm: {size:g}") == 1
+    assert f"size_mm: {size:g}, so that the labels fit" in labeled.notes
+    assert labeled.recipe_file()[1].decode().count(f"size_mm: {size:g}") == 1
     with pytest.raises(InputError, match=r"use size_mm = \d+"):
         make_printable(session, size_mm=size - 1.0)
     plain = make_printable(session, size_mm=20.0, engrave=False)
-    points = plain.points
-    extent = np.linalg.norm(points[:, None] - points[None], axis=-1).max()
-    assert extent == pytest.approx(20.0, rel=1e-6)
-    assert len(plain.triangles) < len(grown.triangles)
+    assert pdist(plain.points).max() == pytest.approx(20.0, rel=1e-6)
+    assert len(plain.triangles) < len(labeled.triangles)
 
 
 @pytest.mark.parametrize("size", [0.0, float("nan"), 1e9])
-def test_sizes_that_cannot_be(size: float, coin: DesignSession) -> None:
+def test_invalid_sizes_are_refused(size: float, coin: DesignSession) -> None:
     with pytest.raises(InputError, match="size_mm: "):
         make_printable(coin, size_mm=size)
 
 
-def test_there_has_to_be_a_shape() -> None:
+def test_a_session_without_shape_is_refused() -> None:
     with pytest.raises(InputError, match="expected a shape to print, got none yet"):
         make_printable(DesignSession(DieRequest({"fair": 5})))
