@@ -1,4 +1,4 @@
-"""A body of many maxima, whose separatrices are long."""
+"""Body with many maxima and long separatrices."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 
 
 def blade(ball: int, edge: int) -> ConvexHull:
-    """A ball of some points with a blade of others, along a quarter of a great circle about the
-    origin. Each corner of the blade is a maximum; saddles between them can lie inside one basin."""
+    """Random ball with a blade: points on a quarter of a great circle around the origin.
+
+    ball, edge: numbers of points. Each corner of the blade is a maximum. Saddles between them can
+    lie inside one basin.
+    """
     points = np.random.default_rng(0).normal(size=(ball, 3))
     points *= 0.7 / np.linalg.norm(points, axis=1)[:, None]
     angle = np.radians(np.linspace(-45.0, 45.0, edge))

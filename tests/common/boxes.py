@@ -1,4 +1,4 @@
-"""Boxes, whose probabilities and depths have closed forms, and a leaning one."""
+"""Boxes with closed-form probabilities and depths, straight or sheared."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], 
 
 
 def box(sizes: Sequence[float], lean: Sequence[float] = (0.0, 0.0, 0.0)) -> Surface:
-    """From the origin, of sizes (3,), its top pushed aside by (3,)."""
+    """Box with a corner at the origin. sizes: (3,); lean: (3,) shift of the top."""
     points = CORNERS * sizes + CORNERS[:, 2:] * np.array(lean)
     hull = convex_hull(points)
     return Surface(hull.vertices, hull.triangles)

@@ -1,4 +1,4 @@
-"""Surfaces of a few hundred points, most of them not convex, and hulls near theirs."""
+"""Surfaces of a few hundred points, mostly concave, and hulls close to their hulls."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from dicedesign.geometry.triangles import Surface
 
 
 def surface_of(mesh: trimesh.Trimesh) -> Surface:
-    """The points and triangles of a mesh, as its own."""
+    """Copy the points and triangles of a mesh."""
     return Surface(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64))
 
 
 def ball(subdivisions: int) -> Surface:
-    """A sphere of triangles about the origin, of radius 1."""
+    """Triangulated unit sphere."""
     return surface_of(trimesh.creation.icosphere(subdivisions=subdivisions))
 
 
 def pushed_through(subdivisions: int = 4) -> Surface:
-    """A sphere with a finger from its top through its other side, near (0, 0, -1)."""
+    """Self-intersecting sphere: its top is pushed through the bottom, near (0, 0, -1)."""
     surface = ball(subdivisions)
     tip = np.exp(-((np.linalg.norm(surface.points - [0, 0, 1], axis=1) / 0.25) ** 2))
     return surface.with_points(surface.points - 2.6 * tip[:, None] * [0.0, 0.0, 1.0])
 
 
 def unit(surface: Surface) -> Surface:
-    """About its center of mass, of circumscribed radius 1."""
+    """Move the centroid to the origin, and scale the circumscribed radius to 1."""
     offsets = surface.points - surface.centroid
     return surface.with_points(offsets / np.linalg.norm(offsets, axis=1).max())
 
 
 def bumpy_sphere(subdivisions: int = 2) -> Surface:
-    """A sphere with three dents and three humps, stretched: 42, 162, 642 points."""
+    """Stretched sphere with three dents and three humps: 42, 162 or 642 points."""
     surface = ball(subdivisions)
     x, y, z = surface.points.T
     radii = 1.0 + 0.25 * np.sin(3.0 * np.arctan2(y, x)) * (1.0 - z * z) ** 1.5 + 0.1 * z
@@ -42,7 +42,7 @@ def bumpy_sphere(subdivisions: int = 2) -> Surface:
 
 
 def bent_capsule(rings: int = 24, around: int = 12) -> Surface:
-    """A tube with round ends along a third of a circle."""
+    """Tube with round ends along a third of a circle."""
     length = np.linspace(-1.0, 1.0, rings)
     radii = 0.25 * np.sqrt(1.0 - 0.96 * np.abs(length) ** 6)
     angles = 2.0 * np.pi / around * np.arange(around)
@@ -65,7 +65,7 @@ def bent_capsule(rings: int = 24, around: int = 12) -> Surface:
 
 
 def nearby_hull(surface: Surface, amount: float, seed: int = 0) -> ConvexHull:
-    """The hull of the surface's own corners, moved smoothly by up to `amount` diagonals."""
+    """Deform the hull of a surface smoothly, by at most `amount` times the diagonal."""
     rng = np.random.default_rng(seed)
     corners = convex_hull(surface.points).vertices
     places = (corners - surface.centroid) / surface.diagonal

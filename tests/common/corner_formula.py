@@ -1,4 +1,4 @@
-"""Corners of half-spaces in torch's operations."""
+"""Corners of half-spaces, in torch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 
 
 def corner_formula(parameters: Tensor, origin: np.ndarray) -> Tensor:
-    """(n, 3) the points of facet coordinates about an origin, in torch's operations."""
+    """(n, 3) corners for facet coordinates around an origin."""
     count = len(parameters) // 4
     normals = parameters[: 3 * count].reshape(count, 3)
     sizes = torch.linalg.vector_norm(normals, dim=1)

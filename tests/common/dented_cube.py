@@ -1,4 +1,4 @@
-"""A concave die without a search: a cube with a dent in each side."""
+"""Concave die without a search: a cube with a dent in each side."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NORMALS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 def dented_cube(depth: float = 0.1) -> Surface:
-    """Of side 2 about the origin, with a pyramid of a depth cut out of each side: a fair d6."""
+    """Fair d6: a cube of side 2 around the origin, with a pyramid cut out of each side."""
     points = np.concatenate([CORNERS, (1.0 - depth) * NORMALS])
     triangles = []
     for side, normal in enumerate(NORMALS):
@@ -44,8 +44,10 @@ def write_cube(path: Path) -> None:
 
 
 class MadeUpSearch:
-    """Stands in for `make_concave_die`: every attempt deepens the dents, which leaves the
-    probabilities and the hull as they are, and the last is the best."""
+    """Replacement of `make_concave_die` whose last attempt is the best.
+
+    Each attempt deepens the dents. The probabilities and the hull do not change.
+    """
 
     def __init__(self) -> None:
         self.interrupt_after: int | None = None

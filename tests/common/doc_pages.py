@@ -1,4 +1,4 @@
-"""The pages of the documentation, and the code in them."""
+"""Pages of the documentation and their code blocks."""
 
 from __future__ import annotations
 
@@ -21,40 +21,42 @@ PAGES = [
 
 
 def blocks(page: Path, language: str) -> list[str]:
-    """The fenced blocks of a language in a page."""
+    """Fenced code blocks of a language in a page."""
     text = page.read_text(encoding="utf-8")
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
 def commands(page: Path) -> list[str]:
-    """The lines of a page that are typed into a shell."""
+    """Shell commands in a page."""
     return [line for block in blocks(page, "sh") for line in block.splitlines()]
 
 
 RUN_PARTS = """
 import contextlib, io, json, sys, traceback
 
-told = {}
+outputs = {}
 for name, code in json.load(sys.stdin).items():
-    shown = io.StringIO()
+    output = io.StringIO()
     try:
-        with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(io.StringIO()):
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(io.StringIO()):
             exec(compile(code, name, "exec"), {"__name__": "__main__"})
-        told[name] = shown.getvalue()
+        outputs[name] = output.getvalue()
     except BaseException:
-        told[name] = None
+        outputs[name] = None
         sys.stderr.write(f"\\n{name}:\\n{traceback.format_exc()}")
-json.dump(told, sys.stdout)
+json.dump(outputs, sys.stdout)
 """
 
 
 OF_TORCH = "ignore:`torch.jit.script` is deprecated:DeprecationWarning"
-"""Torch warns of itself where derivatives are first taken forward."""
+"""Torch warns about its own code at the first forward derivative."""
 
 
 def run_parts(parts: Mapping[str, str], folder: Path) -> dict[str, str]:
-    """What pieces of Python print that run one after the other in one new process, which imports
-    torch once; warnings are errors."""
+    """Run pieces of Python in one new process, and return what each prints.
+
+    One process imports torch only once. Warnings are errors.
+    """
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     done = subprocess.run(
         [sys.executable, "-W", "error", "-W", OF_TORCH, "-c", RUN_PARTS],
@@ -66,5 +68,5 @@ def run_parts(parts: Mapping[str, str], folder: Path) -> dict[str, str]:
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
-    told: dict[str, str] = json.loads(done.stdout)
-    return told
+    outputs: dict[str, str] = json.loads(done.stdout)
+    return outputs

@@ -1,4 +1,4 @@
-"""A finished die of six outcomes, a box, as a run leaves it."""
+"""Finished die with six outcomes: a box."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ CONCAVE = Concave(
     surface_quality={},
     self_intersections=0,
 )
-"""What a result says of a die that keeps the shape of a surface."""
+"""Section of the result of a concave die."""
 
 
 def finished_box(**changes: Any) -> FinishedDie:
-    """The die, with other keys of its result where there are some."""
+    """Finished box. changes: other keys of its result."""
     corners = [(x, y, z) for x in (-7, 7) for y in (-8, 8) for z in (-10, 10)]
     hull = convex_hull(np.array(corners, dtype=np.float64))
     directions = np.concatenate([np.eye(3), -np.eye(3)])

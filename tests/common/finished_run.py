@@ -1,4 +1,4 @@
-"""A box in a file, and the folder that a run leaves of a die."""
+"""Mesh file of a box, and the folder of a finished die."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EXTENTS = (1.0, 1.2, 1.5)
 
 
 def box_file(folder: Path, extents: Sequence[float] = EXTENTS, name: str = "box.obj") -> Path:
-    """A box about the origin, as a mesh file."""
+    """Write the mesh file of a box around the origin."""
     path = folder / name
     trimesh.creation.box(extents).export(path)
     return path
@@ -28,9 +28,9 @@ def finished_result(
     center: Sequence[float] = (0.0, 0.0, 0.0),
     status: str = "converged",
 ) -> Result:
-    """The result of a die that has its target's probabilities.
+    """Result of a die with its target probabilities.
 
-    facets: label and normal of each; that of a label counts for it.
+    facets: label and normal of each facet; a facet with a label counts for that outcome.
     """
     return Result(
         name="box",
@@ -58,7 +58,7 @@ def finished_result(
 
 
 def finished_run(folder: Path, *result: Any, **more: Any) -> Path:
-    """A folder with a `finished_result`, whose file without marks is not made."""
+    """Write a folder with a `finished_result`, but without its mesh files."""
     folder.mkdir(exist_ok=True)
     (folder / RESULT).write_text(finished_result(*result, **more).json_text())
     return folder

@@ -1,4 +1,4 @@
-"""An independent answer: sampled bodies that roll by small explicit steps.
+"""Independent probabilities: sampled bodies roll in small explicit steps.
 
 Particles on the sphere follow the gradient of the height U(d) = max_j r_j . d and nothing else:
 no edges, facets, saddles or exact crossings. Across a ridge of U the steps zigzag, and their mean
@@ -21,19 +21,19 @@ def flow_frequencies(
     step: float,
     seed: int,
 ) -> tuple[np.ndarray, int]:
-    """How often sampled rolls end beside each of the rest directions.
+    """Frequencies of the rests of sampled rolls.
 
-    vertices: (n, 3); center: (3,); normals: (k, 3) rest directions, used only to name where a
-    particle has ended; count: number of particles, a power of two; step: largest arc in radians
+    vertices: (n, 3); center: (3,); normals: (k, 3) rest directions, used only to name the end of a
+    particle; count: number of particles, a power of two; step: largest arc in radians
     of one step.
-    Returns (k,) frequencies, and how many particles ended beside none of the directions.
+    Returns (k,) frequencies, and the number of particles that ended at no rest direction.
     """
     radii = vertices - center
     radii = radii / np.sqrt((radii**2).sum(-1)).max()
-    ended = _directions(count, seed)
-    for fraction in (1.0, 0.25, 0.0625):  # where wide zigzags hold a particle, smaller ones go on
-        _roll_until_stuck(ended, radii, fraction * step)
-    cosines = ended @ normals.T
+    down = _directions(count, seed)
+    for fraction in (1.0, 0.25, 0.0625):  # smaller steps free particles from wide zigzags
+        _roll_until_stuck(down, radii, fraction * step)
+    cosines = down @ normals.T
     nearest = cosines.argmax(axis=1)
     lost = cosines.max(axis=1) < np.cos(0.01)
     counts = np.bincount(nearest[~lost], minlength=len(normals))
@@ -41,12 +41,12 @@ def flow_frequencies(
 
 
 def _roll_until_stuck(down: np.ndarray, radii: np.ndarray, step: float) -> None:
-    """Move particles `down` (n, 3) in place until none gets farther than its zigzag."""
+    """Move particles `down` (n, 3) in place until none leaves its zigzag."""
     active = np.arange(len(down))
     for _ in range(60):
         moved = down[active]
         for _ in range(300):
-            moved = _moved(moved, radii, step)
+            moved = _step(moved, radii, step)
         going = ((moved - down[active]) ** 2).sum(-1) > step**2
         down[active] = moved
         active = active[going]
@@ -62,7 +62,7 @@ def _directions(count: int, seed: int) -> np.ndarray:
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
 
 
-def _moved(down: np.ndarray, radii: np.ndarray, step: float) -> np.ndarray:
+def _step(down: np.ndarray, radii: np.ndarray, step: float) -> np.ndarray:
     lowest = radii[np.argmax(down @ radii.T, axis=1)]
     slope = lowest - (lowest * down).sum(-1)[:, None] * down
     down = down - step * slope

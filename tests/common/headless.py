@@ -1,4 +1,4 @@
-"""A Chromium without windows, to press the buttons of a page and to see what comes of it."""
+"""Headless Chromium for tests of pages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 MISSING_BROWSER = "no browser: "
-"""Reasons for skipping tests that need one begin so."""
+"""Prefix of the reasons for skipped tests."""
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 
@@ -28,7 +28,7 @@ ARGUMENTS = (
 
 
 def missing_browser() -> str | None:
-    """What is missing for pages in a browser; None where nothing is."""
+    """Name of a missing requirement, or None."""
     for package in ("viser", "playwright"):
         if find_spec(package) is None:
             return package
@@ -36,13 +36,12 @@ def missing_browser() -> str | None:
 
 
 def _program() -> str | None:
-    found = (shutil.which(name) for name in PROGRAMS)
-    return next((path for path in found if path), None)
+    return next(filter(None, map(shutil.which, PROGRAMS)), None)
 
 
 @contextmanager
 def headless_browser() -> Iterator[Browser]:
-    """The browser. It sees English whatever the system speaks."""
+    """Start the browser in English."""
     from playwright.sync_api import sync_playwright
 
     english = {**os.environ, "LANG": "en_US.UTF-8", "LC_ALL": "en_US.UTF-8"}

@@ -1,4 +1,4 @@
-"""Hulls to be designed for small bodies, and designs of them that are as wanted."""
+"""Hull problems of small bodies, and their solutions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHEAR = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
 def problem_of(
     surface: Surface, target: list[float], apart_deg: float = 45.0, margin_deg: float = 10.0
 ) -> HullProblem:
-    """Of a sheared surface: symmetric bodies have ties."""
+    """Problem of a sheared surface, because symmetric bodies have ties."""
     return HullProblem(
         unit(surface.with_points(surface.points @ SHEAR)),
         np.array(target),
@@ -31,21 +31,21 @@ def problem_of(
 
 
 def choices_of(problem: HullProblem) -> list[Floats]:
-    """Of directions that are as far apart as wanted."""
+    """Choices of directions at the required angles."""
     return outcome_choices(problem.hull, problem.target, problem.apart, 0)
 
 
 def original_draft(problem: HullProblem) -> HullDraft:
-    """The surface's own hull, with the first choice of outcomes."""
+    """Hull of the surface, with the first choice of directions."""
     draft = HullDraft.of(problem.hull.vertices, choices_of(problem)[0])
     assert draft is not None
     return draft
 
 
 def designed(problem: HullProblem) -> HullDraft:
-    """The hull of the first choice that leads to one without a shortfall."""
+    """Hull without a shortfall, for the first choice of directions that leads to one."""
     for directions in choices_of(problem):
         draft = design_hull(problem, directions, SLOPES, lambda *step: None)
         if draft is not None and draft.shortfall(problem) == 0.0:
             return draft
-    raise AssertionError("no choice leads to a hull that is as wanted")
+    raise AssertionError("no choice of directions leads to a hull without a shortfall")

@@ -1,5 +1,4 @@
-"""Executors without processes: one that runs everything at once, one that loses workers, and one
-that waits to be told."""
+"""Executors without processes: immediate, unreliable or delayed."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ from typing import Any
 
 
 class Inline(Executor):
-    """Runs everything at once, in this process."""
+    """Runs each task on submission."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -22,8 +21,11 @@ class Inline(Executor):
 
 
 class Lossy(Inline):
-    """Fails submissions as a test says, by their number from 1 on and their arguments: as by the
-    loss of the worker for True, or by an error. Remembers the arguments of all."""
+    """Fails some submissions, and records the arguments of all.
+
+    fails: called with the number of the submission, from 1, and its arguments. It returns False,
+    True for a lost worker, or an error.
+    """
 
     def __init__(self, fails: Callable[..., bool | Exception]) -> None:
         self.fails = fails
@@ -40,7 +42,7 @@ class Lossy(Inline):
 
 
 class Late(Executor):
-    """Ends a task, the one that was submitted last, whenever it is told to."""
+    """Runs the latest task on request."""
 
     def __init__(self) -> None:
         self.waiting: list[Callable[[], None]] = []
@@ -51,5 +53,5 @@ class Late(Executor):
         return future
 
     def end_one(self) -> None:
-        """End it."""
+        """Run the latest task."""
         self.waiting.pop()()

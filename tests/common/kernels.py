@@ -1,8 +1,7 @@
 """Tests with and without the compiled kernels.
 
-`@compiled_only` marks tests that need kernels. `with without_kernels():` does what is inside as on
-a machine where they could not be built; as a decorator, `@without_kernels()` does a whole test so.
-`pytest --without-kernels` runs all tests that way.
+`@compiled_only` marks tests that need kernels. `without_kernels()`, also a decorator,
+disables them. `pytest --without-kernels` runs all tests without kernels.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ compiled_only = pytest.mark.skipif(not ops.available(), reason="no compiled kern
 
 
 def usual_notes() -> str:
-    """What a long command says on stderr that has nothing to say."""
+    """Notes of a long command on stderr that reports nothing else."""
     return "" if ops.available() else f"note: {MISSING_KERNELS}\n"
 
 

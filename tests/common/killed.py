@@ -1,4 +1,4 @@
-"""Commands that are killed as they are about to write."""
+"""Kill commands just before they write a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ workers.local_workers = lambda jobs: nullcontext(Inline())
 checkpoint.AutosavedFile.is_due = True
 replace, left = os.replace, int(sys.argv[1])
 
-def replaced(*arguments):
+def replace_or_wait(*arguments):
     global left
     left -= 1
     if left == 0:
@@ -25,16 +25,17 @@ def replaced(*arguments):
         signal.pause()
     replace(*arguments)
 
-os.replace = replaced
+os.replace = replace_or_wait
 sys.exit(main(sys.argv[2:]))
 """
-"""A command in one process, whose states of work are all written."""
+"""Program that runs a command in one process and writes every checkpoint."""
 
 
 def kill_at_write(arguments: list[str], count: int) -> None:
-    """Run a command, and kill it when it has written all of a file for the time of that number, but
-    not yet given the file its name. Whoever is killed anywhere leaves what is left here, with the
-    count of the next file to come."""
+    """Run a command and kill it before it renames its temporary file number `count`.
+
+    A command killed at any moment leaves the same files as for some count.
+    """
     with subprocess.Popen(
         [sys.executable, "-c", SCRIPT, str(count), *arguments],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},

@@ -1,4 +1,4 @@
-"""A run of many files that is there to be ended early."""
+"""Long run over many files, for tests that end it early."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ from typing import Any
 from dicedesign.batch.rest_table import RestTable
 
 FILES = 3000
-"""How many the run has beside those of the folder, named by four digits."""
+"""Number of additional files, named by four digits."""
 
 SCRIPT = (
     "import sys; from dicedesign.runtime import checkpoint;"
     "checkpoint.INTERVAL = 0.1; checkpoint.SHARE = 1.0;"
     "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
 )
-"""The command line, with tables that are written often."""
+"""Program that runs a command and writes its table often."""
 
 
 def begun(meshes: Path, out: Path, **options: Any) -> tuple[subprocess.Popen[str], list[str]]:
-    """A process that has written some rows of the table, and its arguments after the program's
-    name; options are those of `Popen`."""
+    """Start a run and wait for the first rows of its table.
+
+    options: options of `Popen`. Returns the process, and its arguments without the program.
+    """
     box = (meshes / "b" / "box.obj").read_bytes()
     for i in range(FILES):
         (meshes / f"{i:04d}.obj").write_bytes(box)
@@ -39,6 +41,6 @@ def begun(meshes: Path, out: Path, **options: Any) -> tuple[subprocess.Popen[str
 
 
 def shorten(meshes: Path) -> None:
-    """Leave 100 of the files that the run has beside those of the folder."""
+    """Delete all but 100 of the additional files."""
     for path in sorted(meshes.glob("[0-9]*.obj"))[100:]:
         path.unlink()

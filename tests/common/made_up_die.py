@@ -1,4 +1,4 @@
-"""Runs whose die is made up, so that a stage after the design can be looked at alone."""
+"""Runs with a given design, for tests of later stages."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 SIDES = np.concatenate([np.eye(3), -np.eye(3)])
-"""Down in the outcomes of a box."""
+"""Directions of the outcomes of a box."""
 
 
 def box(x: float, y: float, z: float) -> Floats:
-    """Corners (8, 3) of a box with these sides, about the origin."""
+    """Corners (8, 3) of a box around the origin."""
     signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
     return 0.5 * signs * (x, y, z)
 
@@ -33,11 +33,10 @@ def designed(
     entries: dict[str, Any] | None = None,
     **known: Any,
 ) -> Work:
-    """A run whose stage design has just found the hull of points (n, 3).
+    """Run after the stage "design", with the hull of points (n, 3) as its result.
 
-    target: of the recipe; by default the probabilities that the die has. entries: more of the
-        recipe's;
-    known: more of the designed die's attributes.
+    target: target of the recipe; the default is the probabilities of the hull. entries: other
+    entries of the recipe. known: other attributes of the design.
     """
     hull = convex_hull(points)
     if target is None:
@@ -50,7 +49,7 @@ def designed(
 
 
 def checked(*arguments: Any, **options: Any) -> Work:
-    """`designed`, up to and with the stage check."""
+    """Run `designed` up to the stage "check"."""
     work = designed(*arguments, **options)
     run_stages(work, after="design", last="check")
     return work

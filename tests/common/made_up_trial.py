@@ -1,4 +1,4 @@
-"""A trial that designs nothing; a module of its own, for workers to import."""
+"""Trial without a design, in a module that workers can import."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CUBE = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
 
 
 def made_up_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
-    """What it finds is drawn at random, by its recipe."""
+    """Random outcome of a trial, determined by its recipe."""
     rng = np.random.default_rng(zlib.crc32(json.dumps(entries).encode()))
     solved, measures = rng.random() < 0.5, rng.random(3)
     return {

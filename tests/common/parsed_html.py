@@ -1,4 +1,4 @@
-"""Pages taken apart."""
+"""Parse HTML pages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ VOID = {"meta", "img", "br"}
 
 
 class Checker(HTMLParser):
-    """Fails on tags that are not closed in order; collects text, cells and image sources."""
+    """Check that tags are closed in order; collect text, cells and image sources."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Where the repository is, and public data beside it."""
+"""Paths of the repository and of public data."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-"""The folder with recipes and README."""
+"""Root of the repository."""
 
 DATA = ROOT.parent / "shared" / "data"
-"""Public models and published results, where they lie beside the checkout."""
+"""Public models and published results, outside the repository."""
 
 MISSING_DATA = "no public data: "
-"""Reasons for skipping tests that need them begin so; a run ends with the list of these tests."""
+"""Prefix of the reasons for skipped tests; pytest lists these tests at the end."""
 
 
 def public_data(name: str) -> Path:
-    """A file of the public data, by its path within them. Where it is missing, the test is skipped,
-    which `pytest --require-public-data` makes a failure."""
+    """Path of a public file. Skips the test if it is missing.
+
+    With `pytest --require-public-data` the test fails.
+    """
     path = DATA / name
     if not path.is_file():
         pytest.skip(f"{MISSING_DATA}{path}")

@@ -6,5 +6,5 @@ import signal
 
 
 def heed_interrupts() -> None:
-    """To be called in a child: what was started in the background of a shell would ignore them."""
+    """Restore interrupts in a child process; background processes of a shell ignore them."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)

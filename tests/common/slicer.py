@@ -1,7 +1,8 @@
-"""A slicer, where it is installed: Debian's package prusa-slicer, without its windows."""
+"""Slicer of Debian's package prusa-slicer, if it is installed."""
 
 from __future__ import annotations
 
+import math
 import re
 import shutil
 import subprocess
@@ -13,17 +14,18 @@ import pytest
 PROGRAM = "prusa-slicer"
 
 MISSING_SLICER = "no slicer: "
-"""Reasons for skipping tests that need it begin so."""
+"""Prefix of the reasons for skipped tests."""
 
 
 @dataclass(frozen=True)
 class Sliced:
-    """What a G-code file says of itself.
+    """Summary of a G-code file.
 
     Attributes
     ----------
-    layers: heights in mm at which it draws. supports: how often it begins to draw supports.
-    volume_mm3: of the filament.
+    layers: heights of the layers in mm.
+    supports: number of support sections.
+    volume_mm3: volume of the filament.
     """
 
     layers: list[float]
@@ -45,14 +47,13 @@ def _run(folder: Path, *arguments: str) -> str:
 
 
 def told_of(file: Path) -> dict[str, str]:
-    """What the slicer says of a file of a solid, by key; defects that it would repair have keys
-    too."""
+    """Properties and defects of a mesh file, as the slicer reports them."""
     text = _run(file.parent, "--info", file.name)
     return dict(re.findall(r"^(\w+) = +(\S+)$", text, re.MULTILINE))
 
 
 def sliced(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
-    """A file of a solid, sliced as it lies, through and through."""
+    """Slice a mesh file in its given orientation, with full infill."""
     code = file.with_suffix(".gcode")
     code.unlink(missing_ok=True)
     options = ["--layer-height", f"{layer_mm:g}", "--first-layer-height", f"{layer_mm:g}"]
@@ -66,5 +67,5 @@ def sliced(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
     return Sliced(
         [float(height) for height in re.findall(r"^;Z:([\d.]+)$", text, re.MULTILINE)],
         len(re.findall(r"^;TYPE:Support", text, re.MULTILINE)),
-        float(filament) * 3.141592653589793 / 4.0 * float(diameter) ** 2,
+        float(filament) * math.pi / 4.0 * float(diameter) ** 2,
     )

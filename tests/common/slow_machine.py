@@ -1,4 +1,4 @@
-"""A machine on which everything takes long: its clock leaps whenever it is read."""
+"""Clock that jumps ahead at each reading, as on a very slow machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 @contextmanager
 def slow_machine() -> Iterator[None]:
-    """What is inside runs by a clock on which a fortnight goes by between two looks at it."""
+    """Advance the clock by 11 days at each reading."""
     ticks = count(0.0, 1e6)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(time, "perf_counter", lambda: next(ticks))

@@ -1,4 +1,4 @@
-"""Bodies to throw, and whether two sets of counts are of one die."""
+"""Bodies to throw, and statistical tests of counts."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from dicedesign.throws.rigid_body import RigidBody, release_states, rigid_body
 from dicedesign.throws.tables import Table
 
 BOARD = Table("board", restitution=0.65, friction=0.2, height=0.1, speed=0.3, spin=15.0)
-"""A table whose throws are all alike but for the orientation."""
+"""Table whose throws differ only in orientation."""
 
 
 def thrown(points: ArrayLike, center: ArrayLike | None = None) -> tuple[RigidBody, RestPoses]:
-    """The uniform hull of points."""
+    """Rigid body and rests of the hull of points. center: center of mass; None is uniform."""
     body = make_body(points)
     poses = rest_poses(body, center)
     return rigid_body(body, poses), poses
 
 
 def box(*half: float) -> np.ndarray:
-    """Corners."""
+    """Corners of a box around the origin. half: half of each side."""
     return np.array(list(product((-1.0, 1.0), repeat=3))) * half
 
 
@@ -40,37 +40,37 @@ def random_points(seed: int) -> np.ndarray:
 
 
 def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
-    """Its center of mass is not its centroid."""
+    """Random body whose center of mass is not its centroid."""
     points = random_points(seed)
     hull = convex_hull(points)
-    somewhere = np.random.default_rng(seed).dirichlet(np.ones(len(points))) @ points
-    return thrown(points, 0.6 * hull.centroid + 0.4 * somewhere)
+    inner_point = np.random.default_rng(seed).dirichlet(np.ones(len(points))) @ points
+    return thrown(points, 0.6 * hull.centroid + 0.4 * inner_point)
 
 
 def let_go(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
-    """States (n, 13) of bodies as they are let go."""
+    """Release states (n, 13) of throws."""
     return release_states(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
 
 
 def turns_of(states: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) from principal axes to the world."""
+    """Rotations (n, 3, 3) from principal axes to the world."""
     return Rotation.from_quat(states[:, 3:7], scalar_first=True).as_matrix()
 
 
 def turn_down(direction: ArrayLike) -> np.ndarray:
-    """A quaternion w, x, y, z that turns a direction (3,) of the body down."""
+    """Quaternion w, x, y, z that turns a direction (3,) of the body down."""
     turn, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [direction])
     return turn.as_quat(scalar_first=True)
 
 
 def fits(counts: ArrayLike, probabilities: ArrayLike) -> float:
-    """p-value of Pearson's test of probabilities."""
+    """p-value of Pearson's chi-squared test of counts against probabilities."""
     came = np.asarray(counts, dtype=np.float64)
     return float(stats.chisquare(came, came.sum() * np.asarray(probabilities)).pvalue)
 
 
 def alike(first: ArrayLike, second: ArrayLike) -> float:
-    """p-value of the test that two sets of counts are of one die; rare outcomes count together."""
+    """p-value of the chi-squared test of homogeneity; rare outcomes are merged."""
     both = np.array([first, second])
     rare = both.sum(axis=0) < 20
     if rare.any():
