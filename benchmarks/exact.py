@@ -94,7 +94,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         "probabilities s 7.3f | s 7.3f",
     )
     for recipe in read_recipes(options):
-        if recipe.method.concave is None and not recipe.method.thrown:
+        if recipe.method.concave is None and not recipe.method.is_thrown:
             row(*design_recipe(recipe))
     return all(one.is_solved for one in attempts)
 

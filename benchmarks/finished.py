@@ -104,8 +104,8 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             if recipe.method.concave is None or not WAYS[way]:
                 cells = finish(plain, larger, way)
                 row(recipe.name, way, *cells)
-                error = cells[2] if recipe.method.thrown else cells[3]
-                most = BY_MODEL if recipe.method.thrown else IN_FILE
+                error = cells[2] if recipe.method.is_thrown else cells[3]
+                most = BY_MODEL if recipe.method.is_thrown else IN_FILE
                 is_good &= error is None or (cells[0] == "converged" and error <= most)
     prints = options.prints or (150 if options.quick else 2000)
     dice = dict(list(DICE.items())[: 2 if options.quick else None])
@@ -114,7 +114,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
 
 def finish(plain: Work, recipe: Recipe, way: str) -> tuple[Any, ...]:
     """Status, errors, rounds, way moved and seconds of a checked die that is finished in a way."""
-    entries, changes = recipe.resolved(), WAYS[way]
+    entries, changes = recipe.as_dict(), WAYS[way]
     engrave = {**(entries["engrave"] or {}), **changes.get("engrave", {})}
     work = plain.copy()
     work.recipe = parse_recipe({**entries, **changes, "engrave": engrave})

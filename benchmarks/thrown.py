@@ -106,12 +106,12 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     recipes = read_recipes(options)
     with processes(options.jobs) as workers:
         if options.part in (None, "dice"):
-            thrown = [one for one in recipes if one.method.thrown]
+            thrown = [one for one in recipes if one.method.is_thrown]
             is_good = throw_recipes(thrown, options, workers, report)
         if options.part in (None, "momentum"):
             judge_model(options, workers, report)
         if options.part in (None, "simulators"):
-            plain = [recipe for recipe in recipes if not recipe.method.thrown]
+            plain = [recipe for recipe in recipes if not recipe.method.is_thrown]
             compare_simulators(plain, options, workers, report)
     return is_good
 

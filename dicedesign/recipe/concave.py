@@ -1,5 +1,4 @@
-"""`method: concave`: a surface that is bent until its hull and its center of mass have the
-probabilities."""
+"""`method: concave`: bend a surface until its hull and center of mass give the probabilities."""
 
 from __future__ import annotations
 
@@ -30,21 +29,19 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
 from dicedesign.tolerances import SAME_REST_ANGLE
 
-_LIMITS: Final = ("displacement", "attempts", "enough", "seconds")
-"""Options that say when a search ends, and not where it leads."""
+STOP_OPTIONS: Final = ("displacement", "attempts", "enough", "seconds")
+"""Options that end a search, without changing its path."""
 
 
 def design_concave(work: Work) -> Design:
-    """The die of a recipe, from its surface: the best of all attempts, be it as wanted or not, and
-    the surface as it came where none led to any.
+    """Design a die from the recipe's surface: the best of all attempts, or the unchanged surface.
 
-    Where results go to a folder, the state of the search is kept there after each attempt as
-    `CHECKPOINT`.
+    With a results folder, the state of the search is saved as `CHECKPOINT` after each attempt.
 
     Raises
     ------
-    InputError: the surface does not suit the target, or there is no checkpoint of the same search
-        to resume.
+    InputError: the surface does not suit the target, or there is no checkpoint of this search to
+        resume.
     """
     recipe, surface, options = work.recipe, work.surface, work.recipe.method.concave
     assert surface is not None
@@ -53,24 +50,24 @@ def design_concave(work: Work) -> Design:
     path = None if work.folder is None else work.folder / CHECKPOINT
     progress = ConcaveProgress(0, 0.0, None, (), ())
 
-    def tell(made: ConcaveProgress) -> None:
+    def report(latest: ConcaveProgress) -> None:
         nonlocal progress
-        progress, told = made, _told(made, options)
-        if path is not None and made.attempts > 0:
-            work.resume_note = f"{told}; run it again with --resume to go on"
-        work.callbacks.on_attempt(told)
+        progress, line = latest, _describe(latest, options)
+        if path is not None and latest.attempts > 0:
+            work.resume_note = f"{line}; run it again with --resume to go on"
+        work.callbacks.on_attempt(line)
 
-    def on_attempt(made: ConcaveProgress) -> None:
+    def on_attempt(latest: ConcaveProgress) -> None:
         if path is not None:
-            atomic_write(path, checkpoint_bytes(made, identity))
-        tell(made)
+            atomic_write(path, checkpoint_bytes(latest, identity))
+        report(latest)
 
     if work.resume and path is not None:
         progress = read_checkpoint(path, identity)
-    tell(progress)
+    report(progress)
     numbers = count(0)
     try:
-        made = make_concave_die(
+        die = make_concave_die(
             surface,
             target,
             options,
@@ -81,10 +78,10 @@ def design_concave(work: Work) -> Design:
             on_attempt=on_attempt,
         )
     except NoStartError:
-        made = _unchanged(surface, target, progress)
-    progress, best = made.progress, made.progress.best
-    center = None if made.hollow is None else made.hollow.center_of_mass
-    poses = rest_poses(make_body(made.after.points, made.after.triangles), center)
+        die = _keep_surface(surface, target, progress)
+    progress, best = die.progress, die.progress.best
+    center = None if die.hollow is None else die.hollow.center_of_mass
+    poses = rest_poses(make_body(die.after.points, die.after.triangles), center)
     work.search = Search(
         attempts=progress.attempts,
         seconds=progress.seconds,
@@ -93,11 +90,11 @@ def design_concave(work: Work) -> Design:
     )
     return Design(
         status=Status.UNCHANGED if best is None else Status.CONVERGED,
-        hull=made.hull,
-        directions=made.directions,
-        error=outcome_probabilities(poses, made.directions).error(target),
+        hull=die.hull,
+        directions=die.directions,
+        error=outcome_probabilities(poses, die.directions).error(target),
         steps=tuple(_step(number, step) for number, step in enumerate(progress.history)),
-        reshaped=made,
+        reshaped=die,
     )
 
 
@@ -108,9 +105,8 @@ def _step(number: int, step: ConcaveStep) -> Step:
 
 
 def _search_identity(recipe: Recipe, surface: Surface, options: ConcaveOptions) -> dict[str, str]:
-    """What a search for a die depends on, by kind: two with the same go the same way, though one
-    may end sooner."""
-    method = {name: value for name, value in asdict(options).items() if name not in _LIMITS}
+    """Texts that identify a search, by kind: equal ones take the same path."""
+    method = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
     if options.hollow is not None:
         method["size_mm"] = recipe.size_mm
     return {
@@ -123,10 +119,9 @@ def _search_identity(recipe: Recipe, surface: Surface, options: ConcaveOptions) 
     }
 
 
-def _unchanged(surface: Surface, target: Floats, progress: ConcaveProgress) -> ConcaveDie:
-    """The surface as it came, after a search that led to nothing. Its most probable rests are the
-    outcomes, the likelier for the likelier; where there are too few, the last outcomes have none.
-    """
+def _keep_surface(surface: Surface, target: Floats, progress: ConcaveProgress) -> ConcaveDie:
+    """Die of the unchanged surface, after a failed search. Its most probable rests are the
+    outcomes, matched by rank; if there are too few, the last outcomes have none."""
     poses = rest_poses(make_body(surface.points, surface.triangles))
     downs: list[Floats] = []
     for normal in poses.normals[np.argsort(-poses.probabilities, kind="stable")]:
@@ -143,16 +138,16 @@ def _trade_off(progress: ConcaveProgress, options: ConcaveOptions) -> TradeOff:
     return TradeOff(options.tolerance, options.apart_deg, options.margin_deg, progress.tried)
 
 
-def _told(progress: ConcaveProgress, options: ConcaveOptions) -> str:
-    """How far a search came, with its limits and what its best die is like, in one short line."""
+def _describe(progress: ConcaveProgress, options: ConcaveOptions) -> str:
+    """Line on the progress of a search and its best die."""
     done = f"{progress.attempts} of {options.attempts} attempts"
     if options.seconds is not None:
         done += f", {progress.seconds:.0f} of {options.seconds:g} s"
     best = progress.best
     if best is None:
         return f"{done}, no die yet"
-    lacks = _trade_off(progress, options).flaws(best.draft(progress.seconds))
+    flaws = _trade_off(progress, options).flaws(best.draft(progress.seconds))
     return (
         f"{done}, best moved by {100.0 * best.displacement:.2g} %, error {best.error:.1e}, "
-        f"{' and '.join(status.name.lower() for status in lacks) or 'as wanted'}"
+        f"{' and '.join(status.name.lower() for status in flaws) or 'no flaws'}"
     )

@@ -1,5 +1,4 @@
-"""The methods for convex dice, exact and paper; and the symmetry of a die whose recipe leaves it
-open."""
+"""Exact and paper methods for convex dice, and the choice of a symmetry."""
 
 from __future__ import annotations
 
@@ -35,29 +34,27 @@ from dicedesign.runtime.workers import one_tensor_thread
 if TYPE_CHECKING:
     from dicedesign.results.parts import RoundOfThrows
 
-TURNS: Final = 40
-"""Starting shapes of a group, or turns of a search for them, that are looked at."""
+MAX_SEARCH_TURNS: Final = 40
+"""Turns of the search for starting shapes with a symmetry."""
 
-TRIED: Final = 4
-"""How many of these are led to the probabilities."""
+MAX_SYMMETRIC_STARTS: Final = 4
+"""Starting shapes with a symmetry from which a design is tried."""
 
 
 def design_exact(work: Work) -> Design:
-    """The die of a recipe, from its start or from shapes that are searched.
-
-    Raises InputError if no start suits the target.
-    """
+    """Design a die from the recipe's start or from searched shapes. Raises InputError if no start
+    suits the target."""
     wanted = target_probabilities(work.recipe)
     return make_design(work, solver(work)(find_starts(work, wanted), wanted))
 
 
 def design_paper(work: Work) -> Design:
-    """The die of a recipe, from its start. Raises InputError if that does not suit the target."""
+    """Design a die from the recipe's start. Raises InputError if it does not suit the target."""
     from dicedesign.optimize.solvers.paper import solve_paper
 
     recipe, start = work.recipe, work.start
     center = normalized_center(recipe, start)
-    # Only the exact method searches.
+    # Only the exact method searches shapes.
     assert start is not None
     assert recipe.method.paper is not None
     result = solve_paper(
@@ -70,41 +67,40 @@ def design_paper(work: Work) -> Design:
         on_evaluation=make_shape_callback(work),
         on_candidate=make_shape_callback(work),
     )
-    return make_design(work, replace(result, directions=_own_directions(result, center)))
+    return make_design(work, replace(result, directions=_rest_directions(result, center)))
 
 
-def _own_directions(result: DesignResult, center: Floats | None) -> Floats:
-    """(k, 3) normals of the most probable rest of each cluster, whose mean may be no rest at all;
-    an empty cluster keeps its direction."""
+def _rest_directions(result: DesignResult, center: Floats | None) -> Floats:
+    """(k, 3) normals of the most probable rest of each cluster, as the mean of a cluster may be no
+    rest; an empty cluster keeps its direction."""
     hull, directions = result.hull, result.directions.copy()
     poses = analyze(hull, hull.centroid if center is None else center)
-    # Rests come the most probable first.
+    # Rests are sorted by descending probability.
     clusters, first = np.unique(cluster(poses.normals, directions).of_rest, return_index=True)
     directions[clusters] = poses.normals[first]
     return directions
 
 
 def choose_symmetry(work: Work) -> None:
-    """Give the recipe the most helpful point group (`fitting_groups`) that the start has and that
-    leads to the probabilities, or none."""
+    """Set the recipe's symmetry to the most helpful point group of the start with which a design
+    reaches the probabilities, or to none."""
     target, recipe = work.target, work.recipe
     with one_tensor_thread():
         for name in fitting_groups(target.probabilities):
             work.recipe = recipe.model_copy(update={"symmetry": name})
-            if _leads_there(work):
+            if _reaches_target(work):
                 break
         else:
             work.recipe = recipe.model_copy(update={"symmetry": None})
-            work.notes.append("symmetry: no point group was found that suits the target")
+            work.notes.append("symmetry: no point group suits the target")
             return
     equal = "all outcomes" if len(set(target.probabilities)) == 1 else "equally probable outcomes"
     work.notes.append(f"symmetry: {name}, which keeps {equal} equally frequent on every table")
 
 
-def _leads_there(work: Work) -> bool:
-    """Whether a start that is given has the recipe's symmetry, which carries outcomes to others as
-    probable; and one of a few starts with it leads to the probabilities, with no other
-    preference."""
+def _reaches_target(work: Work) -> bool:
+    """Whether the recipe's symmetry suits a given start and its labels, and one of a few starts
+    with it reaches the probabilities, without preferences."""
     from dicedesign.gradient.probability_model import TableSensitivity, ThrowProbabilities
 
     group, start, sensitivity = work.recipe.group(), work.start, None
@@ -116,32 +112,32 @@ def _leads_there(work: Work) -> bool:
             return False
         if orbits_of_directions(start.directions, group).max() + 1 == len(start.directions):
             return False
-    wanted, options = target_probabilities(work.recipe), exact_options(work.recipe)
-    quick = replace(options, prefer=Preferences(), starts=TRIED)
+    target, options = target_probabilities(work.recipe), exact_options(work.recipe)
+    quick = replace(options, prefer=Preferences(), starts=MAX_SYMMETRIC_STARTS)
     if options.probabilities == "thrown":
-        # Other tables do not matter for whether there is a die at all.
-        sensitivity = TableSensitivity(ThrowProbabilities.on(options.table_with_hand), (), wanted)
-    starts = islice(find_starts(work, wanted), TURNS)
+        # Other tables do not decide whether a die exists.
+        sensitivity = TableSensitivity(ThrowProbabilities.on(options.table_with_hand), (), target)
+    starts = islice(find_starts(work, target), MAX_SEARCH_TURNS)
     try:
-        result = solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)
+        result = solver(work)(starts, target, options=quick, sensitivity=sensitivity)
     except NoStartError:
         return False
     return result.status is Status.CONVERGED
 
 
 def target_probabilities(recipe: Recipe) -> Floats:
-    """(k,) target in the order of the start's directions."""
+    """(k,) target probabilities in the order of the start's directions."""
     return recipe.target.target().probabilities[recipe.outcome_of_direction()]
 
 
 def exact_options(recipe: Recipe) -> ExactOptions:
-    """The options of a recipe whose method is exact."""
+    """Options of the exact method."""
     assert recipe.method.exact is not None
     return recipe.method.exact
 
 
 def solver(work: Work) -> Callable[..., DesignResult]:
-    """`solve_exact` with all that a recipe says but the starts and the target."""
+    """`solve_exact` with all arguments of a recipe but starts and target."""
     recipe = work.recipe
     return partial(
         solve_exact,
@@ -156,26 +152,24 @@ def solver(work: Work) -> Callable[..., DesignResult]:
 
 
 def find_starts(work: Work, wanted: Floats) -> Iterator[Start | None]:
-    """What the solver begins with, one after the other, each of which a run's listener is told of;
-    None where nothing was found for a while."""
+    """Yield starting shapes and call `on_start` for each; None after a while without one."""
     recipe, group, prior = work.recipe, work.recipe.group(), work.recipe.density_prior()
-    found: Iterator[Start | None]
+    starts: Iterator[Start | None]
     if work.start is not None:
-        found = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
+        starts = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
     else:
         search = recipe.start.kind.search
         assert search is not None
-        found = search(recipe.start.options, wanted, group, recipe.seed)
+        starts = search(recipe.start.options, wanted, group, recipe.seed)
         if prior is not None:
-            found = (start and _ranked(start, wanted, prior) for start in found)
-    for number, start in enumerate(found):
+            starts = (start and _rank_outcomes(start, wanted, prior) for start in starts)
+    for number, start in enumerate(starts):
         work.callbacks.on_start(number)
         yield start
 
 
-def _ranked(start: Start, wanted: Floats, prior: Prior) -> Start:
-    """A shape whose outcomes, with probabilities (k,), have changed places: the likelier ones have
-    the rests that are likelier under a prior."""
+def _rank_outcomes(start: Start, wanted: Floats, prior: Prior) -> Start:
+    """Assign outcomes with probabilities (k,) to the rests of a shape by rank under a prior."""
     poses = rest_poses(start.points, "hull").under(prior)
     probabilities = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
     directions = np.empty_like(start.directions)
@@ -185,7 +179,7 @@ def _ranked(start: Start, wanted: Floats, prior: Prior) -> Start:
 
 
 def normalized_center(recipe: Recipe, start: Start | None) -> Floats | None:
-    """(3,) the given center of mass in the coordinates of `Start.points`; None for the uniform
+    """(3,) given center of mass in the coordinates of `Start.points`; None for the uniform
     solid."""
     if recipe.center_of_mass is None or start is None:
         return None
@@ -193,7 +187,7 @@ def normalized_center(recipe: Recipe, start: Start | None) -> Floats | None:
 
 
 def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, ...] = ()) -> Design:
-    """The die of a solver's result."""
+    """Convert a solver's result to a `Design`, with outcomes in the order of the target."""
     recipe = work.recipe
     die = Design(
         status=result.status,
@@ -213,13 +207,13 @@ def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, .
 
 
 def make_step_callback(work: Work) -> Callable[[DesignStep], None]:
-    """What tells a run's listener of a solver's steps."""
+    """Callback that passes steps of a solver to `on_step`."""
     return lambda step: work.callbacks.on_step(_step(step))
 
 
 def make_shape_callback(work: Work) -> Callable[[Any], None]:
-    """What tells a run's listener of the shapes of a solver, which have `rests` and `directions`
-    (k, 3) in the order of the start's."""
+    """Callback that passes shapes of a solver to `on_shape`; they have `rests` and `directions`
+    (k, 3) in the order of the start."""
     order = np.argsort(work.recipe.outcome_of_direction())
     return lambda shape: work.callbacks.on_shape(shape.rests.hull, shape.directions[order])
 

@@ -1,4 +1,4 @@
-"""From probabilities to a die in Python."""
+"""Design a die in Python."""
 
 from __future__ import annotations
 
@@ -21,22 +21,21 @@ if TYPE_CHECKING:
 
 
 class Die:
-    """A designed die, and what the file does that it makes.
+    """Designed die, and the assessment of its file.
 
-    Lengths are in millimeters, with the center of mass at the origin. Probabilities are those
-    without momentum, in the order of the labels: of the solid without its labels in double
-    precision here, of the same as a file holds it in `file`, and with the labels cut in in
-    `result.engraved`.
+    Lengths are in millimeters, with the center of mass at the origin. Probabilities are without
+    momentum, in the order of the labels: here of the plain solid in double precision, in `file` of
+    its file, and in `result.engraved` of the solid with labels.
     """
 
-    def __init__(self, checked: Work) -> None:
-        self._checked = checked
-        self._work = self._finished(checked.recipe)
+    def __init__(self, plain: Work) -> None:
+        self._plain = plain
+        self._work = self._finish(plain.recipe)
         self._result: Result | None = None
 
-    def _finished(self, recipe: Recipe) -> Work:
-        """The work up to the throws, of a recipe that differs in what comes after the check."""
-        work = self._checked.copy()
+    def _finish(self, recipe: Recipe) -> Work:
+        """Run the stages from the check to the throws with another recipe."""
+        work = self._plain.copy()
         work.recipe = recipe
         run_stages(work, after="check", last="throws")
         return work
@@ -46,7 +45,7 @@ class Die:
 
     @property
     def result(self) -> Result:
-        """All that is known of the die, as in result.json, with what a printer makes of it."""
+        """Content of result.json, with printability and tolerances."""
         if self._result is None:
             work = self._work.copy()
             run_stages(work, after="throws", last="tolerances")
@@ -55,7 +54,7 @@ class Die:
 
     @property
     def recipe(self) -> Recipe:
-        """What was asked for, with every default."""
+        """Recipe of the die, with every default."""
         return self._work.recipe
 
     def _repr_html_(self) -> str:
@@ -66,7 +65,7 @@ class Die:
 
     @property
     def status(self) -> str:
-        """ "converged", or in one word why the die does not meet its target."""
+        """ "converged", or the name of another `Status` in small letters."""
         return self._work.status.name.lower()
 
     @property
@@ -81,17 +80,18 @@ class Die:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Of the k outcomes."""
+        """Labels of the k outcomes."""
         return self._work.target.labels
 
     @property
     def target(self) -> Floats:
-        """(k,) wanted probabilities, summing to 1."""
+        """(k,) target probabilities, summing to 1."""
         return self._work.target.probabilities
 
     @property
     def probabilities(self) -> Floats:
-        """(k,) of the outcomes, as designed; what is missing to 1 lies on rests of no outcome."""
+        """(k,) probabilities of the outcomes as designed; the rest to 1 is on rests of no
+        outcome."""
         return self._work.solid.outcomes.probabilities
 
     @property
@@ -101,22 +101,22 @@ class Die:
 
     @property
     def file(self) -> Assessment:
-        """What the file of the solid without its labels does, in single precision."""
+        """Assessment of the file of the plain solid, in single precision."""
         return self._work.plain
 
     @property
     def history(self) -> tuple[Step, ...]:
-        """Every accepted step of the design, the first being the start."""
+        """Accepted steps of the design, beginning with the start."""
         return self._work.die.steps
 
     @property
     def is_engraved(self) -> bool:
-        """Whether the labels are cut in."""
+        """Whether the die has its labels."""
         return self.recipe.engrave is not None and self._work.engraved is not None
 
     @property
     def vertices(self) -> Floats:
-        """(n, 3) corners of the solid, with its labels and rounded edges where it has them."""
+        """(n, 3) vertices of the solid, with labels and rounded edges if it has them."""
         return self._solid.points
 
     @property
@@ -129,14 +129,13 @@ class Die:
         return self._work.engraved or self._work.solid
 
     def engrave(self, **options: Any) -> Die:
-        """Cut the labels in, anew if they were; edges stay rounded. The die itself is returned.
+        """Cut or replace the labels, keeping rounded edges, and return the die.
 
-        options: such as `depth_mm`, `font` or `content`, as in a recipe's `engrave`.
+        options: `depth_mm`, `font`, `content` and so on, as in a recipe's `engrave`.
 
-        Raises InputError for options that cannot be used, and EngravingError where a label does not
-        fit.
+        Raises InputError for invalid options, and EngravingError if a label does not fit.
         """
-        work = self._finished(parse_recipe({**self.recipe.resolved(), "engrave": options or True}))
+        work = self._finish(parse_recipe({**self.recipe.as_dict(), "engrave": options or True}))
         if work.engraved is None:
             raise EngravingError(work.remarks[-1])
         self._work, self._result = work, None
@@ -146,8 +145,8 @@ class Die:
         """Write the solid to a file in the format of its ending, one of `FILE_FORMATS`: .stl, .3mf,
         .obj, .glb, .ply, .off or .step.
 
-        Raises InputError for another ending, or where a library that the format needs is missing,
-        and OutputError where the file cannot be written.
+        Raises InputError for another ending or a missing library, and OutputError if the file
+        cannot be written.
         """
         from dicedesign.fabricate.file_formats import save_contents
         from dicedesign.recipe.output import die_contents
@@ -155,10 +154,9 @@ class Die:
         save_contents(Path(path), die_contents(self._work))
 
     def report(self, folder: Path | str) -> Result:
-        """Write what `run` leaves: the solids, result.json, recipe, figures and report.html.
+        """Write the files of `run`: solids, result.json, recipe, figures and report.html.
 
-        folder: made if missing; the die is called like it. Raises OutputError where it cannot be
-        written.
+        folder: made if missing; names the die. Raises OutputError if it cannot be written.
         """
         from dicedesign.results.folder import open_results_folder
 
@@ -188,41 +186,40 @@ def design(
     printing: bool | str | Mapping[str, Any] | None = None,
     on_step: Callable[[Step], None] | None = None,
 ) -> Die:
-    """Design a die. Nothing is written.
+    """Design a die, without writing files.
 
     Parameters
     ----------
     target: k probabilities above 0 that sum to 1, numbers or fractions such as "1/36"; a mapping
         such as `{"sum_of_dice": [6, 6]}`, `{"binomial": 4}` or `{"fair": 7}`; or a `Target`.
-    labels: of the outcomes, at most 24 characters each; the target's own by default.
-    start: of the recipe's starting shapes, a name or a mapping such as `{"prism": {"sides": 5}}`;
+    labels: labels of at most 24 characters; by default those of the target.
+    start: starting shape of a recipe, a name or a mapping such as `{"prism": {"sides": 5}}`;
         by default shapes are searched.
     method: "exact", the default, "paper" or "concave", or a mapping with its options such as
         `{"exact": {"prefer": {"margin": 1.0}}}`.
     center_of_mass: (3,) in the start's own coordinates; by default that of the uniform solid.
-    prior: how likely each direction is to be down at first, a recipe's `prior`, such as
-        "half:0,0,-1"; by default all alike.
-    symmetry: name of a point group that the die shall have, such as "C2" or "D3h".
-    numbering: of equally probable outcomes whose labels are numbers: "given", "standard" for
-        opposite facets that sum to a constant, or "balanced" for even sums around corners too.
-    seed: of everything random, at least 0.
+    prior: distribution of the direction that points down at release, a recipe's `prior`, such as
+        "half:0,0,-1"; by default uniform.
+    symmetry: point group of the die, such as "C2" or "D3h".
+    numbering: assignment of equally probable outcomes with numbers as labels: "given", "standard"
+        for opposite facets with a constant sum, or "balanced" for even sums around corners too.
+    seed: random seed, at least 0.
     size_mm: largest distance between two corners, above 0 and at most 1000.
-    engrave: whether the labels are cut in, or the options of that; by default not.
-    edges: whether edges are rounded, or the options of that; by default not.
-    printing: what it is printed with, a recipe's `print`: "fdm", "sla", "sls", or a mapping such as
+    engrave: whether to cut the labels, or options for that; by default not.
+    edges: whether to round the edges, or options for that; by default not.
+    printing: printer, a recipe's `print`: "fdm", "sla", "sls", or a mapping such as
         `{"printer": "sla", "infill": 0.2}`; by default "fdm".
     on_step: called after every accepted step.
 
     Raises
     ------
-    InputError: something cannot be used, the start does not suit the target, or a label does not
-        fit on a die that converged. A die that is not as wanted is returned all the same: see
-        `Die.status`.
-    NoStartError: no shape has a rest for each outcome, so that there is no die.
+    InputError: an argument is invalid, the start does not suit the target, or a label does not fit
+        a die that converged. A die that did not converge is returned, see `Die.status`.
+    NoStartError: no shape has a rest for each outcome.
     """
     given: dict[str, Any] = {
         "name": "die",
-        "target": _target_entries(target, labels),
+        "target": _make_target_entries(target, labels),
         "start": {start: {}} if isinstance(start, str) else start,
         "method": method,
         "center_of_mass": None if center_of_mass is None else [float(x) for x in center_of_mass],
@@ -241,16 +238,16 @@ def design(
 
 
 def design_recipe(recipe: Recipe, callbacks: Callbacks | None = None, last: str = "throws") -> Work:
-    """The work of a recipe up to and with a stage; nothing is written. Raises as `design`."""
+    """Run a recipe up to and including a stage, without writing files. Raises as `design`."""
     work = Work(recipe, None, callbacks or Callbacks())
     run_stages(work, last=last)
     return work
 
 
-def _target_entries(
+def _make_target_entries(
     target: Target | Mapping[str, Any] | Sequence[float | str], labels: Sequence[str] | None
 ) -> dict[str, Any]:
-    """The entries of a recipe's `target`."""
+    """Entries of a recipe's `target`."""
     if isinstance(target, Target):
         entries: dict[str, Any] = {
             "probabilities": target.probabilities.tolist(),

@@ -1,5 +1,5 @@
-"""Stages engrave and inside: the finished die with its edges and labels, led to the target, what is
-inside of it, and what its file does."""
+"""Stages engrave and inside: edges, labels, and what moves the center of mass, with the checked
+file."""
 
 from __future__ import annotations
 
@@ -38,38 +38,35 @@ from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.tables import load_table
 from dicedesign.tolerances import FILE_PROBABILITIES
 
-LEFT: Final = 1e-9
-"""Largest |p - q| that moving facets may leave."""
+MAX_ERROR: Final = 1e-9
+"""Largest |p - q| after moving facets."""
 
-LEFT_THROWN: Final = 1e-3
-"""The same of probabilities by a momentum model, which is itself ten times as far from simulated
-throws; it has kinks, at which facets may be stuck."""
+MAX_THROWN_ERROR: Final = 1e-3
+"""Largest |p - q| by a momentum model, whose kinks can stop the facets; its own error is ten times
+larger."""
 
-STILL: Final = 1e-9
-"""Distance, over the size of a die, by which facets have not been moved."""
+MIN_RELATIVE_MOVE: Final = 1e-9
+"""Distance over die size below which facets count as unmoved."""
 
-MET_BY_STRETCH: Final = 6
-"""Outcomes whose probabilities a stretch can meet exactly."""
+MAX_STRETCHED_OUTCOMES: Final = 6
+"""Number of outcomes whose probabilities a stretch can meet exactly."""
 
-CHANGED: Final = 0.05
-"""Relative change of an outcome's probabilities by labels and edges that is told."""
+NOTED_CHANGE: Final = 0.05
+"""Relative change of a probability by labels and edges that gets a note."""
 
-RARE: Final = 1e-3
-"""Part of the wanted probabilities of an outcome, below which changes are told as parts of
-these."""
+RARE_SHARE: Final = 1e-3
+"""Share of its target below which a probability's change is relative to the target."""
 
 
 def engrave(work: Work) -> None:
-    """Make die.stl: edges rounded; each label where the die is read, or in the side that is up then
-    where the die keeps the shape of a surface; and the shape moved until the probabilities are the
-    target's. Read it back.
+    """Make die.stl with rounded edges and labels, adjust the shape until it has the target
+    probabilities, and read it back.
 
-    Raises InputError if the die converged and a label has no place on it; one that did not
-    converge, and may be no solid, only says so.
+    Raises InputError if a label does not fit a die that converged; otherwise adds a remark.
     """
     try:
         if work.die.reshaped is None:
-            _make_convex(work)
+            _finish_convex(work)
         else:
             _mark_surface(work)
     except InputError as error:
@@ -80,51 +77,53 @@ def engrave(work: Work) -> None:
         work.remarks.append(f"not engraved: {error}")
 
 
-def _make_convex(work: Work) -> None:
-    """The finished object of a convex die."""
+def _finish_convex(work: Work) -> None:
+    """Finish a convex die."""
     options, edges, solid = work.recipe.engrave, work.recipe.edges, work.solid
-    given, is_thrown = solid.center_of_mass, work.recipe.method.thrown
+    given, is_thrown = solid.center_of_mass, work.recipe.method.is_thrown
     core = core_of(solid.poses, edges)
     placements: list[Placement] = []
     if options is not None:
         work.reading, placements = place_on_facets(
             solid.poses, solid.outcomes.main, core, work.target.labels, options
         )
-    made = ConvexObject(options, edges, None if given is None else given - core.centroid)
+    finish = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or is_thrown):
-        # Labels do not change what the die stands on.
-        _finish(work, made.make_engraved(core, placements), made.place_labels(placements), core)
+        # Labels do not change the hull.
+        _finish(work, finish.make_engraved(core, placements), finish.place_labels(placements), core)
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    measure, model, target = _measure(work, made, core)
+    measure, model, target = _choose_measure(work, finish, core)
     directions = work.die.directions
-    end = reshaped(core, directions, placements, target, made, measure, rounds=rounds, model=model)
+    end = reshaped(
+        core, directions, placements, target, finish, measure, rounds=rounds, model=model
+    )
     work.balance = Balance(
         by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
     )
-    placed, center = made.place_labels(end.placements), end.measured.center_of_mass
-    is_left = min(end.errors) > LEFT and len(target) <= MET_BY_STRETCH
+    placed, center = finish.place_labels(end.placements), end.measured.center_of_mass
+    is_left = min(end.errors) > MAX_ERROR and len(target) <= MAX_STRETCHED_OUTCOMES
     if by == "fill":
-        marked = made.make_engraved(end.core, end.placements)
-        inlay = made.inlay(end.core, end.placements)
+        marked = finish.make_engraved(end.core, end.placements)
+        inlay = finish.inlay(end.core, end.placements)
         _finish(work, marked, placed, end.core, center, inlay)
     elif rounds and is_left and given is None and not is_thrown:
-        # Symmetric shapes whose corners fall apart when single facets move, and those with several
-        # facets an outcome.
+        # Symmetric shapes whose corners split when single facets move, and shapes with several
+        # facets per outcome.
         _finish_stretched(work, end.surface, placed, by, end.core)
     else:
         _finish(work, end.surface, placed, end.core, center)
 
 
-def _measure(
-    work: Work, made: ConvexObject, core: ConvexHull
+def _choose_measure(
+    work: Work, finish: ConvexObject, core: ConvexHull
 ) -> tuple[Callable[[Surface, Floats], Measured], ProbabilityModel | None, Floats]:
-    """How an object is measured, the model by which it is reshaped, and its target (k,): for a die
-    to be thrown the probabilities that the plain shape has by the momentum model."""
+    """Measure and probability model for reshaping, and the target (k,). The target of a thrown die
+    is the momentum model's probabilities of the plain shape."""
     given, table = work.solid.center_of_mass, work.recipe.method.table
     if given is not None or table is None:
-        offset = None if given is None else given - made.make_unlabeled(core).centroid
+        offset = None if given is None else given - finish.make_unlabeled(core).centroid
         prior = work.die.prior
         model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
         return measure_resting(prior, offset), model, work.target.probabilities
@@ -134,7 +133,7 @@ def _measure(
 
 
 def _mark_surface(work: Work) -> None:
-    """The finished object of a die that keeps the shape of a surface."""
+    """Engrave marks into a concave die."""
     from dicedesign.fabricate.marks import engrave_marks
 
     options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
@@ -157,7 +156,7 @@ def _finish_stretched(
     by: str,
     core: ConvexHull | None = None,
 ) -> None:
-    """The object of a surface, stretched until it has the probabilities."""
+    """Stretch a surface until it has the probabilities, and finish it."""
     center = surface.centroid
     surface = surface.with_points(surface.points - center)
     end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
@@ -183,10 +182,10 @@ def _finish(
     center: Floats | None = None,
     inlay: Surface | None = None,
 ) -> None:
-    """Make die.stl and judge it.
+    """Make die.stl and assess it.
 
-    core: see `Solid`; center: (3,) point to put at the origin, or None to leave the surface where
-    it is; inlay: bodies that fill the labels, which have a file of their own.
+    core: see `Solid`; center: (3,) point to move to the origin, or None to keep the place; inlay:
+    bodies that fill the labels, written to their own file.
     """
     if center is not None:
         surface = surface.with_points(surface.points - center)
@@ -214,16 +213,16 @@ def _finish(
 
 
 def _describe(work: Work, verdict: Assessment) -> None:
-    """The probabilities of the finished die, in words; it has not converged where they are off the
-    target though its shape was to be moved to that."""
-    recipe, balance, is_thrown = work.recipe, work.balance, work.recipe.method.thrown
-    plain, wanted = work.plain.outcomes.probabilities, work.target.probabilities
-    # A die that is no success may have next to no probabilities of an outcome.
+    """Add remarks and notes on the finished die, and fail it if its probabilities miss the target
+    although its shape was adjusted."""
+    recipe, balance, is_thrown = work.recipe, work.balance, work.recipe.method.is_thrown
+    plain, target = work.plain.outcomes.probabilities, work.target.probabilities
+    # A failed die may have nearly zero probability of an outcome.
     changes = np.abs(verdict.outcomes.probabilities - plain) / np.where(
-        plain > RARE * wanted, plain, wanted
+        plain > RARE_SHARE * target, plain, target
     )
     most = int(changes.argmax())
-    if changes[most] > CHANGED:
+    if changes[most] > NOTED_CHANGE:
         work.notes.append(
             f"the finished die differs from the plain one in the probabilities of "
             f"{work.target.labels[most]} by {changes[most]:.0%}; take a smaller depth_mm or a "
@@ -237,9 +236,9 @@ def _describe(work: Work, verdict: Assessment) -> None:
     if balance is None or balance.by == "none" or work.status is not Status.CONVERGED:
         return
     is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_PROBABILITIES)
-    if min(balance.errors) > LEFT_THROWN if is_thrown else is_off:
+    if min(balance.errors) > MAX_THROWN_ERROR if is_thrown else is_off:
         work.fail(Status.UNBALANCED)
-    elif recipe.symmetry is not None and balance.moved_mm > STILL * recipe.size_mm:
+    elif recipe.symmetry is not None and balance.moved_mm > MIN_RELATIVE_MOVE * recipe.size_mm:
         work.notes.append(
             f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
             f"by up to {balance.moved_mm:.2g} mm to keep the probabilities"
@@ -247,11 +246,10 @@ def _describe(work: Work, verdict: Assessment) -> None:
 
 
 def fill_inside(work: Work) -> None:
-    """Make die.stl once more, of the solid with its labels and edges, with its center of mass where
-    it was given; read it back and judge it.
+    """Move the center of mass to the given place by a cavity or infill, rewrite die.stl, and assess
+    it.
 
-    Raises InputError if the die converged and nothing inside of it can do that; one that did not
-    only says so.
+    Raises InputError if that is impossible for a die that converged; otherwise adds a remark.
     """
     from dicedesign.balance.ways import move_center, read_back
 
@@ -261,33 +259,35 @@ def fill_inside(work: Work) -> None:
     assert body.triangles is not None
     surface = Surface(body.points, body.triangles)
     try:
-        # The center that was given is at the origin.
-        made = move_center(surface, np.zeros(3), options.by, options)
+        # The given center is at the origin.
+        filled = move_center(surface, np.zeros(3), options.by, options)
     except InputError as error:
         if work.status is Status.CONVERGED:
             raise InputError(f"inside: {error}") from error
         work.remarks.append(f"nothing inside: {error}")
         return
-    assert made.body.triangles is not None
-    work.files |= {f"die{rest}" if rest else "die.stl": data for rest, data in made.files.items()}
-    # A cavity is judged by the file alone.
-    center = None if options.by == "cavity" else made.center
-    verdict = assess_file(made.files[""], work.die.directions, work.target, center, work.die.prior)
+    assert filled.body.triangles is not None
+    work.files |= {f"die{rest}" if rest else "die.stl": data for rest, data in filled.files.items()}
+    # The file alone determines a die with a cavity.
+    center = None if options.by == "cavity" else filled.center
+    verdict = assess_file(
+        filled.files[""], work.die.directions, work.target, center, work.die.prior
+    )
     work.engraved = replace(
         work.engraved or work.solid,
-        points=made.body.points,
-        triangles=made.body.triangles,
+        points=filled.body.points,
+        triangles=filled.body.triangles,
         assessment=verdict,
     )
     work.inside = Inside(
         by=options.by,
         shift_mm=float(norms(surface.centroid)),
-        off_mm=float(norms(made.center)),
-        wall_mm=made.wall_mm,
-        details=dict(made.facts),
-        notes=made.notes,
+        off_mm=float(norms(filled.center)),
+        wall_mm=filled.wall_mm,
+        details=dict(filled.facts),
+        notes=filled.notes,
     )
-    work.notes += made.notes
+    work.notes += filled.notes
     work.remarks.append(f"{verdict.max_abs_error:.3g} with its center of mass by {options.by}")
-    if verdict.max_abs_error > max(method.tolerance, FILE_PROBABILITIES) and not method.thrown:
+    if verdict.max_abs_error > max(method.tolerance, FILE_PROBABILITIES) and not method.is_thrown:
         work.fail(Status.OFF_TARGET)

@@ -1,5 +1,4 @@
-"""Stages printing, tolerances, files, figures, data sheet and report: how the finished die is
-printed, and the files about it."""
+"""Stages printing, tolerances, files, figures, data sheet and report."""
 
 from __future__ import annotations
 
@@ -49,25 +48,27 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 
 def prepare_print(work: Work) -> None:
-    """Judge the file that is printed, and make die_oriented.stl where it is wanted."""
-    options, engraving, made = work.recipe.print, work.recipe.engrave, work.engraved
+    """Check printability, and make die_oriented.stl if the recipe has `oriented`."""
+    options, engraving, engraved = work.recipe.print, work.recipe.engrave, work.engraved
     assert options is not None
     plain, body, poses = work.plain, work.plain.body, work.plain.poses
-    if made is not None:
+    if engraved is not None:
         points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
         body = make_body(points, triangles, "die.stl", single_precision=True)
-        # Of the rounded body too, where the center of mass was given.
+        # A given center of mass holds for the rounded body too.
         given = work.solid.center_of_mass
-        poses = rest_poses(body, given) if made.assessment is None else made.assessment.poses
-    placements = () if made is None else made.placements
+        poses = (
+            rest_poses(body, given) if engraved.assessment is None else engraved.assessment.poses
+        )
+    placements = () if engraved is None else engraved.placements
     labels = tuple(placement.text for placement in placements)
     normals = np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
     designed = shape = None
     if work.die.reshaped is None:
         designed = convex_hull(work.solid.hull_points)
     else:
-        if made is not None:
-            # Marks are on the side that is up.
+        if engraved is not None:
+            # Marks are on top.
             labels, normals = work.target.labels, -plain.poses.normals[plain.outcomes.main]
         if work.solid.is_printable:
             assert plain.body.triangles is not None
@@ -85,19 +86,18 @@ def prepare_print(work: Work) -> None:
         placements=placements,
         depth=0.0 if engraving is None else engraving.depth_mm,
         raised=engraving is not None and engraving.style == "raised",
-        filling_mm3=0.0 if made is None or made.inlay is None else made.inlay.volume,
+        filling_mm3=0.0 if engraved is None or engraved.inlay is None else engraved.inlay.volume,
     )
-    work.printability = found = printability(die, options)
-    work.notes += found.warnings
+    work.printability = printability(die, options)
+    work.notes += work.printability.warnings
     if options.oriented:
-        placement = np.array(found.placement)
+        placement = np.array(work.printability.placement)
         points = body.points @ placement[:3, :3].T + placement[:3, 3]
         work.files["die_oriented.stl"] = stl_bytes(points, body.triangles)
 
 
 def find_tolerances(work: Work) -> None:
-    """Say how far the probabilities of prints are from those of the file, with labels if it has
-    them, and what infill does to them if the recipe has some."""
+    """Compute how printing errors, and infill if the recipe has some, change the probabilities."""
     verdict, target, options = work.final, work.target.probabilities, work.recipe.print
     table, has_planes = work.recipe.method.table, work.die.reshaped is None
     assert options is not None
@@ -106,19 +106,19 @@ def find_tolerances(work: Work) -> None:
     body, poses = verdict.body, verdict.poses
     core = None if work.engraved is None else work.engraved.core
     if work.recipe.edges is not None and core is not None:
-        # What rounds an edge moves with the facets beside it, which the core has alone, and with
-        # the finished die's center of mass its probabilities too.
+        # Rounded edges move with the facets beside them, so the core stands for the die, with the
+        # center of mass of the finished die.
         body = make_body(core.vertices, core.triangles)
         poses = analyze(core, poses.center_of_mass, poses.center_of_mass_source)
         poses = poses.under(work.die.prior)
-    # Of the printer where the die lies on its bed as is best.
+    # Axes of the printer, for the best orientation.
     axes = np.array(work.printability.placement)[:3, :3]
     errors, directions = options.expected_errors, work.die.directions
     spread = ProbabilitySpread.of(
         body, poses, directions, errors, model, has_planes=has_planes, axes=axes
     )
-    # The probabilities of throws are known from counts alone: what they lack is in doubt. And the
-    # momentum model jumps where a corner of several facets falls apart, which dice do not.
+    # Thrown probabilities are known from counts only, so their bias is uncertain. Also, the
+    # momentum model jumps where a corner of several facets splits, which real dice do not.
     bias = verdict.outcomes.probabilities - target if table is None else np.zeros(len(target))
     work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
     if options.infill < 1.0:
@@ -129,24 +129,24 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None
     engrave, marked = work.recipe.engrave, None if verdict is work.plain else work.engraved
     unknown = None
     if work.die.reshaped is not None:
-        unknown = "that keeps the shape of a surface"
+        unknown = "by the concave method"
     elif work.solid.center_of_mass is not None:
         unknown = "whose center of mass is given"
     elif marked is not None and engrave is not None and engrave.balance == "opposite":
         unknown = "whose hidden hollow has walls of its own"
     if unknown is not None:
         work.notes.append(
-            f"what infill does to a die {unknown} is not computed: its probabilities are those of "
-            "100 %"
+            f"the effect of infill on a die {unknown} is not computed: its probabilities are for "
+            "100 % infill"
         )
         return
     body, hull, pockets = verdict.body, verdict.poses.hull, []
     assert body.triangles is not None
     if marked is not None and engrave is not None:
-        # It brings a library of solids along.
+        # It imports manifold3d.
         from dicedesign.fabricate.engraving import cut_sections
 
-        # Labels that were stretched along with the die may run into their borders by more.
+        # Stretched labels may overlap their borders more.
         cut = cut_sections(hull, marked.placements, engrave, joined=1.0)
         pockets = pocket_walls(cut, engrave.depth_mm, options.walls_mm)
     work.infill = infill_probabilities(
@@ -161,11 +161,10 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None
 
 
 def write_files(work: Work) -> None:
-    """Make the die's files beside the STL, and read each back. One that would not have the
-    probabilities of the die, or whose format cannot hold it, is left out, and the die has not
-    converged."""
+    """Make the die's files in other formats, and read each back. A file with other probabilities,
+    or a format that cannot hold the die, is skipped, and the die fails."""
     contents = die_contents(work)
-    probabilities = _probabilities(work, *join_parts(contents.parts))
+    probabilities = _compute_probabilities(work, *join_parts(contents.parts))
     for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
         name = f"{_stem(work)}.{kind.name}"
         try:
@@ -174,7 +173,9 @@ def write_files(work: Work) -> None:
                 path = Path(folder, name)
                 path.write_bytes(data)
                 off = float(
-                    np.abs(_probabilities(work, *kind.read_back(path)) - probabilities).max()
+                    np.abs(
+                        _compute_probabilities(work, *kind.read_back(path)) - probabilities
+                    ).max()
                 )
             if not off <= kind.same_probabilities:
                 raise InputError(
@@ -189,7 +190,7 @@ def write_files(work: Work) -> None:
 
 
 def die_contents(work: Work) -> Contents:
-    """The printed die with all that files tell of it."""
+    """Solids and metadata of the finished die."""
     verdict = work.plain if work.engraved is None else work.engraved.assessment
     labels, target = work.target.labels, work.target.probabilities
     stl = f"{_stem(work)}.stl"
@@ -203,16 +204,16 @@ def die_contents(work: Work) -> Contents:
     if verdict is not None:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
-    return Contents(work.recipe.name, _parts(work), facts)
+    return Contents(work.recipe.name, _make_parts(work), facts)
 
 
 def _stem(work: Work) -> str:
-    """Name of the files of the printed die, without the ending."""
+    """File name of the finished die without its ending."""
     return "die_plain" if work.engraved is None else "die"
 
 
-def _parts(work: Work) -> list[Part]:
-    """The bodies of the printed die."""
+def _make_parts(work: Work) -> list[Part]:
+    """Bodies of the finished die."""
     plain, marked, options = work.solid, work.engraved, work.recipe.engrave
     solid = marked or plain
     body = Part("die", BODY_COLOR, solid.points, solid.triangles)
@@ -220,7 +221,7 @@ def _parts(work: Work) -> list[Part]:
         return [body]
     if marked.inlay is not None:
         return [body, Part("labels", LABEL_COLOR, marked.inlay.points, marked.inlay.triangles)]
-    # It brings a library of solids along.
+    # It imports manifold3d.
     from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
 
     surface = Surface(body.points, body.triangles)
@@ -232,25 +233,25 @@ def _parts(work: Work) -> list[Part]:
     return [replace(body, labels=labels)]
 
 
-def _probabilities(work: Work, points: Floats, triangles: Integers) -> Floats:
-    """(k,) probabilities of the outcomes of a solid in the coordinates of the die."""
+def _compute_probabilities(work: Work, points: Floats, triangles: Integers) -> Floats:
+    """(k,) probabilities of the outcomes of a solid in the die's coordinates."""
     poses = rest_poses(make_body(points, triangles), work.solid.center_of_mass)
     return outcome_probabilities(poses, work.die.directions).probabilities
 
 
 FIGURES_SHOWN: Final = ("faces", "rests", "reading")
-"""Figures of the report that the sheet shows where there is room."""
+"""Figures of the report on the data sheet, if there is room."""
 
 
 def draw_figures(work: Work) -> None:
-    """Draw the figures that are wanted of the die."""
+    """Draw the figures that apply to the die."""
     work.images = figure_files(make_finished_die(work))
     suffixes = {figure.name: figure.suffix for figure in FIGURES}
     work.files |= {f"{name}{suffixes[name]}": data for name, data in work.images.items()}
 
 
 def write_data_sheet(work: Work) -> None:
-    """Make data_sheet.pdf and data_sheet.png of the result and the figures."""
+    """Make data_sheet.pdf and data_sheet.png from the result and the figures."""
     from dicedesign.report.data_sheet import data_sheet, four_views, sheet_facts, sheet_pdf
     from dicedesign.report.raster import decode_png
     from dicedesign.report.renderer import Surface
@@ -269,7 +270,7 @@ def write_data_sheet(work: Work) -> None:
 
 
 def write_page(work: Work) -> None:
-    """Make report.html of the result, the printed die and the figures."""
+    """Make report.html from the result, the finished die and the figures."""
     from dicedesign.report.pages import die_page, live_die
 
     die = make_finished_die(work)
@@ -278,7 +279,7 @@ def write_page(work: Work) -> None:
 
 
 def make_finished_die(work: Work) -> FinishedDie:
-    """The die of a run as figures draw it."""
+    """Data of the finished die for figures."""
     mesh = work.recipe.start.mesh
     return FinishedDie(
         result=work.result(),

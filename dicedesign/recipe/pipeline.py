@@ -159,14 +159,14 @@ class Work:
     @property
     def design_error(self) -> float:
         """Largest |p - q| as designed, by the method's own probability model."""
-        if self.recipe.method.thrown:
+        if self.recipe.method.is_thrown:
             return self.die.error
         return self.solid.outcomes.max_abs_error(self.target.probabilities)
 
     @property
     def message(self) -> str:
         """Verdict in one sentence, followed by status and remarks."""
-        thrown = self.recipe.method.thrown
+        thrown = self.recipe.method.is_thrown
         subject = "By the momentum model the die" if thrown else "The file"
         error = self.design_error if thrown else self.final.max_abs_error
         # In percent, rounded up to one digit, without an exponent.
@@ -280,7 +280,7 @@ def _load_method(work: Work) -> Callable[[Work], Any]:
     # Some hulls need it; import it outside the time of the design.
     import_module("dicedesign.geometry.hulls.numpy_hull")
     method = work.recipe.method
-    return _load(METHODS["thrown" if method.thrown else method.name])
+    return _load(METHODS["thrown" if method.is_thrown else method.name])
 
 
 def _run_method(work: Work) -> None:
@@ -316,7 +316,7 @@ STAGES: Final[Registry[Stage]] = Registry(
         Stage(
             "numbering",
             "assigns equally probable outcomes to facets so that the numbers are balanced",
-            "dicedesign.recipe.solid:number",
+            "dicedesign.recipe.solid:assign_numbers",
             lambda work: work.recipe.numbering != "given",
         ),
         Stage(
@@ -355,7 +355,7 @@ STAGES: Final[Registry[Stage]] = Registry(
             "throws",
             "throws the finished die onto its table, with new random numbers",
             "dicedesign.recipe.thrown:throw",
-            lambda work: work.recipe.method.thrown,
+            lambda work: work.recipe.method.is_thrown,
         ),
         Stage(
             "printing",

@@ -129,7 +129,7 @@ def parse_recipe(data: Mapping[str, Any]) -> Recipe:
 
 def recipe_text(recipe: Recipe) -> str:
     """YAML of a recipe with every default and absolute paths."""
-    return yaml.safe_dump(recipe.resolved(), sort_keys=False, allow_unicode=True)
+    return yaml.safe_dump(recipe.as_dict(), sort_keys=False, allow_unicode=True)
 
 
 class _Loader(yaml.SafeLoader):

@@ -1,8 +1,4 @@
-"""A recipe as checked options.
-
-The parts of the schema that are options of the method or the engraving are the option classes
-themselves; only what a file adds to them is described here.
-"""
+"""Recipe schema. Its parts for methods, engraving and so on are the option dataclasses."""
 
 from __future__ import annotations
 
@@ -38,29 +34,28 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import LEAST_MM, MOST_MM
 
 NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
-"""Of a die, and of the folder of its results."""
+"""Pattern of the name of a die and its results folder."""
 
 AUTO: Final = "auto"
-"""A symmetry that is found once the recipe runs."""
+"""Value of `symmetry` that is resolved during the run."""
 
-LEAST_DEPTH: Final = 1e-6
-"""Smallest depth of labels over the size of the die; files in single precision round what is not
-much smaller."""
+MIN_RELATIVE_DEPTH: Final = 1e-6
+"""Minimum label depth over die size; STL files round coordinates to about a tenth of it."""
 
-MARKED: Final = (("engraved", "shape"), ("engraved", "none"))
-"""Style and balance of marks on a die that keeps the shape of a surface."""
+CONCAVE_MARKS: Final = (("engraved", "shape"), ("engraved", "none"))
+"""Pairs of style and balance that a concave die can have."""
 
 
 @dataclass(frozen=True)
 class StartRecipe:
-    """`start`: one starting shape, or a search for some; see `STARTS`.
+    """`start`: a starting shape, or a search for shapes; see `STARTS`.
 
     Attributes
     ----------
-    name: the key of the start.
-    options: what is said of it.
+    name: key of the start.
+    options: its options.
 
-    The key is an attribute too: `start.mesh` has the options of a mesh, or is None for another.
+    `start.mesh` returns the options if the key is "mesh", else None; likewise for other keys.
     """
 
     name: str
@@ -73,7 +68,7 @@ class StartRecipe:
 
     @property
     def kind(self) -> StartKind:
-        """Kind of the start."""
+        """Extension of the start."""
         return STARTS[self.name]
 
     @classmethod
@@ -86,12 +81,12 @@ class StartRecipe:
             name = model.one_of(*keys.model_fields)
             return cls(name, getattr(model, name))
 
-        def written(start: StartRecipe) -> dict[str, Any]:
+        def dump(start: StartRecipe) -> dict[str, Any]:
             options = TypeAdapter(start.kind.options).dump_python(start.options, mode="json")
             return {start.name: options}
 
         return core_schema.no_info_plain_validator_function(
-            read, serialization=core_schema.plain_serializer_function_ser_schema(written)
+            read, serialization=core_schema.plain_serializer_function_ser_schema(dump)
         )
 
     @classmethod
@@ -101,12 +96,12 @@ class StartRecipe:
 
 
 def _start_keys() -> type[Strict]:
-    """A model with a key for each start that is registered now."""
-    return _keys_of(tuple((kind.name, kind.options) for kind in STARTS))
+    """Model with a key for each registered start."""
+    return _make_keys(tuple((kind.name, kind.options) for kind in STARTS))
 
 
 @cache
-def _keys_of(kinds: tuple[tuple[str, Any], ...]) -> type[Strict]:
+def _make_keys(kinds: tuple[tuple[str, Any], ...]) -> type[Strict]:
     keys: dict[str, Any] = {name: (options | None, None) for name, options in kinds}
     return create_model("StartKeys", __base__=Strict, **keys)
 
@@ -116,8 +111,8 @@ METHODS: Final = ("exact", "paper", "concave")
 
 
 class MethodRecipe(Strict):
-    """`method`: how the die is found: `exact` unless it says `paper`, or `concave` for a die that
-    keeps the shape of its start. A word alone is the method with all its defaults."""
+    """`method`: `exact` (default), `paper`, or `concave` for a die that keeps the shape of its
+    start. A name alone stands for the method with its defaults."""
 
     exact: ExactOptions | None = Field(default_factory=ExactOptions)
     paper: PaperOptions | None = None
@@ -139,19 +134,18 @@ class MethodRecipe(Strict):
 
     @property
     def name(self) -> str:
-        """The key of the method."""
+        """Key of the method."""
         return self.one_of(*METHODS)
 
     @property
-    def thrown(self) -> bool:
-        """True where the target is meant for a die that is thrown onto a table."""
+    def is_thrown(self) -> bool:
+        """Whether the target holds for throws onto a table."""
         return self.exact is not None and self.exact.probabilities == "thrown"
 
     @property
     def table(self) -> str | None:
-        """Name of the table that the die is thrown onto, with the way to throw, for `load_table`;
-        None for a die whose target is meant without momentum."""
-        return self.exact.table_with_hand if self.exact is not None and self.thrown else None
+        """Table name with throw distribution; None for probabilities without momentum."""
+        return self.exact.table_with_hand if self.exact is not None and self.is_thrown else None
 
     @property
     def tolerance(self) -> float:
@@ -163,16 +157,16 @@ class MethodRecipe(Strict):
         return options.tolerance
 
 
-def _known_prior(text: str | None) -> str | None:
+def _check_prior(text: str | None) -> str | None:
     if text is not None and not isinstance(read_prior(text), DensityPrior):
         raise ValueError(
-            f"expected a density, which has derivatives to design by, got {text!r}; `dicedesign "
-            "rest` says which vmf density is nearest to samples"
+            f"expected a density, which is differentiable, got {text!r}; `dicedesign rest` prints "
+            "the vmf density nearest to samples"
         )
     return text
 
 
-def _known_group(name: str | None) -> str | None:
+def _check_group(name: str | None) -> str | None:
     if name not in (None, AUTO):
         point_group(name)
     return name
@@ -183,13 +177,13 @@ def _word(word: str, meaning: object) -> BeforeValidator:
 
 
 def _list_names(names: object) -> object:
-    """A word as a list of one; a bare `off` is false in YAML."""
-    listed = names if isinstance(names, list) else [names]
-    return ["off" if name is False else name for name in listed]
+    """Wrap a single name in a list; YAML reads a bare `off` as false."""
+    names = names if isinstance(names, list) else [names]
+    return ["off" if name is False else name for name in names]
 
 
 def _switch(key: str | None = None) -> BeforeValidator:
-    """`true` as all defaults, `false` as none, and a word as the value of a key."""
+    """Read `true` as all defaults, `false` as None, and a word as the value of `key`."""
 
     def read(value: object) -> object:
         if key is not None and isinstance(value, str):
@@ -204,38 +198,35 @@ class Recipe(Strict):
 
     Attributes
     ----------
-    name: folder name of the results.
-    seed: of everything random, below 2^64.
-    target: the outcomes and their probabilities.
-    start: a shape to begin with; shapes are searched, unless given.
+    name: name of the die and of its results folder.
+    seed: random seed, below 2^64.
+    target: outcomes and their probabilities.
+    start: initial shape; by default shapes are searched.
     assignment: labels in the order of the start's directions; None, "in_order" in a file, for the
-        order of the target; empty, "any" in a file, for one order after the other, at random, until
-        one leads there.
-    numbering: of outcomes that are equally probable, where their labels are numbers: "given" as
-        assigned, "standard" for opposite facets that sum to a constant where the shape allows,
-        "balanced" for sums over opposite facets and around corners that are as even as possible.
-    center_of_mass: (3,) fixed, in the coordinates that a given start is made or read in; None,
-        "uniform" in a file, for that of the solid.
-    prior: how likely each direction is to be down at first, such as "vmf:0,0,-1:5", one of
-        `PRIORS`; the directions are in the coordinates that the start is made or read in, which the
-        files keep; None, "uniform" in a file, for all alike.
-    symmetry: name of the point group that the die has, such as C2, Cs, D3h, Td, Oh or Ih, about the
-        centroid of the start, along its own axes; "auto" for the one that helps most among those
-        that the target allows, as for thrown dice whose shapes are searched unless one is given;
-        None, "none" in a file, if it need not have any.
-    size_mm: largest vertex-to-vertex distance of the printed die.
-    min_inradius_mm: radius of a circle that the facet of each outcome has room for.
-    engrave: engraving options, or None for a plain die, which a concave one is unless the recipe
-        says otherwise.
-    edges: how edges and corners are rounded, or None for sharp ones.
-    inside: what brings the center of mass of the printed die to a `center_of_mass` that is given,
-        or None for a die whose maker does that.
-    print: what it is printed with, or None where nobody asks how it prints.
-    files: formats of the printed die; STL, by which it is judged, is always among them.
-    data_sheet: whether a page to print about the die is made, as PDF and PNG.
-    figures: whether pictures are drawn. report: whether the page is made.
-    clock: whether run times and memory are told; without them, and where no limit of seconds is
-        reached, the same recipe gives the same bytes in every file.
+        order of the target; empty, "any" in a file, to try random orders until one works.
+    numbering: assignment of equally probable outcomes with numbers as labels: "given" as assigned,
+        "standard" for opposite facets with a constant sum if the shape allows, "balanced" for sums
+        of opposite facets and around corners as even as possible.
+    center_of_mass: (3,) fixed center of mass in the start's own coordinates; None, "uniform" in a
+        file, for the uniform solid.
+    prior: distribution of the direction that points down at release, such as "vmf:0,0,-1:5", one of
+        `PRIORS`, in the start's own coordinates, which the files keep; None, "uniform" in a file,
+        for the uniform distribution.
+    symmetry: point group of the die, such as C2, Cs, D3h, Td, Oh or Ih, about the centroid of the
+        start and along its axes; "auto" for the most helpful group that the target allows, which is
+        the default for thrown dice with searched shapes; None, "none" in a file, for any shape.
+    size_mm: largest distance between two vertices of the die.
+    min_inradius_mm: minimum radius of the largest circle in the facet of each outcome.
+    engrave: engraving options, or None for a plain die, the default with the concave method.
+    edges: rounding of edges and corners, or None for sharp ones.
+    inside: cavity or infill that moves the center of mass to the given `center_of_mass`, or None to
+        leave that to the maker.
+    print: printer and material, or None to skip the check of printability.
+    files: file formats of the die; STL is always included.
+    data_sheet: whether to make a one-page data sheet as PDF and PNG.
+    figures: whether to draw figures. report: whether to make the report page.
+    clock: whether to record run times and memory; without them, and unless a time limit is reached,
+        a recipe always gives the same files byte for byte.
     """
 
     name: Annotated[str, Field(pattern=NAME)]
@@ -249,8 +240,8 @@ class Recipe(Strict):
         _word("uniform", None),
         BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
     ] = None
-    prior: Annotated[str | None, AfterValidator(_known_prior), _word("uniform", None)] = None
-    symmetry: Annotated[str | None, AfterValidator(_known_group), _word("none", None)] = None
+    prior: Annotated[str | None, AfterValidator(_check_prior), _word("uniform", None)] = None
+    symmetry: Annotated[str | None, AfterValidator(_check_group), _word("none", None)] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
     size_mm: Annotated[float, Field(ge=LEAST_MM, le=MOST_MM)] = 30.0
     min_inradius_mm: Annotated[float, Field(ge=0.0)] = 0.0
@@ -280,25 +271,25 @@ class Recipe(Strict):
     def _check(self) -> Recipe:
         exact = self.method.exact
         if (
-            # A thrown die is right on more tables with a symmetry.
+            # With a symmetry a thrown die is right on more tables.
             "symmetry" not in self.model_fields_set
-            and self.method.thrown
+            and self.method.is_thrown
             and self.start.kind.search is not None
             and exact is not None
             and exact.coordinates == "facets"
         ):
             object.__setattr__(self, "symmetry", AUTO)
-        for fault in self._faults():
-            raise ValueError(fault)
+        for conflict in self._list_conflicts():
+            raise ValueError(conflict)
         return self
 
-    def _faults(self) -> Iterator[str]:
-        """Keys that do not go together, in sentences; may raise ValueError too."""
+    def _list_conflicts(self) -> Iterator[str]:
+        """Yield messages about conflicting keys; may also raise ValueError."""
         target, start, method, engrave = self.target.target(), self.start, self.method, self.engrave
         labels, is_searched = ", ".join(target.labels), start.kind.search is not None
         exact, center, symmetry = method.exact, self.center_of_mass, self.symmetry
         if method.concave is not None:
-            yield from self._concave_faults()
+            yield from self._list_concave_conflicts()
         elif start.kind.make is None and not is_searched:
             yield (
                 f"start.{start.name}: expected method: {{concave: {{}}}} with it, got "
@@ -310,7 +301,7 @@ class Recipe(Strict):
                     f"engrave.icons: expected labels of the target, {labels}, got {label!r}; "
                     "rename or remove it"
                 )
-        least = LEAST_DEPTH * self.size_mm
+        least = MIN_RELATIVE_DEPTH * self.size_mm
         if engrave is not None and engrave.depth_mm < least:
             yield (
                 f"engrave.depth_mm: expected at least {least:.3g}, a millionth of size_mm, got "
@@ -318,8 +309,8 @@ class Recipe(Strict):
             )
         if self.any_order and (exact is None or is_searched or symmetry is not None):
             yield (
-                "assignment: expected any with the exact method, a start that is given and no "
-                "symmetry, got it with another; write in_order, or leave it out"
+                "assignment: expected any with the exact method, a given start and no symmetry "
+                "only, got another combination; write in_order, or leave it out"
             )
         if self.assignment and sorted(self.assignment) != sorted(target.labels):
             yield (
@@ -329,17 +320,17 @@ class Recipe(Strict):
         start.kind.check(start.options, len(target.labels))
         if is_searched and exact is None:
             yield (
-                f"start.{start.name}: expected method: {{exact: {{}}}}, which can begin anywhere, "
-                f"got {method.name}; change the method, or take another start"
+                f"start.{start.name}: expected method: {{exact: {{}}}}, which can search, got "
+                f"{method.name}; change the method, or take another start"
             )
         if is_searched and center is not None:
             yield (
-                "center_of_mass: expected uniform where the shape is searched, got a point in no "
-                "known coordinates; leave it out, or take another start"
+                "center_of_mass: expected uniform if the shape is searched, got a point in unknown "
+                "coordinates; leave it out, or take another start"
             )
         if self.min_inradius_mm > 0.0 and exact is None:
             yield (
-                "min_inradius_mm: expected the exact method, which can keep to it, got "
+                "min_inradius_mm: expected the exact method, which supports it, got "
                 f"{method.name}; leave it out, or change the method"
             )
         if not self.min_inradius_mm < self.size_mm / 2.0:
@@ -347,18 +338,16 @@ class Recipe(Strict):
                 f"min_inradius_mm: expected less than half of size_mm = {self.size_mm:g}, got "
                 f"{self.min_inradius_mm:g}; lower it"
             )
-        if self.prior is not None and (exact is None or method.thrown):
+        if self.prior is not None and (exact is None or method.is_thrown):
             yield (
-                "prior: expected the exact method with resting probabilities, which are the ones "
-                "known "
-                f"under a prior, got {'thrown probabilities' if method.thrown else method.name}; "
-                "leave one "
-                "of them out"
+                "prior: expected the exact method with resting probabilities, got "
+                f"{'thrown probabilities' if method.is_thrown else method.name}; leave one of them "
+                "out"
             )
         if self.prior is not None and symmetry is not None:
             yield (
-                "prior: expected no symmetry with it, as sides that are images of each other "
-                f"differ in their probabilities, got {symmetry}; leave one of them out"
+                "prior: expected no symmetry with it, which a prior breaks, got "
+                f"{symmetry}; leave one of them out"
             )
         if symmetry is not None:
             if exact is None or exact.coordinates != "facets":
@@ -372,23 +361,23 @@ class Recipe(Strict):
                     "them out"
                 )
             if symmetry != AUTO:
-                # Raises where equal probabilities do not fill whole orbits.
+                # Raises unless equal probabilities fill whole orbits.
                 OrbitLayouts(target.probabilities, point_group(symmetry))
         if center is not None and engrave is not None and engrave.balance in ("opposite", "fill"):
             yield (
-                f"engrave.balance: expected shape or none where center_of_mass is given, as nobody "
-                f"knows then how labels move it, got {engrave.balance}; leave one of them out"
+                "engrave.balance: expected shape or none if center_of_mass is given, as the effect "
+                f"of labels on it is unknown, got {engrave.balance}; leave one of them out"
             )
         if self.inside is not None and center is None:
             yield (
-                "inside: expected a center_of_mass that is given with it, got uniform; give one, "
+                "inside: expected a center_of_mass with it, got uniform; give one, "
                 "or leave inside out"
             )
         if self.edges is not None:
             core_scale(self.edges, self.size_mm)
 
-    def _concave_faults(self) -> Iterator[str]:
-        read, marks = "up", MARKED[0]
+    def _list_concave_conflicts(self) -> Iterator[str]:
+        read, marks = "up", CONCAVE_MARKS[0]
         if self.engrave is not None:
             read, marks = self.engrave.read, (self.engrave.style, self.engrave.balance)
         if self.start.kind.surface is None:
@@ -397,44 +386,44 @@ class Recipe(Strict):
                 f"{self.start.name}; write start: {{mesh: {{path: FILE}}}}, or start: "
                 "{shape: kitten}"
             )
-        faults = {
-            "assignment: expected in_order with the concave method, which finds the sides for the "
-            "outcomes itself, got another": self.assignment is not None,
-            "center_of_mass: expected uniform with the concave method, which shapes a solid of one "
-            "material, got a point": self.center_of_mass is not None,
-            "edges: expected none with the concave method, which keeps a surface as it is, got a "
+        conflicts = {
+            "assignment: expected in_order with the concave method, which assigns outcomes itself, "
+            "got another": self.assignment is not None,
+            "center_of_mass: expected uniform with the concave method, which shapes a uniform "
+            "solid, got a point": self.center_of_mass is not None,
+            "edges: expected none with the concave method, which keeps the surface, got a "
             "radius": self.edges is not None,
-            "numbering: expected given with the concave method, whose sides are not opposite to "
-            f"each other, got {self.numbering}": self.numbering != "given",
-            "engrave.read: expected up with the concave method, whose labels lie in the side that "
-            f"is up, got {read}": read in ("down", "both"),
+            "numbering: expected given with the concave method, which has no opposite facets, got "
+            f"{self.numbering}": self.numbering != "given",
+            "engrave.read: expected up with the concave method, whose labels are on top, got "
+            f"{read}": read in ("down", "both"),
             "engrave: expected style engraved and balance shape or none with the concave method, "
-            f"got {' and '.join(marks)}": marks not in MARKED,
+            f"got {' and '.join(marks)}": marks not in CONCAVE_MARKS,
         }
-        yield from (f"{fault}; leave it out" for fault, is_there in faults.items() if is_there)
+        yield from (f"{text}; leave it out" for text, applies in conflicts.items() if applies)
 
     def density_prior(self) -> DensityPrior | None:
-        """The prior, or None for all directions alike."""
+        """Prior density; None for the uniform one."""
         prior = None if self.prior is None else read_prior(self.prior)
         assert prior is None or isinstance(prior, DensityPrior)
         return prior
 
     def group(self) -> Floats | None:
-        """(g, 3, 3) the point group that the die has; None for none, or one yet to be found."""
+        """(g, 3, 3) point group; None for none, or if it is not resolved yet."""
         return None if self.symmetry in (None, AUTO) else point_group(self.symmetry)
 
     def outcome_of_direction(self) -> list[int]:
-        """For each direction of the start, the index of its outcome in the target."""
+        """Index of the outcome of each direction of the start."""
         labels = self.target.target().labels
         return [labels.index(label) for label in self.assignment or labels]
 
     @property
     def any_order(self) -> bool:
-        """True where the labels may come in any order."""
+        """Whether the labels may come in any order."""
         return self.assignment == []
 
-    def doubts(self) -> Iterator[str]:
-        """Oddities of a recipe that can be run all the same, in words."""
+    def warnings(self) -> Iterator[str]:
+        """Yield warnings about a valid recipe."""
         smallest = float(self.target.target().probabilities.min())
         if self.method.tolerance >= smallest:
             yield (
@@ -442,8 +431,8 @@ class Recipe(Strict):
                 f"method.{self.method.name}.tolerance lower"
             )
 
-    def resolved(self) -> dict[str, Any]:
-        """The recipe with every default written out, as plain data."""
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data of the recipe with every default."""
         plain: dict[str, Any] = self.model_dump(mode="json")
         words: dict[str, Any] = {
             "center_of_mass": "uniform",

@@ -1,5 +1,5 @@
-"""Stages start, numbering, size, export and check: what a design begins with, the solid of the die
-that it leads to, its file without labels, and what that does."""
+"""Stages start, numbering, size, export and check: from the starting shape to the checked file of
+the die without labels."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
 
 
 def make_start(work: Work) -> None:
-    """Make the starting shape of a recipe, or the surface of one whose method is concave.
+    """Make the starting shape, or for the concave method the surface.
 
-    Raises InputError if a mesh cannot be read or has too few rests, the center of mass is not
-    inside the shape, a symmetry does not permute its facets or carries labels to less probable
-    ones, the surface is no closed one of one solid, or convex, or nearly a sphere, the die cannot
-    be thrown as the recipe says, or the art of a label cannot be made.
+    Raises InputError if a mesh is unreadable or has too few rests, the center of mass is outside
+    the shape, a symmetry does not permute its facets or maps labels to less probable ones, the
+    surface is not closed, not one solid, convex or nearly a sphere, the die does not suit the
+    table, or the art of a label is invalid.
     """
     recipe, paper = work.recipe, work.recipe.method.paper
     if recipe.method.concave is not None:
@@ -38,44 +38,43 @@ def make_start(work: Work) -> None:
     else:
         _make_shape(work)
     if paper is not None and paper.finish != "none":
-        usual, weights = type(paper.weights)().as_dict(), paper.weights.as_dict()
-        changed = [name for name, weight in weights.items() if weight != usual[name]]
+        defaults, weights = type(paper.weights)().as_dict(), paper.weights.as_dict()
+        changed = [name for name, weight in weights.items() if weight != defaults[name]]
         if changed:
             work.notes.append(
-                f"method.paper.weights: {', '.join(changed)}: the exact finish goes on from where "
-                "the terms led, and knows nothing of them; write finish: none to end there, or "
-                "give method.paper.prefer what the finish shall care about"
+                f"method.paper.weights: {', '.join(changed)}: the exact finish ignores them; "
+                "write finish: none to skip it, or set method.paper.prefer"
             )
     if recipe.engrave is not None:
         from dicedesign.fabricate.label_art import label_arts
 
-        # Raises where the art of a label cannot be made.
+        # Raises if the art of a label is invalid.
         for label in work.target.labels:
             label_arts(label, recipe.engrave)
 
 
 def _make_surface(work: Work, points: int | None) -> None:
-    """The surface of a recipe, remeshed to have so many points unless that is None."""
+    """Read the surface and remesh it to a number of points, None to keep its own."""
     from dicedesign.geometry.surfaces.closed_surface import decimate, refine, require_dents
     from dicedesign.geometry.surfaces.repair import FINEST, MOST_POINTS
 
     start = work.recipe.start
     assert start.kind.surface is not None
     most = MOST_POINTS if points is None else max(FINEST, points)
-    made = start.kind.surface(start.options, most)
-    work.surface, work.repaired = made.surface, made.repair
-    work.notes += made.notes
-    require_dents(made.surface)
+    source = start.kind.surface(start.options, most)
+    work.surface, work.repaired = source.surface, source.repair
+    work.notes += source.notes
+    require_dents(source.surface)
     if points is not None:
-        remesh = refine if len(made.surface.points) < points else decimate
-        work.surface, note = remesh(made.surface, points)
+        remesh = refine if len(source.surface.points) < points else decimate
+        work.surface, note = remesh(source.surface, points)
         work.notes.append(note)
 
 
 def _make_shape(work: Work) -> None:
     recipe, exact, outcomes = work.recipe, work.recipe.method.exact, len(work.target.labels)
     center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
-    if exact is not None and recipe.method.thrown:
+    if exact is not None and recipe.method.is_thrown:
         _check_table(exact, recipe.size_mm)
     start = build_start(
         recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center)
@@ -91,7 +90,7 @@ def _make_shape(work: Work) -> None:
             "correct the extension"
         )
     if recipe.symmetry is not None:
-        # Every symmetry of a body keeps its centroid where it is.
+        # Every symmetry of a body fixes its centroid.
         start = about_centroid(start)
         if recipe.symmetry != AUTO:
             check_orbits(recipe, start.directions)
@@ -100,8 +99,8 @@ def _make_shape(work: Work) -> None:
 
 
 def _check_table(options: ExactOptions, size_mm: float) -> None:
-    """Raise InputError where a die cannot be thrown as the options say: there is no such table, it
-    has no momentum model, the die is too large for it, or the engine is missing.
+    """Raise InputError for an unknown table or one without a momentum model, a die too large for
+    it, or a missing engine.
 
     size_mm: largest distance between two vertices of the die.
     """
@@ -112,14 +111,14 @@ def _check_table(options: ExactOptions, size_mm: float) -> None:
     with named("method.exact.table"):
         table = load_table(options.table_with_hand)
         momentum_model(options.table_with_hand)
-    # The radius is at least half of that distance.
+    # Raises if the die is too large; its radius is at least half of that distance.
     replace(table, size=1e-3 * size_mm)
     if options.refine is not None:
         require_engine(options.refine.engine)
 
 
 def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
-    """Raise InputError unless labels on facets that are images of each other are as probable."""
+    """Raise InputError if the symmetry maps a label to one of another probability."""
     from dicedesign.optimize.coordinates import orbits_of_directions
 
     group, target = recipe.group(), recipe.target.target()
@@ -132,27 +131,26 @@ def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
         if abs(probabilities[0] - probabilities[1]) > EQUAL_PROBABILITIES * probabilities[1]:
             raise InputError(
                 f"symmetry: expected labels {target.labels[other]} and {target.labels[number]} to "
-                f"be equally probable, as {recipe.symmetry} carries their facets to each other, "
+                f"be equally probable, as {recipe.symmetry} maps their facets to each other, "
                 f"got {probabilities[1]:.6g} and {probabilities[0]:.6g}; change the assignment, "
-                "or take a smaller "
-                "group"
+                "or take a smaller group"
             )
 
 
 LARGE_MM: Final = 100.0
-"""Beyond this size a die takes long to print, and is hard to throw."""
+"""Size above which a note suggests a smaller die."""
 
-RARE: Final = 1e-5
-"""Outcomes below are seldom met exactly: of the shapes that lead there most lose their facets."""
+RARE_PROBABILITY: Final = 1e-5
+"""Probability below which outcomes often lose their facet."""
 
 
-def number(work: Work) -> None:
-    """Number the designed die as the recipe says, where each outcome has a facet."""
+def assign_numbers(work: Work) -> None:
+    """Reassign equally probable outcomes by the recipe's numbering, if each has a facet."""
     die, target = work.die, work.target
     solid = make_solid(die, work.recipe.size_mm)
     main = solid.outcomes.main
     if (main < 0).any():
-        work.notes.append("numbering: an outcome has no facet, so that all stay where they are")
+        work.notes.append("numbering: skipped, as an outcome has no facet")
         return
     facets = solid.poses.facets[main]
     order, note = number_die(
@@ -163,9 +161,9 @@ def number(work: Work) -> None:
 
 
 def enlarge(work: Work) -> None:
-    """Take the smallest whole number of millimeters at which the labels fit, if the recipe's size
-    is too small for them; the recipe that is written says so."""
-    # What draws labels and cuts them is loaded for dice that have them alone.
+    """Raise the recipe's size to the smallest whole number of millimeters at which the labels
+    fit."""
+    # Only dice with labels need these imports.
     from dicedesign.fabricate.convex_object import core_of
     from dicedesign.fabricate.engraving import place_on_facets
 
@@ -185,16 +183,16 @@ def enlarge(work: Work) -> None:
             note += "; for a smaller die join rare outcomes, shorten labels or try another seed"
         work.notes.append(note)
     except EngravingError:
-        # No size helps; engraving says why.
+        # No size helps; the stage engrave reports the error.
         pass
 
 
 def export(work: Work) -> None:
-    """Bring the die to its size, clean a surface for printing, and make die_plain.stl."""
+    """Scale the die to its size, clean a surface for printing, and make die_plain.stl."""
     if work.die.reshaped is None:
         work.solid = make_solid(work.die, work.recipe.size_mm)
     else:
-        # It brings a library of solids along, which no convex die needs.
+        # It imports manifold3d, which no convex die needs.
         from dicedesign.fabricate.surface_assessment import solid_of_surface
 
         work.solid = solid_of_surface(work.die, work.die.reshaped, work.recipe.size_mm)
@@ -203,18 +201,16 @@ def export(work: Work) -> None:
 
 
 def check(work: Work) -> None:
-    """Read die_plain.stl back and say what it does and what is wrong with it."""
+    """Read die_plain.stl back, and set status and remarks."""
     die, solid = work.die, work.solid
     data = work.files["die_plain.stl"]
     work.plain = assess_file(data, die.directions, work.target, solid.center_of_mass, die.prior)
     if die.prior is not None:
         work.notes.append(
-            f"all probabilities are those under the prior {work.recipe.prior}, whose directions "
-            "are in the "
-            "frame of die_plain.stl and die.stl; die_oriented.stl and other formats may be turned"
+            f"all probabilities are under the prior {work.recipe.prior}, in the frame of "
+            "die_plain.stl and die.stl; die_oriented.stl and other formats may be rotated"
         )
-    thrown = work.recipe.method.thrown
-    tolerance = None if thrown else work.recipe.method.tolerance
+    tolerance = None if work.recipe.method.is_thrown else work.recipe.method.tolerance
     flaws = list(work.plain.flaws(tolerance))
     if die.reshaped is not None:
         from dicedesign.fabricate.surface_assessment import assess_surface
@@ -225,24 +221,23 @@ def check(work: Work) -> None:
         )
         flaws += more
     if die.status is not Status.CONVERGED:
-        # Its probabilities are off, as was to be expected.
+        # Other flaws follow from a design that did not converge.
         flaws = [die.status, *(f for f in flaws if f in (Status.CROWDED, Status.UNSTEADY))]
     work.status = flaws[0] if flaws else Status.CONVERGED
     work.remarks += _remarks(work, flaws)
 
 
 def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
-    """What is wrong with the die, how far it is off, and what would help."""
+    """Yield flaws, errors and advice."""
     verdict, recipe, designed = work.plain, work.recipe, f"{work.design_error:.3g}"
-    told = "; ".join(status.value for status in flaws) or Status.CONVERGED.value
-    if recipe.method.thrown:
+    summary = "; ".join(status.value for status in flaws) or Status.CONVERGED.value
+    if recipe.method.is_thrown:
         yield (
-            f"{told} by the momentum model; max |p - q| is {designed} of the probabilities that "
-            "it was "
-            "asked for"
+            f"{summary} by the momentum model; max |p - q| is {designed} in the corrected "
+            "momentum model"
         )
     else:
-        yield told
+        yield summary
         yield f"max |p - q| is {verdict.max_abs_error:.3g} in the file, {designed} as designed"
     elsewhere = verdict.outcomes.elsewhere
     if elsewhere > recipe.method.tolerance or work.die.reshaped is not None:
@@ -260,11 +255,11 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
         )
     elif flaws:
         yield from _advice(work, flaws)
-    yield from recipe.doubts()
+    yield from recipe.warnings()
 
 
 def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
-    """What would help a convex die that did not converge."""
+    """Yield advice on a convex die that did not converge."""
     method, verdict, solid = work.recipe.method, work.plain, work.solid
     starts, rarest = work.die.starts or 1, float(work.target.probabilities.min())
     if starts > 1:
@@ -278,10 +273,10 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
         weakest = int(verdict.margins.argmin())
         yield (
             f"{work.target.labels[weakest]} is left at {np.degrees(verdict.margins[weakest]):.2g} "
-            "degrees; try another seed, or join what is so rare"
+            "degrees; try another seed, or join rare outcomes"
         )
     if method.paper is not None and method.paper.finish == "none":
-        yield "finish: exact would go on from here"
+        yield "finish: exact would improve it"
     if Status.TOO_SMALL in flaws:
         rests = solid.outcomes.main[solid.outcomes.main >= 0]
         facets = solid.poses.facets[rests].tolist()
@@ -292,11 +287,11 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
     if Status.TIME_LIMIT in flaws:
         yield "allow more with method.exact.seconds"
     if Status.STEP_LIMIT in flaws:
-        yield "method.exact.evaluations is their number"
+        yield "method.exact.evaluations limits them"
     if method.exact.coordinates == "vertices":
         yield "facets of more than three sides break under coordinates: vertices; facets keeps them"
-    if rarest < RARE:
+    if rarest < RARE_PROBABILITY:
         yield (
-            f"an outcome of {rarest:.2g} is hard to give a facet of its own: leave out or join "
-            "what is so rare"
+            f"an outcome with probability {rarest:.2g} rarely gets its own facet: join or "
+            "remove rare outcomes"
         )

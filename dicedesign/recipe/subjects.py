@@ -1,4 +1,4 @@
-"""What a figure of a body is about: a mesh file, the folder of a run, or a recipe."""
+"""Subject of a figure: a mesh file, the folder of a run, or a recipe."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RECIPES = (".yaml", ".yml")
 """Endings of recipe files."""
 
 PLAIN = "die_plain.stl"
-"""The die of a folder without its labels."""
+"""File of the die without its labels."""
 
 
 def subject_of(
@@ -40,28 +40,27 @@ def subject_of(
     steps: int | None = None,
     on_step: Callable[[], None] = lambda: None,
 ) -> Subject:
-    """The subject that a path names. It is read or designed when a figure asks for it.
+    """Make the subject of a path, which is read or designed on demand.
 
     Parameters
     ----------
-    path: a mesh file, a folder that a run left, or a recipe, whose die is then designed.
+    path: mesh file, results folder, or recipe to design.
     center_of_mass, coplanar_tolerance: of a mesh, as in `rest_poses`.
     down: see `Subject`.
-    before: a mesh that the body was made from, in the same place and scale; without it a recipe's
-        start.
-    steps: most of each descent of an ablation; None for the recipe's.
+    before: original mesh of the body, in the same place and scale; None for a recipe's start.
+    steps: maximum steps of each descent of an ablation; None for the recipe's.
     on_step: called after every step of a design.
 
     Raises
     ------
-    InputError: there is no such file, or options that go with a mesh only are given with another.
-    RecipeError: the recipe cannot be used.
+    InputError: the file is missing, or options of a mesh are given with another subject.
+    RecipeError: the recipe is invalid.
     """
     is_mesh = not (os.path.isdir(path) or path.suffix.lower() in RECIPES)
     if is_mesh:
         upward = upward_of(path)
 
-        def make() -> Lain:
+        def load() -> Lain:
             body = read_body(path)
             poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
             return Lain(body, poses)
@@ -86,11 +85,11 @@ def subject_of(
         mesh = recipe.start.mesh
         upward = np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path))
 
-        def make() -> Lain:
-            return _finished(path, recipe) if is_folder else _designed(recipe, on_step)
+        def load() -> Lain:
+            return _read_die(path, recipe) if is_folder else _design_die(recipe, on_step)
 
         def make_ablations() -> list[Ablation]:
-            return _ablations(recipe, path, steps, on_step)
+            return _design_ablations(recipe, path, steps, on_step)
 
     def make_before(after: Lain) -> Surface:
         if before is not None:
@@ -102,29 +101,29 @@ def subject_of(
                 f"before_after: expected to know what {path} was made from, got a mesh alone; name "
                 "that mesh with --before, or a recipe or a folder of a run instead"
             )
-        return _start(recipe, path, after)
+        return _make_start(recipe, path, after)
 
-    return Subject(upward, make, make_before, make_ablations, down)
+    return Subject(upward, load, make_before, make_ablations, down)
 
 
-def _finished(folder: Path, recipe: Recipe) -> Lain:
-    """The die of a run's folder."""
+def _read_die(folder: Path, recipe: Recipe) -> Lain:
+    """Die of a results folder."""
     from dicedesign.results.folder import read_result
 
     result = read_result(folder)
     body = read_body(folder / PLAIN)
-    # A file does not say where the center of mass is of a body that is not uniform.
+    # The file does not hold a given center of mass.
     given = None if recipe.center_of_mass is None else result.center_of_mass
     poses = rest_poses(body, given).under(recipe.density_prior())
-    # Rests of equal probabilities may come in another order than when the file was written.
-    shown = np.array([facet.normal for facet in result.facets]).reshape(-1, 3)
-    facets = facet_of_rest(poses.normals, shown).tolist()
+    # The order of rests of equal probability may differ from that of the run.
+    normals = np.array([facet.normal for facet in result.facets]).reshape(-1, 3)
+    facets = facet_of_rest(poses.normals, normals).tolist()
     labels = ["" if k < 0 else result.facets[k].label or "" for k in facets]
     return Lain(body, poses, labels)
 
 
-def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
-    """The die of a recipe, designed and read back from its file."""
+def _design_die(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
+    """Design the die of a recipe, and read it back from its file."""
     from dicedesign.recipe.design_die import design_recipe
     from dicedesign.recipe.pipeline import Callbacks
 
@@ -132,8 +131,8 @@ def _designed(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
     return Lain(die.body, die.poses, [facet.label or "" for facet in die.facets])
 
 
-def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
-    """What a recipe's design begins with, as large as the die and about the same middle."""
+def _make_start(recipe: Recipe, path: Path, after: Lain) -> Surface:
+    """Start of a recipe's design, with the size and the centroid of the die."""
     from dicedesign.recipe.design_die import design_recipe
 
     work = design_recipe(recipe, last="start")
@@ -148,19 +147,18 @@ def _start(recipe: Recipe, path: Path, after: Lain) -> Surface:
             f"before_after: expected a recipe with a start, got {path}, which searches for shapes; "
             "write start: into it, or name a mesh with --before"
         )
-    whole = after.poses.hull
-    moved = (points - hull.centroid) * (whole.diameter / hull.diameter) + whole.centroid
+    die_hull = after.poses.hull
+    moved = (points - hull.centroid) * (die_hull.diameter / hull.diameter) + die_hull.centroid
     return surface_to_draw(moved, triangles, hull)
 
 
-def _ablations(
+def _design_ablations(
     recipe: Recipe, path: Path, steps: int | None, on_step: Callable[[], None]
 ) -> list[Ablation]:
-    """Dice of a recipe by the paper's descent, without a finish: with all terms, without one that
-    has a weight after the other, and by the dice energy alone.
+    """Dice of a recipe by the paper's descent without a finish: with all terms, without each
+    weighted term in turn, and by the dice energy alone.
 
-    steps: most of each descent; None for the recipe's. on_step: called after each. Raises as the
-    recipe's design.
+    steps: maximum steps of each descent; None for the recipe's. Raises as the recipe's design.
     """
     from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import solve_paper

@@ -1,4 +1,4 @@
-"""`target` of a recipe: one distribution with its labels, as checked entries."""
+"""`target` of a recipe: a distribution and its labels."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
 
 from dicedesign.optimize.targets import Target, binomial, custom, fair, relabel, sum_of_dice
 
-LONGEST_LABEL: Final = 24
-"""Characters that a facet may bear, in one line or more."""
+MAX_LABEL: Final = 24
+"""Characters of a label."""
 
 
-def _fraction(value: object) -> object:
+def _parse_fraction(value: object) -> object:
     if not isinstance(value, str):
         return value
     above, slash, below = value.partition("/")
@@ -25,7 +25,7 @@ def _fraction(value: object) -> object:
     raise ValueError(f"expected a number or a fraction such as 1/36, got {value!r}; correct it")
 
 
-def _text(value: object) -> object:
+def _parse_label(value: object) -> object:
     if value is None or isinstance(value, bool):
         raise ValueError(
             f"expected a text, got {value}, which is how YAML reads words such as yes, no, on, off "
@@ -33,28 +33,28 @@ def _text(value: object) -> object:
         )
     is_number = isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
     text = str(value) if is_number else value
-    if isinstance(text, str) and not 1 <= len(text) <= LONGEST_LABEL:
-        raise ValueError(f"expected 1 to {LONGEST_LABEL} characters, got {text!r}; rewrite it")
+    if isinstance(text, str) and not 1 <= len(text) <= MAX_LABEL:
+        raise ValueError(f"expected 1 to {MAX_LABEL} characters, got {text!r}; rewrite it")
     if isinstance(text, str) and "\n" in text:
         raise ValueError(
-            "expected a label in one line, which is broken at spaces where that makes it larger, "
-            f"got {text!r}; write spaces"
+            "expected a label in one line, which is broken at spaces if needed, got "
+            f"{text!r}; write spaces"
         )
     return text
 
 
-Label = Annotated[str, BeforeValidator(_text)]
+Label = Annotated[str, BeforeValidator(_parse_label)]
 
-Probability = Annotated[float, BeforeValidator(_fraction)]
+Probability = Annotated[float, BeforeValidator(_parse_fraction)]
 
 
 class Strict(BaseModel):
-    """A part of a recipe: no unknown keys, no conversions."""
+    """Part of a recipe that refuses unknown keys and conversions."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     def one_of(self, *names: str) -> str:
-        """The one of some entries that is given. Raises ValueError unless it is exactly one."""
+        """Name of the only given entry. Raises ValueError unless exactly one is given."""
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             got = " and ".join(given) if given else "none of them"
@@ -68,19 +68,19 @@ TARGETS: Final = {
     "fair": fair,
     "probabilities": custom,
 }
-"""The distribution that each key of `target` gives from its value."""
+"""Function that makes the distribution of each key of `target`."""
 
 
 class TargetRecipe(Strict):
-    """`target`: one distribution, perhaps with labels of one's own.
+    """`target`: a distribution, optionally with other labels.
 
     Attributes
     ----------
-    binomial: heads among so many fair coins, at least 1.
-    sum_of_dice: the total of fair dice with these numbers of sides, each at least 2.
-    fair: so many equally probable outcomes, at least 2.
-    probabilities: of the outcomes, above 0 and summing to 1; numbers or fractions such as 1/36.
-    labels: of the outcomes, 1 to 24 characters each; the distribution's own unless given.
+    binomial: number of heads among this number of fair coins, at least 1.
+    sum_of_dice: total of fair dice with these numbers of sides, each at least 2.
+    fair: number of equally probable outcomes, at least 2.
+    probabilities: probabilities above 0 that sum to 1; numbers or fractions such as 1/36.
+    labels: labels of 1 to 24 characters; by default those of the distribution.
     """
 
     binomial: int | None = None
@@ -95,7 +95,7 @@ class TargetRecipe(Strict):
         return self
 
     def target(self) -> Target:
-        """The distribution with its labels."""
+        """Distribution with its labels."""
         name = self.one_of(*TARGETS)
         make: Any = TARGETS[name]
         return relabel(make(getattr(self, name)), self.labels)

@@ -1,5 +1,4 @@
-"""`method: exact` with thrown probabilities: the exact method by a momentum model, corrected by
-throws."""
+"""`method: exact` with thrown probabilities: a momentum model corrected by simulated throws."""
 
 from __future__ import annotations
 
@@ -44,29 +43,29 @@ from dicedesign.throws.momentum_model import (
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
 from dicedesign.throws.tables import Table, load_table, posterior_tables
 
-ON_TABLES: Final = 0.5
-"""Throws onto what the table may be instead, all together, over those onto the table itself."""
+POSTERIOR_SHARE: Final = 0.5
+"""Throws onto all posterior tables together, per throw onto the table."""
 
-FURTHER: Final = 3
-"""Dice of other shapes that are made besides the first, of which the steadiest is taken."""
+MORE_SHAPES: Final = 3
+"""Further shapes, of which the steadiest is taken."""
 
-VERDICT: Final = MOST_ROUNDS + 1 + FURTHER
-"""Number of the throws that judge the finished die, after those of all rounds and shapes."""
+VERDICT_ROUND: Final = MOST_ROUNDS + 1 + MORE_SHAPES
+"""Number of the round of throws of the finished die, after those of all rounds and shapes."""
 
-SERIES: Final = 1000
-"""Seeds of a round: of its throws onto the table that is meant, and onto each of the others."""
+SEEDS_PER_ROUND: Final = 1000
+"""Seeds of a round: one for the table, and one for each posterior table."""
 
-SEEDS: Final = SERIES * (VERDICT + 1)
-"""Seeds of throws between those of one recipe's seed and the next."""
+SEEDS_PER_RECIPE: Final = SEEDS_PER_ROUND * (VERDICT_ROUND + 1)
+"""Seeds of throws of one recipe's seed."""
 
-CLOSE_STARTS: Final = 12
-"""Variations of a die that are led to corrected probabilities, until one gets there: the momentum
-model has kinks, at which some get stuck."""
+MAX_VARIATIONS: Final = 12
+"""Variations of a die from which a design starts, as it may get stuck at kinks of the momentum
+model."""
 
 
 def design_for_table(work: Work) -> Design:
-    """The die of a recipe by the momentum model of its table, corrected by rounds of throws where
-    the recipe asks for them. Raises InputError as `exact.design`, or as the start does."""
+    """Design a die by the momentum model of its table, and refine it by rounds of throws if the
+    recipe has `refine`. Raises InputError if no start suits the target."""
     wanted, options = target_probabilities(work.recipe), exact_options(work.recipe)
     name = options.table_with_hand
     others = other_tables(load_table(name), posterior_tables(name))
@@ -88,8 +87,8 @@ def _refine(
     refine: RefineOptions,
     workers: Executor,
 ) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
-    """The die that rounds of throws at its printed size lead to, and the rounds; from one, or from
-    the steadiest of some that further starts lead to."""
+    """Refine a die by rounds of throws at its printed size; returns the die and the rounds. Begins
+    with the steadiest of several shapes if the table is uncertain."""
     recipe, options, solve = work.recipe, exact_options(work.recipe), solver(work)
     wanted, group, name = target_probabilities(recipe), recipe.group(), options.table_with_hand
     center, model = normalized_center(recipe, work.start), momentum_model(name)
@@ -101,19 +100,19 @@ def _refine(
     def on_table(die: DesignResult) -> DieOnTable:
         scale = recipe.size_mm / die.hull.diameter
         solid = make_body(scale * die.hull.vertices, name="die")
-        middle = None if center is None else scale * center
-        return DieOnTable.of(solid, middle, die.directions, load_table(name))
+        com = None if center is None else scale * center
+        return DieOnTable.of(solid, com, die.directions, load_table(name))
 
     def throw(die: DesignResult, drops: int, number: int) -> Thrown:
-        thrown, seed = on_table(die), throw_seed(recipe.seed, number)
-        throws = thrown.simulate(drops, seed, refine.engine, workers)
-        return Thrown(thrown.counts(throws), thrown.momentum(model))
+        placed, seed = on_table(die), throw_seed(recipe.seed, number)
+        throws = placed.simulate(drops, seed, refine.engine, workers)
+        return Thrown(placed.counts(throws), placed.momentum(model))
 
     def throw_on_tables(die: DesignResult, drops: int, number: int) -> list[Thrown]:
-        thrown, seed = on_table(die), throw_seed(recipe.seed, number, is_elsewhere=True)
-        counts = thrown.counts_on(others, drops, seed, refine.engine, workers)
+        placed, seed = on_table(die), throw_seed(recipe.seed, number, is_elsewhere=True)
+        counts = placed.counts_on(others, drops, seed, refine.engine, workers)
         return [
-            Thrown(count, thrown.momentum(model and model.near(table)))
+            Thrown(count, placed.momentum(model and model.near(table)))
             for count, table in zip(counts, others, strict=True)
         ]
 
@@ -127,8 +126,8 @@ def _refine(
         elif others:
             places = [others.index(table) for table in sensitivity.tables]
             known = replace(sensitivity, bias=bias[places])
-        return _converged(
-            solve, islice(near, CLOSE_STARTS), probabilities, sensitivity=known, options=own
+        return _solve_or_none(
+            solve, islice(near, MAX_VARIATIONS), probabilities, sensitivity=known, options=own
         )
 
     def rounds(die: DesignResult) -> Refinement:
@@ -149,34 +148,37 @@ def _refine(
 
     if work.start is None and others:
         further = [
-            _converged(solve, islice(starts, CLOSE_STARTS), wanted, sensitivity=sensitivity)
-            for _ in range(FURTHER)
+            _solve_or_none(solve, islice(starts, MAX_VARIATIONS), wanted, sensitivity=sensitivity)
+            for _ in range(MORE_SHAPES)
         ]
         dice = [die, *(other for other in further if other is not None)]
-        swings = [rounds(one).swing(one, place) for place, one in enumerate(dice)]
+        swings = [rounds(each).swing(each, place) for place, each in enumerate(dice)]
         die = dice[int(np.argmin(swings))]
     return rounds(die).refine(die)
 
 
-def _converged(solve: Callable[..., DesignResult], *what: Any, **how: Any) -> DesignResult | None:
-    """The die of a solver with the probabilities by the model, or None."""
+def _solve_or_none(
+    solve: Callable[..., DesignResult], *args: Any, **kwargs: Any
+) -> DesignResult | None:
+    """Converged result of a solver, or None."""
     try:
-        result = solve(*what, **how)
+        result = solve(*args, **kwargs)
     except NoStartError:
         return None
     return result if result.status is Status.CONVERGED else None
 
 
 def throw_seed(seed: int, number: int, *, is_elsewhere: bool = False) -> int:
-    """The seed of a round's throws, of those onto other tables that of the first one's, for a
-    recipe's seed; the verdict over the finished die has the number `VERDICT`."""
-    return SEEDS * seed + SERIES * number + is_elsewhere
+    """Seed of a round's throws, or of those onto the first posterior table, for a recipe's seed.
+    Throws of the finished die are round `VERDICT_ROUND`."""
+    return SEEDS_PER_RECIPE * seed + SEEDS_PER_ROUND * number + is_elsewhere
 
 
 def throw(work: Work) -> None:
-    """Throw the printed die with random numbers that no round of its design has used, if the recipe
-    asks for throws, and judge it by them. One with labels is thrown with them, but where the center
-    of mass was given nobody knows how they move it."""
+    """Throw the finished die with new random numbers if the recipe has `refine`; set its status.
+
+    The die is thrown with its labels, unless the center of mass was given: the effect of labels on
+    it is then unknown."""
     name, refine = exact_options(work.recipe).table_with_hand, exact_options(work.recipe).refine
     target, model, tables = work.target.probabilities, momentum_model(name), posterior_tables(name)
     die = DieOnTable.of(
@@ -185,11 +187,11 @@ def throw(work: Work) -> None:
     throws = elsewhere = None
     if refine is not None:
         with throwing_threads() as workers:
-            seed = throw_seed(work.recipe.seed, VERDICT)
+            seed = throw_seed(work.recipe.seed, VERDICT_ROUND)
             throws = die.simulate(refine.verdict, seed, refine.engine, workers)
             if model is not None and tables:
-                drops = math.ceil(ON_TABLES * refine.verdict / len(tables))
-                seed = throw_seed(work.recipe.seed, VERDICT, is_elsewhere=True)
+                drops = math.ceil(POSTERIOR_SHARE * refine.verdict / len(tables))
+                seed = throw_seed(work.recipe.seed, VERDICT_ROUND, is_elsewhere=True)
                 counts = die.counts_on(tables, drops, seed, refine.engine, workers)
                 elsewhere = variations_on_tables(
                     target,
@@ -212,13 +214,13 @@ def throw(work: Work) -> None:
     )
     if measured is None or refine is None:
         return
-    told = (
+    remark = (
         f"thrown {measured.drops} times, its total variation from the target is "
         f"{measured.total_variation:.2g}, where a perfect die shows {measured.noise_floor:.2g}"
     )
     if work.status is Status.CONVERGED and measured.total_variation > refine.within:
         work.status = Status.OFF_TABLE
     if work.status is Status.OFF_TABLE:
-        work.remarks[:] = [work.status.value, told]
+        work.remarks[:] = [work.status.value, remark]
     else:
-        work.remarks.insert(0, told)
+        work.remarks.insert(0, remark)

@@ -111,7 +111,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
                 "rank": rank,
                 **{key: trial[key] for key in kept},
                 "on_front": number in front,
-                "as_given": entries == recipe.resolved(),
+                "as_given": entries == recipe.as_dict(),
                 "varied": varied,
                 "recipe_file": f"trial_{number}.yaml",
             }

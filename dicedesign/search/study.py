@@ -87,7 +87,7 @@ def vary_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Reci
     """The recipe of a trial: its place in the search is added to the seed, and the numbers of
     `search_space` take the given values. With `Range.own` for all, that at place 0 is the recipe as
     it was given."""
-    entries, space = recipe.resolved(), search_space(recipe)
+    entries, space = recipe.as_dict(), search_space(recipe)
     entries["seed"] += place
     order = sorted(values, key=values.__getitem__)
     labels = [name.partition(".")[2] for name in order if name.startswith("assignment.")]
@@ -103,7 +103,7 @@ def vary_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Reci
 def _own_weights(recipe: Recipe) -> dict[str, float]:
     exact = recipe.method.exact
     weights = {} if exact is None else exact.prefer.as_dict()
-    if not recipe.method.thrown:
+    if not recipe.method.is_thrown:
         # Probabilities without momentum are the same on every table.
         weights.pop("robustness", None)
     return weights
@@ -189,7 +189,7 @@ class SearchStudy:
                 for name, entry in self._space.items()
             }
         )
-        entries = vary_recipe(self._recipe, number, trial.params).resolved()
+        entries = vary_recipe(self._recipe, number, trial.params).as_dict()
         trial.set_user_attr(PLACE, number)
         trial.set_user_attr("recipe", entries)
         self._asked[number] = trial
@@ -313,7 +313,7 @@ def _check_recipe(folder: Path, recipe: Recipe) -> None:
             )
         atomic_write(path, recipe_text(recipe).encode("utf-8"))
         return
-    earlier, wanted = read_recipe(path).resolved(), recipe.resolved()
+    earlier, wanted = read_recipe(path).as_dict(), recipe.as_dict()
     if earlier != wanted:
         key = next(key for key in wanted if earlier.get(key) != wanted[key])
         raise InputError(

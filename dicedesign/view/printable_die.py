@@ -118,7 +118,7 @@ def make_printable(
     shape, design, follows_recipe = session.snapshot()
     if shape is None:
         raise InputError("die: expected a shape to print, got none yet; design one")
-    entries = session.request.recipe().resolved() | {"engrave": engrave}
+    entries = session.request.recipe().as_dict() | {"engrave": engrave}
     if size_mm is not None:
         entries["size_mm"] = size_mm
     needs_shape = design is None or not follows_recipe

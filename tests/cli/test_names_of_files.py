@@ -71,7 +71,7 @@ def test_what_a_run_writes_can_be_read_by_all(tmp_path: Path) -> None:
     recipe.write_text(RECIPE % json.dumps(mesh.name))
     out = tmp_path / os.fsdecode(b"out\xff")
     assert main(["run", str(recipe), "--out", str(out)]) == 0
-    assert read_recipe(out / "recipe.yaml").resolved()["start"] == {
+    assert read_recipe(out / "recipe.yaml").as_dict()["start"] == {
         "mesh": {"path": str(mesh), "repair": False}
     }
     json.loads((out / "result.json").read_bytes().decode("utf-8"))

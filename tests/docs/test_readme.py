@@ -52,7 +52,7 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
     recipes = [
         recipe
         for recipe in shipped(repository)
-        if recipe.method.concave is None and not recipe.method.thrown
+        if recipe.method.concave is None and not recipe.method.is_thrown
     ]
     assert [row[0] for row in told] == [recipe.name for recipe in recipes]
     for recipe, (_, outcomes, labeled, stray, designed, error) in zip(recipes, told, strict=True):
@@ -78,7 +78,7 @@ def test_every_recipe_for_a_table_is_in_its_table_within_what_it_asks_for(
 ) -> None:
     pattern = r"^\| `(\w+)` \| `\w+` \| (0\.\d+) \| (0\.\d+) \|"
     told = rows(repository / "docs" / "tables.md", pattern)
-    recipes = [recipe for recipe in shipped(repository) if recipe.method.thrown]
+    recipes = [recipe for recipe in shipped(repository) if recipe.method.is_thrown]
     assert [row[0] for row in told] == [recipe.name for recipe in recipes]
     for recipe, (_, deviation, perfect) in zip(recipes, told, strict=True):
         exact = recipe.method.exact

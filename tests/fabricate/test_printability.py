@@ -51,7 +51,7 @@ def test_a_recipe_says_it_in_a_word_or_leaves_it_out() -> None:
     given = parse_recipe({**RECIPE, "print": {**options, "errors": {"dimensional_mm": 0.05}}})
     assert given.print == PrintOptions(**options, errors=PrintErrors(dimensional_mm=0.05))
     for recipe in (given, parse_recipe({**RECIPE, "print": False})):
-        assert parse_recipe(recipe.resolved()) == recipe
+        assert parse_recipe(recipe.as_dict()) == recipe
     with pytest.raises(InputError, match=r"print: printer: expected fdm, sla, sls, got 'laser'"):
         parse_recipe({**RECIPE, "print": "laser"})
 

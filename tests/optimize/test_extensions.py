@@ -156,7 +156,7 @@ def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
     assert list(weights.of_terms)[-1] == "low_peaks"
     start = build_start(recipe.start.name, recipe.start.options, Task(4))
     assert np.ptp(start.points, axis=0).tolist() == [1.0, 1.0, 2.0]
-    assert read(tmp_path, **recipe.resolved()) == recipe
+    assert read(tmp_path, **recipe.as_dict()) == recipe
     exact = read(tmp_path, method={"exact": {"prefer": {"flat": 0.5}}}).method.exact
     assert exact.prefer == Preferences(flat=0.5)
     thrown = {"probabilities": "thrown", "refine": {"engine": "set_down"}}

@@ -154,6 +154,6 @@ def test_what_is_too_rare_is_told(smallest: float, told: bool) -> None:
     rest = (1.0 - smallest) / 5.0
     target = {"probabilities": [smallest, *[rest] * 5]}
     work = checked(box(4.0, 5.0, 6.0), target=target)
-    assert (f"{smallest:.2g} is hard" in message(work)) == told
+    assert (f"{smallest:.2g} rarely" in message(work)) == told
     paper = checked(box(4.0, 5.0, 6.0), target=target, entries=FROM_PRISM)
-    assert "is hard" not in message(paper)
+    assert "rarely gets" not in message(paper)

@@ -115,4 +115,4 @@ def test_a_file_with_other_probabilities_is_left_out(
 def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> None:
     recipe = parse_recipe({**COIN, "files": files})
     assert recipe.files == expected
-    assert yaml.safe_load(yaml.safe_dump(recipe.resolved()))["files"] == expected
+    assert yaml.safe_load(yaml.safe_dump(recipe.as_dict()))["files"] == expected

@@ -76,7 +76,7 @@ def test_all_directions_alike_is_no_prior() -> None:
     for prior in ("uniform", None):
         given = parse_recipe({"name": "die", "target": {"fair": 4}, "prior": prior})
         assert given.prior is None
-        assert given.resolved()["prior"] == "uniform"
+        assert given.as_dict()["prior"] == "uniform"
     even = dd.design({"fair": 4}, prior="vmf:0,0,1:0")
     assert even.max_abs_error < 1e-6
     poses = dd.rest_poses(even.vertices)

@@ -41,7 +41,7 @@ def test_shipped_recipes_are_read(repository: Path) -> None:
 def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> None:
     for path in (repository / "recipes").glob("*.yaml"):
         recipe = read_recipe(path)
-        again = read(tmp_path, recipe.resolved())
+        again = read(tmp_path, recipe.as_dict())
         assert again == recipe
 
 
@@ -57,12 +57,12 @@ CONCAVE: dict[str, Any] = {
 def test_a_concave_die_is_plain_unless_marks_are_asked_for(method: object, tmp_path: Path) -> None:
     plain = read(tmp_path, {**CONCAVE, "method": method})
     assert plain.engrave is None
-    assert plain.resolved()["engrave"] is False
+    assert plain.as_dict()["engrave"] is False
     marked = read(tmp_path, {**CONCAVE, "method": method, "engrave": True})
     assert marked.engrave == EngravingOptions()
     assert read(tmp_path, {**CONCAVE, "method": method, "engrave": {"margin_mm": 0.2}}).engrave
     for recipe in (plain, marked):
-        assert read(tmp_path, recipe.resolved()) == recipe
+        assert read(tmp_path, recipe.as_dict()) == recipe
     assert read(tmp_path, GOOD).engrave == EngravingOptions()
 
 
@@ -109,7 +109,7 @@ def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:
         "method": {"exact": {"prefer": {}, "starts": 60}},
     }
     recipe = read(tmp_path, {**entries, "assignment": "any"})
-    assert recipe.resolved()["assignment"] == "any"
+    assert recipe.as_dict()["assignment"] == "any"
     assert recipe.outcome_of_direction() == list(range(6))
     work = design_recipe(recipe, last="check")
     assert work.status is Status.CONVERGED
@@ -127,11 +127,11 @@ def test_paths_of_fonts_and_icons_count_from_the_recipe(tmp_path: Path) -> None:
     assert recipe.engrave.font == str(tmp_path / "fonts" / "a.OTF")
     six, seven, eight = str(tmp_path / "six.svg"), "/seven.svg", str(Path.cwd() / "eight.svg")
     assert recipe.engrave.icons == {"6": six, "7": seven, "8": eight}
-    assert read(tmp_path, recipe.resolved()) == recipe
+    assert read(tmp_path, recipe.as_dict()) == recipe
     named = read(tmp_path, {**GOOD, "engrave": {"font": "DejaVu Serif", "upright": [0, 0, 1]}})
     assert named.engrave is not None
     assert (named.engrave.font, named.engrave.upright) == ("DejaVu Serif", (0.0, 0.0, 1.0))
-    assert read(tmp_path, named.resolved()) == named
+    assert read(tmp_path, named.as_dict()) == named
 
 
 def test_a_mesh_path_counts_from_the_recipe_or_in_a_change_from_where_one_is(

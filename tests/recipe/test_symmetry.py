@@ -120,8 +120,8 @@ def test_images_with_unequal_probabilities_are_refused() -> None:
 def test_none_is_no_symmetry_and_is_written_so(tmp_path: Path) -> None:
     given = recipe(target={"fair": 4}, symmetry="none")
     assert given.symmetry is None
-    assert given.resolved()["symmetry"] == "none"
-    assert recipe(target={"fair": 4}, symmetry="Td").resolved()["symmetry"] == "Td"
+    assert given.as_dict()["symmetry"] == "none"
+    assert recipe(target={"fair": 4}, symmetry="Td").as_dict()["symmetry"] == "Td"
 
 
 def designed(**entries: Any) -> Work:
@@ -134,7 +134,7 @@ def test_a_fair_die_is_fair_by_symmetry_alone() -> None:
     work, name = designed(target={"fair": 10}), "D5d"
     assert work.status is Status.CONVERGED
     assert work.recipe.symmetry == name
-    assert work.recipe.resolved()["symmetry"] == name
+    assert work.recipe.as_dict()["symmetry"] == name
     assert any(name in note for note in work.notes)
     group = work.recipe.group()
     assert group is not None
@@ -184,5 +184,5 @@ def test_thrown_dice_are_symmetric_unless_they_are_told_otherwise() -> None:
     ):
         recipe = parse_recipe({"name": "d", "target": {"fair": 5}, **entries})
         assert recipe.symmetry == expected
-        again = parse_recipe(recipe.resolved())
+        again = parse_recipe(recipe.as_dict())
         assert again.symmetry == expected

@@ -37,7 +37,7 @@ def made(recipe: Recipe, count: int, seed: int = 0) -> list[dict[str, Any]]:
         trials.append(
             {
                 "number": number,
-                "recipe": {**recipe.resolved(), "seed": 3 + number},
+                "recipe": {**recipe.as_dict(), "seed": 3 + number},
                 "status": str(kind),
                 "message": "",
                 "max_abs_error": None if dead else float(rng.integers(1, 5) * 1e-14),
@@ -160,9 +160,9 @@ def test_the_recipe_as_given_is_marked(tmp_path: Path, recipe: Recipe) -> None:
 
 def test_best_is_what_was_found(tmp_path: Path, recipe: Recipe) -> None:
     """To the last bit, through the file."""
-    result = run_trial(recipe.resolved())
-    write_results(tmp_path, recipe, [{"number": 0, "recipe": recipe.resolved(), **result}])
-    again = run_trial(read_recipe(tmp_path / "best.yaml").resolved())
+    result = run_trial(recipe.as_dict())
+    write_results(tmp_path, recipe, [{"number": 0, "recipe": recipe.as_dict(), **result}])
+    again = run_trial(read_recipe(tmp_path / "best.yaml").as_dict())
     assert again["vertices"] == result["vertices"]
     assert again["margin_deg"] == result["margin_deg"]
 

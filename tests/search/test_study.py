@@ -64,7 +64,7 @@ def test_the_first_trial_is_the_recipe(tmp_path: Path, weight: float) -> None:
         }
     )
     first, second = searched(tmp_path, recipe, 2)
-    assert first["recipe"] == recipe.resolved()
+    assert first["recipe"] == recipe.as_dict()
     assert second["recipe"]["method"] != first["recipe"]["method"]
 
 
@@ -212,10 +212,10 @@ def test_labels_move_where_that_makes_a_difference(
     assert set(space) == {*assigned, *(names if entries["method"] == "exact" else [])}
     own = {name: entry.own for name, entry in space.items()}
     assert all(entry.low <= entry.own <= entry.high for entry in space.values())
-    expected = recipe.resolved()
+    expected = recipe.as_dict()
     if assigned:
         expected["assignment"] = expected["assignment"] if "assignment" in entries else list("0123")
-    assert vary_recipe(recipe, 0, own).resolved() == expected
+    assert vary_recipe(recipe, 0, own).as_dict() == expected
 
 
 def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> None:
