@@ -75,7 +75,7 @@ def test_infill_has_a_file_of_its_own(tmp_path: Path) -> None:
 
 
 def test_what_is_refused() -> None:
-    with pytest.raises(RecipeError, match="inside: expected a center_of_mass that is given"):
+    with pytest.raises(RecipeError, match="inside: expected a center_of_mass with it"):
         parse_recipe(recipe("cavity", center_of_mass="uniform"))
     with pytest.raises(RecipeError, match=r"inside.*wall_mm"):
         parse_recipe(recipe({"wall_mm": -1}))
