@@ -1,4 +1,4 @@
-"""Damaged files through the readers: meshes, recipes, tables, counts and results."""
+"""Read damaged files: meshes, recipes, tables, counts and results."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from tests.soak.frame import dicedesign, faults_of, run_command
 from tests.soak.meshes import mesh_file
 
 MEMORY = 1 << 30
-"""Bytes that reading a small file may take beside the program."""
+"""Limit in bytes on the memory for reading a small file."""
 
-MOST_CHANGES = 3
-"""Of a file."""
+MAX_CHANGES = 3
+"""Limit on the changes of a file."""
 
 SUM_LIMIT = 1e-9
-"""By how much the probabilities of a damaged mesh that can still be read may miss 1 in sum."""
+"""Tolerance on the sum of the probabilities of a damaged but readable mesh."""
 
 NUMBERS = (
     b"0", b"-1", b"1e308", b"-1e308", b"1e-320", b"1e999", b"nan", b"inf", b"9" * 400, b"9" * 5000,
     b"0x10", b"1_0", b"2147483648", b"18446744073709551616", b"1.5", b"true", b"",
 )  # fmt: skip
-"""What takes the place of a number."""
+"""Replacements of a number."""
 
 PIECES = (
     b"\x00", b"\xff\xfe", b"\xed\xa0\x80", b"\r", b"\n\n", b'"', b"'", b"[" * 20_000, b"{" * 2_000,
     b"&a [*a, *a]", b"!!python/object:os.system {}", b"\xe2\x80\xae", b",", b":", b"#", b" " * 5000,
 )  # fmt: skip
-"""What is pushed in somewhere."""
+"""Insertions at a random place."""
 
 WORDS = (b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\x00\x00\x00\x00", b"\x00\x00\xc0\x7f")
-"""Four bytes that a program may take for a huge count."""
+"""Four bytes that may be read as a huge count."""
 
 MESHES = (".stl", ".text.stl", ".obj", ".off", ".xyz", ".ply", ".glb", ".3mf")
 
@@ -56,7 +56,7 @@ COMMANDS = {
     "result.json": "rolls {} good.csv --json",
     **{f"mesh{ending}": f"rest {{}}/mesh{ending} --json" for ending in MESHES},
 }
-"""What reads a file in a folder, by the file's name; the first two are of `read_or_run`."""
+"""Command that reads each file of a folder; `read_or_run` adds the first two."""
 
 RECIPE = """
 name: die
@@ -68,7 +68,7 @@ report: false
 
 
 def read_or_run(arguments: list[str]) -> int:
-    """`python -m dicedesign`, with two more commands that only read a file."""
+    """Run `python -m dicedesign` with two additional commands that only read a file."""
     readers = {"read-recipe": read_recipe, "read-table": RestTable.read}
     if arguments[0] not in readers:
         return dicedesign(arguments)
@@ -82,7 +82,7 @@ def read_or_run(arguments: list[str]) -> int:
 
 
 def make_samples(folder: Path) -> None:
-    """Fill an empty folder with sound files, beside what the commands that read them need."""
+    """Fill an empty folder with valid files, and with the other inputs of the commands."""
     hull = convex_hull(box(1.0, 0.8, 0.7).points)
     for ending in MESHES:
         content = mesh_file(ending, hull.vertices, hull.triangles)
@@ -101,47 +101,46 @@ def make_samples(folder: Path) -> None:
 
 
 def try_damaged(samples: Path, seed: int, number: int) -> list[str]:
-    """What went wrong with a damaged file; the first of each kind is a sound one."""
+    """Read a damaged file, and list the faults; the first file of each kind is valid."""
     rng, names = np.random.default_rng([seed, number]), list(COMMANDS)
     name, other = names[number % len(names)], names[rng.integers(len(names))]
     data = (samples / name).read_bytes()
-    is_sound = number < len(names)
-    if not is_sound:
+    is_valid = number < len(names)
+    if not is_valid:
         pieces = (samples / other).read_bytes() if rng.random() < 0.3 else data
-        for _ in range(rng.integers(1, MOST_CHANGES + 1)):
-            data = changed(rng, data, pieces)
+        for _ in range(rng.integers(1, MAX_CHANGES + 1)):
+            data = damage(rng, data, pieces)
     folder = samples / str(number)
     folder.mkdir()
     (folder / name).write_bytes(data)
     command = COMMANDS[name].format(folder).split()
     ended = run_command(command, samples, program=read_or_run, memory=MEMORY)
     shutil.rmtree(folder)
-    faults = faults_of(ended, 0, *(() if is_sound else (2,)))
-    said = [line for line in ended.err.splitlines() if not line.startswith("note: ")]
-    if not faults and ended.code == 2 and (len(said) != 1 or ended.out):
+    faults = faults_of(ended, 0, *(() if is_valid else (2,)))
+    lines = [line for line in ended.err.splitlines() if not line.startswith("note: ")]
+    if not faults and ended.code == 2 and (len(lines) != 1 or ended.out):
         faults = [f"expected one line of an error, got {ended.out + ended.err!r}"]
     elif not faults and ended.code == 0:
-        faults = [f"expected an answer alone, got {said!r}"] if said else []
-        faults += wrong_answer(command[0], json.loads(ended.out))
+        faults = [f"expected an answer alone, got {lines!r}"] if lines else []
+        faults += answer_faults(command[0], json.loads(ended.out))
     return [f"{name}: {fault}" for fault in faults]
 
 
-def wrong_answer(command: str, answer: Any) -> list[str]:
-    """What is wrong with the JSON of a command."""
+def answer_faults(command: str, answer: Any) -> list[str]:
+    """List faults in the JSON of a command."""
     if command == "rest":
         probabilities = [rest["probability"] for rest in answer["rests"]]
         if not (min(probabilities) >= 0.0 and abs(math.fsum(probabilities) - 1.0) <= SUM_LIMIT):
             return [f"probabilities {probabilities} that sum to {math.fsum(probabilities)!r}"]
     if command == "rolls":
-        counts = [one["count"] for one in answer["outcomes"]]
+        counts = [outcome["count"] for outcome in answer["outcomes"]]
         if sum(counts) != answer["throws"] or min(counts) < 0:
             return [f"counts {counts} of {answer['throws']} throws"]
     return []
 
 
-def changed(rng: np.random.Generator, data: bytes, other: bytes) -> bytes:
-    """A file's content after a change of a random kind. other: of a file that pieces are taken
-    from."""
+def damage(rng: np.random.Generator, data: bytes, other: bytes) -> bytes:
+    """Change the content of a file at random. other: content of a file whose pieces may be used."""
     place = int(rng.integers(len(data) + 1))
     head, tail = data[:place], data[place:]
     first, last = sorted(rng.integers(len(other) + 1, size=2).tolist())
@@ -154,7 +153,7 @@ def changed(rng: np.random.Generator, data: bytes, other: bytes) -> bytes:
     lines = data.splitlines(keepends=True) or [b""]
     line = int(rng.integers(len(lines)))
     times = int(rng.choice([1, 2, 5000])) if len(lines[line]) < 500 else 1
-    ways = (
+    variants = (
         bytes(flipped),
         head,
         head + tail[rng.integers(1, 60) :],
@@ -165,4 +164,4 @@ def changed(rng: np.random.Generator, data: bytes, other: bytes) -> bytes:
         b"".join([*lines[:line], lines[line] * times, *lines[line:]]),
         head + WORDS[rng.integers(len(WORDS))] + tail[4:],
     )
-    return ways[rng.integers(len(ways))]
+    return variants[rng.integers(len(variants))]

@@ -1,7 +1,6 @@
-"""Command lines in processes of their own, which may get signals and have limits.
+"""Run commands in separate processes, with signals and limits.
 
-Most are forked from one process that has imported the package, so that thousands of them take
-minutes; signals reach real processes all the same.
+Most are forked from one process that has imported the package, so that thousands take minutes.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 LIMIT = 120.0
-"""Seconds after which a command counts as one that hangs; what it does takes a few."""
+"""Timeout in seconds; commands normally take a few."""
 
 JOBS = 2
 
@@ -31,17 +30,18 @@ PRELOADED = (
     "torch trimesh manifold3d dicedesign.cli.rest dicedesign.cli.rolls dicedesign.recipe.convex "
     "dicedesign.recipe.thrown dicedesign.fabricate.engraving"
 )
-"""Imported, where it is there, by the process that others are forked from."""
+"""Modules that the parent of the forked processes imports."""
 
 
 @dataclass(frozen=True)
-class Ended:
-    """How a command ended.
+class CommandEnd:
+    """End of a command.
 
     Attributes
     ----------
-    code: exit code, or the number of the signal that ended it, negative; None if it hung.
-    out, err: what it printed. seconds: that it took.
+    code: exit code, or the negative number of the signal that ended it; None after a timeout.
+    out, err: stdout and stderr.
+    seconds: duration.
     """
 
     code: int | None
@@ -50,17 +50,17 @@ class Ended:
     seconds: float
 
 
-def all_faults(case: Callable[..., list[str]], numbers: range, *given: Any) -> list[str]:
-    """What went wrong in cases by their numbers, several side by side. case: called with what is
-    given and a number."""
-    # Each has a process of its own that others are forked from.
+def all_faults(case: Callable[..., list[str]], numbers: range, *arguments: Any) -> list[str]:
+    """Run numbered cases in parallel, and list their faults. case: called with the arguments and a
+    number."""
+    # Each worker has its own process from which commands are forked.
     with ProcessPoolExecutor(JOBS, multiprocessing.get_context("spawn")) as workers:
-        found = workers.map(partial(case, *given), numbers)
-        return [f"{number}: {one}" for number in numbers for one in next(found)]
+        faults = workers.map(partial(case, *arguments), numbers)
+        return [f"{number}: {fault}" for number in numbers for fault in next(faults)]
 
 
-def faults_of(ended: Ended, *expected: int) -> list[str]:
-    """Hangs and unforeseen errors. expected: exit codes that are right."""
+def faults_of(ended: CommandEnd, *expected: int) -> list[str]:
+    """List timeouts and unexpected errors. expected: correct exit codes."""
     if ended.code is None:
         return [f"no end within {LIMIT:g} s"]
     if ended.code in expected and "Traceback (most recent call last)" not in ended.err:
@@ -69,14 +69,13 @@ def faults_of(ended: Ended, *expected: int) -> list[str]:
     return [f"exit code {ended.code}, expected {' or '.join(map(str, expected))}: {last}"]
 
 
-def before_main(said: str) -> bool:
-    """Whether a program that said this was interrupted while the interpreter still began, which no
-    program can word."""
-    return said.rstrip().endswith("KeyboardInterrupt") and ", in main\n" not in said
+def before_main(output: str) -> bool:
+    """Whether an interrupt came while the interpreter started, before any program can handle it."""
+    return output.rstrip().endswith("KeyboardInterrupt") and ", in main\n" not in output
 
 
 def dicedesign(arguments: list[str]) -> int:
-    """What `python -m dicedesign` does; its exit code."""
+    """Run `python -m dicedesign` in this process, and return the exit code."""
     sys.argv[1:] = arguments
     try:
         runpy.run_module("dicedesign", run_name="__main__")
@@ -93,25 +92,24 @@ def run_command(
     memory: int | None = None,
     sent: signal.Signals | None = None,
     after: float = 0.0,
-) -> Ended:
+) -> CommandEnd:
     """Run a command line in a folder.
 
-    program: what is called with the arguments and returns the exit code; None for
-    `python -m dicedesign` in a new interpreter, instead of by a fork. memory: bytes of addresses
-    that it may take beside what is there at its start, on Linux. sent, after: a signal, if any, and
-    the seconds from the begin until it is sent.
+    program: called with the arguments in a forked process, returns the exit code; None runs
+    `python -m dicedesign` in a new interpreter. memory: limit on additional address space in bytes,
+    on Linux. sent, after: signal, and the seconds from the start until it is sent.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED.split())
-    begun, other = context.Pipe(duplex=False)
-    with TemporaryDirectory() as printed, begun:
+    ready, sender = context.Pipe(duplex=False)
+    with TemporaryDirectory() as output, ready:
         process = context.Process(
-            target=_become, args=(arguments, folder, program, memory, Path(printed), other)
+            target=_become, args=(arguments, folder, program, memory, Path(output), sender)
         )
         process.start()
-        other.close()
+        sender.close()
         with suppress(EOFError):
-            begun.recv_bytes()
+            ready.recv_bytes()
         start = time.monotonic()
         if sent is not None:
             process.join(after)
@@ -122,12 +120,12 @@ def run_command(
         if code is None:
             os.killpg(process.pid, signal.SIGKILL)
             process.join()
-        # A process that is ended at once has printed nothing.
+        # A process that ends at once has no output files.
         out, err = (
             path.read_text("utf-8", "replace") if path.exists() else ""
-            for path in (Path(printed, "1"), Path(printed, "2"))
+            for path in (Path(output, "1"), Path(output, "2"))
         )
-        return Ended(code, out, err, seconds)
+        return CommandEnd(code, out, err, seconds)
 
 
 def _become(
@@ -135,27 +133,27 @@ def _become(
     folder: Path,
     program: Callable[[list[str]], int] | None,
     memory: int | None,
-    printed: Path,
-    begun: Connection,
+    output: Path,
+    ready: Connection,
 ) -> None:
-    """Become the command; to be called in a process of its own."""
-    # Interrupts from the terminal are for the test.
+    """Replace this process by the command."""
+    # Interrupts from the terminal must reach only the test.
     os.setsid()
-    # A shell may have begun the test with interrupts ignored.
+    # A shell may have started the test with interrupts ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    # Locks go with the process, as those of a program that was not begun like this.
+    # Locks must end with the process, as in a normal program.
     multiprocessing.set_start_method("fork", force=True)
     os.chdir(folder)
     for stream in (1, 2):
-        os.dup2(os.open(printed / str(stream), os.O_WRONLY | os.O_CREAT, 0o600), stream)
+        os.dup2(os.open(output / str(stream), os.O_WRONLY | os.O_CREAT, 0o600), stream)
     size = Path("/proc/self/statm")
     if memory is not None and size.exists():
         import resource
 
         limit = int(size.read_text().split()[0]) * resource.getpagesize() + memory
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-    begun.send_bytes(b"begun")
-    begun.close()
+    ready.send_bytes(b"ready")
+    ready.close()
     if program is None:
         os.execv(sys.executable, [sys.executable, "-m", "dicedesign", *arguments])
     code = program(arguments)

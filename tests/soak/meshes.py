@@ -1,5 +1,4 @@
-"""A folder of many meshes by `dicedesign rest`, whose workers and whose self are killed on the
-way."""
+"""Analyze a folder of many meshes by `dicedesign rest`, while processes are killed."""
 
 from __future__ import annotations
 
@@ -27,40 +26,39 @@ from tests.reference.solids import PLATONIC, antiprism, bipyramid, box, platonic
 from tests.soak.frame import JOBS, before_main
 
 BROKEN_EVERY = 50
-"""One mesh in so many has no answer."""
+"""Every fiftieth mesh is invalid."""
 
 PER_FOLDER = 1000
 
 ENDINGS = (".stl", ".text.stl", ".obj", ".off", ".xyz", ".ply")
 
-SINGLE, DOUBLE = 2e-4, 1e-8
-"""Largest error of probabilities, where coordinates are rounded to single precision, and else."""
+SINGLE_TOLERANCE, DOUBLE_TOLERANCE = 2e-4, 1e-8
+"""Tolerances on probabilities for coordinates in single and in double precision."""
 
-LOOK = 0.25
-"""Seconds between looks at the processes."""
+POLL_SECONDS = 0.25
 
 KILL_SECONDS = 20.0
-"""After which a worker is killed, again and again."""
+"""Time between two kills of a worker."""
 
-LEAST_LIFE = 40.0
-"""Seconds that a worker lives whose memory tells something; at first it grows by what is
-imported."""
+MIN_LIFE_SECONDS = 40.0
+"""Least life of a worker whose memory is judged; imports increase it at first."""
 
-MOST_GROWTH = 0.1
-"""Part by which the memory of a worker that counts as flat may grow."""
+MAX_GROWTH = 0.1
+"""Limit on the relative growth of the memory of a worker."""
 
 MESHES_PER_KILL = 500
-"""No more workers are killed than one for so many meshes, and one: a file that often loses its
-worker is given up."""
+"""Limit on the rate of kills: a file that loses its worker too often is given up."""
 
 
 LIMIT_SECONDS, SECONDS_PER_MESH = 120.0, 0.2
-"""A batch that takes longer than their sum hangs."""
+"""Timeout of a batch: a constant and a part per mesh."""
 
 
 def mesh_file(ending: str, points: Floats, triangles: Integers) -> bytes:
-    """The content of a mesh file: .stl, .text.stl, .obj, .off, .ply, .xyz, .glb or .3mf, with
-    points (n, 3) and triangles (t, 3)."""
+    """Content of a mesh file with points (n, 3) and triangles (t, 3).
+
+    ending: .stl, .text.stl, .obj, .off, .ply, .xyz, .glb or .3mf.
+    """
     if ending == ".stl":
         return stl_bytes(points, triangles)
     if ending in (".glb", ".3mf"):
@@ -89,7 +87,7 @@ def mesh_file(ending: str, points: Floats, triangles: Integers) -> bytes:
 
 
 def broken_files(points: Floats, triangles: Integers) -> list[tuple[str, bytes]]:
-    """Ending and content of files that have no answer, made from a sound mesh."""
+    """Endings and contents of invalid files, made from a valid mesh."""
     stl, ply, obj, xyz = (
         mesh_file(ending, points, triangles) for ending in (".stl", ".ply", ".obj", ".xyz")
     )
@@ -114,8 +112,10 @@ def broken_files(points: Floats, triangles: Integers) -> list[tuple[str, bytes]]
 
 
 def known_bodies() -> list[tuple[Floats, Integers, Floats]]:
-    """Corners (n, 3), triangles (t, 3) and the ascending probabilities of their rests, by closed
-    forms or in 60 digits, of many bodies."""
+    """Corners (n, 3), triangles (t, 3) and ascending resting probabilities of many bodies.
+
+    The probabilities come from closed forms or 60-digit arithmetic.
+    """
     problems = [platonic(name) for name in PLATONIC]
     problems += [prism(sides, 0.6 + 0.2 * sides) for sides in range(3, 9)]
     problems += [antiprism(sides) for sides in range(4, 7)]
@@ -133,22 +133,23 @@ def known_bodies() -> list[tuple[Floats, Integers, Floats]]:
 
 
 def make_meshes(folder: Path, count: int, seed: int) -> dict[str, Floats | None]:
-    """Fill a folder with meshes, each a known body turned, moved and sized at random.
+    """Fill a folder with known bodies, rotated, moved and scaled at random.
 
-    Returns the probabilities of each file, by its path within the folder; None for a broken one.
+    Returns the probabilities of each file by its path within the folder; None if it is invalid.
     """
     known, answers = known_bodies(), dict[str, Floats | None]()
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         corners, triangles, shares = known[rng.integers(len(known))]
-        turned = Rotation.random(random_state=int(rng.integers(2**31))).apply(corners)
-        points = (turned + rng.uniform(-1.0, 1.0, 3)) * 10.0 ** rng.uniform(-2.0, 2.0)
+        rotated = Rotation.random(random_state=int(rng.integers(2**31))).apply(corners)
+        points = (rotated + rng.uniform(-1.0, 1.0, 3)) * 10.0 ** rng.uniform(-2.0, 2.0)
         ending = ENDINGS[rng.integers(len(ENDINGS))]
         content: bytes | str | None = None
         is_broken = number % BROKEN_EVERY == 0
         if is_broken:
-            ways = [*broken_files(points, triangles), *((".stl", way) for way in ("", "gone", "."))]
-            ending, content = ways[rng.integers(len(ways))]
+            links = [(".stl", content) for content in ("", "gone", ".")]
+            variants = [*broken_files(points, triangles), *links]
+            ending, content = variants[rng.integers(len(variants))]
         else:
             content = mesh_file(ending, points, triangles)
         path = folder / str(number // PER_FOLDER) / f"{number}{ending}"
@@ -156,7 +157,7 @@ def make_meshes(folder: Path, count: int, seed: int) -> dict[str, Floats | None]
         if isinstance(content, bytes):
             path.write_bytes(content)
         elif content:
-            # A link to nothing, or to itself.
+            # A dangling link, or a link to itself.
             path.symlink_to(path.name if content == "." else "nowhere.stl")
         else:
             os.mkfifo(path)
@@ -165,14 +166,16 @@ def make_meshes(folder: Path, count: int, seed: int) -> dict[str, Floats | None]
 
 
 def run_batches(folder: Path, table: Path, files: int, seed: int) -> list[str]:
-    """Run the command over a folder of so many files, killed once, interrupted once, then to its
-    end, with workers killed on the way; what went wrong."""
+    """Run the command three times: killed, interrupted, and to its end; list the faults.
+
+    Workers are killed during all runs. files: number of files.
+    """
     rng, faults = np.random.default_rng(seed), []
     for sent in (signal.SIGKILL, signal.SIGINT, None):
-        printed = table.with_suffix(".txt")
+        log = table.with_suffix(".txt")
         command = [sys.executable, "-m", "dicedesign", "rest", str(folder), "--out", str(table)]
         with (
-            printed.open("wb") as out,
+            log.open("wb") as out,
             subprocess.Popen(
                 [*command, "--jobs", str(JOBS)], stdout=out, stderr=out, start_new_session=True
             ) as process,
@@ -182,14 +185,14 @@ def run_batches(folder: Path, table: Path, files: int, seed: int) -> list[str]:
             finally:
                 with suppress(ProcessLookupError, PermissionError):
                     os.killpg(process.pid, signal.SIGKILL)
-        said = printed.read_text("utf-8", "replace")
+        output = log.read_text("utf-8", "replace")
         expected = {0} if sent is None else {0, 130 if sent == signal.SIGINT else -sent}
-        if (code not in expected or "Traceback" in said) and not before_main(said):
-            # None is that of a batch that came to no end.
-            faults.append(f"exit code {code}: {' '.join(said.split())[-300:]}")
+        if (code not in expected or "Traceback" in output) and not before_main(output):
+            # The code is None after a timeout.
+            faults.append(f"exit code {code}: {' '.join(output.split())[-300:]}")
         if sent is not None and table.exists():
             faults += read_rows(table)[1]
-    if growth > MOST_GROWTH:
+    if growth > MAX_GROWTH:
         faults.append(f"the memory of a worker grew by {growth:.0%}")
     return faults
 
@@ -200,19 +203,21 @@ def _watch(
     sent: signal.Signals | None,
     files: int,
 ) -> tuple[int | None, float]:
-    """Wait for the end, or send a signal before: the exit code, None if there is no end, and the
-    growth of the memory of the worker that lived longest, from the second quarter of its life to
-    the last."""
+    """Wait for the end, or send a signal before.
+
+    Returns the exit code, None after a timeout, and the relative growth of the memory of the worker
+    that lived longest, from the second quarter of its life to the last.
+    """
     limit = time.monotonic() + LIMIT_SECONDS + SECONDS_PER_MESH * files
     early = float(rng.uniform(0.25, 0.75)) * KILL_SECONDS
     signal_at = kill_at = float("inf")
     kills, pages, code = 0, dict[int, list[int]](), None
     while code is None and (now := time.monotonic()) < limit:
         workers = _workers(process.pid)
-        for worker, held in workers.items():
-            pages.setdefault(worker, []).append(held)
+        for worker, count in workers.items():
+            pages.setdefault(worker, []).append(count)
         if pages or sys.platform != "linux":
-            # The time until there are workers is that of the machine.
+            # The clock starts with the first workers.
             signal_at, kill_at = min(signal_at, now + early), min(kill_at, now + KILL_SECONDS)
         if now >= signal_at and sent is not None:
             process.send_signal(sent)
@@ -222,40 +227,40 @@ def _watch(
             with suppress(ProcessLookupError):
                 os.kill(int(rng.choice(list(workers))), signal.SIGKILL)
         with suppress(subprocess.TimeoutExpired):
-            code = process.wait(LOOK)
+            code = process.wait(POLL_SECONDS)
     series = max(pages.values(), key=len, default=[])
     quarter = len(series) // 4
-    if len(series) * LOOK < LEAST_LIFE:
+    if len(series) * POLL_SECONDS < MIN_LIFE_SECONDS:
         return code, 0.0
     return code, median(series[-quarter:]) / median(series[quarter : 2 * quarter]) - 1.0
 
 
 def _workers(pid: int) -> dict[int, int]:
-    """Pages of memory that each worker of a process holds, by its id, where there is a /proc."""
-    found = {}
+    """Memory pages of each worker of a process by its id, if there is a /proc."""
+    pages = {}
     with suppress(OSError):
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
             with suppress(OSError, IndexError):
                 if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
-                    found[int(child)] = int(Path(f"/proc/{child}/statm").read_text().split()[1])
-    return found
+                    pages[int(child)] = int(Path(f"/proc/{child}/statm").read_text().split()[1])
+    return pages
 
 
 def read_rows(table: Path) -> tuple[list[dict[str, str]], list[str]]:
-    """The rows of a table, and what is wrong with it."""
+    """Read the rows of a table, and list its faults."""
     try:
         with table.open(encoding="utf-8", newline="") as file:
-            rows = csv.DictReader(file, strict=True)
-            found = list(rows)
+            reader = csv.DictReader(file, strict=True)
+            rows = list(reader)
     except (OSError, ValueError, csv.Error) as error:
-        return [], [f"a table that cannot be read: {error}"]
-    if rows.fieldnames != list(COLUMNS) or any(None in (*row, *row.values()) for row in found):
-        return [], ["a table with other columns, or a row with others"]
-    return found, []
+        return [], [f"the table cannot be read: {error}"]
+    if reader.fieldnames != list(COLUMNS) or any(None in (*row, *row.values()) for row in rows):
+        return [], ["the table or a row has other columns"]
+    return rows, []
 
 
 def batch_faults(table: Path, answers: dict[str, Floats | None]) -> list[str]:
-    """What is wrong with the table of a batch. answers: see `make_meshes`."""
+    """List faults in the table of a batch. answers: as returned by `make_meshes`."""
     rows, faults = read_rows(table)
     faults += [f"{path.name} was left beside the table" for path in table.parent.glob(".*")]
     probabilities, errors = dict[str, list[float]](), dict[str, str]()
@@ -263,17 +268,20 @@ def batch_faults(table: Path, answers: dict[str, Floats | None]) -> list[str]:
         errors[row["file"]] = row["error"]
         if row["rest"]:
             probabilities.setdefault(row["file"], []).append(float(row["probability"]))
-    faults += [f"{file}: no rows, or rows of no mesh" for file in answers.keys() ^ errors.keys()]
+    faults += [
+        f"{file}: missing in the table, or not in the folder"
+        for file in answers.keys() ^ errors.keys()
+    ]
     for file in answers.keys() & errors.keys():
         shares, got = answers[file], np.sort(probabilities.get(file, []))
         if shares is None:
             is_right = bool(errors[file]) and len(got) == 0
         else:
-            most = SINGLE if file.endswith(".stl") else DOUBLE
+            tolerance = SINGLE_TOLERANCE if file.endswith(".stl") else DOUBLE_TOLERANCE
             is_right = (
                 not errors[file]
                 and len(got) == len(shares)
-                and bool(np.abs(got - shares).max() <= most)
+                and bool(np.abs(got - shares).max() <= tolerance)
             )
         if not is_right:
             faults.append(f"{file}: expected probabilities {shares}, got {got} {errors[file]}")

@@ -1,4 +1,4 @@
-"""Runs of random recipes, some of them broken, ended by signals and begun again."""
+"""Run random recipes, some of them invalid, end them by signals, and run them again."""
 
 from __future__ import annotations
 
@@ -21,23 +21,22 @@ from dicedesign.results.result import RESULT
 from tests.soak.frame import before_main, dicedesign, faults_of, run_command
 
 BROKEN_EVERY = 10
-"""One recipe in so many is broken."""
+"""Every tenth recipe is invalid."""
 
 FRESH_EVERY = 10
-"""One recipe in so many is run by new interpreters; the others are forked."""
+"""Every tenth recipe runs in new interpreters; the others are forked."""
 
 SIGNALS = (None, "SIGINT", "SIGTERM", "SIGKILL")
-"""By name, as Windows has not all of them."""
+"""Names of signals, because Windows does not have all of them."""
 
-LATEST = 1.05
-"""A signal comes after a part of the seconds that the run took before, up to this."""
+MAX_SIGNAL_PART = 1.05
+"""Latest time of a signal, over the duration of the undisturbed run."""
 
 SAME_FACET = 1.0 - 1e-9
-"""Cosine of the angle between the normals of a rest and of the facet that the result tells."""
+"""Least cosine between the normal of a rest and the normal of its facet in the result."""
 
 FILE_LIMIT = 1e-6
-"""By how much the probabilities of a file in single precision may miss those of a target that was
-met."""
+"""Tolerance on the probabilities of a converged die in a single-precision file."""
 
 FLAWS = """
 name: ../die
@@ -64,11 +63,11 @@ print: {infill: 20}
 files: [stl, dxf]
 center: uniform
 """
-"""Entries that no recipe may have, one on each line."""
+"""Invalid entries, one on each line."""
 
 
 def random_recipe(rng: np.random.Generator) -> dict[str, Any]:
-    """A small recipe that takes about a second at most, as plain data."""
+    """Small recipe that runs for at most about a second, as plain data."""
     outcomes = int(rng.integers(3, 7))
     shares = rng.dirichlet(np.full(outcomes, 8.0)) + 0.02
     listed = {"probabilities": (shares / shares.sum()).tolist()}
@@ -103,19 +102,21 @@ def random_recipe(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def broken_recipe(rng: np.random.Generator) -> bytes:
-    """The content of a file that is no recipe."""
+    """Content of an invalid recipe file."""
     recipe = random_recipe(rng)
     text = yaml.safe_dump(recipe).encode()
     flaw = yaml.safe_load(str(rng.choice(FLAWS.split("\n")[1:-1])))
-    flawed = yaml.safe_dump(recipe | flaw).encode()
-    ways = [b"", text[: rng.integers(1, 20)], text + b"\0", text + b"\xff", text + b"a: ["]
-    ways += [text + b"more: !!python/object/apply:os.getpid []\n", text + b"x: *gone\n"]
-    return flawed if rng.random() < 0.6 else ways[rng.integers(len(ways))]
+    with_flaw = yaml.safe_dump(recipe | flaw).encode()
+    variants = [b"", text[: rng.integers(1, 20)], text + b"\0", text + b"\xff", text + b"a: ["]
+    variants += [text + b"more: !!python/object/apply:os.getpid []\n", text + b"x: *gone\n"]
+    return with_flaw if rng.random() < 0.6 else variants[rng.integers(len(variants))]
 
 
 def try_recipe(parent: Path, seed: int, number: int) -> list[str]:
-    """What went wrong with a recipe that is run to its end, then, or not, run again, ended by a
-    signal and in that case run once more. parent: an existing folder."""
+    """Run a recipe undisturbed, end a second run by a signal, run it again, and list the faults.
+
+    Some cases send no signal. parent: existing folder.
+    """
     rng, folder = np.random.default_rng([seed, number]), parent / str(number)
     folder.mkdir()
     is_broken = number % BROKEN_EVERY == 0
@@ -124,7 +125,7 @@ def try_recipe(parent: Path, seed: int, number: int) -> list[str]:
     is_fresh = number // BROKEN_EVERY % FRESH_EVERY == number % FRESH_EVERY
     run = partial(run_command, folder=folder, program=None if is_fresh else dicedesign)
     alone = run(["run", "recipe.yaml", "--out", "alone"])
-    # Labels that do not fit are known only once there is a die.
+    # Labels that do not fit are refused only after the design.
     is_refused = is_broken or (alone.code == 2 and "size_mm" in alone.err)
     faults = faults_of(alone, *((2,) if is_refused else (0, 1)))
     if is_refused and (folder / "alone").exists():
@@ -132,68 +133,72 @@ def try_recipe(parent: Path, seed: int, number: int) -> list[str]:
     elif not is_refused and not faults:
         faults += result_faults(folder / "alone", alone.code)
     name = SIGNALS[rng.integers(len(SIGNALS))]
-    after = float(rng.uniform(0.0, LATEST)) * alone.seconds
+    after = float(rng.uniform(0.0, MAX_SIGNAL_PART)) * alone.seconds
     if name is not None and not faults:
         sent, out = signal.Signals[name], folder / "ended"
         ended = run(["run", "recipe.yaml", "--out", "ended"], sent=sent, after=after)
-        # Where an interrupt goes through `exec`, as of a dataclass, Python ends itself by SIGINT.
-        signalled = (130, -sent) if sent == signal.SIGINT else (-sent,)
+        # An interrupt within `exec`, as in a dataclass, ends Python by SIGINT.
+        signal_codes = (130, -sent) if sent == signal.SIGINT else (-sent,)
         if not before_main(ended.err):
-            faults += faults_of(ended, alone.code, *signalled)
+            faults += faults_of(ended, alone.code, *signal_codes)
         if (out / RESULT).exists():
-            faults += unreadable(out)
-        elif out.exists() and sent == signal.SIGINT and ended.code in signalled:
+            faults += read_faults(out)
+        elif out.exists() and sent == signal.SIGINT and ended.code in signal_codes:
             faults.append(f"an interrupted run left {sorted(path.name for path in out.iterdir())}")
         again = run(["run", "recipe.yaml", "--out", "ended"])
         faults += faults_of(again, alone.code)
         if not is_refused and not faults:
             faults += result_faults(out, again.code)
             faults += [
-                f"{path.name} is not that of the run left alone"
+                f"{path.name} differs from the undisturbed run"
                 for path in sorted((folder / "alone").iterdir())
                 if path.read_bytes() != (out / path.name).read_bytes()
             ]
-        faults = [f"{name} after {after:.2f} s of {alone.seconds:.2f} s: {one}" for one in faults]
+        faults = [
+            f"{name} after {after:.2f} s of {alone.seconds:.2f} s: {fault}" for fault in faults
+        ]
     shutil.rmtree(folder)
     return faults
 
 
-def unreadable(out: Path) -> list[str]:
-    """Which results of a run cannot be read, or are not as result.json says."""
+def read_faults(out: Path) -> list[str]:
+    """List files of a run that cannot be read or differ from result.json."""
     try:
         result = read_result(out)
         read_recipe(out / "recipe.yaml")
     except DiceError as error:
         return [str(error)]
     return [
-        f"{name} is missing or not as result.json says"
+        f"{name} is missing, or differs from its checksum in result.json"
         for name, checksum in result.sha256.items()
         if not (out / name).is_file() or sha256((out / name).read_bytes()).hexdigest() != checksum
     ]
 
 
 def result_faults(out: Path, code: int) -> list[str]:
-    """What is wrong with the results of a run that came to its end: the probabilities of a die are
-    those of its file, read back."""
-    if faults := unreadable(out):
+    """List faults in the results of a finished run; its file is read back."""
+    if faults := read_faults(out):
         return faults
     result = read_result(out)
-    odd = {path.name for path in out.iterdir()} - {RESULT, *result.sha256}
-    if odd:
-        faults.append(f"{sorted(odd)} left in the folder")
+    extra = {path.name for path in out.iterdir()} - {RESULT, *result.sha256}
+    if extra:
+        faults.append(f"{sorted(extra)} left in the folder")
     if result.converged != (code == 0):
         faults.append(f"exit code {code} of a die that is {result.status}")
     poses = rest_poses(read_body(out / result.files["die_plain"]))
-    nearness = poses.normals @ np.transpose([facet.normal for facet in result.facets])
-    if nearness.max(axis=1).min() < SAME_FACET:
-        faults.append("a rest of which the result tells nothing")
-    told = [result.facets[facet].outcome for facet in nearness.argmax(axis=1)]
+    cosines = poses.normals @ np.transpose([facet.normal for facet in result.facets])
+    if cosines.max(axis=1).min() < SAME_FACET:
+        faults.append("a rest is missing in the result")
+    outcomes = [result.facets[facet].outcome for facet in cosines.argmax(axis=1)]
     got = np.array(
-        [poses.probabilities[[one == label for one in told]].sum() for label in result.labels]
+        [
+            poses.probabilities[[outcome == label for outcome in outcomes]].sum()
+            for label in result.labels
+        ]
     )
     if np.abs(got - result.probabilities).max() > 1e-9:
         faults.append(f"probabilities {got} by the file, {result.probabilities} by the result")
-    most = max(read_recipe(out / "recipe.yaml").method.tolerance, FILE_LIMIT)
-    if result.converged and result.thrown is None and np.abs(got - result.target).max() > most:
+    limit = max(read_recipe(out / "recipe.yaml").method.tolerance, FILE_LIMIT)
+    if result.converged and result.thrown is None and np.abs(got - result.target).max() > limit:
         faults.append(f"probabilities {got} of a die that converged to {result.target}")
     return faults

@@ -1,10 +1,11 @@
-"""A soak of the program as people and scripts meet it: very many meshes, random recipes and damaged
-files, with processes killed on the way. What is made depends on the seed alone.
+"""Endurance tests: many meshes, random recipes and damaged files, with killed processes.
+
+The inputs depend only on the seed.
 
     pytest tests/soak -m soak -n 0
 
-runs it by hand; `SOAK_MESHES`, `SOAK_RUNS` and `SOAK_FILES` say how much of it, `SOAK_SEED` what,
-and `SOAK_FIRST` is the number of the first run and file.
+`SOAK_MESHES`, `SOAK_RUNS` and `SOAK_FILES` are the numbers of cases, `SOAK_SEED` is the seed, and
+`SOAK_FIRST` is the number of the first run and file.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ pytestmark = [
 ]
 
 
-def amount(name: str, default: int) -> int:
+def setting(name: str, default: int) -> int:
     return int(os.environ.get(f"SOAK_{name}", default))
 
 
-SEED, FIRST = amount("SEED", 0), amount("FIRST", 0)
+SEED, FIRST = setting("SEED", 0), setting("FIRST", 0)
 
 
 def test_meshes_of_a_folder(tmp_path: Path) -> None:
-    count = amount("MESHES", 10_000)
+    count = setting("MESHES", 10_000)
     meshes, table = tmp_path / "meshes", tmp_path / "table" / "rests.csv"
     meshes.mkdir()
     table.parent.mkdir()
@@ -45,11 +46,11 @@ def test_meshes_of_a_folder(tmp_path: Path) -> None:
 
 
 def test_runs_of_recipes(tmp_path: Path) -> None:
-    numbers = range(FIRST, FIRST + amount("RUNS", 300))
+    numbers = range(FIRST, FIRST + setting("RUNS", 300))
     assert all_faults(try_recipe, numbers, tmp_path, SEED) == []
 
 
 def test_damaged_files(tmp_path: Path) -> None:
     make_samples(tmp_path)
-    numbers = range(FIRST, FIRST + amount("FILES", 5_000))
+    numbers = range(FIRST, FIRST + setting("FILES", 5_000))
     assert all_faults(try_damaged, numbers, tmp_path, SEED) == []
