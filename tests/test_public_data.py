@@ -13,14 +13,14 @@ import pytest
 TESTS = """
 import pytest
 from common.paths import public_data
-from common.slicer import told_of
+from common.slicer import slicer_info
 
 @pytest.mark.parametrize("name", ["here.obj", "missing.obj"])
 def test_of_data(name):
     assert public_data(f"models/{name}").read_text() == "v 0 0 0"
 
 def test_of_slices(tmp_path):
-    told_of(tmp_path / "die.stl")
+    slicer_info(tmp_path / "die.stl")
 
 def test_of_a_page(browser):
     browser.new_page()

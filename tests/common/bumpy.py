@@ -19,7 +19,7 @@ def ball(subdivisions: int) -> Surface:
     return surface_of(trimesh.creation.icosphere(subdivisions=subdivisions))
 
 
-def pushed_through(subdivisions: int = 4) -> Surface:
+def self_intersecting_sphere(subdivisions: int = 4) -> Surface:
     """Self-intersecting sphere: its top is pushed through the bottom, near (0, 0, -1)."""
     surface = ball(subdivisions)
     tip = np.exp(-((np.linalg.norm(surface.points - [0, 0, 1], axis=1) / 0.25) ** 2))

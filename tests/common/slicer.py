@@ -46,13 +46,13 @@ def _run(folder: Path, *arguments: str) -> str:
     return done.stdout
 
 
-def told_of(file: Path) -> dict[str, str]:
+def slicer_info(file: Path) -> dict[str, str]:
     """Properties and defects of a mesh file, as the slicer reports them."""
     text = _run(file.parent, "--info", file.name)
     return dict(re.findall(r"^(\w+) = +(\S+)$", text, re.MULTILINE))
 
 
-def sliced(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
+def slice_file(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
     """Slice a mesh file in its given orientation, with full infill."""
     code = file.with_suffix(".gcode")
     code.unlink(missing_ok=True)

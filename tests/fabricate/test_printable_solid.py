@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from common.bumpy import ball, pushed_through
+from common.bumpy import ball, self_intersecting_sphere
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.surface_assessment import printable_solid
@@ -36,7 +36,7 @@ def test_slivers_are_collapsed_and_counted_and_nothing_else() -> None:
 
 
 def test_where_the_solid_meets_itself_is_left_and_said() -> None:
-    points, triangles, notes = printable_solid(pushed_through())
+    points, triangles, notes = printable_solid(self_intersecting_sphere())
     pairs = intersecting_triangles(points, triangles)
     assert len(pairs) > 0
     assert notes[-1].startswith(f"the solid still meets itself in {len(pairs)} pairs of triangles")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from common.dented_cube import write_cube
 from common.made_up_die import SIDES, box, checked
-from common.slicer import sliced, told_of
+from common.slicer import slice_file, slicer_info
 
 from dicedesign.fabricate.file_formats import save_mesh
 from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
@@ -36,7 +36,7 @@ def check(result: Result) -> None:
     assert result.folder is not None
     assert result.printability is not None
     file, best = result.folder / result.files["die_oriented"], result.printability.best
-    told = told_of(file)
+    told = slicer_info(file)
     assert SOUND.items() <= told.items()
     assert told.keys() == MEASURES
     assert float(told["size_z"]) == pytest.approx(best.height_mm, rel=1e-5)
@@ -46,7 +46,7 @@ def check(result: Result) -> None:
     volume = solid_properties(body.points, body.triangles)[0]
     assert float(told["volume"]) == pytest.approx(volume, rel=1e-4)
     assert result.printability.file.volume_mm3 == pytest.approx(volume, rel=1e-5)
-    made = sliced(file, LAYER)
+    made = slice_file(file, LAYER)
     assert made.layers[0] == pytest.approx(LAYER)
     assert made.layers[-1] == pytest.approx(best.height_mm, abs=1.01 * LAYER)
     assert len(made.layers) == pytest.approx(best.height_mm / LAYER, abs=2.0)
@@ -84,12 +84,12 @@ def test_other_files_of_the_same_die_are_sound_too(tmp_path: Path) -> None:
     for ending in (".3mf", ".obj", ".stl"):
         file = tmp_path / f"die{ending}"
         save_mesh(file, work.engraved.points, work.engraved.triangles)
-        told = told_of(file)
+        told = slicer_info(file)
         assert SOUND.items() <= told.items()
         assert told.keys() == MEASURES
     # A triangle that is missing is noticed.
     save_mesh(file, work.engraved.points, work.engraved.triangles[1:])
-    told = told_of(file)
+    told = slicer_info(file)
     assert told["manifold"] == "no"
     assert "open_edges" in told
 
@@ -109,6 +109,8 @@ def test_supports_are_where_an_overhang_is_and_nowhere_else(tmp_path: Path) -> N
             laid = hull.vertices @ placement[:3, :3].T + placement[:3, 3]
             file = tmp_path / "solid.stl"
             save_mesh(file, laid, hull.triangles)
-            assert (sliced(file, LAYER, supports=True).supports > 0) == (pose.overhang_mm2 > 0.0)
+            assert (slice_file(file, LAYER, supports=True).supports > 0) == (
+                pose.overhang_mm2 > 0.0
+            )
             seen.append(pose.overhang_mm2 > 0.0)
     assert len(set(seen)) == 2

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.paths import ROOT
-from common.slicer import told_of
+from common.slicer import slicer_info
 from pygltflib import GLTF2
 
 from dicedesign.cli.main import main
@@ -51,7 +51,7 @@ def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 def test_a_slicer_takes_them_without_repair(folder: Path) -> None:
     for kind in ("stl", "3mf"):
-        assert told_of(folder / f"die.{kind}")["manifold"] == "yes"
+        assert slicer_info(folder / f"die.{kind}")["manifold"] == "yes"
 
 
 def test_every_file_has_the_probabilities_names_and_colors(folder: Path) -> None:

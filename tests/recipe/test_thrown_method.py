@@ -129,13 +129,13 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
     assert [r.drops for r in rounds] == [r.drops for r in work.die.rounds]
     assert [r.deviation for r in rounds] == [r.deviation for r in work.die.rounds]
     on_others = sum(drops for *table, drops, _ in thrown if tuple(table) in others)
-    told_of = work.result().thrown
-    assert told_of.simulated.drops == 300
-    assert len(told_of.elsewhere.values) == 4
-    assert told_of.elsewhere.often <= told_of.elsewhere.worst
-    in_rounds = sum(entry.elsewhere_drops for entry in told_of.rounds)
-    assert on_others >= told_of.elsewhere.drops + in_rounds > told_of.elsewhere.drops > 0
-    assert [entry.is_kept for entry in told_of.rounds].count(True) == 1
+    slicer_info = work.result().thrown
+    assert slicer_info.simulated.drops == 300
+    assert len(slicer_info.elsewhere.values) == 4
+    assert slicer_info.elsewhere.often <= slicer_info.elsewhere.worst
+    in_rounds = sum(entry.elsewhere_drops for entry in slicer_info.rounds)
+    assert on_others >= slicer_info.elsewhere.drops + in_rounds > slicer_info.elsewhere.drops > 0
+    assert [entry.is_kept for entry in slicer_info.rounds].count(True) == 1
 
 
 def test_a_die_that_need_not_be_robust_is_thrown_onto_its_table_alone(fitted_table: str) -> None:

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from common.bumpy import ball, bent_capsule, bumpy_sphere, pushed_through
+from common.bumpy import ball, bent_capsule, bumpy_sphere, self_intersecting_sphere
 from scipy.ndimage import gaussian_filter, label
 
 from dicedesign.errors import DegenerateBodyError, InputError
@@ -91,7 +91,7 @@ def test_two_overlapping_balls_are_one_solid() -> None:
 
 def test_a_surface_that_meets_itself_is_untied() -> None:
     """A finger that comes out on the other side has its walls inside out there."""
-    made = fixed(joined(pushed_through()))
+    made = fixed(joined(self_intersecting_sphere()))
     inside = 4.0 / 3.0 * np.pi
     assert 0.7 * inside < made.surface.volume < inside
     assert made.numbers.handles == 1  # the finger has become a hole

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from common.bumpy import ball, bent_capsule, bumpy_sphere, pushed_through, surface_of
+from common.bumpy import ball, bent_capsule, bumpy_sphere, self_intersecting_sphere, surface_of
 from scipy.spatial import cKDTree
 
 from dicedesign.concave.shapes import SHAPES, shape
@@ -125,7 +125,7 @@ def test_two_sheets_at_a_point_are_refused() -> None:
 
 
 def test_a_surface_that_meets_itself_is_refused() -> None:
-    surface = pushed_through()
+    surface = self_intersecting_sphere()
     refused(
         make_body(surface.points, surface.triangles, name="thing"),
         "a surface that does not meet itself",

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from common.bumpy import ball, pushed_through
+from common.bumpy import ball, self_intersecting_sphere
 
 from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
 from dicedesign.geometry.triangles import Surface
@@ -45,7 +45,7 @@ def test_a_point_pulled_past_its_neighbors_turns_triangles_over() -> None:
 
 
 def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
-    quality = surface_quality(pushed_through(), ball(4))
+    quality = surface_quality(self_intersecting_sphere(), ball(4))
     assert len(quality.intersections) > 10
     assert len(quality.places) == 1
     np.testing.assert_allclose(quality.places[0], [0, 0, -1], atol=0.1)
