@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from common.inline_executor import Inline, Lossy
 from common.killed import kill_at_write
-from common.long_run import FILES, begun, shorten
+from common.long_run import FILES, shorten, start_run
 from common.signals import heed_interrupts
 
 from dicedesign.batch import batch
@@ -201,7 +201,7 @@ def test_a_run_that_was_ended_goes_on(
 ) -> None:
     """As by Ctrl-C, which every process of the terminal's group gets, or by force."""
     out = tmp_path / "t.csv"
-    process, rest = begun(meshes, out, process_group=0, preexec_fn=heed_interrupts)
+    process, rest = start_run(meshes, out, process_group=0, preexec_fn=heed_interrupts)
     os.killpg(process.pid, end)
     _, said = process.communicate(timeout=30.0)
     if end is signal.SIGINT:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.parsed_html import parsed
+from common.parsed_html import parse_page
 
 from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError, printable
@@ -75,4 +75,4 @@ def test_what_a_run_writes_can_be_read_by_all(tmp_path: Path) -> None:
         "mesh": {"path": str(mesh), "repair": False}
     }
     json.loads((out / "result.json").read_bytes().decode("utf-8"))
-    parsed((out / "report.html").read_bytes().decode("utf-8"))
+    parse_page((out / "report.html").read_bytes().decode("utf-8"))

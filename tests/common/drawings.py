@@ -9,7 +9,7 @@ from dicedesign.report.palette import rgb
 from dicedesign.report.sheet import Sheet
 
 
-def painted(sheet: Sheet, color: str) -> np.ndarray:
+def color_mask(sheet: Sheet, color: str) -> np.ndarray:
     """(h, w) mask of the pixels of a color."""
     expected = np.rint(255.0 * rgb([color])[0])
     return (np.abs(sheet.pixels() - expected) <= 2).all(axis=2)

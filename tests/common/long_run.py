@@ -21,7 +21,7 @@ SCRIPT = (
 """Program that runs a command and writes its table often."""
 
 
-def begun(meshes: Path, out: Path, **options: Any) -> tuple[subprocess.Popen[str], list[str]]:
+def start_run(meshes: Path, out: Path, **options: Any) -> tuple[subprocess.Popen[str], list[str]]:
     """Start a run and wait for the first rows of its table.
 
     options: options of `Popen`. Returns the process, and its arguments without the program.

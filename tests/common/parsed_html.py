@@ -32,7 +32,7 @@ class Checker(HTMLParser):
             self.cells.append(data)
 
 
-def parsed(text: str) -> Checker:
+def parse_page(text: str) -> Checker:
     checker = Checker()
     checker.feed(text)
     checker.close()

@@ -47,7 +47,7 @@ def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
     return thrown(points, 0.6 * hull.centroid + 0.4 * inner_point)
 
 
-def let_go(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
+def sample_states(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
     """Release states (n, 13) of throws."""
     return release_states(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
 

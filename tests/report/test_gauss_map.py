@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.drawings import is_whole, painted
+from common.drawings import color_mask, is_whole
 from matplotlib.path import Path
 
 from dicedesign.errors import InputError
@@ -67,14 +67,14 @@ def test_texts_stay_in_their_region():
 def test_areas_on_paper_are_the_probabilities():
     poses = body("box")
     figure = gauss_map_figure(poses)
-    areas = np.array([painted(figure, color).sum() for color in BASINS[: len(poses.normals)]])
+    areas = np.array([color_mask(figure, color).sum() for color in BASINS[: len(poses.normals)]])
     np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
 
 
 def test_strong_areas_are_the_probabilities_under_a_cap():
     poses = body("box").under("cap:0.3,-0.5,0.7:100")
     figure = gauss_map_figure(poses)
-    areas = np.array([painted(figure, color).sum() for color in BASINS[: len(poses.normals)]])
+    areas = np.array([color_mask(figure, color).sum() for color in BASINS[: len(poses.normals)]])
     np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
     assert not any("areas on paper are probabilities" in text for text in figure.texts)
 
@@ -112,7 +112,7 @@ def test_heights_are_drawn_from_the_lowest_to_the_highest():
     standing = poses.hull.heights(poses.center_of_mass).min()
     assert {f"{standing:.4g}", f"{reach:.4g}"} <= set(figure.texts)
     for color in (LOW_TO_HIGH[0], LOW_TO_HIGH[-1]):
-        assert painted(figure, color).any()
+        assert color_mask(figure, color).any()
 
 
 def test_paths_are_drawn_and_no_others() -> None:
@@ -121,7 +121,7 @@ def test_paths_are_drawn_and_no_others() -> None:
     figure = paths_figure(poses, few)
     assert is_whole(figure)
     more = paths_figure(poses, np.random.default_rng(2).normal(size=(40, 3)))
-    assert painted(more, PATH).sum() > 4 * painted(figure, PATH).sum()
+    assert color_mask(more, PATH).sum() > 4 * color_mask(figure, PATH).sum()
     assert figure.png() == paths_figure(poses, 7.0 * few).png()
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.finished import finished_box
-from common.parsed_html import parsed
+from common.parsed_html import parse_page
 from manifold3d import Manifold
 from pygltflib import GLTF2
 from scipy.spatial import KDTree
@@ -223,7 +223,7 @@ def test_it_loads_nothing(page: Taken, fair_d3: Path) -> None:
         for name in ("src", "href", "action", "data"):
             assert (attributes.get(name) or "data:image/").startswith("data:image/")
         assert not any(name.startswith("on") for name in attributes)
-    parsed((fair_d3 / "report.html").read_text("utf-8"))
+    parse_page((fair_d3 / "report.html").read_text("utf-8"))
 
 
 def test_its_policy_allows_its_own_scripts_alone(page: Taken) -> None:
@@ -304,7 +304,7 @@ def test_without_a_view_table_and_map_are_linked(
     assert live.solid is None
     text = die_page(die.result, {"gauss_map": b"\x89PNG"}, live)
     page = Taken(text)
-    assert live.left_out in parsed(text).text
+    assert live.left_out in parse_page(text).text
     assert page.tagged("canvas") == []
     numbers = [str(k) for k in range(6)]
     assert page.facets("tr") == numbers

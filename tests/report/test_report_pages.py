@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from common.finished import CONCAVE, LABELS, finished_box
 from common.made_up_die import SIDES, box, checked
-from common.parsed_html import Checker, parsed
+from common.parsed_html import Checker, parse_page
 
 from dicedesign.errors import InputError
 from dicedesign.recipe.pipeline import run_stages
@@ -59,7 +59,7 @@ def result(**changes: Any) -> Result:
 
 
 def page_of(images: dict[str, bytes] | None = None, **changes: Any) -> Checker:
-    return parsed(die_page(result(**changes), images or {}))
+    return parse_page(die_page(result(**changes), images or {}))
 
 
 def test_a_convex_die() -> None:
@@ -174,7 +174,7 @@ def test_pages_need_nothing_else_and_escape(changes: dict[str, Any]) -> None:
         assert part not in text
     assert "<title>a &lt; box</title>" in text
     assert 'name="viewport"' in text
-    assert all(source.startswith("data:image/") for source in parsed(text).sources)
+    assert all(source.startswith("data:image/") for source in parse_page(text).sources)
     assert text == die_page(result(**changes), images)
 
 
@@ -193,7 +193,7 @@ def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) 
     search = Search(attempts, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
     result = finished_box(concave=CONCAVE, search=search).result
     assert result.error_before == 0.25
-    return parsed(die_page(result, {})).cells
+    return parse_page(die_page(result, {})).cells
 
 
 def test_what_was_wanted_stands_beside_what_was_reached() -> None:
@@ -226,7 +226,7 @@ def test_the_best_attempts_are_listed_and_the_die_first() -> None:
 
 def test_dice_of_no_surface_have_none() -> None:
     result = finished_box().result
-    assert "Attempts" not in parsed(die_page(result, {})).text
+    assert "Attempts" not in parse_page(die_page(result, {})).text
     with pytest.raises(InputError, match="surface"):
         result.error_before  # noqa: B018
 
@@ -258,7 +258,7 @@ INFILL = InfillProbabilities(
 
 
 def test_every_error_of_every_outcome_is_told() -> None:
-    page = parsed(die_page(finished_box(tolerances=TOLERANCES).result, {}))
+    page = parse_page(die_page(finished_box(tolerances=TOLERANCES).result, {}))
     assert TOLERANCES.answer in page.text
     assert {"0.203", "0.224", "0.244", "0.282", "0.276", "0.142"} <= set(page.cells)
     for column in ("0.100", "0.200", "0.300", "0.400"):
@@ -268,8 +268,8 @@ def test_every_error_of_every_outcome_is_told() -> None:
 
 
 def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
-    solid = parsed(die_page(finished_box().result, {})).text
-    page = parsed(die_page(finished_box(infill=INFILL).result, {}))
+    solid = parse_page(die_page(finished_box().result, {})).text
+    page = parse_page(die_page(finished_box(infill=INFILL).result, {}))
     assert "hold for a solid of one material" in solid
     assert "hold for a solid of one material" not in page.text
     assert page.text.count(INFILL.advice) == 2
@@ -283,7 +283,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
     result = work.result()
     found = result.printability
     assert found is not None
-    page = parsed(die_page(result, {}))
+    page = parse_page(die_page(result, {}))
     for cell in (
         "SLA, 0.05 mm, layers of 0.05 mm",
         f"{found.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
@@ -295,7 +295,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
     for label in found.labels:
         assert label.text in page.cells
         assert f"{label.wall_mm:.2g}" in page.cells
-    assert "Printing" not in parsed(die_page(replace(result, printability=None), {})).text
+    assert "Printing" not in parse_page(die_page(replace(result, printability=None), {})).text
 
 
 def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
@@ -310,7 +310,7 @@ def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
         best=replace(found.best, overhang_mm2=12.34, support_mm3=3.14, label="<7>"),
         file=replace(found.file, open_edges=3),
     )
-    page = parsed(die_page(replace(work.result(), printability=concave), {}))
+    page = parse_page(die_page(replace(work.result(), printability=concave), {}))
     at = page.cells.index("<7>")
     assert page.cells[at + 1 : at + 4] == ["-"] * 3
     assert "<7>" in page.cells

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.drawings import is_whole, painted
+from common.drawings import color_mask, is_whole
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import InputError
@@ -82,7 +82,7 @@ def test_ink_is_true_to_scale() -> None:
     ]
     figure = faces_figure(faces)
     assert figure.texts == ["7", "20 mm"]
-    dark = painted(figure, DARK)[: round(figure.height) - 60, round(figure.width) // 2 :]
+    dark = color_mask(figure, DARK)[: round(figure.height) - 60, round(figure.width) // 2 :]
     scale = 210.0 / 20.0  # pixels of the larger face
     letters = 60.0
     assert dark.sum() == pytest.approx(75.0 * scale**2, rel=0.03, abs=letters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from common.drawings import is_whole, painted
+from common.drawings import color_mask, is_whole
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -120,7 +120,7 @@ def test_the_overlay_shows_the_hull_and_its_rests() -> None:
     assert figure.texts[-2:] == ["$heads$", "tails"]
     colors = rgb(BASINS[:2])
     for color in BASINS[:2]:
-        assert painted(figure, color)[-45:].sum() > 300
+        assert color_mask(figure, color)[-45:].sum() > 300
     first, second = figure.pictures
     plain = hull_figure(surface, clear(shell), ["a", "b"], cameras).pictures
     assert share_tinted(first, plain[0], colors[0]) > 0.9

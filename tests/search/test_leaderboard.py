@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from common.drawings import is_whole
-from common.parsed_html import parsed
+from common.parsed_html import parse_page
 from PIL import Image
 
 from dicedesign import rest_poses
@@ -118,7 +118,7 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
     assert [float(row["margin_deg"]) for row in rows] == [entry["margin_deg"] for entry in board]
 
     text = (folder / "leaderboard.html").read_text()
-    page = parsed(text)
+    page = parse_page(text)
     assert len(page.sources) == len(board) + 1
     assert all(source.startswith("data:image/png;base64,") for source in page.sources)
     assert not re.search(r"https?:|<(?:script|link|iframe)", text)

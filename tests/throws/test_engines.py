@@ -13,9 +13,9 @@ from common.thrown import (
     OCTAHEDRON,
     box,
     fits,
-    let_go,
     random_body,
     random_points,
+    sample_states,
     thrown,
     turn_down,
     turns_of,
@@ -43,7 +43,7 @@ WOOD, CARPET, PAPER = (load_table(name) for name in ("hard-wood", "carpet", "pap
 @compiled_only
 def test_energy_and_angular_momentum_in_flight() -> None:
     body, _ = thrown(random_points(2))
-    before = let_go(body, WOOD, 20)
+    before = sample_states(body, WOOD, 20)
     before[:, 2] = 1000.0
     after, step = before.copy(), contact_of(WOOD).step
     steps = round(0.3 / step)
@@ -67,7 +67,7 @@ def test_energy_and_angular_momentum_in_flight() -> None:
 @pytest.mark.parametrize(("entry", "number"), [(2, np.inf), (3, np.nan), (9, np.nan), (12, np.inf)])
 def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
     body, _ = random_body(1)
-    states = let_go(body, BOARD, 3)
+    states = sample_states(body, BOARD, 3)
     states[1, entry] = number
     rests, taken = advance(body, BOARD, states, 400)
     assert rests.tolist() == [-1, -1, -1]
@@ -81,7 +81,7 @@ def test_a_ball_bounces(restitution: float) -> None:
     its square of the height."""
     body, _ = thrown(OCTAHEDRON)
     table = replace(BOARD, restitution=restitution, speed=0.0, spin=0.0)
-    state = let_go(body, table, 1)
+    state = sample_states(body, table, 1)
     state[0, 3:7] = turn_down(body.vertices[0])
     radius = table.size / 2.0
     state[0, 2] = table.height + radius
@@ -102,7 +102,7 @@ def test_what_a_body_cannot_miss_it_does_not(table: Table) -> None:
     """Throws go on after their rest is certain, and end at no other."""
     for seed in (1, 4):
         body, _ = random_body(seed)
-        states = let_go(body, table, 80)
+        states = sample_states(body, table, 80)
         rests, _ = advance(body, table, states, 100_000)
         assert (rests >= 0).all()
         for _ in range(100):
@@ -130,7 +130,7 @@ def test_without_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernels, "compiled", None)
     body, _ = random_body(1)
     with pytest.raises(InputError, match=r"engine native: expected the compiled kernels, .*mujoco"):
-        throw_states(body, BOARD, let_go(body, BOARD, 1))
+        throw_states(body, BOARD, sample_states(body, BOARD, 1))
 
 
 def bounce(ratio: float) -> tuple[float, float]:

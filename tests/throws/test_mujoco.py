@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from common.kernels import compiled_only
-from common.thrown import BOARD, OCTAHEDRON, alike, let_go, random_body, random_points, thrown
+from common.thrown import (
+    BOARD,
+    OCTAHEDRON,
+    alike,
+    random_body,
+    random_points,
+    sample_states,
+    thrown,
+)
 
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.kernels import ops as kernels
@@ -69,7 +77,7 @@ def test_throw_by_throw(table: Table, points: np.ndarray) -> None:
     # Our own steps of a contact.
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     data = mujoco.MjData(model)
-    states = let_go(body, table, 20)
+    states = sample_states(body, table, 20)
     steps = round((np.sqrt(2.0 * table.height / 9.81) + 0.02) / contact.step)
     bounced, errors = [], []
     for state in states:

@@ -12,9 +12,9 @@ from common.thrown import (
     BOARD,
     OCTAHEDRON,
     box,
-    let_go,
     random_body,
     random_points,
+    sample_states,
     thrown,
     turns_of,
 )
@@ -153,6 +153,6 @@ def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
 def test_orientations_are_uniform() -> None:
     """Rotation matrices have mean 0, and each entry the variance 1/3."""
     body = random_body(2)[0]
-    found = turns_of(let_go(body, BOARD, 20_000))
+    found = turns_of(sample_states(body, BOARD, 20_000))
     assert np.abs(found.mean(axis=0)).max() < 4.0 * np.sqrt(1.0 / 3.0 / 20_000)
     np.testing.assert_allclose((found**2).mean(axis=0), 1.0 / 3.0, atol=0.01)
