@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -31,21 +31,24 @@ class OpenedPage:
     errors: errors of its scripts.
     """
 
+    ready: ClassVar[str] = "#probabilities"
+    """Selector of an element of the loaded page."""
+
     view: View
     page: Page
     foreign_urls: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
 
     @classmethod
-    def open(cls, view: View, page: Page) -> OpenedPage:
-        """Load the page and wait for its first body."""
+    def open(cls, view: View, page: Page) -> Self:
+        """Load the page and wait until it is ready."""
         opened = cls(view, page)
         page.set_default_timeout(PATIENCE)
         page.on("pageerror", lambda error: opened.errors.append(str(error)))
         page.on("websocket", lambda socket: opened._is_own(socket.url))
         page.route("**/*", opened._handle)
         page.goto(view.page.gate.address)
-        page.wait_for_selector("#probabilities")
+        page.wait_for_selector(cls.ready)
         return opened
 
     def _handle(self, route: Any) -> None:

@@ -20,16 +20,16 @@ Open = Callable[..., OpenedPage]
 
 @pytest.fixture
 def open_page(browser: Browser) -> Iterator[Open]:
-    """Opens a path, or None, as `dicedesign view` does, in a window of its own."""
+    """Opens a path, or None, as `dicedesign view` does, in a new window."""
     with ExitStack() as ends:
 
-        def open_path(path: Path | None = None) -> OpenedPage:
+        def open_path(path: Path | None = None, kind: type[OpenedPage] = OpenedPage) -> OpenedPage:
             view = View(path)
             ends.callback(view.close)
             context = browser.new_context(
                 viewport={"width": 960, "height": 640}, accept_downloads=True
             )
             ends.callback(context.close)
-            return OpenedPage.open(view, context.new_page())
+            return kind.open(view, context.new_page())
 
         yield open_path

@@ -5,23 +5,17 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import yaml
-from common.browser import PATIENCE, OpenedPage
+from common.browser import OpenedPage
 
 import dicedesign as dd
 from dicedesign.optimize.options import legible
 from dicedesign.optimize.preferences import PREFERENCES, Preference
-from dicedesign.view.application import View
 from dicedesign.view.design_session import DesignSession, DieRequest
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
 
 TOLERANCE = 6e-6
 """Slightly more than half of the last digit of the probabilities on the page."""
@@ -29,6 +23,8 @@ TOLERANCE = 6e-6
 
 class NewDie(OpenedPage):
     """Page without a path."""
+
+    ready = "role=tab[name='New die']"
 
     def field(self, label: str, text: str) -> None:
         """Type into the field with a label."""
@@ -63,19 +59,11 @@ class NewDie(OpenedPage):
 
 
 @pytest.fixture
-def new_die(browser: Browser) -> Iterator[NewDie]:
-    with ExitStack() as ends:
-        view = View(None)
-        ends.callback(view.close)
-        context = browser.new_context(viewport={"width": 960, "height": 640}, accept_downloads=True)
-        ends.callback(context.close)
-        opened = NewDie(view, context.new_page())
-        opened.page.set_default_timeout(PATIENCE)
-        opened.page.on("pageerror", lambda error: opened.errors.append(str(error)))
-        opened.page.goto(view.page.gate.address)
-        opened.page.get_by_role("tab", name="New die").click()
-        yield opened
-        assert not opened.errors
+def new_die(open_page: Callable[..., NewDie]) -> Iterator[NewDie]:
+    opened = open_page(kind=NewDie)
+    opened.page.get_by_role("tab", name="New die").click()
+    yield opened
+    assert not opened.errors
 
 
 def probabilities_of(path: Path) -> np.ndarray:
