@@ -78,17 +78,17 @@ def compute_stable_poses(
             sample = analyze(poses.hull, center)
             np.add.at(probabilities, _facets_in(poses.hull, sample), sample.probabilities)
         probabilities /= len(centers)
-    kept = np.flatnonzero(probabilities > max(threshold, 0.0))
-    kept = kept[np.argsort(-probabilities[kept], kind="stable")]
-    transforms = [_transform(poses.hull, normal) for normal in poses.hull.normals[kept]]
-    return np.array(transforms).reshape(-1, 4, 4), probabilities[kept]
+    likely = np.flatnonzero(probabilities > max(threshold, 0.0))
+    likely = likely[np.argsort(-probabilities[likely], kind="stable")]
+    transforms = [_transform(poses.hull, normal) for normal in poses.hull.normals[likely]]
+    return np.array(transforms).reshape(-1, 4, 4), probabilities[likely]
 
 
 def _inside(poses: RestPoses, scatter: float, count: int, chance: np.random.Generator) -> Floats:
     """(count, 3) points inside the hull around the center of mass."""
     hull = poses.hull
     depths = hull.heights(poses.center_of_mass)
-    found: list[Floats] = []
+    centers: list[Floats] = []
     lacking, drawn = count, 0
     while lacking:
         if drawn > _MOST_REFUSED * count:
@@ -99,10 +99,10 @@ def _inside(poses: RestPoses, scatter: float, count: int, chance: np.random.Gene
             )
         moves = scatter * chance.standard_normal((lacking, 3))
         inside = (moves @ hull.normals.T < depths).all(axis=1)
-        found.append(poses.center_of_mass + moves[inside])
+        centers.append(poses.center_of_mass + moves[inside])
         drawn += lacking
         lacking -= int(inside.sum())
-    return np.concatenate(found)
+    return np.concatenate(centers)
 
 
 def _facets_in(hull: ConvexHull, sample: RestPoses) -> Integers:

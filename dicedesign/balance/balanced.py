@@ -76,7 +76,9 @@ class Balanced:
         angles = angle_between(self.directions[:, None], self.poses_before.normals[None])
         nearest = angles.argmin(axis=1)
         near = angles.min(axis=1) <= SAME_REST_ANGLE
-        return tuple(int(k) + 1 if found else None for k, found in zip(nearest, near, strict=True))
+        return tuple(
+            int(k) + 1 if is_near else None for k, is_near in zip(nearest, near, strict=True)
+        )
 
     def data(self) -> dict[str, Any]:
         """Plain data."""
@@ -146,18 +148,18 @@ def balance_body(
     if not isinstance(goal, FewestRests):
         # Raises where the body has no such pose.
         objective_of(goal, poses)
-    found: list[Balanced] = []
+    results: list[Balanced] = []
     failed: list[InputError] = []
     for name in get_args(WayName) if wanted.by is None else (wanted.by,):
         on_way(name)
         try:
-            found.append(_by(name, surface, poses, goal, wanted, notes))
+            results.append(_by(name, surface, poses, goal, wanted, notes))
         except InputError as error:
             failed.append(error)
             continue
-        if found[-1].reached:
-            return found[-1]
-    if not found:
+        if results[-1].reached:
+            return results[-1]
+    if not results:
         raise failed[0]
 
     def missing(one: Balanced) -> float:
@@ -166,7 +168,7 @@ def balance_body(
             return float(one.rests)
         return 1.0 - float(one.probabilities[0]) if one.error is None else one.error
 
-    return min(found, key=missing)
+    return min(results, key=missing)
 
 
 def size_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str, ...]]:
@@ -199,24 +201,24 @@ def _by(
         region = _region(surface, poses.hull, shifts, part, options)
         best = best_center(poses, goal, region, options.tolerance, options.search)
         try:
-            made = move_center(surface, best.center, way, options)
+            moved = move_center(surface, best.center, way, options)
             break
         except InputError:
             if part == PARTS[-1]:
                 raise
     # By the files.
-    now = rest_poses(made.body, made.center)
+    now = rest_poses(moved.body, moved.center)
     directions = now.normals if isinstance(goal, FewestRests) else best.directions
     probabilities = pose_probabilities(now, directions)
     most = max(options.tolerance, FILE_PROBABILITIES)
     if best.wanted is not None:
-        kept = bool(np.abs(probabilities - best.wanted).max() <= most)
+        still_serves = bool(np.abs(probabilities - best.wanted).max() <= most)
     elif isinstance(goal, Standing):
-        kept = bool(probabilities[0] >= best.probabilities[0] - most)
+        still_serves = bool(probabilities[0] >= best.probabilities[0] - most)
     else:
-        kept = len(now.facets) <= best.rests
-    more = [*notes, *made.notes]
-    if best.reached and not kept:
+        still_serves = len(now.facets) <= best.rests
+    more = [*notes, *moved.notes]
+    if best.reached and not still_serves:
         more.append(
             "the file has other probabilities than its center of mass was chosen for: an edge of "
             "a basin is "
@@ -225,7 +227,7 @@ def _by(
     elif not best.reached:
         more.append(_remedy(goal, best, way))
     return Balanced(
-        reached=best.reached and kept,
+        reached=best.reached and still_serves,
         by=way,
         directions=directions,
         before=pose_probabilities(poses, directions),
@@ -235,9 +237,9 @@ def _by(
         rests_before=len(poses.facets),
         center_before=poses.center_of_mass,
         center_wanted=best.center,
-        center=made.center,
+        center=moved.center,
         clearance=best.clearance,
-        made=made,
+        made=moved,
         poses_before=poses,
         poses=now,
         notes=tuple(more),

@@ -92,9 +92,9 @@ class Descent:
     def by_squares(self, center: Floats) -> tuple[Floats, float]:
         """The same by steps of Levenberg and Marquardt alone, and the sum of squares there."""
         damping, factor_less, factor_more, most = DAMPING
-        found = self._serve(center)
+        value_at_center = self._serve(center)
         for _ in range(self.steps):
-            value, rests, served = found
+            value, rests, served = value_at_center
             if rests is None or served is None or value <= ENOUGH**2:
                 break
             slopes = rests.slopes(served.weights)
@@ -106,14 +106,18 @@ class Descent:
                 step = least_within(damped, slope, self.within.normals, heights)
                 following = self._serve(center + step)
                 if following[0] < value:
-                    center, found, damping = center + step, following, damping * factor_less
+                    center, value_at_center, damping = (
+                        center + step,
+                        following,
+                        damping * factor_less,
+                    )
                     break
                 damping *= factor_more
             else:
                 break
-            if found[0] > (1.0 - 1e-9) * value:
+            if value_at_center[0] > (1.0 - 1e-9) * value:
                 break
-        return center, found[0]
+        return center, value_at_center[0]
 
     def _serve(self, center: Floats) -> tuple[float, Rests | None, ServedGoal | None]:
         if (self.within.heights(center) < -1e-12 * self.hull.diameter).any():

@@ -218,8 +218,8 @@ def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
 
     parts = solid(*surface_nets(inside, crossing)).decompose()
     most = max(part.volume() for part in parts)
-    kept = [part for part in parts if part.volume() >= LEAST_PART * most]
-    return Manifold.batch_boolean(kept, OpType.Add)
+    large_parts = [part for part in parts if part.volume() >= LEAST_PART * most]
+    return Manifold.batch_boolean(large_parts, OpType.Add)
 
 
 REACH_STEPS: Final = 28

@@ -156,13 +156,13 @@ class Rests:
         center = torch.tensor(equilibria.center_of_mass, requires_grad=True)
         vertices = torch.from_numpy(equilibria.hull.vertices)
         probabilities = RestEvaluation(equilibria, vertices, center, self.basins).probabilities
-        found = [
+        numbers = [
             torch.autograd.grad(probabilities, center, torch.from_numpy(row), retain_graph=True)[
                 0
             ].numpy()
             for row in np.ascontiguousarray(weights)
         ]
-        return np.stack(found)
+        return np.stack(numbers)
 
 
 def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
@@ -205,10 +205,10 @@ def pose_probabilities(poses: RestPoses, directions: Floats) -> Floats:
 
 def _count_rests(normals: Floats, probabilities: Floats, directions: Floats) -> Booleans:
     """(c, k) whether each rest counts for each of the poses."""
-    found = assign_rests(normals, probabilities, directions)
-    counted = found.outcome_of_rest == np.arange(len(directions))[:, None]
-    near = angle_between(normals[found.main], directions) <= SAME_REST_ANGLE
-    return np.asarray(counted & (near & (found.main >= 0))[:, None])
+    outcomes = assign_rests(normals, probabilities, directions)
+    counted = outcomes.outcome_of_rest == np.arange(len(directions))[:, None]
+    near = angle_between(normals[outcomes.main], directions) <= SAME_REST_ANGLE
+    return np.asarray(counted & (near & (outcomes.main >= 0))[:, None])
 
 
 @dataclass(frozen=True, eq=False)

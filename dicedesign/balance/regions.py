@@ -148,9 +148,9 @@ class Stability:
         start = self.hull.facet_start[:-1]
         least = np.minimum.reduceat(heights, start)
         # The first of each facet that is least.
-        found = np.flatnonzero(heights == least[self.hull.facet])
-        _, first = np.unique(self.hull.facet[found], return_index=True)
-        return found[first], least
+        lowest = np.flatnonzero(heights == least[self.hull.facet])
+        _, first = np.unique(self.hull.facet[lowest], return_index=True)
+        return lowest[first], least
 
     def counts(self, centers: Floats) -> Integers:
         """(n,) numbers of facets that the body rests on with centers of mass (n, 3)."""
@@ -165,8 +165,8 @@ class Stability:
         """Where the body has the same rests as with a center of mass (3,), and no others, in part:
         it is beyond the same side of all other facets. Planes are moved inward by a distance."""
         edges, least = self.outermost(center)
-        kept = (least > 0.0)[self.hull.facet]
-        inside = Halfspaces(self.sides.normals[kept], self.sides.offsets[kept] - clearance)
+        inner = (least > 0.0)[self.hull.facet]
+        inside = Halfspaces(self.sides.normals[inner], self.sides.offsets[inner] - clearance)
         return inside.and_within(self.beyond(edges[least <= 0.0], clearance))
 
     def beyond(self, edges: Integers, clearance: float = 0.0) -> Halfspaces:

@@ -250,7 +250,7 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Made
         ]
         if not closed:
             # All that is beyond the plane, as what lies within the holes is gone already.
-            made = rest - room.trim_by_plane(tuple(cut.normal), cut.offset)
+            cavity = rest - room.trim_by_plane(tuple(cut.normal), cut.offset)
             break
         holes += (drain_hole(surface, Surface(*mesh_of(closed[0])), center, radius),)
     else:
@@ -258,7 +258,7 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Made
             f"drain_mm: expected a cavity of at most {MOST_HOLES} parts to drain, got more; leave "
             "drain_mm out, or reduce wall_mm"
         )
-    data = stl_bytes(*mesh_of(made))
+    data = stl_bytes(*mesh_of(cavity))
     file = read_back(data)
     assert file.triangles is not None
     shells = int(shells_of(file.triangles).max()) + 1

@@ -150,23 +150,23 @@ def _list_folder(options: RestArguments) -> int:
     assert path is not None
     files = list_folder(options.mesh)
     com_text = ",".join(map(repr, com)) if isinstance(com, tuple) else com or ""
-    asked = com_text, "" if tolerance is None else repr(tolerance)
-    stamps = {file: Stamp(*state, *asked) for file, state in files.meshes.items()}
+    settings = com_text, "" if tolerance is None else repr(tolerance)
+    stamps = {file: Stamp(*state, *settings) for file, state in files.meshes.items()}
     before = RestTable.read(path)
     _check_table(options, before, stamps)
-    kept = {file: before[file] for file in stamps if file in before}
-    kept = {file: entry for file, entry in kept.items() if entry.stamp == stamps[file]}
+    unchanged = {file: before[file] for file in stamps if file in before}
+    unchanged = {file: entry for file, entry in unchanged.items() if entry.stamp == stamps[file]}
     for count, what in (
         (files.others, "files are no meshes"),
-        (len(kept), f"files were already in {path}"),
+        (len(unchanged), f"files were already in {path}"),
         (len(before.keys() - stamps.keys()), f"files of {path} are gone, and so are their rows"),
     ):
         if count:
             print_note(f"{count} {printable(what)}")
-    pending = {file: stamp for file, stamp in stamps.items() if file not in kept}
-    with RestTable(path, kept) as table:
+    pending = {file: stamp for file, stamp in stamps.items() if file not in unchanged}
+    with RestTable(path, unchanged) as table:
         if pending:
-            with workers_of(options, "files", len(stamps), len(kept)) as workers:
+            with workers_of(options, "files", len(stamps), len(unchanged)) as workers:
 
                 def on_entries(entries: dict[str, Entry]) -> None:
                     table.add(entries)
@@ -189,10 +189,10 @@ def _check_table(
     options: RestArguments, before: dict[str, Entry], stamps: dict[str, Stamp]
 ) -> None:
     """Rows that answer another question, or are of another folder, are neither kept nor lost."""
-    asked = next(iter(stamps.values()))
+    stamp = next(iter(stamps.values()))
     for entry in before.values():
         for name in ("com", "coplanar_tolerance"):
-            was, now = getattr(entry.stamp, name), getattr(asked, name)
+            was, now = getattr(entry.stamp, name), getattr(stamp, name)
             if was != now:
                 option = "--" + name.replace("_", "-")
                 raise InputError(

@@ -260,8 +260,8 @@ def _p_value(prediction: Prediction | None) -> str:
 
 def _describe_at_hand(die: DieAtHand) -> list[str]:
     fit, probabilities = die.fit, jeffreys_means(die.simulated)
-    found, (half, most) = die.on_fitted, die.by_posterior
-    low, high = found.interval
+    on_fitted, (half, most) = die.on_fitted, die.by_posterior
+    low, high = on_fitted.interval
     table = text_table(
         ("outcome", "", fit.die.labels),
         ("target", ".4f", die.target),
@@ -276,9 +276,9 @@ def _describe_at_hand(die: DieAtHand) -> list[str]:
     )
     return [
         f"{fit.die.name}\n{table}\n"
-        f"total variation from the target {found.value:.4f} on the fitted table (95 % within "
-        f"{low:.4f} to {high:.4f}; chance alone {found.noise_floor:.4f}), below {half:.4f} on half "
-        f"of the posterior's and below {most:.4f} on {100 * BELIEF:g} %",
+        f"total variation from the target {on_fitted.value:.4f} on the fitted table (95 % within "
+        f"{low:.4f} to {high:.4f}; chance alone {on_fitted.noise_floor:.4f}), below {half:.4f} on "
+        f"half of the posterior's and below {most:.4f} on {100 * BELIEF:g} %",
         f"what more throws of it, in one session, would leave open\n{more}",
     ]
 

@@ -165,17 +165,17 @@ class Attempts:
         comes about, or the best is as good."""
         if self.wall is not None:
             return self._fill_about_cavity(number, draft, slopes, best, self.wall)
-        made = None
+        best_fill = None
         for metric in (NEAREST, UNCROSSED):
             nearer = nearer_draft(self.problem, draft, slopes, metric)
             filled = self.finish(number, self.problem, nearer, best)
             if filled is None:
                 break
-            if self.is_better(filled, made):
-                made = filled
+            if self.is_better(filled, best_fill):
+                best_fill = filled
             if filled.self_intersections == 0:
                 break
-        return made
+        return best_fill
 
     def _fill_about_cavity(
         self,

@@ -109,16 +109,16 @@ def _complementary(system: Floats, values: Floats, active: Booleans) -> Floats:
     strengths = np.zeros(count + 3)
     slack = SLACK * float(np.abs(values).max(initial=0.0))
     for _ in range(MOST_PIVOTS):
-        kept = np.flatnonzero(active)
-        bearing = cho_factor(system[np.ix_(kept, kept)])
-        sides = np.column_stack([values[kept], system[kept, count:]])
+        active_rows = np.flatnonzero(active)
+        bearing = cho_factor(system[np.ix_(active_rows, active_rows)])
+        sides = np.column_stack([values[active_rows], system[active_rows, count:]])
         alone, mixed = np.split(cho_solve(bearing, sides), [1], axis=1)
-        across = system[count:, kept]
+        across = system[count:, active_rows]
         rest = np.linalg.solve(
             system[count:, count:] - across @ mixed, values[count:] - across @ alone[:, 0]
         )
         strengths[:] = 0.0
-        strengths[kept], strengths[count:] = alone[:, 0] - mixed @ rest, rest
+        strengths[active_rows], strengths[count:] = alone[:, 0] - mixed @ rest, rest
         over = system[:count] @ strengths - values[:count]
         wrong = np.where(active, strengths[:count] > 0.0, over > slack)
         changes = np.flatnonzero(wrong)

@@ -125,11 +125,11 @@ def _candidates(hull: ConvexHull, count: int, random: np.random.Generator) -> Fl
     rests = analyze(hull, np.zeros(3), "given").normals
     spread = _spread(max(SPREAD, SPREAD_EACH * count), random)
     least = min(DISTINCT, 0.5 * math.sqrt(4.0 * math.pi / len(spread)))
-    kept = np.zeros((0, 3))
+    chosen = np.zeros((0, 3))
     for direction in (*rests, *spread):
-        if (kept @ direction).max(initial=-1.0) <= math.cos(least):
-            kept = np.vstack([kept, direction])
-    return kept
+        if (chosen @ direction).max(initial=-1.0) <= math.cos(least):
+            chosen = np.vstack([chosen, direction])
+    return chosen
 
 
 def _spread(count: int, random: np.random.Generator) -> Floats:
@@ -208,12 +208,12 @@ def _draw_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Int
 
 def _exchange(near: np.ndarray, sets: Integers) -> Integers:
     """The sets (m, k) with one candidate exchanged for any other that is apart from the rest."""
-    made = []
+    sums = []
     for place in range(sets.shape[1]):
         others = np.delete(sets, place, axis=1)
         number, candidate = np.nonzero(~near[others].any(axis=1))
-        made.append(np.column_stack([others[number], candidate]))
-    return np.unique(np.sort(np.concatenate(made), axis=1), axis=0)
+        sums.append(np.column_stack([others[number], candidate]))
+    return np.unique(np.sort(np.concatenate(sums), axis=1), axis=0)
 
 
 def _cheapest(costs: Floats, sets: Integers, most: int) -> Integers:

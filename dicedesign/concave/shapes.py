@@ -129,8 +129,8 @@ def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> 
     values = distance(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
 
     def crossing(nodes: Integers, ahead: Integers) -> Floats:
-        here, there = values[tuple(nodes.T)], values[tuple(ahead.T)]
-        part = here / (here - there)
+        inside, there = values[tuple(nodes.T)], values[tuple(ahead.T)]
+        part = inside / (inside - there)
         return np.asarray(low + spacing * (nodes + part[:, None] * (ahead - nodes)))
 
     def onto(points: Floats, _: Integers) -> Floats:

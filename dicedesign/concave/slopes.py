@@ -159,14 +159,20 @@ class SlopeMemory:
             tangents.append(np.repeat(_tangents(normals, ends), counts, axis=0))
             corners.append(hull.tail[half_edges])
             least.append(np.full(len(half_edges), self.options.fall))
-        along, at, asked = np.concatenate(tangents), np.concatenate(corners), np.concatenate(least)
+        along, at, least_slopes = (
+            np.concatenate(tangents),
+            np.concatenate(corners),
+            np.concatenate(least),
+        )
         # Those that fail or nearly; of those that are alike, the one that asks for most.
-        near = np.flatnonzero((along * hull.vertices[at]).sum(-1) + asked > -FARTHEST)
-        near = near[np.argsort(-asked[near], kind="stable")]
+        near = np.flatnonzero((along * hull.vertices[at]).sum(-1) + least_slopes > -FARTHEST)
+        near = near[np.argsort(-least_slopes[near], kind="stable")]
         x, y, z = np.round(along[near] / ALIKE).astype(np.int64).T + ALIKE_PLACES // 2
         alike = ((at[near] * ALIKE_PLACES + x) * ALIKE_PLACES + y) * ALIKE_PLACES + z
-        kept = np.sort(near[np.unique(alike, return_index=True)[1]])
-        return SlopeConditions(along[kept], hull.source[at[kept]], asked[kept])
+        unique_rows = np.sort(near[np.unique(alike, return_index=True)[1]])
+        return SlopeConditions(
+            along[unique_rows], hull.source[at[unique_rows]], least_slopes[unique_rows]
+        )
 
     def _remember(
         self, normals: Floats, outcomes: Floats, outcome_of_rest: Integers, step: int
@@ -273,11 +279,14 @@ def least_displacement(
     pairs = along @ by_condition.T
     active = excess > 0.0
     for _ in range(MOST_CHANGES):
-        kept = np.flatnonzero(active)
-        between = pairs[np.ix_(kept, kept)] + softness * np.eye(len(kept))
-        system = np.block([[between, mixed[kept]], [mixed[kept].T, own]])
-        forces = solve(system, np.concatenate([bound[kept], wanted]), assume_a="pos")
-        moved = forces[: len(kept)] @ by_condition[kept] + forces[len(kept) :] @ raised
+        active_rows = np.flatnonzero(active)
+        between = pairs[np.ix_(active_rows, active_rows)] + softness * np.eye(len(active_rows))
+        system = np.block([[between, mixed[active_rows]], [mixed[active_rows].T, own]])
+        forces = solve(system, np.concatenate([bound[active_rows], wanted]), assume_a="pos")
+        moved = (
+            forces[: len(active_rows)] @ by_condition[active_rows]
+            + forces[len(active_rows) :] @ raised
+        )
         failing = along @ moved - bound > MET
         if np.array_equal(failing, active):
             break

@@ -289,12 +289,12 @@ def _spread(points: Floats, others: Floats, least: float) -> Floats:
     each other: slivers between crowded points would be all that a file in single precision tells.
     """
     together = np.concatenate([points, others])
-    kept = np.ones(len(together), dtype=bool)
+    is_outer = np.ones(len(together), dtype=bool)
     pairs = cKDTree(together).query_pairs(least, output_type="ndarray")
     for one, other in sorted(map(tuple, np.sort(pairs, axis=1).tolist())):
-        if kept[one] and other >= len(points):
-            kept[other] = False
-    return together[kept]
+        if is_outer[one] and other >= len(points):
+            is_outer[other] = False
+    return together[is_outer]
 
 
 def _arcs(

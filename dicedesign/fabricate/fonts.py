@@ -82,13 +82,13 @@ class PolylinePen:
 
     def contours(self) -> list[Floats]:
         """The contours (n, 2) so far, n at least 3, without a repeated last point."""
-        found = []
+        matches = []
         for points in self._contours:
             if points[0] == points[-1]:
                 points = points[:-1]
             if len(points) > 2:  # lone points and lines bound nothing
-                found.append(np.array(points, dtype=np.float64))
-        return found
+                matches.append(np.array(points, dtype=np.float64))
+        return matches
 
 
 BUNDLED_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")

@@ -390,9 +390,9 @@ def place_labels(
         the largest die; the size it gives does for all.
     EngravingError: a label cannot be drawn.
     """
-    kept: Sequence[float | Floats] = margins or [options.margin_mm] * len(places)
+    gaps: Sequence[float | Floats] = margins or [options.margin_mm] * len(places)
     placements, needed = [], []
-    for place, margin in zip(places, kept, strict=True):
+    for place, margin in zip(places, gaps, strict=True):
         arts = label_arts(place.text, options)
         best = None
         outward = place.normal / np.linalg.norm(place.normal)

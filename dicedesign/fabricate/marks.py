@@ -156,11 +156,11 @@ def engrave_marks(
     for text, down in zip(texts, downs, strict=True):
         turn = _upright(points, -down / np.linalg.norm(down))
         turned = plain.transform(np.column_stack([turn, np.zeros(3)]))
-        seen, z = relief(turned), points @ turn[2]
-        rise = (seen.height - z.min()) / np.ptp(z)
+        view, z = relief(turned), points @ turn[2]
+        rise = (view.height - z.min()) / np.ptp(z)
         # Of several lines, the shape that is nearest to a square.
         art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
-        for middle, height in _places(seen, turn, rise, art, marks, options):
+        for middle, height in _places(view, turn, rise, art, marks, options):
             frame = np.eye(4)
             frame[:3] = np.column_stack([turn.T, middle @ turn])
             growth = art.growth(height, options.stroke_mm)
@@ -194,7 +194,7 @@ def _upright(points: Floats, up: Floats) -> Floats:
 
 
 def _places(
-    seen: Relief,
+    view: Relief,
     turn: Floats,
     rise: Floats,
     art: LabelArt,
@@ -206,7 +206,7 @@ def _places(
 
     turn: of the body; rise: (a, b) height of the surface above the table, over that of the body.
     """
-    nodes = seen.nodes()
+    nodes = view.nodes()
     clear = [
         np.linalg.norm(nodes - turn @ other.frame[:3, 3], axis=-1)
         - 0.5 * math.hypot(*_room(other.art, other.height, other.growth, options))
@@ -215,12 +215,12 @@ def _places(
     least = options.min_height_mm
     for heights, is_legible in (
         (_digit_heights(options.max_height_mm, least), True),
-        (_digit_heights(SHRINKING * least, SMALLEST * seen.spacing), False),
+        (_digit_heights(SHRINKING * least, SMALLEST * view.spacing), False),
     ):
         places = []
         for height in heights:
             size = _room(art, height, art.growth(height, options.stroke_mm), options)
-            uneven = seen.unevenness(options.depth_mm, size)
+            uneven = view.unevenness(options.depth_mm, size)
             good = np.isfinite(uneven)
             for distance in clear:
                 good &= distance > 0.5 * math.hypot(*size) + options.depth_mm

@@ -104,9 +104,9 @@ def number_die(
         row[group] = 1.0
     numbers = np.array([float(labels[outcome]) for outcome in members.tolist()])
     task = EvenSums.of(numbers, kinds, is_member)
-    found = task.best([np.arange(len(members)), _pair_opposites(numbers, kinds, pairs)])
-    order[members] = members[found.order]
-    sums = is_member @ numbers[found.order]
+    best = task.best([np.arange(len(members)), _pair_opposites(numbers, kinds, pairs)])
+    order[members] = members[best.order]
+    sums = is_member @ numbers[best.order]
     if style == "standard":
         low, high = sums.min(), sums.max()
         told = f"{low:g}" if high - low < 1e-9 * (1.0 + abs(low)) else f"{low:g} to {high:g}"
@@ -117,7 +117,7 @@ def number_die(
             "numbering: sums of opposite facets and around corners are even to within "
             f"{round(float(off), 6):g}"
         )
-    if not found.is_best:
+    if not best.is_best:
         note += "; that is the best that was found, but there may be better ones"
     return order, note
 
@@ -210,39 +210,39 @@ class EvenSums:
 
         starts: orders (k,) of which the first as good as any is kept; at least one.
         """
-        found = self.arrange(starts[0])
+        best = self.arrange(starts[0])
         for start in starts[1:]:
             other = self.arrange(start)
-            found = other if other.beats(found) else found
+            best = other if other.beats(best) else best
         if not self._swaps.size:
-            return replace(found, is_best=True)
-        found = found if found.is_best else self._search(found)
-        if found.is_best or np.square(np.bincount(self.kinds)).sum() > MOST_CHOICES:
-            return found
+            return replace(best, is_best=True)
+        best = best if best.is_best else self._search(best)
+        if best.is_best or np.square(np.bincount(self.kinds)).sum() > MOST_CHOICES:
+            return best
         answers = []
         for largest, total in ((-FINEST, math.inf), (FINEST, -FINEST)):
-            better, is_certain = self._solve(found.largest + largest, found.total + total)
+            better, is_certain = self._solve(best.largest + largest, best.total + total)
             answers.append(is_certain)
-            found = better if better is not None and better.beats(found) else found
-        return replace(found, is_best=all(answers))
+            best = better if better is not None and better.beats(best) else best
+        return replace(best, is_best=all(answers))
 
-    def _search(self, found: Arrangement) -> Arrangement:
+    def _search(self, best: Arrangement) -> Arrangement:
         """The best of those that swaps lead to from an arrangement and from random ones."""
-        generator, order = np.random.default_rng(0), found.order
+        generator, order = np.random.default_rng(0), best.order
         swaps = min(self._swaps.shape[1], MOST_SWAPS)
         for turn in range(min(TRIES, 1 + MOST_SUMS // (self.groups.size * swaps))):
             # By turns: squares lead farther, and then the measure itself.
             for squared in (False,) if turn % 2 else (True, False):
                 order = self._descend(order, squared, generator)
             tried = self.arrange(order)
-            found = tried if tried.beats(found) else found
-            if found.is_best:
+            best = tried if tried.beats(best) else best
+            if best.is_best:
                 break
             order = np.arange(len(self.values))
             for kind in np.unique(self.kinds):
                 members = np.flatnonzero(self.kinds == kind)
                 order[members] = generator.permutation(members)
-        return found
+        return best
 
     def _descend(self, order: Integers, squared: bool, generator: np.random.Generator) -> Integers:
         """The order to which the best swaps lead until none helps."""

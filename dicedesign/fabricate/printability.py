@@ -158,12 +158,12 @@ def beds(hull: ConvexHull, rests: Integers, is_convex: bool) -> Floats:
     tall = np.ptp(hull.vertices @ hull.normals[facets].T, axis=0)
     # A circle has no more area than the facet that it is in.
     wide = np.pi * (FOOTING * tall / 2.0) ** 2 <= hull.areas[facets]
-    kept = [
+    large_parts = [
         facet
         for facet, height in zip(facets[wide].tolist(), tall[wide], strict=True)
         if 2.0 * facet_inradius(hull, facet) >= FOOTING * height
     ]
-    return hull.normals[kept if kept else rests]
+    return hull.normals[large_parts if large_parts else rests]
 
 
 def placement_on_bed(points: Floats, down: Floats) -> Floats:

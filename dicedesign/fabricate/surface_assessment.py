@@ -52,13 +52,13 @@ RELAXED: Final = {
 """Options of `ConcaveOptions` that ask for less where a die has a flaw."""
 
 
-def solid_of_surface(die: Design, made: ConcaveDie, size_mm: float) -> Solid:
+def solid_of_surface(die: Design, design_result: ConcaveDie, size_mm: float) -> Solid:
     """The plain solid of a die that keeps the shape of a surface, with a largest distance
     `size_mm`, positive, between its points."""
-    hollow = made.hollow
-    center = made.after.centroid if hollow is None else hollow.center_of_mass
-    scale = size_mm / convex_hull(made.after.points).diameter
-    placed = made.after.with_points((made.after.points - center) * scale)
+    hollow = design_result.hollow
+    center = design_result.after.centroid if hollow is None else hollow.center_of_mass
+    scale = size_mm / convex_hull(design_result.after.points).diameter
+    placed = design_result.after.with_points((design_result.after.points - center) * scale)
     points, triangles, is_printable = placed.points, placed.triangles, True
     try:
         points, triangles, changes = printable_solid(placed)
@@ -173,7 +173,7 @@ def _join(body: Manifold, box: Manifold) -> Manifold | None:
 
 
 def assess_surface(
-    made: ConcaveDie,
+    design_result: ConcaveDie,
     solid: Solid,
     plain: Assessment,
     wanted: ConcaveOptions,
@@ -196,10 +196,14 @@ def assess_surface(
     gap = max(inside, outside, 0.0) / surface.diagonal
     crossings = len(intersecting_triangles(surface.points, surface.triangles))
     before = outcome_probabilities(
-        rest_poses(make_body(made.before.points, made.before.triangles)), made.directions
+        rest_poses(make_body(design_result.before.points, design_result.before.triangles)),
+        design_result.directions,
     )
-    moved = norms(made.after.points - made.before.points) / made.before.diagonal
-    quality = surface_quality(made.after, made.before)
+    moved = (
+        norms(design_result.after.points - design_result.before.points)
+        / design_result.before.diagonal
+    )
+    quality = surface_quality(design_result.after, design_result.before)
     sentences = list(quality.sentences()) or [
         "no triangle meets another, is folded onto its neighbor, turned over or a sliver"
     ]
@@ -213,13 +217,13 @@ def assess_surface(
             f"{stretched['shape_most']:.3g}, and in size by {stretched['size_most']:.3g}"
         )
     cavities = None
-    if made.hollow is not None and solid.is_printable:
+    if design_result.hollow is not None and solid.is_printable:
         cavities = measure_cavities(body)
     record = Concave(
         probabilities_before=tuple(before.probabilities.tolist()),
         elsewhere_before=before.elsewhere,
         displacement=Displacement(float(moved.mean()), float(moved.max())),
-        hull=HullOfSurface(*made.hull_corners, gap),
+        hull=HullOfSurface(*design_result.hull_corners, gap),
         surface=SurfaceSize(len(surface.points), len(surface.triangles)),
         quality=tuple(sentences),
         surface_quality=quality.data(),
@@ -246,7 +250,7 @@ def assess_surface(
 
 def advise_on_surface(
     flaws: Sequence[Status],
-    made: ConcaveDie,
+    design_result: ConcaveDie,
     record: Concave,
     plain: Assessment,
     method: ConcaveOptions,
@@ -276,7 +280,7 @@ def advise_on_surface(
                 f"{labels[outcome]} is left at {margins[outcome]:.3g} degrees, wanted are "
                 f"{wanted:.3g}"
             )
-    done, progress = made.progress.attempts, made.progress
+    done, progress = design_result.progress.attempts, design_result.progress
     if progress.best is not None:
         yield f"this is the best of {done} attempt{'' if done == 1 else 's'}"
     remedies = ["take another seed, target or surface"]

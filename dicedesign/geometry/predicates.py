@@ -128,15 +128,15 @@ class Orientation:
         signs = np.zeros(len(a), dtype=np.int64)
         for axis in range(3):
             chosen = np.flatnonzero(dropped == axis)
-            kept = ((axis + 1) % 3, (axis + 2) % 3)
+            axes = ((axis + 1) % 3, (axis + 2) % 3)
             corners = tuple(index[chosen] for index in (a, b, c))
-            at = [self._points[index][:, kept].T for index in corners]
+            at = [self._points[index][:, axes].T for index in corners]
             value, size = _determinant([corner - at[0] for corner in at[1:]])
-            signs[chosen] = self._signs(value, size, corners, kept)
+            signs[chosen] = self._signs(value, size, corners, axes)
         return signs
 
     def _signs(
-        self, value: Floats, size: Floats, corners: tuple[Integers, ...], kept: tuple[int, ...]
+        self, value: Floats, size: Floats, corners: tuple[Integers, ...], axes: tuple[int, ...]
     ) -> Integers:
         signs = np.sign(value).astype(np.int64)
         # Products that underflow are wrong by less than any normal number.
@@ -147,7 +147,7 @@ class Orientation:
             for index in corners:
                 used, place = np.unique(index[doubtful], return_inverse=True)
                 exact = np.array([self.integers[i] for i in used.tolist()], dtype=object)
-                at.append(exact.T[list(kept)][:, place])
+                at.append(exact.T[list(axes)][:, place])
             exact, _ = _determinant([corner - at[0] for corner in at[1:]])
             signs[doubtful] = (exact > 0).astype(np.int64) - (exact < 0).astype(np.int64)
         return signs

@@ -50,8 +50,8 @@ class BodyFunction:
 
     def __call__(self, which: Tensor, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Outputs (*l, ...) of the bodies `which` (*l) with inputs (*l, ...)."""
-        found: tuple[Tensor, ...] = _Applied.apply(self, which, *inputs)
-        return found
+        outputs: tuple[Tensor, ...] = _Applied.apply(self, which, *inputs)
+        return outputs
 
     @property
     def pulled_back(self) -> BodyFunction:
@@ -81,9 +81,9 @@ class BodyFunction:
 
     def evaluated(self, which: Integers, *inputs: Floats) -> tuple[Floats, ...]:
         """Outputs (r, ...) of bodies (r,) as numbers."""
-        found = None if self.value is None else self.value(which, *inputs)
-        if found is not None:
-            return found
+        outputs = None if self.value is None else self.value(which, *inputs)
+        if outputs is not None:
+            return outputs
         rows = [
             self.formula(int(body), *(torch.from_numpy(column[row]) for column in inputs))
             for row, body in enumerate(which)
@@ -151,8 +151,8 @@ def _evaluated(function: BodyFunction, which: Integers, *inputs: Floats) -> tupl
         np.ascontiguousarray(array).reshape(which.size, *array.shape[len(lead) :])
         for array in inputs
     ]
-    found = function.evaluated(which.reshape(which.size), *rows)
-    return tuple(torch.from_numpy(output.reshape(*lead, *output.shape[1:])) for output in found)
+    outputs = function.evaluated(which.reshape(which.size), *rows)
+    return tuple(torch.from_numpy(output.reshape(*lead, *output.shape[1:])) for output in outputs)
 
 
 def _with_signature(forward: Callable[..., Any]) -> Callable[..., Any]:
@@ -198,8 +198,8 @@ class _Applied(torch.autograd.Function):
     def vmap(
         info: Any, in_dims: tuple[Any, ...], function: BodyFunction, *tensors: Tensor
     ) -> tuple[tuple[Tensor, ...], tuple[int, ...]]:
-        found = function(*_leading(tensors, in_dims[1:], info.batch_size))
-        return found, (0,) * len(found)
+        outputs = function(*_leading(tensors, in_dims[1:], info.batch_size))
+        return outputs, (0,) * len(outputs)
 
 
 class _Seen(torch.autograd.Function):
@@ -278,8 +278,8 @@ def double_tensor(given: object, name: str, *shape: int | str) -> Tensor:
     elif given.dtype not in (torch.float64, torch.float32):
         fault = f"{given.dtype}; convert it with .double()"
     elif given.ndim != len(shape) or any(
-        isinstance(asked, int) and asked != size
-        for asked, size in zip(shape, given.shape, strict=True)
+        isinstance(expected, int) and expected != size
+        for expected, size in zip(shape, given.shape, strict=True)
     ):
         fault = f"shape {tuple(given.shape)}; reshape it"
     elif given.is_meta:

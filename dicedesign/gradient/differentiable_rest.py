@@ -114,12 +114,12 @@ class _RestedBodies:
                 torch.get_num_threads(),
             )
         if self._handle is kernels.UNDECIDED:
-            found = np.zeros(bodies, dtype=np.int64)
+            rest_counts = np.zeros(bodies, dtype=np.int64)
             self._facets = np.zeros((bodies, 0), dtype=np.int64)
             self._normals, self._probabilities = np.zeros((bodies, 0, 3)), np.zeros((bodies, 0))
         else:
-            found, self._facets, self._normals, self._probabilities = self._handle.rests()
-        for body in np.flatnonzero(found == 0).tolist():
+            rest_counts, self._facets, self._normals, self._probabilities = self._handle.rests()
+        for body in np.flatnonzero(rest_counts == 0).tolist():
             try:
                 _, facets, normals, probabilities = self._recorded(body)
             except InputError as error:
@@ -199,14 +199,14 @@ class _RestedBodies:
     def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...]:
         *inputs, by_normals, by_probabilities = given
         if self._handle is kernels.UNDECIDED:
-            found, known = (
+            slopes_found, known = (
                 [np.zeros_like(column) for column in inputs],
                 np.zeros(len(which), np.int64),
             )
         else:
             size, threads = self._points.shape[1], torch.get_num_threads()
             slopes = self._handle.pull_back(which, by_normals, by_probabilities, size, threads)
-            *found, known = slopes if self._has_centers else (slopes[0], slopes[2])
+            *slopes_found, known = slopes if self._has_centers else (slopes[0], slopes[2])
         for row in np.flatnonzero(known == 0):
             leaves, _, normals, probabilities = self._recorded(int(which[row]))
             parts = torch.autograd.grad(
@@ -220,9 +220,9 @@ class _RestedBodies:
                 allow_unused=True,
                 materialize_grads=True,
             )
-            for column, part in zip(found, parts, strict=True):
+            for column, part in zip(slopes_found, parts, strict=True):
                 column[row, : len(part)] = part.numpy()
-        return tuple(found)
+        return tuple(slopes_found)
 
 
 def differentiable_rest(
@@ -313,11 +313,11 @@ def differentiable_rest_batch(
     """
     if isinstance(bodies, Tensor):
         points = double_tensor(bodies, "bodies", "b", "n", 3)
-        like, kept = bodies, None if counts is None else _counts(counts, *points.shape[:2])
+        like, point_counts = bodies, None if counts is None else _counts(counts, *points.shape[:2])
     else:
         if counts is not None:
             raise InputError("counts: expected none with a list of bodies; leave them out")
-        points, kept = _padded(bodies)
+        points, point_counts = _padded(bodies)
         like = bodies[0] if len(bodies) > 0 else points
     centers = None
     if centers_of_mass is not None:
@@ -327,7 +327,7 @@ def differentiable_rest_batch(
     normals, probabilities = rested(
         points,
         centers,
-        kept,
+        point_counts,
         single_precision=like.dtype == torch.float32,
         model=probability_model(table, prior),
     )

@@ -51,7 +51,7 @@ def offset_secants(
     """
     hull, vertices = rests.hull, rests.vertices
     moves = _corner_moves(hull, rests.facet_normals(np.arange(len(hull.normals))))
-    here = _probabilities_by_rest(rests, rests, model)
+    on_table = _probabilities_by_rest(rests, rests, model)
     columns = []
     for facet, first in enumerate(hull.facet_start[:-1]):
         border = slice(int(first), int(hull.facet_start[facet + 1]))
@@ -66,7 +66,7 @@ def offset_secants(
                 )
                 length += 1
             except DiceError:
-                moved = here
+                moved = on_table
             ends.append(moved)
         columns.append((ends[0] - ends[1]) / (max(length, 1) * step))
     return torch.stack(columns, dim=1)
@@ -148,9 +148,9 @@ class FacetEdges:
 
         An edge weighs by its length: one that a facet gains at a corner begins with nothing.
         """
-        found = values.detach().numpy()
+        numbers = values.detach().numpy()
         extreme = np.maximum if power > 0.0 else np.minimum
-        unit = torch.as_tensor(extreme.reduceat(found, self.first))
+        unit = torch.as_tensor(extreme.reduceat(numbers, self.first))
         powers = (values / unit[self.owner]) ** power
         mean = self.sums(self.lengths * powers) / self.sums(self.lengths)
         return unit * mean ** (1.0 / power)

@@ -219,15 +219,14 @@ class ProbabilitiesUnderPrior:
     @classmethod
     def of(cls, prior: Prior | str) -> ProbabilitiesUnderPrior:
         """Those under a prior or what its text names. Raises InputError where it has no density."""
-        found = prior_of(prior)
-        if not isinstance(found, DensityPrior):
+        known_prior = prior_of(prior)
+        if not isinstance(known_prior, DensityPrior):
             raise InputError(
                 f"prior: expected one with a density, which has derivatives, got "
-                f"{type(found).__name__}, whose probabilities jump; take VonMisesFisher.fitted of "
-                "the "
-                "directions, or a function of your own (DensityFunction)"
+                f"{type(known_prior).__name__}, whose probabilities jump; take "
+                "VonMisesFisher.fitted of the directions, or a function of your own (DensityFunction)"
             )
-        return cls(found)
+        return cls(known_prior)
 
     def probabilities(self, rests: RestEvaluation) -> Floats:
         """See `ProbabilityModel`."""

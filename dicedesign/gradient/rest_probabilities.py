@@ -307,7 +307,7 @@ def evaluate_rests(
     if center_of_mass is not None:
         center = double_tensor(center_of_mass, "center of mass", 3)
     make = hull_of or partial(convex_hull, single_precision=points.dtype == torch.float32)
-    found: list[Equilibria] = []
+    classified: list[Equilibria] = []
 
     def find(numbers: Floats, *middle: Floats) -> Integers:
         if numbers.ndim > 2:
@@ -317,14 +317,14 @@ def evaluate_rests(
             )
         hull = make(numbers)
         own = hull.centroid if offset is None else hull.centroid + offset
-        found.append(classify(hull, middle[0] if middle else own))
+        classified.append(classify(hull, middle[0] if middle else own))
         return np.zeros((), dtype=np.int64)
 
     seen(find, *((given,) if center is None else (given, center)))
-    hull = found[0].hull
+    hull = classified[0].hull
     if len(hull.source) < len(given):
         given = given[torch.as_tensor(hull.source)]
-    return RestEvaluation(found[0], given, center, offset=offset)
+    return RestEvaluation(classified[0], given, center, offset=offset)
 
 
 def rest_probabilities(

@@ -73,7 +73,7 @@ class Energy:
     def gradient(self) -> Floats:
         """(n, 3) that of their sum in the vertices of the hull, with which the center of mass of a
         uniform solid moves."""
-        rests, found = self.state.rests, []
+        rests, normals = self.state.rests, []
         parts = [part for _, part in self._parts.values()]
         if self._compiled is not None:
             by_vertices, by_center = self._compiled.gradient(self._compiled_weights)
@@ -88,12 +88,12 @@ class Energy:
                     turning = kernels.normal_gradient(rests.hull, rests.paths.rests, slopes)
                     assert turning is not None, "kernels that have the energies have these"
                     by_vertices = by_vertices + turning
-            found.append(rests.with_center(by_vertices, by_center))
+            normals.append(rests.with_center(by_vertices, by_center))
         varying = [part for part in parts if isinstance(part, Tensor) and part.requires_grad]
         if varying:
             (gradient,) = torch.autograd.grad(varying, rests.vertices, retain_graph=True)
-            found.append(gradient.numpy())
-        return sum(found[1:], found[0]) if found else np.zeros_like(rests.hull.vertices)
+            normals.append(gradient.numpy())
+        return sum(normals[1:], normals[0]) if normals else np.zeros_like(rests.hull.vertices)
 
     @cached_property
     def _parts(self) -> dict[str, tuple[float, Tensor | Floats | None]]:

@@ -181,8 +181,8 @@ def rounds_of(thrown: ThrowProbabilities) -> Sheet:
         tables = "expected on nine of ten tables"
         axes.plot(at, elsewhere, "^-", color="#e0ab8c", lw=2.0, label=tables)
     axes.plot(at, expected, "o-", color=ACCENT, ms=14.0, label="expected")
-    kept = [entry.is_kept for entry in rounds]
-    axes.plot(at[kept], expected[kept], "o", color=DARK, ms=6.0, label="kept")
+    is_kept = [entry.is_kept for entry in rounds]
+    axes.plot(at[is_kept], expected[is_kept], "o", color=DARK, ms=6.0, label="kept")
     axes.set(xlim=(0.0, 1.05 * float(drops[-1])), ylim=(0.0, 1.05 * axes.get_ylim()[1]))
     axes.set(xlabel="simulated throws so far", ylabel="total variation to the target")
     axes.xaxis.set_major_formatter("{x:,.0f}")

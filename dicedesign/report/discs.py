@@ -198,9 +198,9 @@ def basin_borders(poses: RestPoses) -> list[list[Floats]]:
     for rest, lines in enumerate(leaving):
         for first in list(lines):
             while lines[first]:
-                here, parts = first, []
-                while lines[here]:
-                    here, path = lines[here].pop()
+                point, parts = first, []
+                while lines[point]:
+                    point, path = lines[point].pop()
                     parts.append(path[:-1])
                 borders[rest].append(np.concatenate(parts))
     return borders

@@ -241,8 +241,8 @@ def _draw_disc(
         stationary.append(disc.project(points[disc.heights(points) >= -1e-9]))
         on_paper = disc.to_paper(stationary[-1]).T
         axes.plot(*on_paper, linestyle="", mec=DARK, mew=2.0, zorder=3.0, **style)
-    here = disc.heights(morse.minima) >= 0.0
-    written = np.flatnonzero(here & (poses.probabilities > LEAST_WRITTEN)).tolist()
+    is_on_disc = disc.heights(morse.minima) >= 0.0
+    written = np.flatnonzero(is_on_disc & (poses.probabilities > LEAST_WRITTEN)).tolist()
     texts = [f"{100.0 * poses.probabilities[rest]:.1f} %" for rest in written]
     if labels is not None:
         texts = [f"{labels[k]}\n{text}".strip() for k, text in zip(written, texts, strict=True)]

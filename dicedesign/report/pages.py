@@ -153,7 +153,7 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
 
     parts: of the printed die; the first is its body, others are inlays.
     """
-    colors, made = rest_colors(die), []
+    colors, facets = rest_colors(die), []
     for part in parts:
         is_body = part is parts[0]
         rests = rests_of_triangles(part.points, part.triangles, die)
@@ -169,8 +169,8 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
             if labels is not None and labels.all():
                 name, color, labels = name.replace("facet", "labels"), part.color, None
             triangles = part.triangles[own]
-            made.append(replace(part, name=name, color=color, triangles=triangles, labels=labels))
-    return made
+            facets.append(replace(part, name=name, color=color, triangles=triangles, labels=labels))
+    return facets
 
 
 def rests_of_triangles(points: Floats, triangles: Integers, die: FinishedDie) -> Integers:
@@ -185,7 +185,7 @@ def rests_of_triangles(points: Floats, triangles: Integers, die: FinishedDie) ->
     support = np.array([(whole @ normal).max() for normal in normals])
     count = 1 + len(middles) * len(normals) // PAIRS_AT_ONCE
     parts = np.array_split(middles, count)
-    nearest = np.concatenate([np.argmin(support - some @ normals.T, axis=1) for some in parts])
+    nearest = np.concatenate([np.argmin(support - part @ normals.T, axis=1) for part in parts])
     if die.reshaped is None:
         of_facet = np.full(len(normals), -1, dtype=np.int64)
         of_facet[poses.facets] = np.arange(len(poses.facets))
@@ -204,10 +204,10 @@ def three_script() -> str | None:
 
     It is under the MIT license, whose notice is its first line.
     """
-    found = find_spec("trimesh")
-    if found is None or found.origin is None:
+    package = find_spec("trimesh")
+    if package is None or package.origin is None:
         return None
-    viewer = Path(found.origin).parent / "resources/templates/viewer.zip"
+    viewer = Path(package.origin).parent / "resources/templates/viewer.zip"
     try:
         with zipfile.ZipFile(viewer) as archive:
             page = archive.read("viewer.html.template").decode("utf-8")
@@ -284,8 +284,8 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
             data = {"solid": live.solid, "three": three.encode()}
             scripts.append(three)
         sums = [b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
-        policy += "; script-src " + " ".join(f"'sha256-{found}'" for found in sums)
-    found, search = result.printability, result.search
+        policy += "; script-src " + " ".join(f"'sha256-{print_facts}'" for print_facts in sums)
+    print_facts, search = result.printability, result.search
     simulated = None if result.thrown is None else result.thrown.simulated
     return (
         _environment()
@@ -310,7 +310,7 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
             advice=throwing_advice(result.thrown, result.prior),
             drafts=[] if search is None else _best_drafts(search),
             flaws=partial(_flaws, search),
-            material=None if found is None else MATERIALS[found.material].title,
+            material=None if print_facts is None else MATERIALS[print_facts.material].title,
         )
     )
 
@@ -397,8 +397,8 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
     direction = tilt_up(np.cos(turn) * across + np.sin(turn) * along, -down, 30.0)
     # In the middle of the picture, the die is nowhere wider than its frame.
     frame = Camera(direction, -down).frame()
-    seen = vertices @ frame.T
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 @ frame
+    projected = vertices @ frame.T
+    middle = (projected.min(axis=0) + projected.max(axis=0)) / 2.0 @ frame
     camera = Camera(direction, -down, middle, 0.53 * hull.diameter)
     return encode_png(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, 220))
 

@@ -116,8 +116,8 @@ def frame_cameras(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[C
     """Cameras that look the same way, moved and at one scale such that each has its points (n, 3)
     in the middle of its picture and none of them outside."""
     moved, half_widths = [], []
-    for camera, seen in zip(cameras, points, strict=True):
-        places = seen @ camera.frame().T
+    for camera, visible_points in zip(cameras, points, strict=True):
+        places = visible_points @ camera.frame().T
         low, high = places.min(axis=0), places.max(axis=0)
         moved.append(replace(camera, center=(low + high) / 2.0 @ camera.frame()))
         half_widths.append(float((high - low)[:2].max()) / 2.0)
@@ -164,10 +164,10 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
     pixel = (row * size).repeat(count) + column
     nearest = np.full(size * size, -np.inf)
     np.maximum.at(nearest, pixel, depth)
-    seen = np.full(size * size, -1, dtype=np.int64)
+    nearest_triangles = np.full(size * size, -1, dtype=np.int64)
     front = depth == nearest[pixel]
-    seen[pixel[front]] = owner[span[front]]
-    return seen.reshape(size, size), nearest.reshape(size, size)
+    nearest_triangles[pixel[front]] = owner[span[front]]
+    return nearest_triangles.reshape(size, size), nearest.reshape(size, size)
 
 
 def _spans(corners: Floats, size: int) -> tuple[Integers, Integers, Floats, Floats]:

@@ -161,16 +161,16 @@ def _surface_layer(
     """Colors (side, side, 3) times opacities, and these (side, side, 1), of the surface with
     points at positions (n, 3), in samples of a window of a side in pixels."""
     fine = SAMPLES * side
-    seen, depth = rasterize(positions, surface.triangles, fine)
-    covered = seen >= 0
+    triangle_of_pixel, depth = rasterize(positions, surface.triangles, fine)
+    covered = triangle_of_pixel >= 0
     flat = _facing_normals(positions, surface.triangles)
-    line = _outline(seen, flat, depth, 180.0 if surface.smooth else SHARP_DEGREES)
+    line = _outline(triangle_of_pixel, flat, depth, 180.0 if surface.smooth else SHARP_DEGREES)
     lines = (0.8 if surface.smooth else 1.0) * line.reshape(fine, fine, 1)
     left = covered[..., None] - lines * covered[..., None]
     share, height = sample_means(covered * 1.0), sample_means(np.where(covered, depth, 0.0))
     recess = _recess_shade(share, height, 0.02 * side)
     sample = np.flatnonzero(covered)
-    triangle = seen.ravel()[sample]
+    triangle = triangle_of_pixel.ravel()[sample]
     if surface.smooth or surface.colors is not None:
         corners = positions[surface.triangles]
         weights, is_front = _weights(corners, triangle, *np.divmod(sample, fine))
@@ -199,15 +199,15 @@ def _glass_layer(
     positions: Floats, shell: Shell, side: int, strength: float
 ) -> tuple[Floats, Floats]:
     """The side of a shell that is nearer to the camera, as the surface's layer."""
-    seen, depth = rasterize(positions, shell.triangles, SAMPLES * side)
+    triangle_of_pixel, depth = rasterize(positions, shell.triangles, SAMPLES * side)
     normals = _facing_normals(positions, shell.triangles)
     clear = np.isnan(shell.tints[:, :1])
     opacity = strength * np.where(clear, 0.1 + 0.2 * (1.0 - normals[:, 2:]) ** 2, 0.7)
     glass = np.hstack([opacity * np.where(clear, GLASS, shell.tints), opacity])
     # What sees nothing has the number -1, that of the last.
-    samples = np.vstack([glass, np.zeros(4)])[seen]
+    samples = np.vstack([glass, np.zeros(4)])[triangle_of_pixel]
     # Facets of more than three corners are several triangles.
-    edge = _outline(seen, normals, depth, 1.0).reshape(seen.shape)
+    edge = _outline(triangle_of_pixel, normals, depth, 1.0).reshape(triangle_of_pixel.shape)
     samples[edge] += 0.2 * strength * (np.append(LINE, 1.0) - samples[edge])
     pixels = sample_means(samples)
     return pixels[..., :3], pixels[..., 3:]
@@ -282,26 +282,28 @@ def _recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
     coverage: the share of each pixel that sees the surface; height: its mean depth in samples
     where the rest counts as 0; reach: of the surroundings, in pixels.
     """
-    here = height / np.where(coverage > 0.0, coverage, 1.0)
-    behind = blur(height, reach) - here * blur(coverage, reach)
+    mean_height = height / np.where(coverage > 0.0, coverage, 1.0)
+    behind = blur(height, reach) - mean_height * blur(coverage, reach)
     return np.asarray(1.0 - RECESS_SHADE * (behind / (SAMPLES * reach)).clip(0.0, 1.0))
 
 
-def _outline(seen: Integers, normals: Floats, depth: Floats, sharp_degrees: float) -> Booleans:
+def _outline(
+    triangle_of_pixel: Integers, normals: Floats, depth: Floats, sharp_degrees: float
+) -> Booleans:
     """Samples (n * n,), row by row, on either side of a silhouette, of a sharp edge or of a step in
     depth.
 
-    seen: (n, n) triangle of each sample, or -1; normals: (t, 3) of the triangles, toward the
-    camera; depth: (n, n) toward the camera, in samples; sharp_degrees: angle between the normals at
+    triangle_of_pixel: (n, n) triangle of each sample, or -1; normals: (t, 3) of the triangles, toward
+    the camera; depth: (n, n) toward the camera, in samples; sharp_degrees: angle between the normals at
     an edge beyond which it is sharp.
     """
-    triangle, height = seen.ravel(), depth.ravel()
+    triangle, height = triangle_of_pixel.ravel(), depth.ravel()
     line = np.zeros(triangle.shape, dtype=bool)
-    for step, offset in ((1, (1.0, 0.0)), (len(seen), (0.0, -1.0))):
+    for step, offset in ((1, (1.0, 0.0)), (len(triangle_of_pixel), (0.0, -1.0))):
         # Within a triangle there is neither an edge nor a step.
         sample = np.flatnonzero(triangle[:-step] != triangle[step:])
         if step == 1:
-            sample = sample[sample % len(seen) != len(seen) - 1]
+            sample = sample[sample % len(triangle_of_pixel) != len(triangle_of_pixel) - 1]
         border = (triangle[sample] < 0) | (triangle[sample + step] < 0)
         both = sample[~border]
         first, second = normals[triangle[both]], normals[triangle[both + step]]
@@ -337,8 +339,8 @@ def render_shadow(
     """
     positions = camera.pixel_positions(points - heights[:, None] * up, size)
     positions[:, 2] = -heights / reach
-    seen, depth = rasterize(positions, triangles, size)
-    dark = np.where(seen >= 0, 0.18 + 0.45 * np.exp(6.0 * depth), 0.0)
+    triangle_of_pixel, depth = rasterize(positions, triangles, size)
+    dark = np.where(triangle_of_pixel >= 0, 0.18 + 0.45 * np.exp(6.0 * depth), 0.0)
     return np.asarray(1.0 - blur(dark, 0.012 * reach * size / camera.half_width))
 
 

@@ -136,8 +136,8 @@ class Sheet:
     @property
     def texts(self) -> list[str]:
         """What is written on it, but for ticks."""
-        found = [one for one in self.figure.findobj(Text) if isinstance(one, Text)]
-        return [text.get_text() for text in found if text.get_text() and text.get_visible()]
+        texts = [one for one in self.figure.findobj(Text) if isinstance(one, Text)]
+        return [text.get_text() for text in texts if text.get_text() and text.get_visible()]
 
     @with_style
     def save_as(self, format: str, dpi: int = DPI, **more: Any) -> bytes:

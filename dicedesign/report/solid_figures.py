@@ -115,14 +115,14 @@ def print_orientation(die: FinishedDie) -> Sheet:
     from dicedesign.fabricate.printability import ON_BED, PrintedSolid
     from dicedesign.fabricate.printers import PRINTERS
 
-    found = die.result.printability
-    assert found is not None
+    print_facts = die.result.printability
+    assert print_facts is not None
     points, triangles = mesh_to_print(die)
     judged = die.plain if die.engraved is None else die.engraved.assessment or die.plain
     hull = judged.poses.hull if die.reshaped is None else None
     printed = PrintedSolid(points, triangles, hull, (), np.zeros((0, 3)))
-    placement, down = np.array(found.placement), np.array([found.best.normal])
-    printer = replace(PRINTERS[found.printer], layer_mm=found.layer_mm)
+    placement, down = np.array(print_facts.placement), np.array([print_facts.best.normal])
+    printer = replace(PRINTERS[print_facts.printer], layer_mm=print_facts.layer_mm)
     placed = points @ placement[:3, :3].T + placement[:3, 3]
     touching = placed[triangles][:, :, 2].max(axis=1) < ON_BED
     hanging = printed.overhanging(down, printer)[:, 0]
@@ -152,8 +152,8 @@ def reading_figure(
     level = -np.cos(turn) * away + np.sin(turn) * np.cross(down, away)
     cameras = [Camera(tilt_up(level, -down, 35.0), -down)]
     cameras += [Camera(side, up) for _, side, up in sides]
-    seen = [with_shadow(surface.points, -down), *[surface.points] * len(sides)]
-    oblique, *straight = frame_cameras(cameras, seen)
+    visible_points = [with_shadow(surface.points, -down), *[surface.points] * len(sides)]
+    oblique, *straight = frame_cameras(cameras, visible_points)
     pictures = [render_on_table(surface, -down, oblique, PIXELS)]
     pictures += [render(surface, camera, PIXELS) for camera in straight]
     titles = ["as it lies", *(title for title, _, _ in sides)]

@@ -321,56 +321,56 @@ def rests(die: FinishedDie) -> Sheet:
     )
 
 
-def balance_figure(found: Balanced) -> Sheet:
+def balance_figure(result: Balanced) -> Sheet:
     """The body in its most probable pose before and now, and cut open through its center of mass,
     below bars of the probabilities of the poses that the goal is about, of at most ten of them."""
-    body, views = found.made.body, []
+    body, views = result.made.body, []
     assert body.triangles is not None
-    for poses in (found.poses_before, found.poses):
+    for poses in (result.poses_before, result.poses):
         turn, move = poses.transforms[0][:3, :3], poses.transforms[0][:3, 3]
         points = body.points @ turn.T + move
         camera = camera_on(points, (1.0, -0.7, 0.5), UP)
         views.append(render(Surface(points, body.triangles), camera, PIXELS))
     titles = ["before", "now", "cut open, and the center of mass"]
-    sheet = picture_grid([*views, _cut_open(found)], titles, 3, above=650.0)
+    sheet = picture_grid([*views, _cut_open(result)], titles, 3, above=650.0)
     return outcome_chart(
-        ["new" if number is None else str(number) for number in found.numbers[:10]],
-        [Bars("before", FAINT, found.before[:10]), Bars("now", ACCENT, found.probabilities[:10])],
+        ["new" if number is None else str(number) for number in result.numbers[:10]],
+        [Bars("before", FAINT, result.before[:10]), Bars("now", ACCENT, result.probabilities[:10])],
         title="probabilities before and now",
         x_label="pose, numbered by its probabilities before",
-        target=None if found.wanted is None else found.wanted[:10],
+        target=None if result.wanted is None else result.wanted[:10],
         sheet=sheet,
     )
 
 
-def _cut_open(found: Balanced) -> Picture:
+def _cut_open(result: Balanced) -> Picture:
     """The body cut through its centers of mass, before and now, upright if it can be, with a dot at
     each."""
     from dicedesign.geometry.meshes.manifold import solid
 
-    made, shift = found.made, found.center - found.center_before
-    assert made.body.triangles is not None
+    balanced_solid, shift = result.made, result.center - result.center_before
+    assert balanced_solid.body.triangles is not None
     across = np.cross(UP, shift)
     # A cut through both may run any way where they lie above each other.
     across = unit_vectors(across) if norms(across) > 1e-3 * norms(shift) else np.array([0, -1.0, 0])
-    body = solid(made.body.points, made.body.triangles)
+    body = solid(balanced_solid.body.points, balanced_solid.body.triangles)
     parts = [(body, MATERIAL)]
-    if made.sparse is not None:
-        assert made.sparse.triangles is not None
-        sparse = solid(made.sparse.points, made.sparse.triangles)
+    if balanced_solid.sparse is not None:
+        assert balanced_solid.sparse.triangles is not None
+        sparse = solid(balanced_solid.sparse.points, balanced_solid.sparse.triangles)
         parts = [(body - sparse, MATERIAL), (body ^ sparse, rgb([PALE])[0])]
     corners, colors = [], []
     for part, color in parts:
-        half = part.trim_by_plane(tuple(-across), -float(across @ found.center)).to_mesh64()
+        half = part.trim_by_plane(tuple(-across), -float(across @ result.center)).to_mesh64()
         corners.append(np.asarray(half.vert_properties)[:, :3][np.asarray(half.tri_verts)])
         colors.append(np.tile(color, (len(corners[-1]), 1)))
     whole = np.concatenate(corners)
     triangles = np.arange(3 * len(whole)).reshape(-1, 3)
     cut = color_triangles(whole.reshape(-1, 3), triangles, np.concatenate(colors))
-    camera = camera_on(made.body.points, across + 0.15 * UP, UP)
+    camera = camera_on(balanced_solid.body.points, across + 0.15 * UP, UP)
     picture = render(cut, camera, PIXELS)
     rows, columns = np.indices(picture.shape[:2]) + 0.5
-    for center, dot in ((found.center_before, FAINT), (found.center, ACCENT)):
+    for center, dot in ((result.center_before, FAINT), (result.center, ACCENT)):
         column, row, _ = camera.pixel_positions(center, PIXELS)
         spot = np.hypot(rows - row, columns - column) <= 7.0
         picture[spot] = np.rint(255.0 * rgb([dot])[0]).astype(np.uint8)

@@ -204,10 +204,10 @@ def integrals(integrand: Integrand, edges: Floats, tolerance: float) -> tuple[Fl
         if len(rows) == 0:
             break
         width = (high - low)[:, None]
-        found = integrand(rows, low[:, None] + width * NODES)
-        fine = width * np.einsum("j,rjc->rc", WEIGHTS, found)
-        coarse = width * np.einsum("j,rjc->rc", COARSE, found)
-        size = width * np.einsum("j,rjc->rc", WEIGHTS, np.abs(found))
+        node_values = integrand(rows, low[:, None] + width * NODES)
+        fine = width * np.einsum("j,rjc->rc", WEIGHTS, node_values)
+        coarse = width * np.einsum("j,rjc->rc", COARSE, node_values)
+        size = width * np.einsum("j,rjc->rc", WEIGHTS, np.abs(node_values))
         rounding = ROUNDED * size.max(axis=1)
         error = np.abs(fine - coarse).max(axis=1)
         done = (error <= np.maximum(tolerance, rounding)) | (halving == MOST_HALVINGS)
@@ -270,12 +270,12 @@ def _products(
         # Times the area that a part of the square has on the sphere, seen through the flat
         # triangle.
         scale = np.linalg.det(own) * size.prod(axis=1)
-        found = values * scale[:, None, None] * toward[..., 0] / length**3
-        exact = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, found)
+        slopes = values * scale[:, None, None] * toward[..., 0] / length**3
+        exact = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, slopes)
         less = [
-            np.einsum("i,j,rij->r", *by, found) for by in ((COARSE, WEIGHTS), (WEIGHTS, COARSE))
+            np.einsum("i,j,rij->r", *by, slopes) for by in ((COARSE, WEIGHTS), (WEIGHTS, COARSE))
         ]
-        whole = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, np.abs(found))
+        whole = np.einsum("i,j,rij->r", WEIGHTS, WEIGHTS, np.abs(slopes))
         misses = np.abs(np.stack([exact - one for one in less], axis=1))
         fine[part], worse[part] = exact, misses.argmax(axis=1)
         error[part, 0], error[part, 1] = misses.sum(axis=1), ROUNDED * whole

@@ -354,8 +354,10 @@ class DensityFunction(DensityPrior):
             basin = paths.basins[branch // 2, column]
             sign = np.where(branch % 2 == column, 1.0, -1.0)
             triangles = np.stack([references[basin], arcs.start, end], axis=1)
-            found, error = triangle_integrals(self._values, triangles, CUBATURE_TOLERANCE * whole)
-            np.add.at(masses, basin, sign * found)
+            integrals, error = triangle_integrals(
+                self._values, triangles, CUBATURE_TOLERANCE * whole
+            )
+            np.add.at(masses, basin, sign * integrals)
             np.add.at(errors, basin, error)
         masses += whole * wraps(signed_areas(paths, basins.points, references))
         masses = np.maximum(masses, 0.0)

@@ -228,14 +228,14 @@ def match_by_probability(
         i, j = np.unravel_index(int(between.argmin()), between.shape)
         part[part == part[j]] = part[i]
     part = np.unique(part, return_inverse=True)[1]
-    found = np.bincount(part, weights=probabilities)
-    parts, places = np.argsort(-found, kind="stable"), np.argsort(-given, kind="stable")
-    off = float(np.abs(found[parts] - given[places]).max())
+    sums = np.bincount(part, weights=probabilities)
+    parts, places = np.argsort(-sums, kind="stable"), np.argsort(-given, kind="stable")
+    off = float(np.abs(sums[parts] - given[places]).max())
     if off > MATCHED_PROBABILITIES:
-        worst = int(np.abs(found[parts] - given[places]).argmax())
+        worst = int(np.abs(sums[parts] - given[places]).argmax())
         raise InputError(
             f"{name}: expected rests with the geometric probabilities of the outcomes to within "
-            f"{MATCHED_PROBABILITIES:g}, got {found[parts][worst]:.4f} for "
+            f"{MATCHED_PROBABILITIES:g}, got {sums[parts][worst]:.4f} for "
             f"{given[places][worst]:.4f}; "
             "correct the probabilities, or give the center of mass in a column com, or leave the "
             "die out"

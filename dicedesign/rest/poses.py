@@ -205,8 +205,8 @@ class RestPoses:
         prior = prior_of(prior)
         probabilities, errors = np.zeros((2, len(self.basins), len(self.hull.normals)))
         for row, side in enumerate(self.basins):
-            found, rests = prior.probabilities(side), side.paths.rests
-            probabilities[row, rests], errors[row, rests] = found.probabilities, found.errors
+            estimate, rests = prior.probabilities(side), side.paths.rests
+            probabilities[row, rests], errors[row, rests] = estimate.probabilities, estimate.errors
         of_rests = probabilities.mean(axis=0)[self.facets]
         return self._with_probabilities(prior, of_rests, errors.mean(axis=0)[self.facets])
 

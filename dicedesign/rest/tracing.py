@@ -177,9 +177,9 @@ def slide(
     them.
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
-    found = kernels.slides(*body, vertices, directions, errors)
-    if found is not kernels.UNDECIDED:
-        return found
+    answer = kernels.slides(*body, vertices, directions, errors)
+    if answer is not kernels.UNDECIDED:
+        return answer
     vertices, directions, errors = vertices.copy(), directions.copy(), errors.copy()
     facets = np.full(len(vertices), -1, dtype=np.int64)
     certain = np.ones(len(vertices), dtype=bool)
@@ -222,9 +222,9 @@ def trace_to_rests(equilibria: Equilibria, facets: Integers) -> Integers:
     Where rounding leaves a decision open it is found in exact arithmetic.
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
-    found = kernels.destinations(*body, facets)
-    if found is not kernels.UNDECIDED:
-        return found
+    answer = kernels.destinations(*body, facets)
+    if answer is not kernels.UNDECIDED:
+        return answer
     hull = equilibria.hull
     known = np.where(equilibria.stable, np.arange(len(equilibria.stable)), -1)
     rolls = equilibria.roll_edge >= 0

@@ -143,16 +143,16 @@ def read_checkpoint(
         with np.load(data, allow_pickle=False) as file:
             about = json.loads(str(file[_ABOUT]))
             theirs = dict(about.pop(_WORK))
-            found = {kind: theirs.get(kind) for kind in work}
+            values = {kind: theirs.get(kind) for kind in work}
             arrays = {name: file[name] for name in file.files if name != _ABOUT}
-        state = restored(about, arrays) if found == work else None
+        state = restored(about, arrays) if values == work else None
     except Exception as error:
         # Of NumPy, zip, JSON or the state's own class: whatever it is, the file is no such state.
         raise InputError(
             f"{path}: expected a checkpoint, got a file that cannot be read as one; {anew}"
         ) from error
     for kind, text in work.items():
-        if found[kind] != text:
+        if values[kind] != text:
             raise InputError(
                 f"{path}: expected a checkpoint of this {kind}, got one of another; {anew}, or "
                 f"{elsewhere}"

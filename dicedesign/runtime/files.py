@@ -72,8 +72,8 @@ def read_file(
 def _wrong(status: os.stat_result, kind: str, most: int) -> str:
     """What is wrong with a file, if anything, before it is read."""
     if not stat.S_ISREG(status.st_mode):
-        found = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-        return f"expected {kind}, got {found}; name a file"
+        file_kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        return f"expected {kind}, got {file_kind}; name a file"
     if status.st_size > most:
         return (
             f"expected {kind} of at most {most >> 20} MiB, got {status.st_size >> 20}; name "

@@ -93,7 +93,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
     on_front = pareto_front(values.reshape(-1, 2))
     front = {trial["number"] for trial, is_on in zip(solved, on_front, strict=True) if is_on}
     chosen = {trial["number"] for trial in leaders(finished)}
-    kept = ("number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry", "seconds")
+    columns = ("number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry", "seconds")
     files: dict[str, bytes] = {}
     board = []
     for rank, trial in enumerate(solved, start=1):
@@ -109,7 +109,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         board.append(
             {
                 "rank": rank,
-                **{key: trial[key] for key in kept},
+                **{key: trial[key] for key in columns},
                 "on_front": number in front,
                 "as_given": entries == recipe.as_dict(),
                 "varied": varied,

@@ -179,10 +179,10 @@ def variations_on_tables(
         meant.
     others: n series of throws, of `drops` in all; meant: those onto the table that is meant.
     """
-    found = _probabilities_on_tables(measures, others, meant)
-    values = [total_variation(probabilities, target) for probabilities in found]
+    on_tables = _probabilities_on_tables(measures, others, meant)
+    values = [total_variation(probabilities, target) for probabilities in on_tables]
     rng, chance = np.random.default_rng(SEED), []
-    here = meant.counts / meant.counts.sum()
+    frequencies = meant.counts / meant.counts.sum()
 
     def again(series: Series, probabilities: Floats) -> Series:
         """As many throws of a die with probabilities (k,)."""
@@ -190,10 +190,10 @@ def variations_on_tables(
 
     for _ in range(SERIES):
         drawn = [
-            again(one, probabilities) for one, probabilities in zip(others, found, strict=True)
+            again(one, probabilities) for one, probabilities in zip(others, on_tables, strict=True)
         ]
-        by_chance = _probabilities_on_tables(measures, drawn, again(meant, here))
-        chance.append([total_variation(a, b) for a, b in zip(by_chance, found, strict=True)])
+        by_chance = _probabilities_on_tables(measures, drawn, again(meant, frequencies))
+        chance.append([total_variation(a, b) for a, b in zip(by_chance, on_tables, strict=True)])
     return OtherTables(
         drops,
         tuple(values),

@@ -272,11 +272,11 @@ def wasserstein_distance(
     wanted = np.concatenate([supply, demand])
     # One equation follows from the others but for rounding, which may contradict it. That of the
     # largest share is left out: a small one could come out negative.
-    kept = np.delete(np.arange(m + n), wanted.argmax())
+    others = np.delete(np.arange(m + n), wanted.argmax())
     answer = linprog(
         cost.ravel(),
-        A_eq=sums[kept],
-        b_eq=wanted[kept],
+        A_eq=sums[others],
+        b_eq=wanted[others],
         options={"primal_feasibility_tolerance": TRANSPORT_TOLERANCE},
     )
     if not answer.success:

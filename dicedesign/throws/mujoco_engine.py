@@ -90,8 +90,8 @@ def require() -> ModuleType:
         import mujoco
     except ImportError as error:
         raise missing_extra("throws", "engine mujoco", error) from error
-    found: ModuleType = mujoco
-    return found
+    module: ModuleType = mujoco
+    return module
 
 
 def throw_states(

@@ -172,8 +172,8 @@ class ProbabilitySurrogate:
         parts = []
         for first in range(0, len(points), at_once):
             sets = session_points(points[first : first + at_once, None], offsets, self.die.size)
-            found = self.log_likelihood(sets.reshape(-1, 5), exact)
-            parts.append(found.reshape(sets.shape[:2]))
+            values = self.log_likelihood(sets.reshape(-1, 5), exact)
+            parts.append(values.reshape(sets.shape[:2]))
         return np.concatenate(parts)
 
 
@@ -222,8 +222,8 @@ class WeightedPoints:
     def weights(self, without: int | None = None, power: float = 1.0) -> Floats:
         """(n,) summing to 1, of the posterior of all counts, or of all but one of them; power: of
         each weight before they are scaled."""
-        kept = [i for i in range(self.log_likelihoods.shape[1]) if i != without]
-        logarithms = power * (self.log_priors + self.log_likelihoods[:, kept].sum(axis=1))
+        columns = [i for i in range(self.log_likelihoods.shape[1]) if i != without]
+        logarithms = power * (self.log_priors + self.log_likelihoods[:, columns].sum(axis=1))
         return np.asarray(np.exp(logarithms - logsumexp(logarithms)))
 
 
@@ -259,41 +259,41 @@ def sample_posterior(
     """
     spread = qmc.Sobol(dimensions, rng=rng).random_base2(each.bit_length() - 1)
     points = np.clip(spread, 1e-9, 1.0 - 1e-9)
-    found = WeightedPoints(points, np.zeros(len(points)), log_likelihoods(points))
+    sample = WeightedPoints(points, np.zeros(len(points)), log_likelihoods(points))
     proposals = []
 
     def more(left_out: Sequence[int | None]) -> WeightedPoints:
-        new = [_proposal(found, without, rng) for without in left_out]
+        new = [_proposal(sample, without, rng) for without in left_out]
         proposals.extend(new)
         # A point at the very border of the cube has no weight in any case.
         drawn = expit(np.concatenate([proposal.rvs(each) for proposal in new]))
         added = np.clip(drawn, 1e-12, 1.0 - 1e-12)
-        points = np.concatenate([found.points, added])
+        points = np.concatenate([sample.points, added])
         places = logit(points)
         stretch = (log_expit(places) + log_expit(-places)).sum(axis=1)
         densities = [np.zeros(len(points)), *(one.logpdf(places) - stretch for one in proposals)]
         return WeightedPoints(
             points,
             np.log(len(densities)) - logsumexp(densities, axis=0),
-            np.concatenate([found.log_likelihoods, log_likelihoods(added)]),
+            np.concatenate([sample.log_likelihoods, log_likelihoods(added)]),
         )
 
     for _ in range(MOST_ROUNDS):
-        found = more([None])
-        if effective(found.weights()) >= FEWEST:
+        sample = more([None])
+        if effective(sample.weights()) >= FEWEST:
             break
-    counts = range(found.log_likelihoods.shape[1]) if leave_one_out else ()
+    counts = range(sample.log_likelihoods.shape[1]) if leave_one_out else ()
     return more([None, *counts])
 
 
-def _proposal(found: WeightedPoints, without: int | None, rng: np.random.Generator) -> Any:
+def _proposal(points_so_far: WeightedPoints, without: int | None, rng: np.random.Generator) -> Any:
     """A t distribution for logits of points."""
-    power, places = 1.0, logit(found.points)
-    weights = found.weights(without)
+    power, places = 1.0, logit(points_so_far.points)
+    weights = points_so_far.weights(without)
     # Powers of the logarithms, as weights themselves may have come to 0.
     while effective(weights) < FEWEST:
         power /= 2.0
-        weights = found.weights(without, power)
+        weights = points_so_far.weights(without, power)
     mean = weights @ places
     offsets = places - mean
     covariance = WIDER * offsets.T @ (weights[:, None] * offsets)

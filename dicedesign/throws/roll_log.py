@@ -162,10 +162,10 @@ def _rows_of_one_die(path: Path, labels: Sequence[str], headers: Sequence[list[s
 def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
     """Raise InputError for a label that the die does not have."""
     if label not in labels:
-        some = ", ".join(labels[:MOST_NAMED]) + ", ..." * (len(labels) > MOST_NAMED)
+        examples = ", ".join(labels[:MOST_NAMED]) + ", ..." * (len(labels) > MOST_NAMED)
         raise InputError(
-            f"{where}: expected a label of the die ({some}), got {label!r}; correct it, or leave "
-            "out throws that show no label"
+            f"{where}: expected a label of the die ({examples}), got {label!r}; correct it, or "
+            "leave out throws that show no label"
         )
 
 

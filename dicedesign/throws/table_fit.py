@@ -344,12 +344,12 @@ def fit_table(
 
     The numbers are as of `check_effort`.
     """
-    kept = checkpoint or Checkpoint()
+    saved = checkpoint or Checkpoint()
     every = [*dice, *others]
     first = round(FIRST * evaluations)
     rng = np.random.default_rng(seed)
     sets = qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first]
-    counts = set_counts(every, start, sets, drops, seed, 0, workers, kept, progress)
+    counts = set_counts(every, start, sets, drops, seed, 0, workers, saved, progress)
 
     def surrogates_of(dice: Sequence[CountedDie]) -> list[ProbabilitySurrogate]:
         each = zip(dice, counts, strict=False)
@@ -373,24 +373,24 @@ def fit_table(
         pilot = weighted(surrogates_of(dice), PILOT, False)
         drawn = _resample(pilot.points, pilot.weights(), len(batch), rng)
         more = session_points(drawn, offsets, None)
-        added = set_counts(every, start, more, drops, seed, len(sets), workers, kept, progress)
+        added = set_counts(every, start, more, drops, seed, len(sets), workers, saved, progress)
         sets = np.concatenate([sets, more])
         counts = [np.concatenate(pair) for pair in zip(counts, added, strict=True)]
     surrogates = surrogates_of(every)
     fitted_to = surrogates[: len(dice)]
-    found = weighted(fitted_to, FINAL, True)
+    posterior = weighted(fitted_to, FINAL, True)
     center = np.array([[0.0, 0.0, 0.0, 0.5]])
 
     def heights(points: Floats) -> Floats:
         """Logarithms (n,) of the likelihood of all counts, if all sessions had the hand."""
         return np.asarray(log_likelihoods(fitted_to, points, center, True).sum(axis=1))
 
-    logarithms = found.log_priors + SHARPNESS * heights(found.points)
-    best = np.exp(logarithms - logsumexp(logarithms)) @ found.points
+    logarithms = posterior.log_priors + SHARPNESS * heights(posterior.points)
+    best = np.exp(logarithms - logsumexp(logarithms)) @ posterior.points
     surprises = [process.surprises() for one in surrogates for process in one.processes]
     values = shared_values(best)
-    parameters, correlations = _summary(found, values)
-    drawn = _resample(found.points, found.weights(), TABLES, rng)
+    parameters, correlations = _summary(posterior, values)
+    drawn = _resample(posterior.points, posterior.weights(), TABLES, rng)
     drawn_tables = draw_values(drawn, session_offsets(TABLES, rng))
     return TableFit(
         table=table_of(start, values),
@@ -398,14 +398,14 @@ def fit_table(
         parameters=parameters,
         correlations=correlations,
         dice=tuple(
-            _die_fit(one, found, i if i < len(dice) else None, rng)
+            _die_fit(one, posterior, i if i < len(dice) else None, rng)
             for i, one in enumerate(surrogates)
         ),
         evaluations=evaluations,
         drops=drops,
         log_likelihood=float(heights(best[None])[0]),
         surprise=float(np.sqrt(np.square(np.concatenate(surprises)).mean())),
-        effective_points=effective(found.weights()),
+        effective_points=effective(posterior.weights()),
     )
 
 
@@ -419,13 +419,13 @@ def _resample(points: Floats, weights: Floats, count: int, rng: np.random.Genera
 
 def _die_fit(
     surrogate: ProbabilitySurrogate,
-    found: WeightedPoints,
+    posterior: WeightedPoints,
     number: int | None,
     rng: np.random.Generator,
 ) -> DieFit:
     """The predictions of a die; number: its place in the likelihoods, None if it has none."""
     die = surrogate.die
-    points = _resample(found.points, found.weights(), DRAWS, rng)
+    points = _resample(posterior.points, posterior.weights(), DRAWS, rng)
     fresh = session_points(points, session_offsets(DRAWS, rng), die.size)
     probabilities = surrogate.probabilities(fresh, rng)
     whole, left_out = None, predict(die.counts, probabilities, rng) if die.counts.any() else None
@@ -436,7 +436,7 @@ def _die_fit(
         chosen = (chances.cumsum(axis=1) < rng.random((DRAWS, 1))).sum(axis=1)
         same = session_points(points, hands[chosen.clip(max=len(hands) - 1)], die.size)
         whole = predict(die.counts, surrogate.probabilities(same, rng), rng)
-        others = _resample(found.points, found.weights(number), DRAWS, rng)
+        others = _resample(posterior.points, posterior.weights(number), DRAWS, rng)
         without = session_points(others, session_offsets(DRAWS, rng), die.size)
         left_out = predict(die.counts, surrogate.probabilities(without, rng), rng)
     return DieFit(
@@ -450,12 +450,12 @@ def _die_fit(
     )
 
 
-def _summary(found: WeightedPoints, best: Floats) -> tuple[dict[str, FittedParameter], Floats]:
+def _summary(posterior: WeightedPoints, best: Floats) -> tuple[dict[str, FittedParameter], Floats]:
     """The parameters, and their correlations (5, 5)."""
-    weights, values = found.weights(), shared_values(found.points)
+    weights, values = posterior.weights(), shared_values(posterior.points)
     means = weights @ values
     deviations = np.sqrt(weights @ (values - means) ** 2)
-    scaled = found.points - weights @ found.points
+    scaled = posterior.points - weights @ posterior.points
     scaled /= np.sqrt(weights @ scaled**2)
     parameters = {}
     for i, (name, searched) in enumerate(PARAMETERS.items()):

@@ -120,9 +120,9 @@ def read_die_without_counts(folder: Path) -> tuple[CountedDie, Floats]:
     Raises InputError: no run left that folder, or one of its labels is on no stable facet.
     """
     result = read_result(folder)
-    labels, found = result.labels, _read_designed_die(folder, result.labels)
-    size, counts = 2e-3 * found[0].radius, np.zeros(len(labels), dtype=np.int64)
-    return _make_counted_die(result.name, size, labels, counts, found), np.array(result.target)
+    labels, die = result.labels, _read_designed_die(folder, result.labels)
+    size, counts = 2e-3 * die[0].radius, np.zeros(len(labels), dtype=np.int64)
+    return _make_counted_die(result.name, size, labels, counts, die), np.array(result.target)
 
 
 def read_rolled_die(folder: Path, rolls: Path) -> CountedDie:
@@ -147,9 +147,9 @@ def throws_digest(dice: Sequence[CountedDie]) -> str:
 
 
 def _make_counted_die(
-    name: str, size: float | None, labels: Sequence[str], counts: Integers, found: FoundDie
+    name: str, size: float | None, labels: Sequence[str], counts: Integers, die: FoundDie
 ) -> CountedDie:
-    body, poses, groups = found
+    body, poses, groups = die
     probabilities = sums_by_outcome(poses.probabilities, groups.group_of_rest, len(labels))
     geometric = probabilities / probabilities.sum()
     return CountedDie(
@@ -205,11 +205,11 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
                 f"{1e3 * MOST_SIZE:g}, got {first.row[SIZE]!r}; correct it"
             )
     if os.path.isdir(mesh):
-        found = _read_designed_die(mesh, outcomes)
-        size = 2e-3 * found[0].radius if size is None else size
+        die = _read_designed_die(mesh, outcomes)
+        size = 2e-3 * die[0].radius if size is None else size
     else:
-        found = _measure_mesh(path, name, mesh, lines)
-    members = found[2].members
+        die = _measure_mesh(path, name, mesh, lines)
+    members = die[2].members
     labels = [" or ".join(outcomes[i] for i in group) for group in members]
     if len(labels) < 2:
         raise InputError(
@@ -217,7 +217,7 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
             "the die out"
         )
     counts = np.array([throws[list(group)].sum() for group in members])
-    return _make_counted_die(name, size, labels, counts, found)
+    return _make_counted_die(name, size, labels, counts, die)
 
 
 def _measure_mesh(path: Path, name: str, mesh: Path, lines: list[_Line]) -> FoundDie:

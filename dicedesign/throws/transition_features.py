@@ -191,15 +191,17 @@ def body_features(
     momentum = _dot(axis[b], axis[a] @ inertia)
     momentum = momentum + _dot(axis[b], xp.linalg.cross(-foot[b], velocity))
     swing = hinge + _dot(foot, foot)
-    kept = momentum / xp.sqrt(swing[a] * swing[b])
-    energy = ((kept + xp.sqrt(kept * kept + SPEED_SOFTENING)) / 2.0) ** 2
+    momentum_share = momentum / xp.sqrt(swing[a] * swing[b])
+    energy = (
+        (momentum_share + xp.sqrt(momentum_share * momentum_share + SPEED_SOFTENING)) / 2.0
+    ) ** 2
     # The cosine of the angle by which its way across the facet between them bends.
     coming, going = (_unit(_across(saddle[way], normals[j[a]]), xp) for way in (a, b))
     exits, drop = height[b] - heights[j[a]], height[a] - heights[j[a]]
     lacking = exits / (energy + ENERGY_SOFTENING) - drop
     lacking = xp.where(lacking < MOST_LACKING, lacking, MOST_LACKING)
     of_carries = [
-        kept,
+        momentum_share,
         energy,
         -_dot(coming, going),
         exits,
@@ -247,17 +249,17 @@ def _measure_rests(
     feet = _across(a, edge)
     far = feet - outward * depth[..., None]
     about = _dot(edge, edge @ inertia)
-    kept = (about + _dot(feet, far)) / (about + _dot(far, far))
+    spin_share = (about + _dot(feet, far)) / (about + _dot(far, far))
     weight = xp.where(real, length, 0.0)
-    rocking = (kept * weight).sum(-1) / weight.sum(-1)
+    rocking = (spin_share * weight).sum(-1) / weight.sum(-1)
     spinning = _dot(normals, normals @ inertia)
     columns = (xp.log(probabilities), area, xp.log(polar), inner, outer, rocking, spinning)
     return a, normals, heights, columns
 
 
-def _values(found: Any) -> Any:
+def _values(value: Any) -> Any:
     """The least or largest values, as torch gives their places with them."""
-    return getattr(found, "values", found)
+    return getattr(value, "values", value)
 
 
 def _dot(a: Any, b: Any) -> Any:

@@ -337,8 +337,8 @@ def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
     moved = kernels.move_hull(points, source, hull.facet_start, hull.tail, hull.twin)
     if moved is kernels.UNDECIDED:
         return None
-    kept = {name: value for name, value in vars(hull).items() if name in CONNECTIVITY}
-    return ConvexHull.with_attributes({**kept, "source": source, **moved})
+    connectivity = {name: value for name, value in vars(hull).items() if name in CONNECTIVITY}
+    return ConvexHull.with_attributes({**connectivity, "source": source, **moved})
 
 
 def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:
@@ -399,7 +399,7 @@ def deepest_point(normals: Floats, offsets: Floats) -> tuple[Floats, float]:
     size = float(np.abs(offsets).max())
     rows = np.column_stack([normals, np.ones(len(offsets))])
     bounds = [(None, None)] * 4
-    found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=offsets / size, bounds=bounds)
-    if found.x is None or found.status == 3:
-        return np.zeros(3), np.inf if found.status == 3 else -np.inf
-    return size * found.x[:3], size * float(found.x[3])
+    solution = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=offsets / size, bounds=bounds)
+    if solution.x is None or solution.status == 3:
+        return np.zeros(3), np.inf if solution.status == 3 else -np.inf
+    return size * solution.x[:3], size * float(solution.x[3])

@@ -197,18 +197,18 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
         return half_edges
     magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
     tolerance = coplanar_tolerance + 4.0 * precision * magnitude / scale
-    kept, scaled = np.arange(len(positions)), local / scale
+    used, scaled = np.arange(len(positions)), local / scale
     while True:
         try:
-            half_edges = _merge_half_edges(kept, scaled, tolerance)
+            half_edges = _merge_half_edges(used, scaled, tolerance)
         except QhullError as error:
             raise flat_error(scaled) from error
         if half_edges is None:
             break
-        repeated = _find_repeats(scaled, kept, half_edges, tolerance)
+        repeated = _find_repeats(scaled, used, half_edges, tolerance)
         if len(repeated) == 0:
             return half_edges
-        kept = np.setdiff1d(kept, repeated)
+        used = np.setdiff1d(used, repeated)
     if thickness(scaled) <= 2.0 * tolerance:
         raise flat_error(scaled)
     raise DegenerateBodyError(
@@ -218,10 +218,10 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
     )
 
 
-def _merge_half_edges(kept: Integers, scaled: Floats, tolerance: float) -> HalfEdges | None:
+def _merge_half_edges(used: Integers, scaled: Floats, tolerance: float) -> HalfEdges | None:
     """Hull of the kept points, or None where its facets make no polyhedron at any tolerance."""
-    triangles, neighbors = hull_triangles(scaled[kept])
-    triangles = kept[triangles]
+    triangles, neighbors = hull_triangles(scaled[used])
+    triangles = used[triangles]
     for factor in COPLANAR_WIDENINGS:
         labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
         half_edges = facet_loops(len(scaled), triangles, neighbors, labels)
@@ -231,7 +231,7 @@ def _merge_half_edges(kept: Integers, scaled: Floats, tolerance: float) -> HalfE
 
 
 def _find_repeats(
-    points: Floats, kept: Integers, half_edges: HalfEdges, distance: float
+    points: Floats, used: Integers, half_edges: HalfEdges, distance: float
 ) -> Integers:
     """Kept points within a distance of a vertex of lower number, which stands for them; only those
     are looked for that make an edge so short."""
@@ -241,8 +241,8 @@ def _find_repeats(
     if not short.any():
         return np.empty(0, dtype=np.int64)
     standing = np.setdiff1d(tail[short], head[short])
-    close = cKDTree(points[kept]).query_ball_point(points[standing], distance)
-    return np.setdiff1d(kept[np.concatenate(close).astype(np.int64)], standing)
+    close = cKDTree(points[used]).query_ball_point(points[standing], distance)
+    return np.setdiff1d(used[np.concatenate(close).astype(np.int64)], standing)
 
 
 def thickness(local: Floats) -> float:
@@ -344,7 +344,7 @@ class _Surface:
 
     def outside(self, candidates: Integers) -> tuple[Integers, Integers]:
         """Those of some points (k,) that lie outside, and the highest above each triangle."""
-        found, above, heights = [], [], []
+        outer, above, heights = [], [], []
         planes, bounds = self._planes[:, :4], self._planes[:, 4]
         blocks = 1 + len(candidates) * len(planes) // BLOCK
         for block in np.array_split(candidates, blocks):
@@ -355,10 +355,10 @@ class _Surface:
             row, facet = np.nonzero((values >= -bounds) & ~out[:, None])
             signs = self._sides.signs(self.triangles[facet], block[row])
             out[row[signs > 0]] = True
-            found.append(block[out])
+            outer.append(block[out])
             above.append(np.argmax(values[out], axis=1))
             heights.append(values[out].max(axis=1, initial=-np.inf))
-        points, facets = np.concatenate(found), np.concatenate(above)
+        points, facets = np.concatenate(outer), np.concatenate(above)
         order = np.lexsort((np.concatenate(heights), facets))
         last = np.flatnonzero(np.diff(facets[order], append=-1))
         return points, points[order[last]]
@@ -366,13 +366,15 @@ class _Surface:
     def add(self, point: int) -> None:
         """The hull of the polyhedron and a point."""
         values, bounds = self._planes[:, :4] @ self._scaled[point], self._planes[:, 4]
-        seen = values > 0.0
+        is_visible = values > 0.0
         unsure = np.flatnonzero(np.abs(values) <= bounds)
-        seen[unsure] = self._sides.signs(self.triangles[unsure], np.full(len(unsure), point)) >= 0
-        visible = self.triangles[seen]
+        is_visible[unsure] = (
+            self._sides.signs(self.triangles[unsure], np.full(len(unsure), point)) >= 0
+        )
+        visible = self.triangles[is_visible]
         tail, head = visible.ravel(), np.roll(visible, -1, axis=1).ravel()
         size = np.int64(len(self._scaled))
         horizon = ~np.isin(tail * size + head, head * size + tail)
         fan = np.stack([tail[horizon], head[horizon], np.full(horizon.sum(), point)], axis=1)
-        self.triangles = np.concatenate([self.triangles[~seen], fan])
-        self._planes = np.concatenate([self._planes[~seen], self._planes_of(fan)])
+        self.triangles = np.concatenate([self.triangles[~is_visible], fan])
+        self._planes = np.concatenate([self._planes[~is_visible], self._planes_of(fan)])

@@ -325,8 +325,8 @@ def distinct_triangles(triangles: Integers) -> Integers:
     if np.mean(more == 0) >= _TWO_SIDED:
         more = np.where(more == 0, side[order[is_new]], more)
     first = np.full(len(more), len(triangles))
-    kept = np.flatnonzero(side == more[group])
-    np.minimum.at(first, group[kept], kept)
+    major = np.flatnonzero(side == more[group])
+    np.minimum.at(first, group[major], major)
     return triangles[np.sort(first[more != 0])]
 
 
@@ -346,11 +346,13 @@ def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
     rows = np.concatenate((left, left + count))
     columns = np.concatenate((right + shift, right + count - shift))
     parts = find_parts(rows, columns, 2 * count)
-    kept, turned = parts[:count], parts[count:]
-    weight = np.bincount(kept, minlength=int(parts.max()) + 1)
-    flip = (weight[kept] < weight[turned]) | ((weight[kept] == weight[turned]) & (kept > turned))
+    first_parts, turned = parts[:count], parts[count:]
+    weight = np.bincount(first_parts, minlength=int(parts.max()) + 1)
+    flip = (weight[first_parts] < weight[turned]) | (
+        (weight[first_parts] == weight[turned]) & (first_parts > turned)
+    )
     oriented = np.where(flip[:, None], triangles[:, ::-1], triangles)
-    return oriented, np.unique(np.minimum(kept, turned), return_inverse=True)[1]
+    return oriented, np.unique(np.minimum(first_parts, turned), return_inverse=True)[1]
 
 
 def orient_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:

@@ -146,7 +146,7 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
     arms = centers - center
     spread = size**2 * (np.einsum("n,nij->ij", shares, spreads) + (shares[:, None] * arms).T @ arms)
     inertia = np.trace(spread) * np.eye(3) - spread
-    found = MassProperties(mass, origin + size * center, inertia, SOURCE)
+    properties = MassProperties(mass, origin + size * center, inertia, SOURCE)
     starts = np.cumsum([0, *(len(body.points) for body in bodies[:-1])])
     of_parts = [
         start + body.triangles
@@ -154,20 +154,20 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
         if body.triangles is not None
     ]
     single = any(body.single_precision for body in bodies)
-    made = make_body(corners, np.concatenate(of_parts), bodies[0].name, single)
+    merged = make_body(corners, np.concatenate(of_parts), bodies[0].name, single)
     own_notes = [note for body in bodies for note in body.notes]
-    return replace(made, mass_properties=found, notes=(*own_notes, *notes))
+    return replace(merged, mass_properties=properties, notes=(*own_notes, *notes))
 
 
 def _solid(body: Body, origin: Floats, size: float) -> Manifold:
     """A body as a solid, in coordinates in which all parts together are about as large as 1."""
-    found = solid_triangles(body)
-    if found is None:
+    triangle_arrays = solid_triangles(body)
+    if triangle_arrays is None:
         raise InputError(
             f"{body.name}: expected a closed mesh, whose mass is known, got an open one or points; "
             "repair it, for example with `dicedesign repair`"
         )
-    triangles: Integers = found[0]
+    triangles: Integers = triangle_arrays[0]
     points = (body.points - origin) / size
     if solid_properties(points, triangles)[0] < 0.0:
         triangles = triangles[:, ::-1]

@@ -38,8 +38,8 @@ def closest_points(surface: Surface, points: Floats) -> tuple[Integers, Floats]:
         inside = _closest_in_triangles(points[query], corners[triangle])
         feet = (inside[:, :, None] * corners[triangle]).sum(1)
         order = np.lexsort((triangle, norms(feet - points[query]), query))
-        some, first = np.unique(query[order], return_index=True)
-        triangles[some], weights[some] = triangle[order[first]], inside[order[first]]
+        queried, first = np.unique(query[order], return_index=True)
+        triangles[queried], weights[queried] = triangle[order[first]], inside[order[first]]
     return triangles, weights
 
 

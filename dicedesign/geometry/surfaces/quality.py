@@ -171,8 +171,8 @@ def surface_distortion(surface: Surface, reference: Surface) -> dict[str, float]
             a, b = old[:, k - 1] - old[:, k], old[:, k - 2] - old[:, k]
             opposite = new[:, k - 1] - new[:, k - 2]
             spread += (a * b).sum(axis=1) / before * (opposite * opposite).sum(axis=1)
-    kept = before > 0.0
-    spread, before, after = spread[kept], before[kept], after[kept]
+    has_area = before > 0.0
+    spread, before, after = spread[has_area], before[has_area], after[has_area]
     ratio = after / before * (before.sum() / after.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
         half = np.where(after > 0.0, np.maximum(0.5 * spread / after, 1.0), np.inf)

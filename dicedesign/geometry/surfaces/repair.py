@@ -281,15 +281,15 @@ def repair_mesh(body: Body) -> RepairedMesh:
         notes += (f"left {len(triangles) - len(distinct)} repeated triangles out",)
     for cells, shift in GRIDS:
         solid = WoundSolid((points - low) / extent, distinct, cells)
-        found, joined = solid.surfaces(shift)
+        solid_surface, joined = solid.surfaces(shift)
         if len(joined) == 0:
             raise _nothing_inside(body)
         shell = shells_of(joined)
-        a, b, c = (found[joined] - found.mean(axis=0)).transpose(1, 0, 2)
+        a, b, c = (solid_surface[joined] - solid_surface.mean(axis=0)).transpose(1, 0, 2)
         volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
         solids = volumes[volumes > 0.0]
         # The surface of the largest solid without its cavities.
-        largest = surface_of(found, joined[shell == volumes.argmax()])
+        largest = surface_of(solid_surface, joined[shell == volumes.argmax()])
         even = untangle(
             Surface(*smooth_mesh(largest.points, largest.triangles, solid.onto, ROUNDS))
         )
@@ -430,21 +430,21 @@ def input_surface(
     InputError, DegenerateBodyError: as `make_surface`, or, to be repaired, as `repair_mesh`; the
         extra `concave` is not installed and the mesh is larger; no decimation gives a good surface.
     """
-    made = None
+    repaired = None
     try:
         surface, notes = _take_as_is(body, points)
     except InputError:
         if not repair:
             raise
-        made = repair_mesh(body)
-        surface, notes = made.surface, made.notes
+        repaired = repair_mesh(body)
+        surface, notes = repaired.surface, repaired.notes
     else:
         if repair:
             notes += ("the mesh needed no repair",)
     if len(surface.points) > points:
         surface, note = decimate(surface, points)
         notes += (note,)
-    return surface, notes, made
+    return surface, notes, repaired
 
 
 def _take_as_is(body: Body, points: int) -> tuple[Surface, tuple[str, ...]]:

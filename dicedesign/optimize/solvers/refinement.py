@@ -148,7 +148,7 @@ class Refinement:
         if len(np.unique(self.orbits)) == 1:
             return die, ()
         known = _KnownProbabilities(self, self.measures(die), self.rounds)
-        asked, dice, seen, own, least = self.target, list[_Seen](), 0, 0, self.drops
+        target, dice, total_throws, own, least = self.target, list[_Seen](), 0, 0, self.drops
 
         def best_of_all() -> _Seen:
             return min(dice, key=lambda one: self._shortfall(known, one))
@@ -156,32 +156,32 @@ class Refinement:
         for number in range(self.rounds):
             # What is needed, were all throws of one die, until what is not known of it is below
             # what ends the rounds; at least a part of those so far, as they are not.
-            floor = noise_floor(np.bincount(self.orbits, self.target), max(seen, 1))
-            enough = seen * (floor / (AIM * self.within)) ** 2
-            lacking = math.ceil(max(enough - seen, LEAST_GROWTH * seen))
-            drops = min(max(least, min(seen, lacking)), MOST_DROPS)
+            floor = noise_floor(np.bincount(self.orbits, self.target), max(total_throws, 1))
+            enough = total_throws * (floor / (AIM * self.within)) ** 2
+            lacking = math.ceil(max(enough - total_throws, LEAST_GROWTH * total_throws))
+            drops = min(max(least, min(total_throws, lacking)), MOST_DROPS)
             each = math.ceil(ON_TABLES * drops / max(len(self.tables), 1))
             thrown = self._thrown(die, drops, each, number)
-            found = _Seen(die, asked, self.measures(die), own, thrown)
-            known.learn(found)
-            dice.append(found)
-            seen += drops
+            trial = _Seen(die, target, self.measures(die), own, thrown)
+            known.learn(trial)
+            dice.append(trial)
+            total_throws += drops
             if self.on_round is not None:
-                self.on_round(self._round(known, found))
-            is_right = known.variations(found)[0] / self.within <= AIM
-            is_steady = number > 0 or self._shortfall(known, found) <= ENOUGH
+                self.on_round(self._round(known, trial))
+            is_right = known.variations(trial)[0] / self.within <= AIM
+            is_steady = number > 0 or self._shortfall(known, trial) <= ENOUGH
             best = best_of_all()
             tried = sum(one.thrown[0].counts.sum() for one in dice if one.number == best.number)
             is_over, enough = is_right and is_steady, TRIED * self.drops
             if (is_over and tried >= enough) or number == self.rounds - 1:
                 break
             if is_over:
-                die, asked, own, least = best.die, best.asked, best.number, enough
+                die, target, own, least = best.die, best.asked, best.number, enough
                 continue
-            improved = self._corrected(known, found, is_making=number == 0)
+            improved = self._corrected(known, trial, is_making=number == 0)
             if improved is None:
                 break
-            (die, asked), own, least = improved, number + 1, self.drops
+            (die, target), own, least = improved, number + 1, self.drops
         best = best_of_all()
         return best.die, tuple(self._round(known, one, one is best) for one in dice)
 
@@ -212,36 +212,38 @@ class Refinement:
         return [self.throw(die, drops, number), *others]
 
     def _round(
-        self, known: _KnownProbabilities, seen: _Seen, is_kept: bool = False
+        self, known: _KnownProbabilities, trial: _Seen, is_kept: bool = False
     ) -> RoundOfThrows:
-        counts, *others = (one.counts for one in seen.thrown)
-        drops, (here, elsewhere) = int(counts.sum()), self._expected(known, seen)
+        counts, *others = (one.counts for one in trial.thrown)
+        drops, (on_table, elsewhere) = int(counts.sum()), self._expected(known, trial)
         return RoundOfThrows(
             drops=drops,
             deviation=total_variation(counts / drops, np.append(self.target, 0.0)),
             noise_floor=noise_floor(self.target, drops),
-            expected=here,
+            expected=on_table,
             elsewhere_drops=sum(int(one.sum()) for one in others),
             elsewhere=elsewhere,
             is_kept=is_kept,
-            requested=tuple(seen.asked.tolist()),
+            requested=tuple(trial.asked.tolist()),
             frequencies=tuple((counts[:-1] / drops).tolist()),
         )
 
-    def _expected(self, known: _KnownProbabilities, seen: _Seen) -> tuple[float, float | None]:
+    def _expected(self, known: _KnownProbabilities, trial: _Seen) -> tuple[float, float | None]:
         """See `RoundOfThrows`: on the table that is meant, and elsewhere."""
-        here, *others = known.variations(seen)
-        return here, float(np.quantile(others, OFTEN)) if others else None
+        on_table, *others = known.variations(trial)
+        return on_table, float(np.quantile(others, OFTEN)) if others else None
 
-    def _shortfall(self, known: _KnownProbabilities, seen: _Seen) -> float:
+    def _shortfall(self, known: _KnownProbabilities, trial: _Seen) -> float:
         """The expected deviation of a die over what counts as reached: that on the table that is
         meant, or the mean of that and of that on the others."""
-        here, elsewhere = self._expected(known, seen)
-        here /= self.within
-        return here if elsewhere is None else (here + elsewhere / (LOOSER * self.within)) / 2.0
+        on_table, elsewhere = self._expected(known, trial)
+        on_table /= self.within
+        return (
+            on_table if elsewhere is None else (on_table + elsewhere / (LOOSER * self.within)) / 2.0
+        )
 
     def _corrected(
-        self, known: _KnownProbabilities, seen: _Seen, is_making: bool
+        self, known: _KnownProbabilities, trial: _Seen, is_making: bool
     ) -> tuple[DesignResult, Floats] | None:
         """A die that makes up for what is known, and its probabilities in the model.
 
@@ -249,33 +251,33 @@ class Refinement:
         that is known; so the probabilities that are asked for are a fixed point, found by
         Anderson's method.
         """
-        asked, lacking = [np.log(seen.asked)], list[Floats]()
-        found, shape = None, seen.shape
-        number: int | None = seen.number
+        targets, lacking = [np.log(trial.asked)], list[Floats]()
+        result, shape = None, trial.shape
+        number: int | None = trial.number
         for turn in range(MOST_TURNS):
             wanted = np.log(self.target) - known.logarithms(shape, number, self.places[0])
-            lacking.append(wanted - asked[-1])
+            lacking.append(wanted - targets[-1])
             if turn > 0 and np.abs(self.target * lacking[-1]).sum() / 2.0 < EXACT * self.within:
                 break
             sensitivity = None
             if is_making and turn == 0:
                 sensitivity = known.logarithms(shape, number, self.tables)
-            die, again = seen.die if found is None else found[0], None
-            wanted = _mixed(asked, lacking)
+            die, again = trial.die if result is None else result[0], None
+            wanted = _mixed(targets, lacking)
             # Where none is found but one is needed, a die goes a part of the way.
             for halving in range(MOST_HALVINGS if turn == 0 else 1):
                 part = 0.5**halving
-                probabilities = np.exp(part * wanted + (1.0 - part) * asked[-1])
+                probabilities = np.exp(part * wanted + (1.0 - part) * targets[-1])
                 probabilities /= probabilities.sum()
                 again = self.design(die, probabilities, sensitivity)
                 if again is not None:
                     break
             if again is None:
                 break
-            found = again, probabilities
-            asked.append(np.log(probabilities))
+            result = again, probabilities
+            targets.append(np.log(probabilities))
             shape, number = self.measures(again), None
-        return found
+        return result
 
 
 def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
@@ -324,11 +326,11 @@ class _KnownProbabilities:
         self.target, self.orbits = refinement.target, refinement.orbits
         self.places = refinement.places
 
-    def learn(self, seen: _Seen) -> None:
+    def learn(self, trial: _Seen) -> None:
         """Take note of throws."""
-        for place, one in zip(self.places, seen.thrown, strict=True):
+        for place, one in zip(self.places, trial.thrown, strict=True):
             counts = np.rint(self._by_orbit(one.counts[:-1])).astype(np.int64)
-            features = self._features(seen.shape, seen.number, place)
+            features = self._features(trial.shape, trial.number, place)
             self.bias.learn(features, self._by_orbit(one.probabilities), counts)
 
     def logarithms(self, shape: Floats, number: int | None, table: Floats) -> Floats:
@@ -336,18 +338,18 @@ class _KnownProbabilities:
         die that was thrown, or of another for None."""
         return self.bias.logarithms(self._features(shape, number, table))[..., self.orbits]
 
-    def variations(self, seen: _Seen) -> list[float]:
+    def variations(self, trial: _Seen) -> list[float]:
         """Total variation from the target that is to be expected of a die that was thrown, on each
         table."""
         return [
             expected_variation(
                 self.bias.belief(
-                    self._features(seen.shape, seen.number, place),
+                    self._features(trial.shape, trial.number, place),
                     self._by_orbit(one.probabilities),
                 ),
                 self._by_orbit(self.target),
             )
-            for place, one in zip(self.places, seen.thrown, strict=True)
+            for place, one in zip(self.places, trial.thrown, strict=True)
         ]
 
     def _by_orbit(self, values: Floats | Integers) -> Floats:

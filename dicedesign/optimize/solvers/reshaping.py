@@ -109,7 +109,7 @@ def reshaped(
     directions: Floats,
     placements: Sequence[Any],
     target: Floats,
-    made: Labeled,
+    labeled: Labeled,
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
@@ -132,7 +132,7 @@ def reshaped(
     directions: (k, 3) normals of the outcomes' facets.
     placements: labels on facets of it.
     target: (k,) wanted probabilities of the object.
-    made: how the object is made; measure: it, with the directions of its outcomes.
+    labeled: how the object is made; measure: it, with the directions of its outcomes.
     rounds: objects that are made and measured after the first; 0 for only that.
     model: of the probabilities, where they are not those without momentum and with any side down
         alike.
@@ -142,7 +142,7 @@ def reshaped(
     DiceError: the object of the given shape cannot be made or measured.
     """
     labels, size = tuple(placements), core.diameter
-    surface = made.make_balanced(core, labels)
+    surface = labeled.make_balanced(core, labels)
     first = measured = measure(surface, directions)
     errors = [float(np.abs(first.probabilities - target).max())]
     best = Reshaped(surface, core, labels, first, first, ())
@@ -171,7 +171,7 @@ def reshaped(
                 guess = guess - weights @ np.diff(came, axis=0)
             guessed.append(guess)
 
-            bearing = np.concatenate([directions, made.bearing(labels)])
+            bearing = np.concatenate([directions, labeled.bearing(labels)])
             coordinates, parameters = tie_coordinates(core, bearing, FOLD)
             maker = CandidateMaker(None, model, guess[:3] * size)
             shape = _solved(coordinates, parameters, directions, target - guess[3:], maker)
@@ -179,12 +179,13 @@ def reshaped(
                 break
             after = shape.rests.hull
             before, moved = (
-                normals_of(coordinates.half_spaces(some)) for some in (parameters, shape.parameters)
+                normals_of(coordinates.half_spaces(values))
+                for values in (parameters, shape.parameters)
             )
             moved_normals = unit_vectors(moved[np.argmax(core.normals @ before.T, axis=1)])
-            labels = made.carry_labels(labels, core, after, moved_normals)
+            labels = labeled.carry_labels(labels, core, after, moved_normals)
             core, directions = after, shape.directions
-            surface = made.make_balanced(core, labels)
+            surface = labeled.make_balanced(core, labels)
             measured = measure(surface, directions)
         except DiceError:
             # A label that no longer fits, or an object without the rests: the best so far it is.

@@ -89,10 +89,10 @@ def needle_near(target: Floats, rng: np.random.Generator) -> Start | None:
         for _ in range(CORRECTIONS):
             section = _section(2.0 * np.pi * shares, parts, steps, lead)
             needle = None if section is None else _half_spaces(*section[:2], length, lean)
-            made = None if needle is None else start_with_probabilities(*needle, len(wanted))
-            if section is None or made is None or not np.array_equal(made[2], section[2]):
+            candidate = None if needle is None else start_with_probabilities(*needle, len(wanted))
+            if section is None or candidate is None or not np.array_equal(candidate[2], section[2]):
                 break
-            start, probabilities, _ = made
+            start, probabilities, _ = candidate
             if np.abs(probabilities - wanted).max() < close:
                 return replace(start, directions=start.directions[np.argsort(around)])
             shares = np.maximum(shares + wanted - probabilities, shares / 3.0)

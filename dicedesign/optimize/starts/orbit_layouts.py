@@ -95,14 +95,14 @@ class OrbitLayouts:
         self._fewest = [{frozenset[int](): 0}]
         every = frozenset(range(len(self.poles)))
         for members in self._classes:
-            found: dict[frozenset[int], int] = {}
+            fewest_by_poles: dict[frozenset[int], int] = {}
             for used, orbits in self._fewest[-1].items():
                 for taken, more in self._splits(len(members), every - used):
                     both = used | taken
-                    found[both] = min(found.get(both, orbits + more), orbits + more)
-            if not found:
+                    fewest_by_poles[both] = min(fewest_by_poles.get(both, orbits + more), orbits + more)
+            if not fewest_by_poles:
                 raise InputError(self._refusal(len(members), float(target[members[0]])))
-            self._fewest.append(found)
+            self._fewest.append(fewest_by_poles)
         self.fewest = min(self._fewest[-1].values())
         """Orbits of the outcomes."""
 
@@ -188,7 +188,7 @@ def fitting_groups(target: Floats) -> list[str]:
 
     target: (k,) wanted probabilities.
     """
-    found = []
+    all_layouts = []
     for place, name in enumerate(group_names()):
         group = point_group(name)
         try:
@@ -200,8 +200,8 @@ def fitting_groups(target: Floats) -> list[str]:
             # One orbit about an axis with two different ends leaves one of them open.
             is_open = layouts.fewest == 1 and np.trace(fixed_space(group)) > 0.5
             is_open = is_open or all(_is_unbounded(layouts.draw(rng), rng) for _ in range(DRAWS))
-            found.append((layouts.fewest, is_open, -len(group), place, name))
-    return [entry[-1] for entry in sorted(found)]
+            all_layouts.append((layouts.fewest, is_open, -len(group), place, name))
+    return [entry[-1] for entry in sorted(all_layouts)]
 
 
 def _is_unbounded(layout: Layout, rng: np.random.Generator) -> bool:

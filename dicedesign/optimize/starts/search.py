@@ -45,10 +45,10 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
     def draw() -> tuple[Start, Floats] | None:
         pebble = rng.random() < 0.5
         normals, distances = _pebble(outcomes + helpers, rng) if pebble else _bowl(outcomes, rng)
-        made = start_with_probabilities(normals, distances, outcomes)
-        if made is None:
+        candidate = start_with_probabilities(normals, distances, outcomes)
+        if candidate is None:
             return None
-        start, probabilities, _ = made
+        start, probabilities, _ = candidate
         order = np.argsort(-probabilities, kind="stable")[place]
         return replace(start, directions=start.directions[order]), probabilities[order]
 

@@ -74,12 +74,12 @@ def symmetric_shapes_near(
         layout = layouts.draw(rng)
         normals = spread_orbits([site for site, _ in layout], rng, EVEN_STEPS)
         distances = np.ones(len(layout))
-        made = _start([site for site, _ in layout], normals, distances, layout, target)
-        return None if made is None else made[0]
+        start = _start([site for site, _ in layout], normals, distances, layout, target)
+        return None if start is None else start[0]
 
     def draw() -> tuple[Start, Floats] | None:
         layout = layouts.draw(rng)
-        alone = [target[some[0]] if len(some) == 1 else 0.0 for _, some in layout]
+        alone = [target[outcomes[0]] if len(outcomes) == 1 else 0.0 for _, outcomes in layout]
         floor = int(np.argmax(alone))
         if alone[floor] <= FLOOR_PROBABILITIES or rng.random() < 0.5:
             polyhedron = _pebble(layouts, layout, axes.tolist(), helpers, rng)
@@ -98,10 +98,10 @@ def _start(
     nearly tied.
     """
     owners = np.repeat(np.arange(len(sites)), [site.size for site in sites])
-    made = start_with_probabilities(normals, distances[owners], len(target))
-    if made is None:
+    candidate = start_with_probabilities(normals, distances[owners], len(target))
+    if candidate is None:
         return None
-    start, probabilities, rests = made
+    start, probabilities, rests = candidate
     hull = convex_hull(start.points)
     equilibria = classify(hull, hull.centroid)
     feet = equilibria.side / equilibria.edge_lengths
@@ -110,12 +110,15 @@ def _start(
     if np.abs(depths).min() < CLEARANCE * norms(equilibria.radii).max():
         return None
     orbits = [np.flatnonzero(owners[rests] == number) for number in np.unique(owners[rests])]
-    found = sorted(orbits, key=lambda orbit: (len(orbit), -probabilities[orbit[0]]))
-    asked = sorted((some for _, some in layout), key=lambda some: (len(some), -target[some[0]]))
-    if [len(orbit) for orbit in found] != [len(some) for some in asked]:
+    own_orbits = sorted(orbits, key=lambda orbit: (len(orbit), -probabilities[orbit[0]]))
+    wanted_orbits = sorted(
+        (outcomes for _, outcomes in layout),
+        key=lambda outcomes: (len(outcomes), -target[outcomes[0]]),
+    )
+    if [len(orbit) for orbit in own_orbits] != [len(outcomes) for outcomes in wanted_orbits]:
         return None
     order = np.empty(len(target), dtype=np.int64)
-    order[np.concatenate(asked)] = np.concatenate(found)
+    order[np.concatenate(wanted_orbits)] = np.concatenate(own_orbits)
     return replace(about_centroid(start), directions=start.directions[order]), probabilities[order]
 
 
