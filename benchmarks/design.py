@@ -32,7 +32,7 @@ from dicedesign import InputError, Recipe, load_table, rigid_body, simulate
 from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
-from dicedesign.optimize.solvers.paper import finished
+from dicedesign.optimize.solvers.paper import finish_exactly
 from dicedesign.recipe.convex import normalized_center, target_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
@@ -276,7 +276,7 @@ class PaperProblem:
             start = time.perf_counter()
             plain = self.descend(seed, self.options)
             middle = time.perf_counter()
-            exact = finished(plain, self.target, self.options, center_of_mass=self.center)
+            exact = finish_exactly(plain, self.target, self.options, center_of_mass=self.center)
             end = time.perf_counter()
             moved.append(largest_change(plain, exact))
             for name, result, seconds in (

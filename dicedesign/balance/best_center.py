@@ -272,7 +272,7 @@ def best_center(
     ------
     InputError: the body has no such pose.
     """
-    search = _Search(poses, region or whole_hull(poses.hull), options or CenterSearch())
+    search = _CenterSearch(poses, region or whole_hull(poses.hull), options or CenterSearch())
     hull, stability, within = poses.hull, search.stability, search.within
     if isinstance(goal, FewestRests):
         starts = search.apart(stability.counts(search.samples).astype(np.float64))
@@ -315,7 +315,7 @@ def best_center(
     )
 
 
-class _Search:
+class _CenterSearch:
     def __init__(self, poses: RestPoses, region: ConvexHull, options: CenterSearch) -> None:
         self.hull = poses.hull
         self.options = options = options.for_corners(len(poses.hull.vertices))

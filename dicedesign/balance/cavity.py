@@ -70,7 +70,7 @@ REGULAR: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class HalfSpacePart:
     """The part of a solid where `normal @ x >= offset`, with normal (3,) a unit vector."""
 
     part: Manifold
@@ -100,7 +100,7 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
     return Surface(*mesh_of(cut.part))
 
 
-def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> Cut | None:
+def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePart | None:
     """The part of least volume of a solid that has a moment (3,), in the fourth power of its unit
     and not 0, about a place (3,): all that is beyond a plane. None where none has it.
 
@@ -146,7 +146,7 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> Cut | None:
             size = float(norms(now))
             part = beyond(now).scale((unit,) * 3).translate(tuple(center))
             normal = now / size
-            return Cut(part, normal, float(normal @ center) + unit / size)
+            return HalfSpacePart(part, normal, float(normal @ center) + unit / size)
         step = -np.linalg.solve(curvature(now), slope)
         step *= min(1.0, float(norms(now) / norms(step)))
         for _ in range(HALVINGS):

@@ -17,7 +17,7 @@ LEAST_WALL: Final = 0.05
 
 
 @dataclass(frozen=True)
-class Material:
+class BodyMaterial:
     """What a body is made of inside.
 
     Raises InputError for a value out of its range.
@@ -54,7 +54,7 @@ def _check(name: str, value: float, least: float, most: float, remedy: str) -> N
 
 
 @dataclass(frozen=True)
-class InsideOptions(Material):
+class InsideOptions(BodyMaterial):
     """How the center of mass of a die gets to where it was given.
 
     Raises InputError for a value out of its range.
@@ -91,9 +91,9 @@ class CenterSearch:
 
 
 @dataclass(frozen=True)
-class BalanceOptions(Material):
+class BalanceOptions(BodyMaterial):
     """Where the center of mass may be, how it gets there, and what the body is made of, see
-    `Material`.
+    `BodyMaterial`.
 
     Attributes
     ----------

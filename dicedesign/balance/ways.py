@@ -23,7 +23,7 @@ from dicedesign.balance.cavity import (
     within_walls,
 )
 from dicedesign.balance.goals import rests_at
-from dicedesign.balance.options import Material
+from dicedesign.balance.options import BodyMaterial
 from dicedesign.balance.regions import is_shifted
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -167,7 +167,7 @@ def read_back(data: bytes) -> Body:
     return make_body(points, triangles, "body.stl", single_precision=True)
 
 
-def reachable_shifts(surface: Surface, by: str, material: Material) -> ConvexHull:
+def reachable_shifts(surface: Surface, by: str, material: BodyMaterial) -> ConvexHull:
     """Shifts of the center of mass from that of the uniform solid of a surface that a way does,
     nearly; see `reach`. Raises InputError where walls leave no room."""
     densities = material.infill if by == "infill" else (0.0, 1.0)
@@ -181,7 +181,7 @@ def reachable_shifts(surface: Surface, by: str, material: Material) -> ConvexHul
         ) from error
 
 
-def move_center(surface: Surface, center: Floats, by: str, material: Material) -> Made:
+def move_center(surface: Surface, center: Floats, by: str, material: BodyMaterial) -> Made:
     """The solid of a surface, whose coordinates are float32, with its center of mass at (3,): by
     the least "cavity", or by two densities of "infill". Raises InputError where there is no room.
     """
@@ -286,7 +286,7 @@ def _without(body: Manifold, others: list[Manifold]) -> Manifold:
     return Manifold.batch_boolean([body, *others], OpType.Subtract) if others else body
 
 
-def _with_two_infills(surface: Surface, center: Floats, material: Material) -> Made:
+def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) -> Made:
     """Walls are solid, and what is deeper than they are thick has the greater infill but
     for the least part, beyond a plane, that has the lesser: the second file, for a slicer to take
     as the place of other settings (a modifier)."""

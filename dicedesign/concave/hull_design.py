@@ -192,7 +192,7 @@ def make_designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
 class _AllCorners(VertexCoordinates):
     """Corners that leave the hull stay parameters: each is a point of the surface."""
 
-    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+    def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         return parameters
 
 

@@ -13,7 +13,7 @@ from dicedesign.optimize.options import (
     LARGEST_SMOOTHING,
     PaperWeights,
     SobolevOptions,
-    refused,
+    refuse,
     require_choice,
 )
 from dicedesign.optimize.starts.start import StartKind, StartSurface
@@ -192,14 +192,14 @@ class ConcaveOptions:
         _require(self, "enough", self.enough >= 1, "a whole number above 0")
         _require(self, "displacement", 0.0 < self.displacement < np.inf, "a positive number")
         if self.seconds is not None and not 0.0 < self.seconds < np.inf:
-            raise refused("seconds", "a positive number", self.seconds, "no limit")
+            raise refuse("seconds", "a positive number", self.seconds, "no limit")
 
 
 def _require(options: object, name: str, is_valid: bool, expected: str, prefix: str = "") -> None:
     """Raise InputError for an option out of range."""
     if not is_valid:
         default = getattr(type(options), name)
-        raise refused(prefix + name, expected, getattr(options, name), f"{default:g}")
+        raise refuse(prefix + name, expected, getattr(options, name), f"{default:g}")
 
 
 def _start_shape(name: str, _: int) -> StartSurface:

@@ -40,7 +40,7 @@ take their border along."""
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class LabelCut:
     """The material that a label takes away.
 
     Attributes
@@ -57,14 +57,14 @@ class Cut:
 
 def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
-) -> list[Cut]:
+) -> list[LabelCut]:
     """What all labels take away from the solid with this hull."""
     depth, cuts = options.depth_mm, []
     for placement, section in cut_sections(hull, placements, options):
         # It reaches as far above the facet as below, so that no face of it lies in the facet.
         cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
         cutter = cutter.transform(placement.frame[:3])
-        cuts.append(Cut(placement.where, cutter, section.area() * depth))
+        cuts.append(LabelCut(placement.where, cutter, section.area() * depth))
     return cuts
 
 
@@ -169,7 +169,7 @@ def inlay(
     return Surface(*mesh_of(solid(vertices, triangles) ^ cutters))
 
 
-def cut_out(plain: Manifold, cuts: Sequence[Cut], options: EngravingOptions) -> Surface:
+def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions) -> Surface:
     """Subtract cuts from a solid, all at once.
 
     plain: the solid; cuts: of labels; options: named in the message of an error. Returns and raises

@@ -15,7 +15,7 @@ from manifold3d import Manifold
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from dicedesign.errors import EngravingError, InputError
-from dicedesign.fabricate.engraving import Cut, cut_out
+from dicedesign.fabricate.engraving import LabelCut, cut_out
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import LabelArt, label_arts
 from dicedesign.fabricate.label_layout import Placement, require_room
@@ -152,7 +152,7 @@ def engrave_marks(
     plain = solid(vertices, triangles)
     points = np.asarray(vertices, dtype=np.float64)
     marks: list[Placement] = []
-    cuts: list[Cut] = []
+    cuts: list[LabelCut] = []
     for text, down in zip(texts, downs, strict=True):
         turn = _upright(points, -down / np.linalg.norm(down))
         turned = plain.transform(np.column_stack([turn, np.zeros(3)]))
@@ -253,7 +253,7 @@ def _room(art: LabelArt, height: float, growth: float, options: EngravingOptions
     return height * np.array(art.size) + 2.0 * rim
 
 
-def _cut(body: Manifold, mark: Placement, middle: Floats, depth: float) -> Cut | None:
+def _cut(body: Manifold, mark: Placement, middle: Floats, depth: float) -> LabelCut | None:
     """The outlines of a mark cut out of the surface of a turned body; None where that is no whole
     sheet there. The cut ends where the body does that is moved down by the depth of the mark."""
     section = mark.section()
@@ -268,4 +268,4 @@ def _cut(body: Manifold, mark: Placement, middle: Floats, depth: float) -> Cut |
     if abs((cutter ^ body).volume() - volume) > ENGRAVED_VOLUME_TOLERANCE * volume:
         return None
     back = np.column_stack([mark.frame[:3, :3], np.zeros(3)])
-    return Cut(repr(mark.text), cutter.transform(back), volume)
+    return LabelCut(repr(mark.text), cutter.transform(back), volume)

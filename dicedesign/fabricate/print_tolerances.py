@@ -321,7 +321,7 @@ of next to nothing is."""
 
 
 @dataclass(frozen=True, eq=False)
-class Inside:
+class InfillRegion:
     """The part of a print that is infill.
 
     Attributes
@@ -334,7 +334,9 @@ class Inside:
     centroid: Floats
 
 
-def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] = ()) -> Inside:
+def inside_walls(
+    hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] = ()
+) -> InfillRegion:
     """What walls leave of a convex body: its half-spaces, moved inward.
 
     walls_mm: above 0; pockets: solids that are not infill either, from `pocket_walls`.
@@ -345,7 +347,7 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
         move, _ = deepest_point(hull.normals, depths)
         depths, middle = depths - hull.normals @ move, middle + move
     if depths.min() <= walls_mm:
-        return Inside(0.0, middle)
+        return InfillRegion(0.0, middle)
     inner = convex_hull(middle + polyhedron_corners(hull.normals, depths - walls_mm))
     points, triangles = inner.vertices, inner.triangles
     if pockets:
@@ -355,9 +357,9 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
 
         left = Manifold.batch_boolean([solid(points, triangles), *pockets], OpType.Subtract)
         if not left.volume() > 0.0:
-            return Inside(0.0, middle)
+            return InfillRegion(0.0, middle)
         points, triangles = mesh_of(left)
-    return Inside(*solid_properties(points, triangles))
+    return InfillRegion(*solid_properties(points, triangles))
 
 
 def pocket_walls(
@@ -381,7 +383,7 @@ def pocket_walls(
 
 
 def weigh_print(
-    volume: float, centroid: Floats, inside: Inside, infill: float
+    volume: float, centroid: Floats, inside: InfillRegion, infill: float
 ) -> tuple[float, Floats]:
     """Mass of a print over that of the solid one, and its center of mass (3,).
 
@@ -396,7 +398,7 @@ def infill_probabilities(
     verdict: Assessment,
     directions: Floats,
     volume: float,
-    inside: Inside,
+    inside: InfillRegion,
     infill: float,
     walls_mm: float,
 ) -> InfillProbabilities:

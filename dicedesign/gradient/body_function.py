@@ -54,7 +54,7 @@ class BodyFunction:
         return outputs
 
     @property
-    def pulled_back(self) -> BodyFunction:
+    def pullback(self) -> BodyFunction:
         """From the inputs and gradients of the outputs to gradients of the inputs."""
 
         def formula(body: int, *given: Tensor) -> tuple[Tensor, ...]:
@@ -79,7 +79,7 @@ class BodyFunction:
 
         return BodyFunction(2 * self.inputs, self.outputs, formula)
 
-    def evaluated(self, which: Integers, *inputs: Floats) -> tuple[Floats, ...]:
+    def evaluate(self, which: Integers, *inputs: Floats) -> tuple[Floats, ...]:
         """Outputs (r, ...) of bodies (r,) as numbers."""
         outputs = None if self.value is None else self.value(which, *inputs)
         if outputs is not None:
@@ -123,7 +123,7 @@ def adjoint_function(
     return function(ONLY, *inputs)[0]
 
 
-def seen(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
+def take_constant(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
     """What an action makes of the numbers behind tensors: integers (*l), with no derivative.
 
     Where transforms of `torch.func` map over tensors, it is called once, and all that it gets and
@@ -131,7 +131,7 @@ def seen(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
     """
     numbers = _numbers(inputs)
     integers: Tensor = (
-        _Seen.apply(action, *inputs) if numbers is None else torch.as_tensor(action(*numbers))
+        _Constant.apply(action, *inputs) if numbers is None else torch.as_tensor(action(*numbers))
     )
     return integers
 
@@ -144,14 +144,14 @@ def _numbers(tensors: Sequence[Tensor]) -> list[NDArray[Any]] | None:
         return None
 
 
-def _evaluated(function: BodyFunction, which: Integers, *inputs: Floats) -> tuple[Tensor, ...]:
+def _evaluate(function: BodyFunction, which: Integers, *inputs: Floats) -> tuple[Tensor, ...]:
     """Outputs (*l, ...) for bodies (*l) with inputs (*l, ...)."""
     lead = which.shape
     rows = [
         np.ascontiguousarray(array).reshape(which.size, *array.shape[len(lead) :])
         for array in inputs
     ]
-    outputs = function.evaluated(which.reshape(which.size), *rows)
+    outputs = function.evaluate(which.reshape(which.size), *rows)
     return tuple(torch.from_numpy(output.reshape(*lead, *output.shape[1:])) for output in outputs)
 
 
@@ -167,7 +167,7 @@ class _Applied(torch.autograd.Function):
     @_with_signature
     def forward(*given: Any) -> tuple[Tensor, ...]:
         function, which, *inputs = given
-        return _evaluated(function, *(tensor.detach().numpy() for tensor in (which, *inputs)))
+        return _evaluate(function, *(tensor.detach().numpy() for tensor in (which, *inputs)))
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, ...]) -> None:
@@ -181,8 +181,8 @@ class _Applied(torch.autograd.Function):
         if not torch.is_grad_enabled():
             numbers = _numbers(given)
             if numbers is not None:
-                return None, None, *_evaluated(ctx.function.pulled_back, *numbers)
-        return None, None, *ctx.function.pulled_back(*given)
+                return None, None, *_evaluate(ctx.function.pullback, *numbers)
+        return None, None, *ctx.function.pullback(*given)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> tuple[Tensor, ...]:
@@ -202,7 +202,7 @@ class _Applied(torch.autograd.Function):
         return outputs, (0,) * len(outputs)
 
 
-class _Seen(torch.autograd.Function):
+class _Constant(torch.autograd.Function):
     @staticmethod
     def forward(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
         return torch.as_tensor(action(*(tensor.detach().numpy() for tensor in inputs)))
@@ -223,7 +223,7 @@ class _Seen(torch.autograd.Function):
     def vmap(
         info: Any, in_dims: tuple[Any, ...], action: Callable[..., Integers], *inputs: Tensor
     ) -> tuple[Tensor, int]:
-        return _Seen.apply(action, *_leading(inputs, in_dims[1:], info.batch_size)), 0
+        return _Constant.apply(action, *_leading(inputs, in_dims[1:], info.batch_size)), 0
 
 
 def _leading(

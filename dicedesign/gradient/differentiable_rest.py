@@ -17,7 +17,7 @@ from torch import Tensor
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
-from dicedesign.gradient.body_function import BodyFunction, double_tensor, seen
+from dicedesign.gradient.body_function import BodyFunction, double_tensor, take_constant
 from dicedesign.gradient.probability_model import ProbabilityModel, probability_model
 from dicedesign.gradient.rest_probabilities import RestEvaluation, hull_centroid
 from dicedesign.kernels import ops as kernels
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dicedesign.rest.prior import Prior
 
 
-def rested(
+def find_rests(
     points: Tensor,
     centers: Tensor | None = None,
     counts: Tensor | None = None,
@@ -59,7 +59,7 @@ def rested(
     """
     bodies = _RestedBodies(centers is not None, counts is not None, single_precision, model)
     inputs = (points,) if centers is None else (points, centers)
-    which = seen(bodies.find, *inputs, *(() if counts is None else (counts,)))
+    which = take_constant(bodies.find, *inputs, *(() if counts is None else (counts,)))
     normals, probabilities = bodies.function(which, *inputs)
     return normals, probabilities
 
@@ -93,7 +93,7 @@ class _RestedBodies:
 
     def find(self, points: Floats, *others: Floats) -> Integers:
         """Find the rests of bodies (*l), and number them; others: centers and counts, see
-        `rested`."""
+        `find_rests`."""
         lead, (size, _) = points.shape[:-2], points.shape[-2:]
         bodies = math.prod(lead)
         self._points = np.ascontiguousarray(points).reshape(bodies, size, 3)
@@ -121,7 +121,7 @@ class _RestedBodies:
             rest_counts, self._facets, self._normals, self._probabilities = self._handle.rests()
         for body in np.flatnonzero(rest_counts == 0).tolist():
             try:
-                _, facets, normals, probabilities = self._recorded(body)
+                _, facets, normals, probabilities = self._record(body)
             except InputError as error:
                 if not lead:
                     raise
@@ -135,7 +135,7 @@ class _RestedBodies:
             self._probabilities[body, : len(probabilities)] = probabilities.detach().numpy()
         return np.arange(bodies).reshape(lead)
 
-    def _recorded(self, body: int) -> tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]:
+    def _record(self, body: int) -> tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]:
         """Inputs of a body: its points (n, 3), and its center (3,) of mass if that was given; and
         facets (k,), normals (k, 3) and probabilities (k,) of its rests, which autograd can
         differentiate."""
@@ -208,7 +208,7 @@ class _RestedBodies:
             slopes = self._handle.pull_back(which, by_normals, by_probabilities, size, threads)
             *slopes_found, known = slopes if self._has_centers else (slopes[0], slopes[2])
         for row in np.flatnonzero(known == 0):
-            leaves, _, normals, probabilities = self._recorded(int(which[row]))
+            leaves, _, normals, probabilities = self._record(int(which[row]))
             parts = torch.autograd.grad(
                 (normals, probabilities),
                 leaves,
@@ -270,7 +270,7 @@ def differentiable_rest(
     center = None
     if center_of_mass is not None:
         center = double_tensor(center_of_mass, "center of mass", 3)
-    normals, probabilities = rested(
+    normals, probabilities = find_rests(
         points,
         center,
         single_precision=vertices.dtype == torch.float32,
@@ -317,14 +317,14 @@ def differentiable_rest_batch(
     else:
         if counts is not None:
             raise InputError("counts: expected none with a list of bodies; leave them out")
-        points, point_counts = _padded(bodies)
+        points, point_counts = _pad(bodies)
         like = bodies[0] if len(bodies) > 0 else points
     centers = None
     if centers_of_mass is not None:
         centers = double_tensor(centers_of_mass, "centers of mass", len(points), 3)
     if len(points) == 0:
         return points[:, :0].to(like), points[:, :0, 0].to(like)
-    normals, probabilities = rested(
+    normals, probabilities = find_rests(
         points,
         centers,
         point_counts,
@@ -351,7 +351,7 @@ def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Tensor:
     return counts.to(torch.int64)
 
 
-def _padded(bodies: Sequence[Tensor]) -> tuple[Tensor, Tensor | None]:
+def _pad(bodies: Sequence[Tensor]) -> tuple[Tensor, Tensor | None]:
     """Points (b, n, 3), and how many each body has, or None if all have as many."""
     if len(bodies) == 0:
         return torch.zeros((0, 0, 3), dtype=torch.float64), None

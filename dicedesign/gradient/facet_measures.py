@@ -185,7 +185,7 @@ def circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
     centers, multipliers = _largest_circles(edges, *_frames(rests, facets, edges))
     distances = edges.distances(torch.as_tensor(centers[edges.owner]))
     radii = edges.sums(torch.as_tensor(multipliers) * distances)
-    return radii / torch.sqrt(_squared_distances(rests).max())
+    return radii / torch.sqrt(_pairwise_squared_distances(rests).max())
 
 
 def soft_circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
@@ -204,12 +204,12 @@ def soft_circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
 
 def soft_diameter(rests: RestEvaluation) -> Tensor:
     """() a little more than the largest distance of two vertices, see `soft_circle_radii`."""
-    squared = _squared_distances(rests)
+    squared = _pairwise_squared_distances(rests)
     largest = squared.max().detach()
     return torch.sqrt(largest) * ((squared / largest) ** SOFTNESS).sum() ** (0.5 / SOFTNESS)
 
 
-def _squared_distances(rests: RestEvaluation) -> Tensor:
+def _pairwise_squared_distances(rests: RestEvaluation) -> Tensor:
     """(n (n - 1) / 2,) of all pairs of vertices."""
     first, second = np.triu_indices(len(rests.vertices), 1)
     return ((rests.vertices[first] - rests.vertices[second]) ** 2).sum(-1)

@@ -224,7 +224,7 @@ class ProbabilitiesUnderPrior:
             raise InputError(
                 f"prior: expected one with a density, which has derivatives, got "
                 f"{type(known_prior).__name__}, whose probabilities jump; take "
-                "VonMisesFisher.fitted of the directions, or a function of your own (DensityFunction)"
+                "VonMisesFisher.fitted of the directions, or your own function (DensityFunction)"
             )
         return cls(known_prior)
 
@@ -242,17 +242,17 @@ class ProbabilitiesUnderPrior:
             return self._formula(rests, vertices, center)
 
         def gradient(slopes: Floats) -> tuple[Floats, Floats]:
-            by_vertices, by_center = self._pulled_back(rests, slopes[None])
+            by_vertices, by_center = self._pull_back(rests, slopes[None])
             return by_vertices[0].reshape(-1, 3), by_center[0]
 
         return rests.function(self.probabilities(rests), gradient, formula)
 
     def jacobian(self, rests: RestEvaluation) -> Floats:
         """See `ProbabilityModel`."""
-        rows = self._pulled_back(rests, np.eye(len(rests.paths.rests)))
+        rows = self._pull_back(rests, np.eye(len(rests.paths.rests)))
         return rests.rows_with_center(*rows)
 
-    def _pulled_back(self, rests: RestEvaluation, weights: Floats) -> tuple[Floats, Floats]:
+    def _pull_back(self, rests: RestEvaluation, weights: Floats) -> tuple[Floats, Floats]:
         """Gradients (r, 3 n) and (r, 3) of weighted sums (r, k) of the probabilities in the
         vertices and in the center of mass."""
         hull, paths = rests.hull, rests.paths

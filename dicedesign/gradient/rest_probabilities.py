@@ -20,7 +20,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
 from dicedesign.geometry.sphere import foot_on_line
 from dicedesign.geometry.triangles import second_moments, stretch_matrix, volume_and_centroid
-from dicedesign.gradient.body_function import adjoint_function, double_tensor, seen
+from dicedesign.gradient.body_function import adjoint_function, double_tensor, take_constant
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins, basin_areas, close_areas, tie_distance
 from dicedesign.rest.equilibria import Equilibria, classify
@@ -114,7 +114,7 @@ class RestEvaluation:
         """The hull that the integers belong to."""
         return self.equilibria.hull
 
-    def untied(self) -> RestEvaluation:
+    def raise_ties(self) -> RestEvaluation:
         """The same, which raises `Tie` at first use where the body is tied (`find_basins`)."""
         equilibria = self.equilibria
         distance = tie_distance(equilibria.hull, equilibria.center_of_mass)
@@ -320,7 +320,7 @@ def evaluate_rests(
         classified.append(classify(hull, middle[0] if middle else own))
         return np.zeros((), dtype=np.int64)
 
-    seen(find, *((given,) if center is None else (given, center)))
+    take_constant(find, *((given,) if center is None else (given, center)))
     hull = classified[0].hull
     if len(hull.source) < len(given):
         given = given[torch.as_tensor(hull.source)]

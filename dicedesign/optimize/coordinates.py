@@ -18,7 +18,7 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
 from dicedesign.geometry.point_groups import fixed_space
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.gradient.body_function import BodyFunction, double_tensor, seen
+from dicedesign.gradient.body_function import BodyFunction, double_tensor, take_constant
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SYMMETRY_TOLERANCE
@@ -34,18 +34,18 @@ class Shape:
     Attributes
     ----------
     points: (n, 3).
-    pulled_back: from gradients (r, n, 3) in the points to those (r, p) in the parameters.
+    pull_back: from gradients (r, n, 3) in the points to those (r, p) in the parameters.
     """
 
     points: Floats
-    pulled_back: Callable[[Floats], Floats]
+    pull_back: Callable[[Floats], Floats]
 
     def in_parameters(self, rows: Floats, source: Integers) -> Floats:
         """Gradients (r, p) in the parameters for those (r, 3 v) in some of the points, (v,) by
         number."""
         gradients = np.zeros((len(rows), *self.points.shape))
         gradients[:, source] = rows.reshape(len(rows), len(source), 3)
-        return self.pulled_back(gradients)
+        return self.pull_back(gradients)
 
 
 class Coordinates(Protocol):
@@ -59,7 +59,7 @@ class Coordinates(Protocol):
         parameters (p,) as float32 or float64. Raises as `shape`, and InputError if these are no
         parameters."""
 
-    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+    def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """The parameters without what the shape no longer uses: all, unless it never will again."""
         return parameters
 
@@ -87,10 +87,10 @@ class VertexCoordinates(Coordinates):
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """See `Coordinates`."""
 
-        def pulled_back(gradients: Floats) -> Floats:
+        def pull_back(gradients: Floats) -> Floats:
             return self.scale * gradients.reshape(len(gradients), len(parameters))
 
-        return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pulled_back)
+        return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pull_back)
 
     def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
         """See `Coordinates`."""
@@ -103,7 +103,7 @@ class VertexCoordinates(Coordinates):
         points = torch.from_numpy(self.origin) + self.scale * given.reshape(-1, 3)
         return points.to(parameters)
 
-    def pruned(self, parameters: Floats, rests: RestEvaluation) -> Floats:
+    def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """See `Coordinates`: drops points that are no vertices of the hull."""
         return parameters.reshape(-1, 3)[rests.hull.source].ravel()
 
@@ -175,7 +175,7 @@ class FacetCoordinates(Coordinates):
             corners = _corners(parameters, solids[solid][1])
             return (torch.from_numpy(self.origin) + corners[rows_of(solid)],)
 
-        corners = BodyFunction(1, 1, formula, value)(seen(find, given), given)[0]
+        corners = BodyFunction(1, 1, formula, value)(take_constant(find, given), given)[0]
         return corners.to(parameters)
 
     def half_spaces(self, parameters: Floats) -> Floats:
@@ -200,12 +200,12 @@ class FacetCoordinates(Coordinates):
         solved = np.linalg.solve(planes, np.ones((len(planes), 3, 1)))
         corners = np.asarray(solved[..., 0], dtype=np.float64)
 
-        def pulled_back(gradients: Floats) -> Floats:
+        def pull_back(gradients: Floats) -> Floats:
             rows = gradients.reshape(len(gradients), corners.size)
             pulled = kernels.corner_gradients(normals, polar, facets, corners, rows)
             return _corner_gradients(parameters, facets, rows) if pulled is None else pulled
 
-        return Shape(self.origin + corners, pulled_back), facets
+        return Shape(self.origin + corners, pull_back), facets
 
 
 def _corners(parameters: Tensor, facets: Integers) -> Tensor:
@@ -252,16 +252,16 @@ class LinkedCoordinates(Coordinates):
 
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """See `FacetCoordinates`."""
-        shape = self.facets.shape(self.half_spaces(parameters), self._checked(hull_of))
-        return Shape(shape.points, lambda rows: shape.pulled_back(rows) @ self.expansion)
+        shape = self.facets.shape(self.half_spaces(parameters), self._check(hull_of))
+        return Shape(shape.points, lambda rows: shape.pull_back(rows) @ self.expansion)
 
     def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
         """See `Coordinates`."""
         given = double_tensor(parameters, "parameters", self.expansion.shape[1])
         moved = torch.from_numpy(self.base) + torch.from_numpy(self.expansion) @ given
-        return self.facets.points(moved, self._checked(hull_of)).to(parameters)
+        return self.facets.points(moved, self._check(hull_of)).to(parameters)
 
-    def _checked(self, hull_of: HullMaker) -> HullMaker:
+    def _check(self, hull_of: HullMaker) -> HullMaker:
         """`hull_of` for polar hulls, which may refuse some."""
         return hull_of
 
@@ -366,7 +366,7 @@ class SymmetricCoordinates(LinkedCoordinates):
         base = np.zeros(4 * count)
         return cls(facets, expansion, base, orbits.astype(np.int64)), expansion.T @ parameters
 
-    def _checked(self, hull_of: HullMaker) -> HullMaker:
+    def _check(self, hull_of: HullMaker) -> HullMaker:
         """As `hull_of`; raises DegenerateBodyError where rounding lets only some of an orbit's
         facets be corners of the polar hull, and bound the solid."""
 

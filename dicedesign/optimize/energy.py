@@ -198,9 +198,9 @@ class Objective:
         for size in sizes:
             shaken = self.attempt(parameters + size * noise, directions)
             if shaken is not None:
-                return shaken.refreshed()
+                return shaken.refresh()
         least = max(sizes[-1] / 2.0, SHAKE)
-        return self.evaluate(parameters + least * noise, directions).refreshed()
+        return self.evaluate(parameters + least * noise, directions).refresh()
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ class Evaluation:
             return empty
         return empty + len(self.clusters.of_rest) - (outcomes - empty)
 
-    def refreshed(self) -> Evaluation:
+    def refresh(self) -> Evaluation:
         """The same shape with each outcome's direction moved to the mean of its rests' normals."""
         return replace(self, directions=self.clusters.means(self._rest_normals)[0])
 

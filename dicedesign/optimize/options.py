@@ -49,9 +49,9 @@ class SobolevOptions:
     def __post_init__(self) -> None:
         if not 0.0 < self.smoothing <= LARGEST_SMOOTHING:
             expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
-            raise refused("sobolev.smoothing", expected, self.smoothing, "2")
+            raise refuse("sobolev.smoothing", expected, self.smoothing, "2")
         if not 1 <= self.power <= 4:
-            raise refused("sobolev.power", "1 to 4", self.power, "2")
+            raise refuse("sobolev.power", "1 to 4", self.power, "2")
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class RefineOptions:
                     "correct it"
                 )
         if not 0.0 < self.within < 1.0:
-            raise refused("refine.within", "a number in (0, 1)", self.within, "0.01")
+            raise refuse("refine.within", "a number in (0, 1)", self.within, "0.01")
         # Raises where there is no such engine.
         ENGINES[self.engine]
 
@@ -145,7 +145,7 @@ class ExactOptions:
     def __post_init__(self) -> None:
         if not FINEST_TOLERANCE <= self.tolerance < 1.0:
             expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
-            raise refused("tolerance", expected, self.tolerance, "1e-12")
+            raise refuse("tolerance", expected, self.tolerance, "1e-12")
         require_choice("coordinates", self.coordinates, "facets", "vertices")
         if self.sobolev is not None and self.coordinates != "vertices":
             raise InputError(
@@ -166,12 +166,12 @@ class ExactOptions:
             # Raises where there is no such way.
             hand_named(self.hand)
         if self.starts < 1:
-            raise refused("starts", "a whole number above 0", self.starts, "60")
+            raise refuse("starts", "a whole number above 0", self.starts, "60")
         if self.evaluations is not None and self.evaluations < 1:
             default = f"{MOST_WORK} over the number of outcomes"
-            raise refused("evaluations", "a whole number above 0", self.evaluations, default)
+            raise refuse("evaluations", "a whole number above 0", self.evaluations, default)
         if self.seconds is not None and not 0.0 < self.seconds < np.inf:
-            raise refused("seconds", "a positive number", self.seconds, "no limit")
+            raise refuse("seconds", "a positive number", self.seconds, "no limit")
 
     @property
     def table_with_hand(self) -> str:
@@ -187,7 +187,7 @@ def require_choice(name: str, value: str, *choices: str) -> None:
         )
 
 
-def refused(name: str, expected: str, got: float, default: str) -> InputError:
+def refuse(name: str, expected: str, got: float, default: str) -> InputError:
     """What is raised for an option out of range."""
     return InputError(f"{name}: expected {expected}, got {got:g}; leave it out for {default}")
 
@@ -266,15 +266,15 @@ class PaperOptions:
         require_choice("step", self.step, "momentum", "line_search")
         require_choice("finish", self.finish, "exact", "none")
         if self.steps < 0:
-            raise refused("steps", "a whole number not below 0", self.steps, "600")
+            raise refuse("steps", "a whole number not below 0", self.steps, "600")
         if not 0.0 <= self.perturbation < 1.0:
-            raise refused("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
+            raise refuse("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
         if self.tolerance is not None and not FINEST_TOLERANCE <= self.tolerance < 1.0:
             expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
-            raise refused("tolerance", expected, self.tolerance, "1e-12, or 2e-2 without a finish")
+            raise refuse("tolerance", expected, self.tolerance, "1e-12, or 2e-2 without a finish")
 
     @property
-    def reached(self) -> float:
+    def effective_tolerance(self) -> float:
         """Largest |p - q| that counts as reached."""
         if self.tolerance is not None:
             return self.tolerance

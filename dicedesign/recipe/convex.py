@@ -183,7 +183,7 @@ def normalized_center(recipe: Recipe, start: Start | None) -> Floats | None:
     solid."""
     if recipe.center_of_mass is None or start is None:
         return None
-    return start.normalized(np.array(recipe.center_of_mass))
+    return start.normalize(np.array(recipe.center_of_mass))
 
 
 def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, ...] = ()) -> Design:

@@ -29,7 +29,7 @@ from dicedesign.gradient.probability_model import (
     ProbabilityModel,
     ThrowProbabilities,
 )
-from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshaped, stretched
+from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, stretch
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Balance, Inside
@@ -159,7 +159,7 @@ def _finish_stretched(
     """Stretch a surface until it has the probabilities, and finish it."""
     center = surface.centroid
     surface = surface.with_points(surface.points - center)
-    end = stretched(surface, work.die.directions, work.target.probabilities, work.die.prior)
+    end = stretch(surface, work.die.directions, work.target.probabilities, work.die.prior)
     before = work.balance or Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
     scales = np.linalg.eigvalsh(end.matrix)
     work.balance = replace(

@@ -23,7 +23,7 @@ from dicedesign.results.parts import (
     Printability,
     Search,
     Status,
-    ThrowProbabilities,
+    TableResult,
 )
 from dicedesign.results.result import (
     RESULT,
@@ -126,7 +126,7 @@ class Work:
     search: Search | None = None
     balance: Balance | None = None
     inside: Inside | None = None
-    throws: ThrowProbabilities | None = None
+    throws: TableResult | None = None
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None
     infill: InfillProbabilities | None = None

@@ -151,7 +151,7 @@ class MethodRecipe(Strict):
     def tolerance(self) -> float:
         """Largest |p - q| that counts as reached."""
         if self.paper is not None:
-            return self.paper.reached
+            return self.paper.effective_tolerance
         options = self.exact or self.concave
         assert options is not None
         return options.tolerance

@@ -15,7 +15,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.figures import Lain, Subject, surface_to_draw
 from dicedesign.report.raster import upward_of
-from dicedesign.report.renderer import Surface
+from dicedesign.report.renderer import RenderMesh
 from dicedesign.rest.outcomes import facet_of_rest
 from dicedesign.rest.poses import rest_poses
 
@@ -91,7 +91,7 @@ def subject_of(
         def make_ablations() -> list[Ablation]:
             return _design_ablations(recipe, path, steps, on_step)
 
-    def make_before(after: Lain) -> Surface:
+    def make_before(after: Lain) -> RenderMesh:
         if before is not None:
             body = read_body(before)
             hull = convex_hull(body.points, single_precision=body.single_precision)

@@ -32,7 +32,7 @@ from dicedesign.recipe.convex import (
 )
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status
-from dicedesign.results.parts import ThrowProbabilities as ThrownSection
+from dicedesign.results.parts import TableResult as ThrownSection
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.bias import Series, variations_on_tables
 from dicedesign.throws.momentum_model import (

@@ -14,7 +14,7 @@ from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
 from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
 from dicedesign.report.sheet import NOTE, Sheet, with_style
-from dicedesign.results.parts import Status, ThrowProbabilities, TradeOff
+from dicedesign.results.parts import Status, TableResult, TradeOff
 from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 
@@ -150,7 +150,7 @@ def rounds_chart(die: FinishedDie) -> Sheet:
 
 
 @with_style
-def rounds_of(thrown: ThrowProbabilities) -> Sheet:
+def rounds_of(thrown: TableResult) -> Sheet:
     """Total variation from the target of the die of each round, against the throws so far: as its
     own throws show it, beside what a perfect die would show in as many, and as the throws of all
     rounds let one expect it, on the table and on what that may be instead.

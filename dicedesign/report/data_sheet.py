@@ -18,7 +18,7 @@ from dicedesign.geometry.triangles import solid_properties
 from dicedesign.report.pages import throwing_advice
 from dicedesign.report.palette import ACCENT, FAINT, GRID
 from dicedesign.report.raster import Camera, Picture, frame_cameras, three_cameras
-from dicedesign.report.renderer import Surface, render
+from dicedesign.report.renderer import RenderMesh, render
 from dicedesign.report.sheet import Sheet, text_width, with_style
 from dicedesign.runtime.arrays import Floats
 
@@ -326,7 +326,7 @@ def _write_table(sheet: Sheet, facts: SheetFacts, top: float) -> None:
         sheet.text(text, (TABLE_LEFT, base), size=7, color=FAINT, **BASE)
 
 
-def four_views(surface: Surface, upward: Floats) -> list[tuple[str, Picture]]:
+def four_views(surface: RenderMesh, upward: Floats) -> list[tuple[str, Picture]]:
     """A die from four sides that together show all of it, and from where the pictures are.
 
     A smooth surface is seen from around it, another from the corners of a tetrahedron.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.meshes.body import Body
-    from dicedesign.report.renderer import Surface
+    from dicedesign.report.renderer import RenderMesh
     from dicedesign.report.sheet import Sheet
     from dicedesign.report.solid_figures import Ablation
     from dicedesign.rest.poses import RestPoses
@@ -334,7 +334,7 @@ class Subject:
 
     upward: Floats
     make: Callable[[], Lain]
-    make_before: Callable[[Lain], Surface]
+    make_before: Callable[[Lain], RenderMesh]
     make_ablations: Callable[[], Sequence[Ablation]]
     down: tuple[float, float, float] | None = None
 
@@ -349,19 +349,19 @@ class Subject:
         return self.lain.poses
 
     @property
-    def surface(self) -> Surface:
+    def surface(self) -> RenderMesh:
         """The body, ready to be drawn."""
         return surface_to_draw(self.lain.body.points, self.lain.body.triangles, self.poses.hull)
 
 
-def surface_to_draw(points: Floats, triangles: Integers | None, hull: ConvexHull) -> Surface:
+def surface_to_draw(points: Floats, triangles: Integers | None, hull: ConvexHull) -> RenderMesh:
     """A mesh as it is drawn: smooth unless it has few triangles; its hull where it has none, or
     too many."""
-    from dicedesign.report.renderer import Surface
+    from dicedesign.report.renderer import RenderMesh
 
     if triangles is None or len(triangles) > MOST_TRIANGLES:
         points, triangles = hull.vertices, hull.triangles
-    return Surface(points, np.asarray(triangles), smooth=len(triangles) > MOST_FLAT)
+    return RenderMesh(points, np.asarray(triangles), smooth=len(triangles) > MOST_FLAT)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from dicedesign.geometry.sphere import angle_between, even_directions, norms, un
 from dicedesign.report.gauss_map import path_of, paths_figure
 from dicedesign.report.raster import UP, Camera, Picture, frame_cameras, tilt_up, trim
 from dicedesign.report.renderer import (
-    Surface,
+    RenderMesh,
     render,
     render_on_table,
     render_shadow,
@@ -105,7 +105,7 @@ class FilmedDie:
         above = rows + (camera.center - middle) @ camera.frame()[1] + SLANT * depth
         bright = np.where((above >= 0.0) & (above <= 2.0 * SLANT * depth), 0.94, 1.0)
         bright[(above < 0.0) & (above >= -0.06 * self.radius)] = 0.72
-        surface = Surface(points, self.triangles, smooth=False)
+        surface = RenderMesh(points, self.triangles, smooth=False)
         return render(surface, camera, size, backdrop=bright[:, None] * shadow)
 
 
@@ -204,7 +204,7 @@ def moving_picture(filmed: FilmedDie) -> bytes:
 
 
 def drop_figure(
-    surface: Surface, poses: RestPoses, down: Sequence[float] | Floats | None = None
+    surface: RenderMesh, poses: RestPoses, down: Sequence[float] | Floats | None = None
 ) -> Sheet:
     """A body in the moments of a roll in which its contact with the table changes, all from one
     side, and the path of the direction that points down over the Gauss map.

@@ -28,8 +28,8 @@ from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.palette import BASINS
 from dicedesign.report.raster import Camera, encode_png, tilt_up
-from dicedesign.report.renderer import Surface, render
-from dicedesign.results.parts import Draft, Search, Status, ThrowProbabilities
+from dicedesign.report.renderer import RenderMesh, render
+from dicedesign.results.parts import Draft, Search, Status, TableResult
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
@@ -400,10 +400,10 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
     projected = vertices @ frame.T
     middle = (projected.min(axis=0) + projected.max(axis=0)) / 2.0 @ frame
     camera = Camera(direction, -down, middle, 0.53 * hull.diameter)
-    return encode_png(render(Surface(hull.vertices, hull.triangles, smooth=False), camera, 220))
+    return encode_png(render(RenderMesh(hull.vertices, hull.triangles, smooth=False), camera, 220))
 
 
-def throwing_advice(thrown: ThrowProbabilities | None, prior: str | None = None) -> str:
+def throwing_advice(thrown: TableResult | None, prior: str | None = None) -> str:
     """How to throw a die by hand, perhaps one that was designed for a table, or under a prior."""
     if prior is not None:
         return (

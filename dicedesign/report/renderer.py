@@ -43,7 +43,7 @@ GLASS: Final = np.array([0.52, 0.57, 0.62])
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class RenderMesh:
     """A surface to draw.
 
     Attributes
@@ -83,11 +83,11 @@ class Surface:
         return _at_length_1(np.stack(sums, axis=1)).reshape(-1, 3, 3)
 
 
-def color_triangles(points: Floats, triangles: Integers, colors: Floats) -> Surface:
+def color_triangles(points: Floats, triangles: Integers, colors: Floats) -> RenderMesh:
     """A solid with flat faces whose triangles (t, 3) have colors (t, 3) of their own."""
     corners = points[triangles].reshape(-1, 3)
     flat = np.arange(len(corners)).reshape(-1, 3)
-    return Surface(corners, flat, colors.repeat(3, axis=0), smooth=False)
+    return RenderMesh(corners, flat, colors.repeat(3, axis=0), smooth=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class Shell:
 
 
 def render(
-    surface: Surface,
+    surface: RenderMesh,
     camera: Camera,
     size: int,
     shell: Shell | None = None,
@@ -156,7 +156,7 @@ def render(
 
 
 def _surface_layer(
-    surface: Surface, positions: Floats, camera: Camera, side: int
+    surface: RenderMesh, positions: Floats, camera: Camera, side: int
 ) -> tuple[Floats, Floats]:
     """Colors (side, side, 3) times opacities, and these (side, side, 1), of the surface with
     points at positions (n, 3), in samples of a window of a side in pixels."""
@@ -293,9 +293,10 @@ def _outline(
     """Samples (n * n,), row by row, on either side of a silhouette, of a sharp edge or of a step in
     depth.
 
-    triangle_of_pixel: (n, n) triangle of each sample, or -1; normals: (t, 3) of the triangles, toward
-    the camera; depth: (n, n) toward the camera, in samples; sharp_degrees: angle between the normals at
-    an edge beyond which it is sharp.
+    triangle_of_pixel: (n, n) triangle of each sample, or -1.
+    normals: (t, 3) of the triangles, toward the camera.
+    depth: (n, n) toward the camera, in samples.
+    sharp_degrees: angle between the normals at an edge beyond which it is sharp.
     """
     triangle, height = triangle_of_pixel.ravel(), depth.ravel()
     line = np.zeros(triangle.shape, dtype=bool)
@@ -350,7 +351,7 @@ def with_shadow(points: Floats, up: Floats) -> Floats:
     return np.concatenate([points, points - (heights - heights.min())[:, None] * up])
 
 
-def render_on_table(surface: Surface, up: Floats, camera: Camera, size: int) -> Picture:
+def render_on_table(surface: RenderMesh, up: Floats, camera: Camera, size: int) -> Picture:
     """Picture of a body that stands on a table; up: (3,) unit vector."""
     points, heights = surface.points, surface.points @ up
     heights -= heights.min()

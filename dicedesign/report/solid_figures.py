@@ -20,7 +20,7 @@ from dicedesign.report.palette import ACCENT, BASINS, DARK, FAINT, rgb
 from dicedesign.report.raster import UP, Camera, camera_on, frame_cameras, tilt_up
 from dicedesign.report.renderer import (
     MATERIAL,
-    Surface,
+    RenderMesh,
     color_triangles,
     render,
     render_on_table,
@@ -71,7 +71,7 @@ def views_figure(points: Floats, triangles: Integers) -> Sheet:
 
     points: (n, 3) in any length unit; triangles: (t, 3).
     """
-    surface = Surface(points, triangles, smooth=False)
+    surface = RenderMesh(points, triangles, smooth=False)
     ups = [(0, 1, 0) if side[:2] == (0, 0) else (0, 0, 1) for side in SIDES.values()]
     cameras = [camera_on(points, *pair) for pair in zip(SIDES.values(), ups, strict=True)]
     pictures = [render(surface, camera, VIEW_PIXELS) for camera in cameras]
@@ -105,7 +105,7 @@ def print_orientation_figure(
     colors = np.where(hanging[:, None], (0.87, 0.35, 0.22), colors)
     colored = color_triangles(points, triangles, colors)
     # From beside nothing is colored where nothing hangs over.
-    solid = colored if hanging.any() else Surface(points, triangles, smooth=False)
+    solid = colored if hanging.any() else RenderMesh(points, triangles, smooth=False)
     pictures = [render_on_table(solid, UP, beside, PIXELS), render(colored, beneath, PIXELS)]
     return picture_grid(pictures, ["on the bed", "from beneath"], 2)
 
@@ -130,7 +130,7 @@ def print_orientation(die: FinishedDie) -> Sheet:
 
 
 def reading_figure(
-    surface: Surface,
+    surface: RenderMesh,
     down: Floats,
     across: Floats,
     sides: Sequence[tuple[str, Floats, Floats]],
@@ -162,7 +162,7 @@ def reading_figure(
     return sheet
 
 
-def paint_labels(points: Floats, triangles: Integers, labels: Sequence[Placement]) -> Surface:
+def paint_labels(points: Floats, triangles: Integers, labels: Sequence[Placement]) -> RenderMesh:
     """A solid of points (n, 3) and triangles (t, 3) with some labels and their facets in color;
     the labels alone, where there are several around a corner, as the facets bear others too."""
     areas, middles = doubled_area_vectors(points, triangles), points[triangles].mean(axis=1)
@@ -196,7 +196,7 @@ def reading(die: FinishedDie) -> Sheet:
         surface = paint_labels(die.engraved.points, die.engraved.triangles, mine)
         ups = [placement.frame[:3, 1] for placement in mine]
     else:
-        surface = Surface(die.engraved.points, die.engraved.triangles)
+        surface = RenderMesh(die.engraved.points, die.engraved.triangles)
         ups = [np.eye(3)[np.argmin(np.abs(down))]]
     # Of two labels the one on top comes last.
     above = (f"from above: {label}", -down, ups[-1])

@@ -28,8 +28,8 @@ from dicedesign.report.raster import (
 )
 from dicedesign.report.renderer import (
     MATERIAL,
+    RenderMesh,
     Shell,
-    Surface,
     color_triangles,
     render,
     render_on_table,
@@ -69,11 +69,11 @@ REST_COLUMNS: Final = 4
 
 
 @lru_cache(maxsize=1)
-def surface_of(die: FinishedDie) -> Surface:
+def surface_of(die: FinishedDie) -> RenderMesh:
     """The die as its file holds it."""
     body = die.plain.body
     assert body.triangles is not None
-    return Surface(body.points, body.triangles)
+    return RenderMesh(body.points, body.triangles)
 
 
 @lru_cache(maxsize=1)
@@ -95,7 +95,7 @@ def outcome_tints(outcomes: Integers) -> Floats:
 
 
 def rows_of_views(
-    surfaces: Mapping[str, Surface],
+    surfaces: Mapping[str, RenderMesh],
     cameras: Sequence[Camera],
     shell: Shell | None = None,
     above: float = 0.0,
@@ -112,7 +112,7 @@ def rows_of_views(
     return picture_grid(pictures, titles, len(cameras), above, below)
 
 
-def before_after_figure(before: Surface, after: Surface, upward: Floats) -> Sheet:
+def before_after_figure(before: RenderMesh, after: RenderMesh, upward: Floats) -> Sheet:
     """A surface above what it was made into, from the same sides; upward: (3,) in the pictures."""
     cameras = three_cameras(np.concatenate([before.points, after.points]), upward)
     return rows_of_views({"before, ": before, "after, ": after}, cameras)
@@ -122,7 +122,7 @@ def before_after(die: FinishedDie) -> Sheet:
     """The surface before and after it was made into a die."""
     assert die.reshaped is not None
     before, after = die.reshaped.before, die.reshaped.after
-    surface = Surface(before.points, after.triangles)
+    surface = RenderMesh(before.points, after.triangles)
     return before_after_figure(surface, replace(surface, points=after.points), die.upward)
 
 
@@ -139,8 +139,8 @@ def repair_figure(repaired: RepairedMesh, up: Floats) -> Sheet:
     for corners in (triangles, np.roll(triangles, -1, axis=1)):
         colors[corners.ravel()[faulty]] = rgb([FAULT])
     plain = np.tile(MATERIAL, (len(surface.points), 1))
-    before = Surface(repaired.points, triangles, colors)
-    return before_after_figure(before, Surface(surface.points, surface.triangles, plain), up)
+    before = RenderMesh(repaired.points, triangles, colors)
+    return before_after_figure(before, RenderMesh(surface.points, surface.triangles, plain), up)
 
 
 def repair(die: FinishedDie) -> Sheet:
@@ -170,7 +170,7 @@ def displacement_figure(
     diagonal = norms(np.ptp(before, axis=0))
     percent = 100.0 * norms(after - before) / diagonal
     top = max(float(percent.max()), 1e-9)
-    surface = Surface(after, triangles, displacement_colors(percent / top))
+    surface = RenderMesh(after, triangles, displacement_colors(percent / top))
     sheet = rows_of_views({"after, ": surface}, cameras, above=42.0, below=105.0)
     middle = sheet.width / 2.0
     told = (
@@ -204,7 +204,7 @@ def crossings_figure(
     """
     colors = np.full(points.shape, UNMARKED)
     colors[np.unique(triangles[np.unique(pairs)])] = CROSSING
-    return rows_of_views({"": Surface(points, triangles, colors)}, cameras)
+    return rows_of_views({"": RenderMesh(points, triangles, colors)}, cameras)
 
 
 def crossings(die: FinishedDie) -> Sheet:
@@ -218,7 +218,7 @@ def crossings(die: FinishedDie) -> Sheet:
 
 @with_style
 def hull_figure(
-    surface: Surface, shell: Shell, labels: Sequence[str], cameras: Sequence[Camera]
+    surface: RenderMesh, shell: Shell, labels: Sequence[str], cameras: Sequence[Camera]
 ) -> Sheet:
     """A surface within its convex hull, with the facets of the hull that it rests on colored.
 
@@ -242,7 +242,7 @@ def hull(die: FinishedDie) -> Sheet:
 
 
 def rests_figure(
-    surface: Surface,
+    surface: RenderMesh,
     shell: Shell,
     downs: Floats,
     labels: Sequence[str],
@@ -330,7 +330,7 @@ def balance_figure(result: Balanced) -> Sheet:
         turn, move = poses.transforms[0][:3, :3], poses.transforms[0][:3, 3]
         points = body.points @ turn.T + move
         camera = camera_on(points, (1.0, -0.7, 0.5), UP)
-        views.append(render(Surface(points, body.triangles), camera, PIXELS))
+        views.append(render(RenderMesh(points, body.triangles), camera, PIXELS))
     titles = ["before", "now", "cut open, and the center of mass"]
     sheet = picture_grid([*views, _cut_open(result)], titles, 3, above=650.0)
     return outcome_chart(

@@ -73,7 +73,7 @@ class Separatrices(kernels.Handled):
         return np.diff(self.branch_start)
 
     @cached_property
-    def crossed(self) -> Integers:
+    def padded_crossings(self) -> Integers:
         """(2 s, depth, 2) the crossings of each branch, of whatever after as many as it has."""
         steps = np.arange(int(self.lengths.max(initial=0)))
         if len(steps) == 0:
@@ -137,8 +137,8 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
     saddle = saddle / xp.sqrt((saddle * saddle).sum(-1))[:, None]
     point = xp.stack([saddle, saddle], 1).reshape(-1, 3)
     points = [point]
-    for step in range(paths.crossed.shape[1]):
-        p, q = paths.crossed[:, step, 0], paths.crossed[:, step, 1]
+    for step in range(paths.padded_crossings.shape[1]):
+        p, q = paths.padded_crossings[:, step, 0], paths.padded_crossings[:, step, 1]
         moved = oblique_projection(point, radii[p], vertices[q] - vertices[p])
         squared = (moved * moved).sum(-1)
         moving = xp.asarray(paths.lengths > step) & (squared > 0.0)

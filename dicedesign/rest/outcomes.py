@@ -246,8 +246,7 @@ def match_by_probability(
         listed = ", ".join(f"{value:.4f}" for value in given)
         raise InputError(
             f"{name}: expected outcomes that differ in their geometric probabilities by more than "
-            "the "
-            f"{off:.2g} by which the mesh misses them, got {listed}; name the folder of "
+            f"the {off:.2g} by which the mesh misses them, got {listed}; name the folder of "
             "the die's run, which says which facet is which, or leave the die out"
         )
     members = tuple(

@@ -312,7 +312,7 @@ class OtherTables:
 
 
 @dataclass(frozen=True)
-class ThrowProbabilities:
+class TableResult:
     """What a die does on a table.
 
     Attributes

@@ -22,7 +22,7 @@ from dicedesign.results.parts import (
     Printability,
     Search,
     Status,
-    ThrowProbabilities,
+    TableResult,
 )
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, plain
@@ -300,7 +300,7 @@ class Result:
     inside: Inside | None = None
     concave: Concave | None = None
     search: Search | None = None
-    thrown: ThrowProbabilities | None = None
+    thrown: TableResult | None = None
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None
     infill: InfillProbabilities | None = None

@@ -6,7 +6,7 @@ import numpy as np
 
 from dicedesign.report.palette import BASINS, rgb
 from dicedesign.report.raster import Camera, encode_png, frame_cameras, rasterize, trim
-from dicedesign.report.renderer import Surface, render, render_shadow
+from dicedesign.report.renderer import RenderMesh, render, render_shadow
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.scenes.room import FLOOR_TRIANGLES, Room
 
@@ -57,6 +57,6 @@ def room_picture(room: Room) -> bytes:
     floor = camera.pixel_positions(room.floor_corners, PIXELS)
     on_floor, _ = rasterize(floor, FLOOR_TRIANGLES, PIXELS)
     table[on_floor >= 0] *= FLOOR_BRIGHTNESS
-    surface = Surface(all_points, all_triangles, np.concatenate(tints))
+    surface = RenderMesh(all_points, all_triangles, np.concatenate(tints))
     (picture,) = trim([render(surface, camera, PIXELS, backdrop=table)])
     return encode_png(picture)

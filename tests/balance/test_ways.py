@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from common.boxes import box
 
-from dicedesign.balance.options import Material
+from dicedesign.balance.options import BodyMaterial
 from dicedesign.balance.ways import Made, move_center, reachable_shifts
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -36,7 +36,7 @@ def depths(points: np.ndarray) -> np.ndarray:
 
 def test_a_cavity() -> None:
     shift = np.array([1.0, -2.0, 2.5])
-    made = move_center(BLOCK, MIDDLE + shift, "cavity", Material(wall_mm=WALL))
+    made = move_center(BLOCK, MIDDLE + shift, "cavity", BodyMaterial(wall_mm=WALL))
     mesh = read(made)
     assert mesh.is_watertight
     np.testing.assert_allclose(mesh.center_mass, MIDDLE + shift, atol=1e-5)
@@ -50,7 +50,7 @@ def test_a_cavity() -> None:
 
 def test_a_cavity_with_a_drain() -> None:
     center, diameter = MIDDLE + np.array([2.0, 1.0, -2.0]), 4.0
-    made = move_center(BLOCK, center, "cavity", Material(wall_mm=WALL, drain_mm=diameter))
+    made = move_center(BLOCK, center, "cavity", BodyMaterial(wall_mm=WALL, drain_mm=diameter))
     mesh = read(made)
     np.testing.assert_allclose(mesh.center_mass, center, atol=1e-5)
     # One surface, a ball's but for the hole: the cavity is open to the outside.
@@ -75,7 +75,7 @@ def test_a_cavity_with_a_drain() -> None:
 def test_two_infills() -> None:
     center = MIDDLE + np.array([1.0, -1.5, 2.0])
     less, more = 0.1, 0.7
-    made = move_center(BLOCK, center, "infill", Material(wall_mm=WALL, infill=(less, more)))
+    made = move_center(BLOCK, center, "infill", BodyMaterial(wall_mm=WALL, infill=(less, more)))
     np.testing.assert_allclose(made.center, center, atol=1e-5)
     outside, sparse = read(made), read(made, "_sparse.stl")
     np.testing.assert_allclose(outside.volume, SIZES.prod(), rtol=1e-6)
@@ -90,7 +90,7 @@ def test_two_infills() -> None:
 
 @pytest.mark.parametrize("way", ["cavity", "infill"])
 def test_what_is_within_reach_can_be_made(way: str) -> None:
-    material = Material(wall_mm=WALL)
+    material = BodyMaterial(wall_mm=WALL)
     shifts = reachable_shifts(BLOCK, way, material)
     assert (shifts.heights(np.zeros(3)) > 0.0).all()
     for direction in ([1.0, 0.2, 0.1], [-0.2, -1.0, 0.4]):
@@ -103,10 +103,10 @@ def test_what_is_within_reach_can_be_made(way: str) -> None:
 @pytest.mark.parametrize("way", ["cavity", "infill"])
 def test_a_place_too_far_away(way: str) -> None:
     with pytest.raises(InputError, match=r"expected .* got"):
-        move_center(BLOCK, MIDDLE + np.array([13.0, 0.0, 0.0]), way, Material(wall_mm=WALL))
+        move_center(BLOCK, MIDDLE + np.array([13.0, 0.0, 0.0]), way, BodyMaterial(wall_mm=WALL))
 
 
 def test_a_drain_larger_than_any_side() -> None:
     center = MIDDLE + np.array([2.0, 0.0, 0.0])
     with pytest.raises(InputError, match=r"drain_mm: expected .*; reduce drain_mm"):
-        move_center(BLOCK, center, "cavity", Material(wall_mm=WALL, drain_mm=45.0))
+        move_center(BLOCK, center, "cavity", BodyMaterial(wall_mm=WALL, drain_mm=45.0))

@@ -11,7 +11,7 @@ from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
 from dicedesign.fabricate.print_tolerances import (
-    Inside,
+    InfillRegion,
     infill_probabilities,
     inside_walls,
     pocket_walls,
@@ -57,7 +57,7 @@ def test_walls_that_meet_leave_nothing() -> None:
     flat = convex_hull(box(20.0, 20.0, 2.0))
     assert inside_walls(flat, 1.0).volume == 0.0
     assert inside_walls(flat, 0.9).volume > 0.0
-    assert weigh_print(1.0, np.ones(3), Inside(0.0, np.zeros(3)), 0.0)[0] == 1.0
+    assert weigh_print(1.0, np.ones(3), InfillRegion(0.0, np.zeros(3)), 0.0)[0] == 1.0
 
 
 @pytest.mark.parametrize(("text", "style"), [("8", "engraved"), ("5", "raised")])
@@ -89,6 +89,6 @@ def test_least_infill_is_sought_among_prints_that_weigh_something() -> None:
     """Walls as thin as nothing leave a center of mass that is nowhere when all inside is gone."""
     verdict = checked(box(4.0, 5.0, 6.0)).plain
     volume, centroid = solid_properties(verdict.body.points, verdict.body.triangles)
-    inside = Inside((1.0 - 1e-9) * volume, centroid + 1e-6)
+    inside = InfillRegion((1.0 - 1e-9) * volume, centroid + 1e-6)
     found = infill_probabilities(verdict, SIDES, volume, inside, 0.5, 1e-9)
     assert found.least_infill == pytest.approx(0.05)

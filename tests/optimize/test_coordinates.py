@@ -102,13 +102,13 @@ def test_pruned_drops_points_inside_and_keeps_half_spaces(random_points) -> None
     coordinates, parameters = VertexCoordinates.of(points, points.mean(axis=0))
     inner = np.concatenate([[0.0, 0.0, 0.0], parameters, 0.5 * parameters[:3]])
     rests = evaluate_rests(torch.tensor(coordinates.shape(inner).points))
-    np.testing.assert_array_equal(coordinates.pruned(inner, rests), parameters)
+    np.testing.assert_array_equal(coordinates.prune(inner, rests), parameters)
     facets, values = FacetCoordinates.of(points, points.mean(axis=0))
     far = len(values) // 4
     idle = np.concatenate([values[: 3 * far], [1.0, 0.0, 0.0], values[3 * far :], [3.0]])
     rests = evaluate_rests(torch.tensor(facets.shape(idle).points))
     assert len(rests.hull.normals) == far
-    np.testing.assert_array_equal(facets.pruned(idle, rests), idle)
+    np.testing.assert_array_equal(facets.prune(idle, rests), idle)
 
 
 def test_an_origin_outside_is_refused_in_words() -> None:
@@ -155,8 +155,8 @@ def test_the_others_move_as_without_pins() -> None:
     np.testing.assert_array_equal(points, shape.points)
     rows = rng.normal(size=(3, *points.shape))
     np.testing.assert_array_equal(
-        coordinates.shape(moved).pulled_back(rows),
-        shape.pulled_back(rows)[:, np.isin(whole, parameters)],
+        coordinates.shape(moved).pull_back(rows),
+        shape.pull_back(rows)[:, np.isin(whole, parameters)],
     )
 
 

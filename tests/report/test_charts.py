@@ -31,7 +31,7 @@ from dicedesign.results.parts import (
     Draft,
     RoundOfThrows,
     SimulatedThrows,
-    ThrowProbabilities,
+    TableResult,
     TradeOff,
 )
 from dicedesign.results.result import Step
@@ -139,7 +139,7 @@ SIMULATED = SimulatedThrows(
 )
 
 
-def thrown(rounds: int, simulated: bool = True, **changes: Any) -> ThrowProbabilities:
+def thrown(rounds: int, simulated: bool = True, **changes: Any) -> TableResult:
     usual = {"elsewhere_drops": 0, "elsewhere": None, "requested": TARGET, "frequencies": TARGET}
     values = {**usual, **changes}
     made = (
@@ -147,7 +147,7 @@ def thrown(rounds: int, simulated: bool = True, **changes: Any) -> ThrowProbabil
         RoundOfThrows(1500, 0.04, 0.016, 0.03, is_kept=True, **values),
     )
     probabilities = (0.24, 0.5, 0.26)
-    return ThrowProbabilities({}, probabilities, made[:rounds], SIMULATED if simulated else None)
+    return TableResult({}, probabilities, made[:rounds], SIMULATED if simulated else None)
 
 
 def test_dice_and_their_targets() -> None:

@@ -21,7 +21,7 @@ from dicedesign.report.data_sheet import (
     wrap,
 )
 from dicedesign.report.raster import decode_png
-from dicedesign.report.renderer import Surface
+from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.sheet import Sheet, text_width
 from dicedesign.results.result import Engraved
 
@@ -96,7 +96,7 @@ def test_lines_are_as_wide_as_they_may_be() -> None:
 def test_the_pdf_is_one_page_of_a4_with_text_and_the_png_the_same() -> None:
     die = finished_box()
     body = die.plain.body
-    surface = Surface(body.points, body.triangles, smooth=False)
+    surface = RenderMesh(body.points, body.triangles, smooth=False)
     found = sheet_facts(die, "die.stl", "ab" * 32)
     sheet = data_sheet(found, four_views(surface, die.upward))
     data = sheet_pdf(sheet, "box")

@@ -11,8 +11,8 @@ from common.kernels import without_kernels
 
 from dicedesign.report.raster import Camera, rasterize
 from dicedesign.report.renderer import (
+    RenderMesh,
     Shell,
-    Surface,
     brightness,
     render,
     render_shadow,
@@ -21,7 +21,7 @@ from dicedesign.report.renderer import (
 
 def render_view(points: np.ndarray, triangles: np.ndarray, camera: Camera, size: int) -> np.ndarray:
     """Picture of a solid with flat faces."""
-    return render(Surface(np.asarray(points), np.asarray(triangles), smooth=False), camera, size)
+    return render(RenderMesh(np.asarray(points), np.asarray(triangles), smooth=False), camera, size)
 
 
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
@@ -79,9 +79,9 @@ def test_the_kernel_sees_the_triangles_that_numpy_sees() -> None:
 UPRIGHT = np.array([0.0, 0.0, 1.0])
 
 
-def sphere(subdivisions: int) -> Surface:
+def sphere(subdivisions: int) -> RenderMesh:
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions)
-    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    return RenderMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 def cube(half: float) -> trimesh.Trimesh:
@@ -100,7 +100,7 @@ HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 def test_two_triangles_share_a_normal_up_to_35_degrees(degrees: float, shared: bool) -> None:
     turn = np.radians(degrees)
     points = np.array([[0, 0, 0], [0, 1, 0], [-1, 0, 0], [np.cos(turn), 0, -np.sin(turn)]], float)
-    left, right = Surface(points, np.array([[0, 1, 2], [0, 3, 1]])).corner_normals
+    left, right = RenderMesh(points, np.array([[0, 1, 2], [0, 3, 1]])).corner_normals
     middle = np.array([np.sin(turn / 2), 0.0, np.cos(turn / 2)])
     np.testing.assert_allclose(left[2], [0, 0, 1], atol=1e-12)
     for corner in (left[0], left[1], right[0], right[2]):
@@ -124,7 +124,7 @@ def test_a_coarse_sphere_is_shaded_like_the_sphere() -> None:
 
 def test_colors_of_points_are_interpolated() -> None:
     red_to_blue = np.array([[1, 0, 0], [0, 0, 1], [0, 0, 1], [1, 0, 0]], float)
-    picture = render(Surface(square(0.0), HALVES, red_to_blue), FRONT, 90)
+    picture = render(RenderMesh(square(0.0), HALVES, red_to_blue), FRONT, 90)
     row = picture[45, 17:73].astype(float)
     share = row[:, 2] / row.sum(axis=1)
     np.testing.assert_allclose(share, (np.arange(17, 73) + 0.5 - 15.0) / 60.0, atol=0.02)
@@ -135,16 +135,16 @@ def test_colors_of_points_are_interpolated() -> None:
 
 def test_what_is_not_covered_shows_the_backdrop() -> None:
     backdrop = np.linspace(0.0, 1.0, 90)[:, None] * np.ones(90)
-    picture = render(Surface(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
+    picture = render(RenderMesh(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
     np.testing.assert_array_equal(picture[:, 5, 1], np.rint(255.0 * backdrop[:, 5]))
     assert (picture[45, 45] > picture[45, 5]).all()
-    nothing = Surface(square(0.0) + np.array([9.0, 0.0, 0.0]), HALVES)
+    nothing = RenderMesh(square(0.0) + np.array([9.0, 0.0, 0.0]), HALVES)
     assert (render(nothing, FRONT, 20) == 255).all()
 
 
 def test_silhouettes_and_steps_are_outlined_and_sharp_edges_are_not() -> None:
     points = np.concatenate([square(0.0), square(0.5, 0.5)])
-    steps = Surface(points, np.concatenate([HALVES, HALVES + 4]))
+    steps = RenderMesh(points, np.concatenate([HALVES, HALVES + 4]))
     picture = render(steps, FRONT, 90)
     inner = picture[45, 45]
     # Where the squares' borders are: 15 and 30 pixels from the left.
@@ -152,7 +152,7 @@ def test_silhouettes_and_steps_are_outlined_and_sharp_edges_are_not() -> None:
     assert picture[45, 15].max() < inner.max() - 40
     box = cube(1.0)
     corner = Camera(np.ones(3), UPRIGHT, np.zeros(3), 2.0)
-    solid = Surface(np.asarray(box.vertices), np.asarray(box.faces))
+    solid = RenderMesh(np.asarray(box.vertices), np.asarray(box.faces))
     plain = render(replace(solid, smooth=False), corner, 90)
     smooth = render(solid, corner, 90)
     assert plain[45, 45].max() < 80
@@ -170,7 +170,7 @@ def glass(tinted: tuple[int, ...]) -> Shell:
 
 
 def test_a_shell_tints_what_is_behind_it() -> None:
-    surface = Surface(square(0.0, 0.5), HALVES)
+    surface = RenderMesh(square(0.0, 0.5), HALVES)
     bare = render(surface, FRONT, 90).astype(int)
     clear, near, far = (
         render(surface, FRONT, 90, glass(tinted)).astype(int) for tinted in ((), (1,), (-1,))

@@ -20,7 +20,7 @@ from dicedesign.results.parts import (
     PrintedLabel,
     Search,
     SimulatedThrows,
-    ThrowProbabilities,
+    TableResult,
     TradeOff,
 )
 from dicedesign.results.result import Designed, InfillProbabilities, PrintTolerances, Result
@@ -33,7 +33,7 @@ RESHAPED = {
     "rest_counts": (3, 1, 1, 1, 1, 17),
     "notes": ("7 vertices were welded",),
 }
-THROWN = ThrowProbabilities(
+THROWN = TableResult(
     load_table("board-game").as_dict()
     | {"restitution": 0.5, "friction": 0.3, "height": 0.1, "speed": 0.2, "spin": 10.0}
     | {"size": 0.0317, "name": "my <table>", "source": "guessed"},

@@ -19,7 +19,7 @@ from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.report.palette import ACCENT, DARK, rgb
-from dicedesign.report.renderer import Surface
+from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.solid_figures import (
     Ablation,
     Face,
@@ -141,7 +141,7 @@ def labels_of(work: Work, outcome: int) -> list[Placement]:
     return [placement for place, placement in pairs if place.outcome == outcome]
 
 
-def area_of_color(surface: Surface, color: Floats) -> float:
+def area_of_color(surface: RenderMesh, color: Floats) -> float:
     """Area of the triangles of a color; a triangle's corners are of one."""
     assert surface.colors is not None
     colors = surface.colors[surface.triangles]

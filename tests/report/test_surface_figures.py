@@ -11,7 +11,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.report.palette import BASINS, repeat, rgb
 from dicedesign.report.raster import Camera, three_cameras
-from dicedesign.report.renderer import Shell, Surface
+from dicedesign.report.renderer import RenderMesh, Shell
 from dicedesign.report.sheet import Sheet
 from dicedesign.report.surface_figures import (
     before_after_figure,
@@ -72,7 +72,7 @@ def test_before_and_after_are_drawn_at_one_scale() -> None:
     mesh = dumbbell()
     before = np.asarray(mesh.vertices)
     after = 0.5 * before
-    both = Surface(before, mesh.faces), Surface(after, mesh.faces)
+    both = RenderMesh(before, mesh.faces), RenderMesh(after, mesh.faces)
     figure = before_after_figure(*both, UP)
     assert figure.texts == [f"{name}, view {k}" for name in ("before", "after") for k in (1, 2, 3)]
     sizes = [
@@ -113,7 +113,7 @@ def test_the_overlay_shows_the_hull_and_its_rests() -> None:
     mesh = dumbbell()
     downs = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     shell = hull_of(mesh, downs)
-    surface = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    surface = RenderMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     # One camera at each outcome's facet.
     cameras = [Camera(down, np.array([1.0, 0, 0]), np.zeros(3), 1.5) for down in downs]
     figure = hull_figure(surface, shell, ["$heads$", "tails"], cameras)
@@ -164,7 +164,7 @@ def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
     mesh = dumbbell()
     downs = np.concatenate([np.eye(3), -np.eye(3)])[:count] * 7.0
     shell = hull_of(mesh, downs / 7.0)
-    surface = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    surface = RenderMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     labels = [f"no. {k}" for k in range(count)]
     probabilities = np.arange(1, count + 1) / 100.0
     front = np.array([1.0, 2.0, 3.0])
@@ -186,7 +186,7 @@ def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
 
 def test_resting_views_need_matching_arguments() -> None:
     mesh = dumbbell()
-    surface = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    surface = RenderMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     shell = hull_of(mesh, np.eye(3))
     with pytest.raises(InputError, match="got 2 directions, 1 labels and 2 probabilities"):
         rests_figure(surface, shell, np.eye(3)[:2], ["a"], np.ones(2), UP)

@@ -17,7 +17,7 @@ from dicedesign.results.parts import (
     Search,
     SimulatedThrows,
     Status,
-    ThrowProbabilities,
+    TableResult,
     TradeOff,
 )
 from dicedesign.results.result import (
@@ -66,7 +66,7 @@ RESULT = Result(
     search=Search(
         4, 2.5, 2, TradeOff(0.005, 45.0, 10.0, (Draft(2, 1.5, 0.001, 0.02, 50.0, 12.0, 3),))
     ),
-    thrown=ThrowProbabilities(
+    thrown=TableResult(
         {"name": "carpet", "friction": 0.2},
         (0.3, 0.7),
         (),

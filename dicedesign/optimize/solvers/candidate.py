@@ -194,7 +194,7 @@ class CandidateMaker:
             shape = coordinates.shape(parameters, self.polars.hull)
             points = torch.from_numpy(shape.points).requires_grad_()
             center = None if given is None else torch.as_tensor(given)
-            rests = evaluate_rests(points, center, self.shapes.hull, self.offset).untied()
+            rests = evaluate_rests(points, center, self.shapes.hull, self.offset).raise_ties()
             stable = rests.hull.normals[rests.paths.rests]
             nearest = np.argmax(directions @ stable.T, axis=1)
             if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
@@ -319,7 +319,7 @@ class LevenbergMarquardt:
                 break
             following, gained, damping = self._step(current, metric, weight, damping)
             if following is not None:
-                current = self._pruned(following)
+                current = self._prune(following)
                 self.on_candidate(current)
                 if gained >= SLOW:
                     continue
@@ -385,9 +385,9 @@ class LevenbergMarquardt:
     def _attempt(self, current: Candidate, parameters: Floats) -> Candidate | None:
         return self.maker.attempt(current.coordinates, parameters, current.directions)
 
-    def _pruned(self, candidate: Candidate) -> Candidate:
+    def _prune(self, candidate: Candidate) -> Candidate:
         """The candidate without the parameters that its shape no longer uses."""
-        pruned = candidate.coordinates.pruned(candidate.parameters, candidate.rests)
+        pruned = candidate.coordinates.prune(candidate.parameters, candidate.rests)
         if len(pruned) == len(candidate.parameters):
             return candidate
         return self._attempt(candidate, pruned) or candidate

@@ -126,7 +126,7 @@ def improve(
                 following = _line_search(point, curvature)
             if following is None:
                 break
-            curvature = _updated(curvature, point, following)
+            curvature = _update(curvature, point, following)
             slow = slow + 1 if following.merit > (1.0 - SLOW) * point.merit else 0
             point, steps = following, steps - 1
             on_step(point.candidate, point.merit)
@@ -275,7 +275,7 @@ def _line_search(point: _Point, curvature: Floats) -> _Point | None:
     return None
 
 
-def _updated(curvature: Floats, point: _Point, following: _Point) -> Floats:
+def _update(curvature: Floats, point: _Point, following: _Point) -> Floats:
     """The inverse Hessian (n, n) by BFGS, with vectors projected into the new tangent space."""
     step = following.along(following.candidate.parameters - point.candidate.parameters)
     change = following.gradient - following.along(point.gradient)

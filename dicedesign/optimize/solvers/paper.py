@@ -90,7 +90,7 @@ def solve_paper(
     result = _Descent(first, sobolev, started, on_step, on_evaluation).run(options)
     if options.finish == "none":
         return result
-    return finished(
+    return finish_exactly(
         result,
         target,
         options,
@@ -127,7 +127,7 @@ class _Descent:
             # More of them would be more of the same.
             status = Status.NO_PROGRESS
         current, shapes = self.current, self.current.objective.shapes
-        if current.error <= options.reached:
+        if current.error <= options.effective_tolerance:
             status = Status.CONVERGED
         return DesignResult(
             status,
@@ -147,7 +147,7 @@ class _Descent:
             following = rule.search(self.current, self._ascent())
             if following is None:
                 break
-            self._record(following.refreshed())
+            self._record(following.refresh())
             if self.current.value < best.value:
                 best = self.current
         self._end(rule, best)
@@ -164,14 +164,14 @@ class _Descent:
                 break
             # Go there, without the points that are no vertices any more.
             objective = following.objective
-            pruned = objective.coordinates.pruned(following.parameters, following.rests)
+            pruned = objective.coordinates.prune(following.parameters, following.rests)
             if len(pruned) != len(following.parameters):
                 self.evaluations += 1
                 fewer = objective.attempt(pruned, following.directions)
                 if fewer is not None:
                     following = fewer
                     rule.restart()
-            self._record(following.refreshed())
+            self._record(following.refresh())
             energies.append(self.current.value)
             if self.current.value <= best.value:
                 best = self.current
@@ -225,7 +225,7 @@ KEPT_ANGLE: Final = 0.35
 them apart."""
 
 
-def finished(
+def finish_exactly(
     result: DesignResult,
     target: Floats,
     options: PaperOptions,
@@ -255,7 +255,7 @@ def finished(
         end = solve_exact(
             _starts(result, target, maker),
             target,
-            ExactOptions(tolerance=options.reached, prefer=options.prefer),
+            ExactOptions(tolerance=options.effective_tolerance, prefer=options.prefer),
             center_of_mass=center_of_mass,
             least_angle=KEPT_ANGLE,
             on_step=on_exact_step,
@@ -283,7 +283,7 @@ def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iter
     center = maker.center_of_mass
     poses = analyze(result.hull, result.hull.centroid if center is None else center)
     for angle in ABSORBED:
-        coordinates, parameters, directions = flattened(poses, result.directions, angle)
+        coordinates, parameters, directions = flatten(poses, result.directions, angle)
         if np.isnan(parameters).any():
             continue
         candidate = maker.attempt(coordinates, parameters, directions)
@@ -291,12 +291,12 @@ def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iter
             objective = Objective(
                 coordinates, target, REPAIRING, center, maker.shapes, maker.polars
             )
-            candidate = _repaired(objective, parameters, directions, maker)
+            candidate = _repair(objective, parameters, directions, maker)
         if candidate is not None:
             yield Start(candidate.rests.hull.vertices, candidate.directions)
 
 
-def _repaired(
+def _repair(
     objective: Objective, parameters: Floats, directions: Floats, maker: CandidateMaker
 ) -> Candidate | None:
     """A die with one rest for each outcome and no other that lies downhill; None where steps lead
@@ -310,7 +310,7 @@ def _repaired(
         maker.evaluations += rule.evaluations - tried
         if current is None:
             break
-        current = current.refreshed()
+        current = current.refresh()
         if current.flaws == 0:
             candidate = maker.attempt(objective.coordinates, current.parameters, current.directions)
             if candidate is not None:
@@ -318,7 +318,7 @@ def _repaired(
     return None
 
 
-def flattened(
+def flatten(
     poses: RestPoses, directions: Floats, angle: float
 ) -> tuple[FacetCoordinates, Floats, Floats]:
     """Half-spaces of a shape on which each outcome has one facet.

@@ -148,9 +148,9 @@ class Refinement:
         if len(np.unique(self.orbits)) == 1:
             return die, ()
         known = _KnownProbabilities(self, self.measures(die), self.rounds)
-        target, dice, total_throws, own, least = self.target, list[_Seen](), 0, 0, self.drops
+        target, dice, total_throws, own, least = self.target, list[_Trial](), 0, 0, self.drops
 
-        def best_of_all() -> _Seen:
+        def best_of_all() -> _Trial:
             return min(dice, key=lambda one: self._shortfall(known, one))
 
         for number in range(self.rounds):
@@ -161,8 +161,8 @@ class Refinement:
             lacking = math.ceil(max(enough - total_throws, LEAST_GROWTH * total_throws))
             drops = min(max(least, min(total_throws, lacking)), MOST_DROPS)
             each = math.ceil(ON_TABLES * drops / max(len(self.tables), 1))
-            thrown = self._thrown(die, drops, each, number)
-            trial = _Seen(die, target, self.measures(die), own, thrown)
+            thrown = self._throw(die, drops, each, number)
+            trial = _Trial(die, target, self.measures(die), own, thrown)
             known.learn(trial)
             dice.append(trial)
             total_throws += drops
@@ -176,9 +176,9 @@ class Refinement:
             if (is_over and tried >= enough) or number == self.rounds - 1:
                 break
             if is_over:
-                die, target, own, least = best.die, best.asked, best.number, enough
+                die, target, own, least = best.die, best.wanted, best.number, enough
                 continue
-            improved = self._corrected(known, trial, is_making=number == 0)
+            improved = self._correct(known, trial, is_making=number == 0)
             if improved is None:
                 break
             (die, target), own, least = improved, number + 1, self.drops
@@ -191,9 +191,9 @@ class Refinement:
         of all rounds."""
         shape, drops = self.measures(die), math.ceil(self.drops / 2)
         each = math.ceil(TELLING * self.drops / len(self.tables))
-        thrown = self._thrown(die, drops, each, self.rounds + place)
+        thrown = self._throw(die, drops, each, self.rounds + place)
         known = _KnownProbabilities(self, shape, 1)
-        known.learn(_Seen(die, self.target, shape, 0, thrown))
+        known.learn(_Trial(die, self.target, shape, 0, thrown))
         logarithms = known.logarithms(shape, 0, self.places)
         probabilities = [
             one.probabilities * np.exp(row) for one, row in zip(thrown, logarithms, strict=True)
@@ -206,16 +206,16 @@ class Refinement:
         """(1 + t, d) measures of the table that is meant, all 0, and of the others."""
         return np.pad(self.tables, ((1, 0), (0, 0)))
 
-    def _thrown(self, die: DesignResult, drops: int, each: int, number: int) -> list[Thrown]:
+    def _throw(self, die: DesignResult, drops: int, each: int, number: int) -> list[Thrown]:
         """A die thrown so often onto the table that is meant, and onto each of the others."""
         others = self.throw_on_tables(die, each, number) if len(self.tables) else []
         return [self.throw(die, drops, number), *others]
 
     def _round(
-        self, known: _KnownProbabilities, trial: _Seen, is_kept: bool = False
+        self, known: _KnownProbabilities, trial: _Trial, is_kept: bool = False
     ) -> RoundOfThrows:
         counts, *others = (one.counts for one in trial.thrown)
-        drops, (on_table, elsewhere) = int(counts.sum()), self._expected(known, trial)
+        drops, (on_table, elsewhere) = int(counts.sum()), self._expect(known, trial)
         return RoundOfThrows(
             drops=drops,
             deviation=total_variation(counts / drops, np.append(self.target, 0.0)),
@@ -224,26 +224,26 @@ class Refinement:
             elsewhere_drops=sum(int(one.sum()) for one in others),
             elsewhere=elsewhere,
             is_kept=is_kept,
-            requested=tuple(trial.asked.tolist()),
+            requested=tuple(trial.wanted.tolist()),
             frequencies=tuple((counts[:-1] / drops).tolist()),
         )
 
-    def _expected(self, known: _KnownProbabilities, trial: _Seen) -> tuple[float, float | None]:
+    def _expect(self, known: _KnownProbabilities, trial: _Trial) -> tuple[float, float | None]:
         """See `RoundOfThrows`: on the table that is meant, and elsewhere."""
         on_table, *others = known.variations(trial)
         return on_table, float(np.quantile(others, OFTEN)) if others else None
 
-    def _shortfall(self, known: _KnownProbabilities, trial: _Seen) -> float:
+    def _shortfall(self, known: _KnownProbabilities, trial: _Trial) -> float:
         """The expected deviation of a die over what counts as reached: that on the table that is
         meant, or the mean of that and of that on the others."""
-        on_table, elsewhere = self._expected(known, trial)
+        on_table, elsewhere = self._expect(known, trial)
         on_table /= self.within
         return (
             on_table if elsewhere is None else (on_table + elsewhere / (LOOSER * self.within)) / 2.0
         )
 
-    def _corrected(
-        self, known: _KnownProbabilities, trial: _Seen, is_making: bool
+    def _correct(
+        self, known: _KnownProbabilities, trial: _Trial, is_making: bool
     ) -> tuple[DesignResult, Floats] | None:
         """A die that makes up for what is known, and its probabilities in the model.
 
@@ -251,7 +251,7 @@ class Refinement:
         that is known; so the probabilities that are asked for are a fixed point, found by
         Anderson's method.
         """
-        targets, lacking = [np.log(trial.asked)], list[Floats]()
+        targets, lacking = [np.log(trial.wanted)], list[Floats]()
         result, shape = None, trial.shape
         number: int | None = trial.number
         for turn in range(MOST_TURNS):
@@ -263,7 +263,7 @@ class Refinement:
             if is_making and turn == 0:
                 sensitivity = known.logarithms(shape, number, self.tables)
             die, again = trial.die if result is None else result[0], None
-            wanted = _mixed(targets, lacking)
+            wanted = _mix(targets, lacking)
             # Where none is found but one is needed, a die goes a part of the way.
             for halving in range(MOST_HALVINGS if turn == 0 else 1):
                 part = 0.5**halving
@@ -280,7 +280,7 @@ class Refinement:
         return result
 
 
-def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
+def _mix(points: list[Floats], steps: list[Floats]) -> Floats:
     """The next point (k,) of a fixed point's search, from points (k,) so far and the steps (k,)
     that lead from each to its image.
 
@@ -298,12 +298,12 @@ def _mixed(points: list[Floats], steps: list[Floats]) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Trial:
     """A die that was thrown first in a round of this number, with its measures (f,), onto the table
     that is meant and others."""
 
     die: DesignResult
-    asked: Floats
+    wanted: Floats
     shape: Floats
     number: int
     thrown: list[Thrown]
@@ -326,7 +326,7 @@ class _KnownProbabilities:
         self.target, self.orbits = refinement.target, refinement.orbits
         self.places = refinement.places
 
-    def learn(self, trial: _Seen) -> None:
+    def learn(self, trial: _Trial) -> None:
         """Take note of throws."""
         for place, one in zip(self.places, trial.thrown, strict=True):
             counts = np.rint(self._by_orbit(one.counts[:-1])).astype(np.int64)
@@ -338,7 +338,7 @@ class _KnownProbabilities:
         die that was thrown, or of another for None."""
         return self.bias.logarithms(self._features(shape, number, table))[..., self.orbits]
 
-    def variations(self, trial: _Seen) -> list[float]:
+    def variations(self, trial: _Trial) -> list[float]:
         """Total variation from the target that is to be expected of a die that was thrown, on each
         table."""
         return [

@@ -104,7 +104,7 @@ class Reshaped:
     errors: tuple[float, ...]
 
 
-def reshaped(
+def reshape(
     core: ConvexHull,
     directions: Floats,
     placements: Sequence[Any],
@@ -174,7 +174,7 @@ def reshaped(
             bearing = np.concatenate([directions, labeled.bearing(labels)])
             coordinates, parameters = tie_coordinates(core, bearing, FOLD)
             maker = CandidateMaker(None, model, guess[:3] * size)
-            shape = _solved(coordinates, parameters, directions, target - guess[3:], maker)
+            shape = _solve(coordinates, parameters, directions, target - guess[3:], maker)
             if shape is None:
                 break
             after = shape.rests.hull
@@ -196,7 +196,7 @@ def reshaped(
     return replace(best, errors=tuple(errors))
 
 
-def _solved(
+def _solve(
     coordinates: FacetCoordinates | LinkedCoordinates,
     parameters: Floats,
     directions: Floats,
@@ -270,7 +270,7 @@ class Stretched:
     errors: tuple[float, float]
 
 
-def stretched(
+def stretch(
     surface: Surface, directions: Floats, target: Floats, prior: Prior | None = None
 ) -> Stretched:
     """Stretch a solid until its probabilities are as near to wanted ones as it can bring them.
@@ -302,7 +302,7 @@ def stretched(
             rests = analyze(hull, np.zeros(3)).under(prior)
         except DiceError:
             return np.full(len(target), np.inf)
-        return outcome_probabilities(rests, _turned(directions, matrix)).probabilities
+        return outcome_probabilities(rests, _map_normals(directions, matrix)).probabilities
 
     def error_of(probabilities: Floats) -> float:
         return float(np.linalg.norm(probabilities - target))
@@ -348,7 +348,7 @@ def stretched(
     before, after = (
         float(np.abs(probabilities - target).max()) for probabilities in (first, best_probabilities)
     )
-    return Stretched(matrix, image, _turned(directions, matrix), first, (before, after))
+    return Stretched(matrix, image, _map_normals(directions, matrix), first, (before, after))
 
 
 def _matrix(parameters: Floats) -> Floats:
@@ -357,6 +357,6 @@ def _matrix(parameters: Floats) -> Floats:
     return np.eye(3) + np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
 
 
-def _turned(directions: Floats, matrix: Floats) -> Floats:
+def _map_normals(directions: Floats, matrix: Floats) -> Floats:
     """Unit normals (k, 3) of the images of planes with normals (k, 3)."""
     return unit_vectors(directions @ np.linalg.inv(matrix))

@@ -99,7 +99,9 @@ class OrbitLayouts:
             for used, orbits in self._fewest[-1].items():
                 for taken, more in self._splits(len(members), every - used):
                     both = used | taken
-                    fewest_by_poles[both] = min(fewest_by_poles.get(both, orbits + more), orbits + more)
+                    fewest_by_poles[both] = min(
+                        fewest_by_poles.get(both, orbits + more), orbits + more
+                    )
             if not fewest_by_poles:
                 raise InputError(self._refusal(len(members), float(target[members[0]])))
             self._fewest.append(fewest_by_poles)

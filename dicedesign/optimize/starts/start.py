@@ -45,7 +45,7 @@ class Start:
     pinned: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def normalized(self, own: Floats) -> Floats:
+    def normalize(self, own: Floats) -> Floats:
         """Points (..., 3) of the shape's own coordinates in those of `points`."""
         return (own - self.origin) / self.scale
 

@@ -19,7 +19,7 @@ from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
-from dicedesign.optimize.solvers.paper import flattened, solve_paper
+from dicedesign.optimize.solvers.paper import flatten, solve_paper
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, custom, fair, sum_of_dice
@@ -224,7 +224,7 @@ def test_rests_of_an_outcome_become_one() -> None:
     bent[-1] *= 0.98
     assert len(rest_poses(bent).normals) > 6
     directions = np.concatenate([np.eye(3), -np.eye(3)])
-    coordinates, parameters, normals = flattened(rest_poses(bent), directions, 3.0)
+    coordinates, parameters, normals = flatten(rest_poses(bent), directions, 3.0)
     flat = rest_poses(coordinates.shape(parameters).points)
     assert len(flat.normals) == 6
     np.testing.assert_allclose(flat.probabilities, 1.0 / 6.0, atol=0.01)

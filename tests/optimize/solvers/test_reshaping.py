@@ -17,7 +17,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_c
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.triangles import Surface
-from dicedesign.optimize.solvers.reshaping import reshaped, stretched
+from dicedesign.optimize.solvers.reshaping import reshape, stretch
 from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe
@@ -72,7 +72,7 @@ def test_facets_almost_in_one_plane(seed: int) -> None:
     solid, directions, placements = folded_die(seed)
     made = ConvexObject(EngravingOptions(), None)
     target = outcome_probabilities(rest_poses(solid.vertices), directions).probabilities
-    end = reshaped(solid, directions, placements, target, made, measure_resting(None))
+    end = reshape(solid, directions, placements, target, made, measure_resting(None))
     assert end.errors[0] > 1e-6
     assert min(end.errors) < 1e-9
 
@@ -165,7 +165,7 @@ def test_a_box_becomes_the_box_with_the_probabilities() -> None:
     """Opposite sides of a box are alike, and its proportions follow from the probabilities."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
     wanted = probabilities_of(box(10.0, 10.2, 9.9), sides)
-    end = stretched(
+    end = stretch(
         box(10.0, 10.0, 10.0).with_points(box(10.0, 10.0, 10.0).points + 3.0), sides, wanted
     )
     assert end.errors[0] > 1e-3
@@ -182,6 +182,6 @@ def test_probabilities_that_no_stretch_has_are_not_made_worse() -> None:
     """A box has equal probabilities on opposite sides, whatever its proportions."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
     wanted = np.array([0.2, 0.16, 0.16, 0.14, 0.17, 0.17])
-    end = stretched(box(10.0, 10.0, 10.0), sides, wanted)
+    end = stretch(box(10.0, 10.0, 10.0), sides, wanted)
     assert end.errors[1] <= end.errors[0]
     assert end.errors[1] == pytest.approx(0.03, abs=0.02)

@@ -71,14 +71,14 @@ def test_a_mesh_start_in_single_precision_keeps_flat_facets_whole(seed: int) -> 
     assert (len(hull.normals), len(hull.vertices)) == (6, 8)
     assert nearest_angle(start.directions, hull.normals).max() < 1e-12
     assert nearest_angle(np.concatenate([turn, -turn]), start.directions).max() < 1e-6
-    np.testing.assert_allclose(start.normalized(box), convex_corners(start, box), atol=1e-6)
+    np.testing.assert_allclose(start.normalize(box), convex_corners(start, box), atol=1e-6)
     with pytest.raises(InputError, match="got 6 in points"):
         mesh_start(body, 7)
 
 
 def convex_corners(start: Start, points: np.ndarray) -> np.ndarray:
     """For each of the shape's own points, the corner of the start nearest to it."""
-    offsets = start.normalized(points)[:, None] - start.points
+    offsets = start.normalize(points)[:, None] - start.points
     return start.points[np.argmin((offsets**2).sum(-1), axis=1)]
 
 
@@ -88,7 +88,7 @@ def test_a_mesh_start_ranks_the_rests_for_a_given_center() -> None:
     start = mesh_start(make_body(points), 3, center)
     poses = rest_poses(points, center)
     np.testing.assert_allclose(start.directions, poses.normals[:3], atol=1e-12)
-    moved = rest_poses(start.points, start.normalized(center))
+    moved = rest_poses(start.points, start.normalize(center))
     np.testing.assert_allclose(moved.probabilities, poses.probabilities, atol=1e-10)
     assert np.abs(rest_poses(points).normals[:3] - poses.normals[:3]).max() > 0.1
 
