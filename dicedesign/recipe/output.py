@@ -35,7 +35,7 @@ from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
-from dicedesign.geometry.triangles import solid_properties
+from dicedesign.geometry.triangles import Surface, solid_properties
 from dicedesign.gradient.probability_model import probability_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
@@ -72,7 +72,7 @@ def prepare_print(work: Work) -> None:
             labels, normals = work.target.labels, -plain.poses.normals[plain.outcomes.main]
         if work.solid.is_printable:
             assert plain.body.triangles is not None
-            shape = RenderMesh(plain.body.points, plain.body.triangles)
+            shape = Surface(plain.body.points, plain.body.triangles)
     assert body.triangles is not None
     die = PrintedDie(
         points=body.points,
@@ -224,11 +224,11 @@ def _make_parts(work: Work) -> list[Part]:
     # It imports manifold3d.
     from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
 
-    surface = RenderMesh(body.points, body.triangles)
+    surface = Surface(body.points, body.triangles)
     if work.die.reshaped is None:
         labels = labels_below_hull(surface, options.depth_mm)
     else:
-        whole = RenderMesh(plain.points, plain.triangles)
+        whole = Surface(plain.points, plain.triangles)
         labels = labels_off_surface(surface, whole, options.depth_mm)
     return [replace(body, labels=labels)]
 

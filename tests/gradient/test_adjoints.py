@@ -205,8 +205,8 @@ def test_corners_of_half_spaces_pull_gradients_back(
     np.testing.assert_allclose(shape.points, by_formula.detach(), atol=1e-13)
     rows = np.random.default_rng(0).normal(size=(4, *shape.points.shape))
     with way():
-        found = shape.pullback(rows)
-        assert shape.pullback(rows[:0]).shape == (0, len(parameters))
+        found = shape.pull_back(rows)
+        assert shape.pull_back(rows[:0]).shape == (0, len(parameters))
     assert found.shape == (4, len(parameters))
     for row, slope in zip(rows, found, strict=True):
         expected = torch.autograd.grad(

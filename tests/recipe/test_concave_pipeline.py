@@ -116,7 +116,7 @@ def test_a_recipe_becomes_a_checked_die(
     assert summary["concave"]["hull"]["gap"] < 1e-6
     assert summary["rest_counts"] == [1] * 6
     assert 0.0 < summary["engraved"]["max_abs_error"] < 0.002
-    assert summary["message"].endswith(" with the labels cut in")
+    assert " with the labels cut in" in summary["message"]
     assert read_recipe(result.folder / "recipe.yaml") == recipe
     page = (result.folder / "report.html").read_text()
     for name in ("before_after.png", "die_plain.stl", "max |p - q| is "):
@@ -404,7 +404,7 @@ def test_the_command_line_prints_the_probabilities_and_what_was_moved(
     assert re.findall(r"[0-9.]+(?= degrees)", lines[10]) == ["90", "45"]
     search.change = lambda points: points * [1.0, 1.1, 1.25]
     assert main(["run", str(recipe_path), "--out", out]) == 1
-    assert capsys.readouterr().out.startswith("cube: off_target (")
+    assert "(off_target: " in capsys.readouterr().out
     search.leads_nowhere = True
     assert main(["run", str(recipe_path), "--out", out]) == 1
     assert capsys.readouterr().out.startswith("cube: unchanged (")

@@ -186,7 +186,7 @@ def test_a_worse_die_is_not_kept() -> None:
     kept = [one.is_kept for one in rounds]
     assert kept.index(True) in (1, 2)
     assert kept.count(True) == 1
-    np.testing.assert_array_equal(die.directions, rounds[kept.index(True)].asked)
+    np.testing.assert_array_equal(die.directions, rounds[kept.index(True)].requested)
     assert rounds[-1].expected > 0.1
 
 
