@@ -96,9 +96,7 @@ def _finish_convex(work: Work) -> None:
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
     measure, model, target = _choose_measure(work, finish, core)
     directions = work.die.directions
-    end = reshaped(
-        core, directions, placements, target, finish, measure, rounds=rounds, model=model
-    )
+    end = reshape(core, directions, placements, target, finish, measure, rounds=rounds, model=model)
     work.balance = Balance(
         by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
     )

@@ -131,7 +131,7 @@ def _design_die(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
     return Lain(die.body, die.poses, [facet.label or "" for facet in die.facets])
 
 
-def _make_start(recipe: Recipe, path: Path, after: Lain) -> Surface:
+def _make_start(recipe: Recipe, path: Path, after: Lain) -> RenderMesh:
     """Start of a recipe's design, with the size and the centroid of the die."""
     from dicedesign.recipe.design_die import design_recipe
 
