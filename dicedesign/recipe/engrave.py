@@ -29,7 +29,7 @@ from dicedesign.gradient.probability_model import (
     ProbabilityModel,
     ThrowProbabilities,
 )
-from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, stretch
+from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshape, stretch
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Balance, Inside
