@@ -121,6 +121,6 @@ def is_finite_number(value: object) -> TypeGuard[float]:
 
 
 def printable(text: object) -> str:
-    """A text, or the text of a path, in one line of UTF-8: whatever cannot be printed, such as a
-    line feed or a byte of a file's name that is not UTF-8, as an escape of Python's."""
+    """A text or path as one line of UTF-8; characters that cannot be printed become Python
+    escapes."""
     return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in str(text))

@@ -71,8 +71,8 @@ class Balanced:
 
     @property
     def numbers(self) -> tuple[int | None, ...]:
-        """Of the poses as `dicedesign rest` lists them for the body as it came; None for those that
-        it had not."""
+        """Numbers of the poses in the list of `dicedesign rest` for the original body; None for
+        new poses."""
         angles = angle_between(self.directions[:, None], self.poses_before.normals[None])
         nearest = angles.argmin(axis=1)
         near = angles.min(axis=1) <= SAME_REST_ANGLE
@@ -163,7 +163,7 @@ def balance_body(
         raise failed[0]
 
     def missing(one: Balanced) -> float:
-        """How far from its goal a body is."""
+        """Distance of a body from its goal."""
         if isinstance(goal, FewestRests):
             return float(one.rests)
         return 1.0 - float(one.probabilities[0]) if one.error is None else one.error
@@ -253,7 +253,7 @@ def _region(
     part: float,
     options: BalanceOptions,
 ) -> ConvexHull:
-    """Where the center of mass may be and can be brought."""
+    """Convex region in which the center of mass may lie and can be brought."""
     reached = convex_hull(surface.centroid + part * shifts.vertices)
     within = Halfspaces.of_hull(reached).and_within(Halfspaces.of_hull(whole_hull(hull)))
     if options.region == "hollow":
@@ -275,7 +275,7 @@ def _region(
 
 
 def _remedy(goal: Goal, best: BestCenter, way: str) -> str:
-    """What would do more."""
+    """Advice on what would bring the body nearer to its goal."""
     farther = {
         "cavity": "a thinner wall_mm reaches farther",
         "infill": "infills farther apart reach farther, and so does a cavity",

@@ -90,7 +90,7 @@ class Descent:
         return center
 
     def by_squares(self, center: Floats) -> tuple[Floats, float]:
-        """The same by steps of Levenberg and Marquardt alone, and the sum of squares there."""
+        """Result of Levenberg-Marquardt steps alone, and its sum of squares."""
         damping, factor_less, factor_more, most = DAMPING
         value_at_center = self._serve(center)
         for _ in range(self.steps):

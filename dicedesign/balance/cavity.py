@@ -200,7 +200,7 @@ def _outside(surface: Surface, margin: float) -> Manifold:
 
 
 def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
-    """What is deeper than so much; None where nothing is."""
+    """Part of a solid deeper than a distance; None if there is none."""
     values = grid.depths - depth
     # Where two sheets would meet in a cell the cavity gives way.
     inside = ~without_double_cuts(-values)

@@ -80,7 +80,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class FewestRests:
-    """As few rests as can be."""
+    """Goal: as few rests as possible."""
 
 
 @dataclass(frozen=True)
@@ -196,9 +196,8 @@ def top_directions(rests: Rests, count: int) -> Floats:
 
 
 def pose_probabilities(poses: RestPoses, directions: Floats) -> Floats:
-    """(c,) probabilities of poses with directions (c, 3): those of the rests that count for each,
-    as by `outcome_probabilities`, but for poses that have no rest within `SAME_REST_ANGLE`, which
-    have none."""
+    """(c,) probabilities of poses with directions (c, 3), summed over the rests that count for
+    each. A pose without a rest within `SAME_REST_ANGLE` has probability 0."""
     counted = _count_rests(poses.normals, poses.probabilities, directions)
     return np.asarray(counted @ poses.probabilities)
 
@@ -213,7 +212,7 @@ def _count_rests(normals: Floats, probabilities: Floats, directions: Floats) -> 
 
 @dataclass(frozen=True, eq=False)
 class ServedGoal:
-    """How far rests are from a goal.
+    """Distance of the rests of a body from a goal.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ LEAST_WALL: Final = 0.05
 
 @dataclass(frozen=True)
 class BodyMaterial:
-    """What a body is made of inside.
+    """Walls, infill and drain of a balanced body.
 
     Raises InputError for a value out of its range.
     """
@@ -55,7 +55,7 @@ def _check(name: str, value: float, least: float, most: float, remedy: str) -> N
 
 @dataclass(frozen=True)
 class InsideOptions(BodyMaterial):
-    """How the center of mass of a die gets to where it was given.
+    """Options of `inside`: how a die gets a given center of mass.
 
     Raises InputError for a value out of its range.
     """
@@ -72,16 +72,15 @@ MANY: Final = 1000
 
 @dataclass(frozen=True)
 class CenterSearch:
-    """How long is looked for a center of mass; `samples` are tried, `descents` start at the best of
-    them, each of at most `steps` steps of each kind."""
+    """Effort of the search for a center of mass: `samples` points are tried, `descents` start at
+    the best of them, each of at most `steps` steps of each kind."""
 
     samples: int = 600
     descents: int = 10
     steps: int = 60
 
     def for_corners(self, count: int) -> CenterSearch:
-        """The same for a hull of so many corners: fewer of all where they are many, as each center
-        takes as much longer."""
+        """Effort for a hull with a number of corners: less for many, as each center takes longer."""
         part = min(1.0, MANY / count)
 
         def fewer(most: int, least: int) -> int:
@@ -92,8 +91,8 @@ class CenterSearch:
 
 @dataclass(frozen=True)
 class BalanceOptions(BodyMaterial):
-    """Where the center of mass may be, how it gets there, and what the body is made of, see
-    `BodyMaterial`.
+    """Options of `balance_body`: region of the center of mass, way to get there, and material
+    (`BodyMaterial`).
 
     Attributes
     ----------

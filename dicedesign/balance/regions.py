@@ -48,7 +48,7 @@ class Halfspaces:
         return self.offsets - self.normals @ point
 
     def and_within(self, other: Halfspaces) -> Halfspaces:
-        """What both have."""
+        """Intersection of two regions."""
         return Halfspaces(
             np.concatenate([self.normals, other.normals]),
             np.concatenate([self.offsets, other.offsets]),
@@ -85,7 +85,7 @@ def box_region(low: Floats, high: Floats) -> Halfspaces:
 
 
 def points_within(hull: ConvexHull, count: int) -> Floats:
-    """(count, 3) points that fill a hull evenly, always the same."""
+    """(count, 3) points that fill a hull evenly, deterministic."""
     middle = hull.centroid
     corners = hull.vertices[hull.triangles] - middle
     volumes = np.abs(np.linalg.det(corners))
@@ -162,19 +162,19 @@ class Stability:
         return float(np.abs(self.outermost(center)[1]).min())
 
     def cell(self, center: Floats, clearance: float = 0.0) -> Halfspaces:
-        """Where the body has the same rests as with a center of mass (3,), and no others, in part:
-        it is beyond the same side of all other facets. Planes are moved inward by a distance."""
+        """Region of centers of mass around one (3,) with exactly the same rests, in part: each
+        lies on the same side of all other facets' planes. Planes are moved inward by a distance."""
         edges, least = self.outermost(center)
         inner = (least > 0.0)[self.hull.facet]
         inside = Halfspaces(self.sides.normals[inner], self.sides.offsets[inner] - clearance)
         return inside.and_within(self.beyond(edges[least <= 0.0], clearance))
 
     def beyond(self, edges: Integers, clearance: float = 0.0) -> Halfspaces:
-        """Where the center of mass is beyond the sides of half-edges, by a distance."""
+        """Region of centers of mass beyond the sides of half-edges, by a distance."""
         return Halfspaces(-self.sides.normals[edges], -self.sides.offsets[edges] - clearance)
 
 
 def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:
-    """Whether a center of mass (3,) is another than that of the uniform solid in a surface."""
+    """Whether a center of mass (3,) differs from that of the uniform solid."""
     shift = float(norms(center_of_mass - surface.centroid))
     return shift > UNSHIFTED * surface.diagonal

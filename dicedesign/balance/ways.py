@@ -65,7 +65,7 @@ class Hole:
     radius: float
 
     def tube(self, factor: float = 1.0) -> Manifold:
-        """What is cut out, or that with a larger radius, so that nothing of it is left."""
+        """Hole to cut out, or a wider one that leaves no sliver."""
         radius = factor * self.radius
         before, after = BEYOND * radius, 0.5 * BEYOND * radius
         tube = Manifold.cylinder(before + self.length + after, radius, radius, SEGMENTS)
@@ -229,7 +229,7 @@ def _make_with_cavity(
 
 
 def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Made:
-    """With a hole to each part of the cavity, which is found again with each hole."""
+    """Drill a hole to each part of the cavity; the cavity is computed again with each hole."""
     body = solid(surface.points, surface.triangles)
     room, _ = within_walls(surface, wall)
     holes: tuple[Hole, ...] = ()

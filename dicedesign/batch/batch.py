@@ -82,8 +82,7 @@ def analyze_files(
     center_of_mass: Center = None,
     coplanar_tolerance: float | None = None,
 ) -> dict[str, Entry]:
-    """The entries of some files. One that cannot be analyzed, for whatever reason, gets an entry
-    that says so.
+    """Entries of some files. A file that cannot be analyzed gets an entry with the reason.
 
     folder: where they are.
     stamps: of each file, by its path within the folder.

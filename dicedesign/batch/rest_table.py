@@ -207,7 +207,7 @@ class TableFormat:
 
 
 def table_format(path: Path | None) -> TableFormat:
-    """The format that the ending of a table's path tells.
+    """Format of a table by the ending of its path.
 
     Raises InputError, naming the option --out: it tells none, or Parquet, and pyarrow is missing.
     """

@@ -118,7 +118,7 @@ class Attempts:
 
     @cached_property
     def problem(self) -> HullProblem:
-        """Of the hull's design."""
+        """Problem of the hull's design."""
         options = self.options
         return HullProblem(
             self.surface.with_points((self.surface.points - self.center) / self.radius),
@@ -185,8 +185,8 @@ class Attempts:
         best: FilledHull | None,
         wall: float,
     ) -> FilledHull | None:
-        """The same, the center of mass shifted as far as cavities in the surface, as it is bent by
-        then, can do that, and as bending it less is worth."""
+        """Fill a hull whose center of mass is shifted by a cavity, as far as that reduces the
+        bending."""
         # Imported late, with manifold3d: solid dice do without.
         from dicedesign.balance.cavity import balancing_cavity, reach
 

@@ -63,7 +63,7 @@ class HullDraft:
 
     @classmethod
     def of(cls, corners: Floats, directions: Floats) -> HullDraft | None:
-        """None where the center of mass is outside, or the hull is none."""
+        """Draft of a hull; None if the center of mass is outside or there is no hull."""
         try:
             rests = evaluate_rests(torch.from_numpy(corners), torch.zeros(3, dtype=torch.float64))
             draft = cls(corners, rests, directions)
@@ -98,7 +98,7 @@ class HullDraft:
 
     @property
     def normals(self) -> Floats:
-        """(k, 3) those of the outcomes' own rests."""
+        """(k, 3) normals of the outcomes' own rests."""
         return self.rest_normals[self.main]
 
     @cached_property
@@ -126,7 +126,7 @@ class HullDraft:
         return float(angles.min(initial=np.pi))
 
     def error(self, target: Floats) -> float:
-        """See `DesignedHull.error`."""
+        """Largest error of the outcomes' probabilities, or the probability elsewhere if larger."""
         return assign_rests(self.rest_normals, self.rests.probability_values, self.normals).error(
             target
         )
@@ -140,8 +140,8 @@ class HullDraft:
         return self.shortfall(problem) <= missing
 
     def shortfall(self, problem: HullProblem) -> float:
-        """How far probabilities, angles between outcomes and margin are from what will do, over
-        what will do, summed; 0 where nothing is missing."""
+        """Sum of the relative distances of probabilities, angles and margins from their limits; 0
+        if all are met."""
         apart, margin = (self.apart, problem.apart), (self.margin, problem.margin)
         return shortfall(self.error(problem.target), problem.tolerance, apart, margin)
 

@@ -47,7 +47,7 @@ def point_masses(surface: Surface) -> Floats:
 
 
 def positive_inverse(matrix: Floats) -> Floats:
-    """Of a symmetric positive definite matrix (n, n), in half the time of any other's."""
+    """Inverse of a symmetric positive definite matrix (n, n), in half the time of a general one."""
     inverse, failed = dpotri(cholesky(matrix, lower=True), lower=1)
     if failed:
         raise np.linalg.LinAlgError("not positive definite")
@@ -283,14 +283,14 @@ class HullProblem:
     room: ConvexHull | None = None
 
     def with_room(self, room: ConvexHull) -> HullProblem:
-        """The same with other cavities; what was found about the surface is shared."""
+        """Problem with other cavities; everything computed from the surface is shared."""
         other = replace(self, room=room)
         vars(other).update({name: value for name, value in vars(self).items() if name != "room"})
         return other
 
     @cached_property
     def hull(self) -> ConvexHull:
-        """Of the surface as it is, or of the corners that will do."""
+        """Hull of the original surface, or of enough of its corners."""
         return convex_hull(self.surface.points[self._candidates])
 
     @cached_property
@@ -300,7 +300,7 @@ class HullProblem:
 
     @cached_property
     def whole_hull(self) -> ConvexHull:
-        """Of the surface as it is, with all corners."""
+        """Hull of the original surface, with all corners."""
         return convex_hull(self.surface.points)
 
     @cached_property
@@ -311,7 +311,7 @@ class HullProblem:
 
     @cached_property
     def elasticity(self) -> Elasticity:
-        """Of the surface."""
+        """Elastic energy of the surface."""
         return Elasticity(self.surface)
 
     @cached_property
@@ -346,7 +346,7 @@ class HullProblem:
 
     @cached_property
     def _compliances(self) -> dict[tuple[HullMetric, bool], Floats]:
-        """By metric, and whether the center of mass gives way."""
+        """Compliances by metric, and by whether the center of mass is free."""
         return {}
 
     def compliance(self, metric: HullMetric) -> Floats:

@@ -32,7 +32,7 @@ class HullWeights(PaperWeights):
 
     @classmethod
     def list_numbers(cls) -> Mapping[str, Number]:
-        """Those of all terms, with defaults of their own."""
+        """Weights and options of all terms, with defaults for hulls."""
         defaults = {"coplanar": 1.0, "barycenter": 0.1, "neighbor": 0.05, "apart": 0.3}
         return {
             name: replace(number, default=defaults.get(name, number.default))

@@ -71,8 +71,8 @@ def centering_gradient(surface: Surface, center_of_mass: Floats) -> Floats:
 def hull_keeping_moves(
     sobolev: SobolevSolver, depths: Floats, gradients: Floats
 ) -> tuple[Floats, Floats]:
-    """Gradients (n, 3, ...) spread over a surface, as moves `D (I + gamma L)^-p D g` of the same
-    shape, and how far these go over the depths.
+    """Moves `D (I + gamma L)^-p D g` of gradients g (n, 3, ...) smoothed over a surface, and their
+    lengths over the depths.
 
     sobolev: applies `(I + gamma L)^-p`; depths: (n,) diagonal of D, distances from the hull.
 
@@ -92,8 +92,7 @@ def balance(
     options: ConcavePaperOptions,
     on_step: OnEnergy,
 ) -> FillResult:
-    """Move a surface's center of mass to where it is wanted, the hull staying as it is to the last
-    bit.
+    """Move a surface's center of mass to its wanted place without changing the hull by a bit.
 
     First-order steps on the energy with a weight that grows (eq. 31, 35), and Newton's method for
     the center of mass alone, with moves of the same kind, for the rest; see `hull_keeping_moves`.
@@ -132,7 +131,7 @@ def balance(
         return np.maximum(slacks - DEPTH, 0.0)
 
     def energy(surface: Surface) -> float:
-        """That of a surface, with the weight of centering as it is now."""
+        """Energy of a surface with the present weight of centering."""
         centroid = surface.centroid
         return elastic.value(surface.points) + weight * float(centroid @ centroid)
 
@@ -208,7 +207,7 @@ class ClosestPointEnergy:
 
     @classmethod
     def of(cls, surface: Surface, corners: Floats) -> ClosestPointEnergy:
-        """The energy with the closest points of a surface as it is."""
+        """Energy with the closest points of the present surface."""
         triangles, weights = closest_points(surface, corners)
         rows = np.repeat(np.arange(len(corners)), 3)
         columns = surface.triangles[triangles].ravel()
@@ -230,7 +229,7 @@ class ClosestPointEnergy:
 
     @property
     def hessian(self) -> csc_array:
-        """(3n, 3n) of E_CP, the same everywhere."""
+        """(3n, 3n) constant Hessian of E_CP."""
         return csc_array(2.0 * kron(self.blend.T @ self.blend, eye_array(3)))
 
 

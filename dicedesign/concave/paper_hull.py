@@ -62,8 +62,8 @@ def search_hull(
     """
 
     def cost(design: DesignedHull) -> tuple[float, float]:
-        """What it misses, and then also when it is shaken, how far points go and how far their
-        center of mass has to be taken back."""
+        """Cost of a hull: its error, also when shaken, its displacement and the way of its center
+        of mass."""
         missed = design.error if design.error > problem.tolerance else 0.0
         moved = float(norms(design.moved).mean() + norms(design.center_of_mass))
         return missed, _shaken_error(problem, design) + moved
@@ -88,7 +88,7 @@ def descend_hull(
     options: ConcavePaperOptions,
     on_step: Callable[[float, float], None],
 ) -> DesignedHull:
-    """The hull at the end of a descent, whatever its error.
+    """Hull at the end of a descent, with any error.
 
     directions: (k, 3) unit directions of the outcomes; on_step: as in `search_hull`. The corners
     are told by the least sum of squared distances from those of the original.

@@ -96,7 +96,7 @@ class FilledHull:
     self_intersections: int
 
     def draft(self, seconds: float) -> Draft:
-        """It in numbers, after an attempt that took so long."""
+        """Figures of this hull after an attempt, with the seconds it took."""
         return Draft(
             self.attempt,
             seconds,
@@ -130,7 +130,7 @@ class ConcaveProgress:
 
 @dataclass(frozen=True, eq=False)
 class Hollow:
-    """What cavities are to do.
+    """Wanted walls of cavities.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class ConcaveDie:
 
 
 def shortfall(error: float, tolerance: float, *angles: tuple[float, float]) -> float:
-    """What is missing over what will do, summed; 0 where nothing is.
+    """Sum of what is missing over its limits; 0 if nothing is missing.
 
     error: largest |p - q|, which may be as large as the tolerance; angles: each with the least that
     will do, in one unit.
@@ -192,8 +192,8 @@ PREFERRED_MARGIN = 2.0
 
 
 def missing(die: FilledHull | Draft, options: ConcaveOptions) -> float:
-    """How far probabilities, angles and surface are from what will do, over what will do, summed; 0
-    for a die as wanted."""
+    """Sum of the relative distances of probabilities, angles and surface from their limits; 0 for
+    a converged die."""
     apart = die.apart_deg, options.apart_deg
     margin = die.margin_deg, options.margin_deg
     missing = shortfall(die.error, options.tolerance, apart, margin)
@@ -210,8 +210,8 @@ def rank(die: FilledHull, options: ConcaveOptions) -> tuple[float, float]:
 
 
 def doubts(apart: float, margin: float, options: ConcaveOptions) -> float:
-    """From 0, for angles in degrees at which outcomes are easily told apart and hardly left, to 1
-    for each of them that is as small as will do."""
+    """Penalty of small angles in degrees: 0 for outcomes that are easy to tell apart and hard to
+    leave, up to 1 for each angle at its limit."""
     total = 0.0
     for angle, least, preferred in (
         (apart, options.apart_deg, PREFERRED_APART),

@@ -152,7 +152,7 @@ SHAPES: Final = ("dragon", "duck", "kitten", "knot")
 
 
 def shape(name: str) -> Surface:
-    """The surface of a name in `SHAPES`, built anew, the same each time.
+    """Surface of a name in `SHAPES`, deterministic.
 
     Raises InputError for another name.
     """

@@ -40,7 +40,7 @@ from dicedesign.throws.tables import Table
 
 @dataclass(frozen=True)
 class ConvexObject:
-    """How an object is made of its core, the shape inside the rounded edges.
+    """Recipe of an object from its core, the shape inside the rounded edges.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class ConvexObject:
         return self.make_engraved(core, placements)
 
     def make_engraved(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
-        """The solid with its labels cut in, whatever fills them. Raises EngravingError."""
+        """Solid with its labels cut in, without fillings. Raises EngravingError."""
         plain = self.make_unlabeled(core)
         if self.labels is None or not placements:
             return plain
@@ -90,7 +90,7 @@ class ConvexObject:
         after: ConvexHull,
         moved_normals: Floats,
     ) -> tuple[Placement, ...]:
-        """Labels on the facets of one hull, moved onto those of another that is nearly the same.
+        """Move labels from the facets of one hull onto those of a nearly equal one.
 
         A label keeps its size and its place from the centroid of its facet, and turns no more than
         the facet does: so a small change of the shape is a small change of what the labels take
@@ -124,13 +124,13 @@ class ConvexObject:
         return np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
 
     def place_labels(self, placements: Sequence[Placement]) -> tuple[Placement, ...]:
-        """Labels on the facets of the core moved outward onto those of the object."""
+        """Move labels from the facets of the core outward onto those of the object."""
         lift = 0.0 if self.edges is None else self.edges.radius_mm
         return tuple(each.shift(lift * each.frame[:3, 2]) for each in placements)
 
 
 def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
-    """The shape inside the rounded edges of a convex die, its facets numbered as those of the die.
+    """Core of a convex die: the shape inside the rounded edges, with the facet numbers of the die.
 
     Raises EngravingError where the radius is larger than the circle of a facet to rest on.
     """
@@ -174,8 +174,8 @@ def measure_resting(
 def measure_thrown(
     table: Table, model: MomentumModel | None
 ) -> Callable[[Surface, Floats], Measured]:
-    """The same with probabilities by the momentum model of a table, which knows the solid's
-    inertia."""
+    """Measure of an object's probabilities by the momentum model of a table, which needs the
+    solid's inertia."""
 
     def measure(surface: Surface, directions: Floats) -> Measured:
         body = make_body(surface.points, surface.triangles)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """What every method returns. Lengths are in a unit of the design's own.
+    """Result of every design method. Lengths are in the design's own unit.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Design:
     prior: Prior | None = None
 
     def reorder(self, order: Integers) -> Design:
-        """The same die whose outcomes, `order` (k,) of this one's, have changed places."""
+        """Design whose outcome k is outcome `order[k]` of this one, (k,)."""
 
         def place(values: Numbers) -> Numbers:
             return tuple(np.array(values)[order].tolist())
@@ -86,7 +86,7 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
-    """What a file does, as it was read back.
+    """Rests and outcomes of a file as it was read back.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Assessment:
         return asymmetry(self.poses)
 
     def flaws(self, tolerance: float | None) -> Iterator[Status]:
-        """What is wrong with the die, the worst first.
+        """Statuses of everything wrong with the die, the worst first.
 
         tolerance: largest |p - q| and probabilities elsewhere; None for a die whose probabilities
             without momentum are not meant to be the target.

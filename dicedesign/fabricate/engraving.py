@@ -58,7 +58,7 @@ class LabelCut:
 def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[LabelCut]:
-    """What all labels take away from the solid with this hull."""
+    """Material that all labels take away from the solid with this hull."""
     depth, cuts = options.depth_mm, []
     for placement, section in cut_sections(hull, placements, options):
         # It reaches as far above the facet as below, so that no face of it lies in the facet.
@@ -218,8 +218,8 @@ def place_on_facets(
     labels: Sequence[str],
     options: EngravingOptions,
 ) -> tuple[Reading, list[Placement]]:
-    """How a die is read, and where its labels lie on the facets of its hull, or of its core
-    (`core_of`), in the order of the places of that reading.
+    """Reading of a die, and its labels on the facets of its hull or core (`core_of`), in the order
+    of the reading's places.
 
     poses: rests of the die in mm; main: (k,) the rest of each outcome, or -1.
 

@@ -62,7 +62,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What a file holds.
+    """Content of a file: parts and facts.
 
     Attributes
     ----------
@@ -115,8 +115,7 @@ class FileFormat(Extension):
 
     @property
     def same_probabilities(self) -> float:
-        """Largest difference of the probabilities of a solid by its file from those of the
-        solid."""
+        """Largest difference between the probabilities of a file and of its solid."""
         return {"float32": 1e-6, "float64": 1e-9}[self.precision]
 
     def read_back(self, path: Path) -> tuple[Floats, Integers]:
@@ -418,7 +417,7 @@ def save_contents(path: Path, contents: Contents) -> None:
 
 
 def mesh_bytes(points: Floats, triangles: Integers, ending: str, name: str = "mesh file") -> bytes:
-    """The content of a mesh file, the same for the same mesh.
+    """Content of a mesh file, deterministic.
 
     Parameters
     ----------
@@ -465,7 +464,7 @@ def with_stl(names: Sequence[str], key: str = "files") -> list[str]:
 
 
 def file_bytes(contents: Contents, kind: FileFormat, name: str = "mesh file") -> bytes:
-    """The content of a file of a format, the same for the same contents. Raises as `mesh_bytes`.
+    """Content of a file in a format, deterministic. Raises as `mesh_bytes`.
 
     name: what messages call the file.
     """

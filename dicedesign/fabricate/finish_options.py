@@ -40,7 +40,7 @@ def is_font_file(font: str) -> bool:
 
 @dataclass(frozen=True)
 class EngravingOptions:
-    """What labels look like, their sizes and their depth. No length is above `MOST_MM`.
+    """Options of labels: look, size and depth. No length is above `MOST_MM`.
 
     Raises InputError for a value out of its range.
     """
@@ -173,7 +173,7 @@ class EdgeOptions:
 
 
 def core_scale(options: EdgeOptions | None, size_mm: float) -> float:
-    """Size of the core of a die over that of the die.
+    """Ratio of the size of a die's core to that of the die.
 
     Raises InputError where the radius is too large or too small for the size.
     """

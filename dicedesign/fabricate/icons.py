@@ -216,7 +216,7 @@ def _outlines(
 
 
 def _shape_outlines(shape: Any, matrix: Any) -> Iterator[Outline]:
-    """What a shape of picosvg fills, and its stroke."""
+    """Filled outlines of a picosvg shape and its stroke."""
     from pathops import LineCap, LineJoin
     from picosvg.svg_pathops import skia_path
 
@@ -283,8 +283,8 @@ def _section(outlines: Sequence[Outline]) -> CrossSection:
 
 
 def _luminance(color: str) -> float | None:
-    """Of a color of CSS, in [0, 1]: a name, #rgb, #rrggbb, rgb(), or currentColor, which is 0.
-    None where it shows nothing. Raises InputError for others, such as the url() of a gradient."""
+    """Luminance in [0, 1] of a CSS color: a name, #rgb, #rrggbb, rgb(), or currentColor, which is
+    0. None for transparent ones. Raises InputError for others, such as url()."""
     from PIL import ImageColor
 
     plain = color.lower()

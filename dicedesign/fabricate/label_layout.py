@@ -60,7 +60,7 @@ class LabelPlace:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """How a die is read.
+    """Way to read a die: from which side, and where the labels are.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Reading:
 
     @property
     def sentence(self) -> str:
-        """For who throws it."""
+        """Instruction for the reader of the die."""
         return SENTENCES[self.way]
 
 
@@ -90,8 +90,8 @@ SENTENCES: Final = {
 def die_readings(
     hull: ConvexHull, facets: Integers, labels: Sequence[str], read: str
 ) -> tuple[Reading, ...]:
-    """How a die may be read and where its labels go then, the best first; each is tried where the
-    labels have no room in the one before.
+    """Ways to read a die with their label places, the best first; the next is tried if the labels
+    do not fit.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def _top_corner(hull: ConvexHull, facet: int) -> int:
 
 
 def _what_is_above(hull: ConvexHull, facet: int) -> str:
-    """What is on top while a die rests on a facet, in words."""
+    """Top of a die that rests on a facet, in words."""
     up = -hull.normals[facet]
     heights = hull.vertices @ up
     near = int((heights > heights.max() - PEAK * np.ptp(heights)).sum())
@@ -345,13 +345,13 @@ class Placement:
         return wider
 
     def shift(self, shift: Floats) -> Placement:
-        """The same elsewhere, by a shift (3,) in mm."""
+        """Placement moved by a shift (3,) in mm."""
         frame = self.frame.copy()
         frame[:3, 3] += shift
         return replace(self, frame=frame)
 
     def stretch(self, matrix: Floats) -> Placement:
-        """The same on a body that was stretched a little by a symmetric matrix (3, 3)."""
+        """Placement on a body that was stretched slightly by a symmetric matrix (3, 3)."""
         frame = self.frame.copy()
         normal = np.asarray(np.linalg.solve(matrix, frame[:3, 2]), dtype=np.float64)
         frame[:3, :3] = rotation_between(self.frame[:3, 2], normal) @ frame[:3, :3]

@@ -115,7 +115,7 @@ class ProbabilitySpread:
         has_planes: bool = True,
         axes: Floats | None = None,
     ) -> ProbabilitySpread:
-        """That of a body and its rests; of a tied one the mean over the bodies beside it."""
+        """Spread of a body's probabilities; for a tied body the mean over the bodies beside it."""
         place = np.full(len(poses.hull.normals), -1)
         place[poses.facets] = outcome_probabilities(poses, directions).outcome_of_rest
         rows, planes = [], []
@@ -148,7 +148,7 @@ class ProbabilitySpread:
 
     @property
     def is_uniform(self) -> bool:
-        """Whether the center of mass is that of the solid, and so moves with what is added."""
+        """Whether the center of mass is that of the solid, and so moves with added material."""
         return self.poses.center_of_mass_source != "given"
 
     @cached_property
@@ -262,7 +262,7 @@ class ProbabilitySpread:
 def print_tolerances(
     spread: ProbabilitySpread, target: Floats, bias: Floats, *, is_checked: bool = True
 ) -> PrintTolerances:
-    """What is known of a die's prints.
+    """Effect of print errors on a die's probabilities.
 
     target: (k,) wanted probabilities; bias: (k,) probabilities of the die that is printed without
         an error, less
@@ -337,7 +337,7 @@ class InfillRegion:
 def inside_walls(
     hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] = ()
 ) -> InfillRegion:
-    """What walls leave of a convex body: its half-spaces, moved inward.
+    """Inside of the walls of a convex body: its half-spaces, moved inward.
 
     walls_mm: above 0; pockets: solids that are not infill either, from `pocket_walls`.
     """
@@ -385,7 +385,7 @@ def pocket_walls(
 def weigh_print(
     volume: float, centroid: Floats, inside: InfillRegion, infill: float
 ) -> tuple[float, Floats]:
-    """Mass of a print over that of the solid one, and its center of mass (3,).
+    """Ratio of a print's mass to the solid one's, and its center of mass (3,).
 
     volume, centroid: of the outer body, labels cut in where it has them; infill: 0 to 1.
     """
@@ -402,7 +402,7 @@ def infill_probabilities(
     infill: float,
     walls_mm: float,
 ) -> InfillProbabilities:
-    """What a die does when it is printed with infill.
+    """Probabilities of a die printed with infill.
 
     Parameters
     ----------

@@ -288,8 +288,8 @@ def walls_under(
 
 
 def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
-    """What is thinner than a wall, measured by rays straight inward from points spread at random
-    over a surface, with equal probabilities for each bit of area.
+    """Parts thinner than a wall, by rays straight inward from points sampled uniformly on a
+    surface.
 
     surface: closed, of positive volume; wall: least thickness, above 0. Returns None where nothing
     is thinner.
@@ -376,7 +376,7 @@ class PrintedDie(PrintedSolid):
 
 
 def printability(die: PrintedDie, options: PrintOptions) -> Printability:
-    """How a die is printed with the printer of some options."""
+    """Printability of a die on a printer: weak labels, walls, weight, best orientation."""
     printer, rests, designed = options.selected_printer, die.rests, die.designed
     # The fewest labels spoiled, then the least area to support, then the largest on the bed.
     # Hundredths of mm2 decide nothing.
@@ -429,7 +429,7 @@ def _warnings(
     labels: Sequence[PrintedLabel],
     check: FileCheck,
 ) -> Iterator[str]:
-    """What the printer will not make, one sentence each with what would help."""
+    """Features the printer cannot make, one sentence each with a remedy."""
     called = printer.name
     if printer.has_nozzle:
         called += f" with a nozzle of {printer.spot_mm:.2g} mm"

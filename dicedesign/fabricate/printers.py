@@ -84,8 +84,8 @@ class Printer(Extension):
     sources: tuple[str, ...]
 
     def with_nozzle(self, diameter: float) -> Printer:
-        """The same with a nozzle of another diameter, above 0: what it draws is as much wider and
-        its layers as much higher. Raises InputError where it has none."""
+        """Printer with a nozzle of another diameter above 0; widths and layers scale with it.
+        Raises InputError if it has no nozzle."""
         if not self.has_nozzle:
             raise InputError(
                 f"nozzle_mm: expected a printer with a nozzle, got {self.name}, which has none; "
@@ -246,7 +246,7 @@ as dense as the most."""
 
 @dataclass(frozen=True)
 class PrintOptions:
-    """What the die is printed with, which its printability is judged by.
+    """Options of `print`: printer, material, infill and errors.
 
     Raises InputError for a value that is unknown or out of its range.
     """
@@ -301,7 +301,7 @@ class PrintOptions:
 
     @property
     def expected_errors(self) -> PrintErrors:
-        """Those that were given, or the printer's."""
+        """Print errors of the options, or the printer's."""
         # Twice the standard deviation of the difference of two planes.
         plane = self.selected_printer.dimensional_error_mm / math.sqrt(8.0)
         return self.errors or PrintErrors(
@@ -315,5 +315,5 @@ class PrintOptions:
 
     @property
     def density(self) -> float:
-        """Of the printed material, in g/cm3."""
+        """Density of the printed material, in g/cm3."""
         return self.density_g_cm3 or MATERIALS[self.substance].density_g_cm3

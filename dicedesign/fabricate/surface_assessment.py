@@ -255,7 +255,7 @@ def advise_on_surface(
     plain: Assessment,
     method: ConcaveOptions,
 ) -> Iterator[str]:
-    """What is off, by how much, and what would help."""
+    """Flaws of a surface, their sizes and remedies."""
     labels, gap, crossings = plain.target.labels, record.hull.gap, record.self_intersections
     if gap > FILLED_GAP:
         yield f"the hull is off by {gap:.2g} of the diagonal"

@@ -97,7 +97,7 @@ def custom(probabilities: Sequence[float]) -> Target:
 
 
 def relabel(target: Target, labels: Sequence[str] | None) -> Target:
-    """The same distribution under other labels; None leaves it as it is. Raises InputError."""
+    """Target with other labels; None keeps its own. Raises InputError."""
     if labels is None:
         return target
     texts = tuple(str(label) for label in labels)

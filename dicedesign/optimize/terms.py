@@ -100,12 +100,12 @@ class ClusteredRests:
 
     @property
     def saddles(self) -> Tensor:
-        """(s, 3) those of the rests."""
+        """(s, 3) saddles of the rests."""
         return self.rests.saddles
 
     @property
     def maxima(self) -> Tensor:
-        """(2 s, 3) those of the rests."""
+        """(2 s, 3) maxima of the rests."""
         return self.rests.maxima
 
 
@@ -427,6 +427,6 @@ class EnergyWeights(Numbers):
         return any(term.single_rests for term, _ in self.active)
 
     def times(self, factor: float) -> EnergyWeights:
-        """The same with the weights of all terms but those that are always there times a factor."""
+        """Weights multiplied by a factor, except those of terms that are always there."""
         weighted = (term.name for term, _ in self.active if term.weight is not None)
         return self.changed(**{name: factor * getattr(self, name) for name in weighted})

@@ -122,7 +122,7 @@ def sheet_facts(die: FinishedDie, file: str, sha256: str) -> SheetFacts:
 
 
 def _reading(result: Result) -> str:
-    """How the die is read."""
+    """Instructions to read the die."""
     if result.engraved is not None and result.engraved.reading:
         return result.engraved.reading
     if result.concave is None:
@@ -239,7 +239,7 @@ def data_sheet(
 
 
 def sheet_pdf(sheet: Sheet, title: str) -> bytes:
-    """One page of PDF with text that can be searched; the same drawing gives the same bytes."""
+    """One-page PDF with searchable text, deterministic."""
     facts = {"Title": title, "Creator": "dicedesign", "Producer": None, "CreationDate": None}
     return sheet.save_as("pdf", 300, metadata=facts)
 

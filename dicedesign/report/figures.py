@@ -41,7 +41,7 @@ def _drawing(address: str, *arguments: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure(Extension):
-    """A figure; `name` is that of its file, without the ending.
+    """A figure of the report; `name` is its file's, without the ending.
 
     Attributes
     ----------
@@ -319,7 +319,7 @@ class Lain:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What a figure is about. What it does not show is not made.
+    """Subject of a figure; parts are computed when they are drawn.
 
     Attributes
     ----------
@@ -345,7 +345,7 @@ class Subject:
 
     @property
     def poses(self) -> RestPoses:
-        """Of the body."""
+        """Rests of the body."""
         return self.lain.poses
 
     @property
@@ -355,8 +355,7 @@ class Subject:
 
 
 def surface_to_draw(points: Floats, triangles: Integers | None, hull: ConvexHull) -> RenderMesh:
-    """A mesh as it is drawn: smooth unless it has few triangles; its hull where it has none, or
-    too many."""
+    """Mesh to draw: smooth unless it has few triangles; its hull if it has none or too many."""
     from dicedesign.report.renderer import RenderMesh
 
     if triangles is None or len(triangles) > MOST_TRIANGLES:

@@ -72,8 +72,8 @@ def gauss_map(die: FinishedDie) -> Sheet:
 
 
 def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> Sheet:
-    """Basins, separatrices and stationary points as two equal-area discs; under a prior with a
-    density the colors are as strong as it is.
+    """Basins, separatrices and stationary points as two equal-area discs. Under a prior with a
+    density, colors fade with it.
 
     Hull arcs are left out for hulls of more than 3000 edges. Rests of at most 1 % are not written
     at their minima.

@@ -72,11 +72,11 @@ class FilmedDie:
 
     @property
     def radius(self) -> float:
-        """Of the die on its table, in m."""
+        """Radius of the die on its table, in m."""
         return self.film.table.size / 2.0
 
     def camera(self) -> Camera:
-        """At the origin; the throw runs to the right, where it runs anywhere."""
+        """Camera at the origin; the throw runs to the right."""
         positions = self.film.positions
         right = _level_direction(positions[-1] - positions[0], self.radius)
         return Camera(tilt_up(np.cross(right, UP), UP), UP)
@@ -173,8 +173,8 @@ def throw(die: FinishedDie) -> bytes:
 
 
 def moving_picture(filmed: FilmedDie) -> bytes:
-    """The throw as an animated GIF that begins again and again, four times slower than it was;
-    faster where it would have more than 150 frames. The same film gives the same bytes."""
+    """The throw as a looping GIF, four times slower than real; faster if it had more than 150
+    frames. Deterministic."""
     film, radius, camera = filmed.film, filmed.radius, filmed.camera()
     right, upward, toward = camera.frame()
     level = unit_vectors(toward * [1.0, 1.0, 0.0])

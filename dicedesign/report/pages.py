@@ -138,8 +138,7 @@ def live_die(die: FinishedDie, parts: Sequence[Part]) -> LiveDie:
 
 
 def rest_colors(die: FinishedDie) -> list[str]:
-    """A color for each rest, "#rrggbb": that of its basin on the Gauss map, and of its outcome
-    where a die keeps the shape of a surface, as in the figures of either."""
+    """Color "#rrggbb" of each rest, as on the Gauss map; of its outcome for a concave die."""
     rests = range(len(die.plain.poses.facets))
     if die.reshaped is None:
         return [BASINS[rest % len(BASINS)] for rest in rests]
@@ -148,8 +147,8 @@ def rest_colors(die: FinishedDie) -> list[str]:
 
 
 def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
-    """The same triangles in a part for each rest, "facet-0" for the most probable, and one for
-    those of no rest, "body". Inlays are named "labels-0" and so on.
+    """Triangles of parts, divided by rest: "facet-0" is the most probable, "body" has no rest,
+    inlays are "labels-0" and so on.
 
     parts: of the printed die; the first is its body, others are inlays.
     """
@@ -367,8 +366,7 @@ def leaderboard_page(
 
 
 def _recipe_lines(entry: Mapping[str, Any]) -> Iterator[str]:
-    """Where the recipe of an entry is, and what the search varied, without the weights that are
-    0."""
+    """Place of an entry's recipe and the varied values, without zero weights."""
     yield entry["recipe_file"]
     if entry["as_given"]:
         yield "as given"
@@ -404,7 +402,7 @@ def lying_die_png(vertices: Floats, down: Floats) -> bytes:
 
 
 def throwing_advice(thrown: TableResult | None, prior: str | None = None) -> str:
-    """How to throw a die by hand, perhaps one that was designed for a table, or under a prior."""
+    """Instructions to throw a die by hand, for dice of a table or under a prior too."""
     if prior is not None:
         return (
             f"Let it go gently, turned as the prior {prior} says, whose directions point down in "

@@ -135,7 +135,7 @@ class Sheet:
 
     @property
     def texts(self) -> list[str]:
-        """What is written on it, but for ticks."""
+        """Texts on the sheet, without tick labels."""
         texts = [one for one in self.figure.findobj(Text) if isinstance(one, Text)]
         return [text.get_text() for text in texts if text.get_text() and text.get_visible()]
 
@@ -149,7 +149,7 @@ class Sheet:
         return buffer.getvalue()
 
     def png(self, dpi: int = DPI) -> bytes:
-        """The sheet as a PNG; the same drawing gives the same bytes."""
+        """The sheet as a PNG, deterministic."""
         # A fifth larger than by default, in a fourth of the time.
         packing = {"compress_level": 1}
         return self.save_as("png", dpi, metadata={"Software": None}, pil_kwargs=packing)
@@ -161,7 +161,7 @@ class Sheet:
 
 @lru_cache(maxsize=8192)
 def text_width(text: str, size: float) -> float:
-    """How wide one line of text is, in pixels."""
+    """Width of one line of text, in pixels."""
     font = FontProperties(family="DejaVu Sans", size=size)
     return float(text_to_path.get_text_width_height_descent(text, font, ismath=False)[0])
 

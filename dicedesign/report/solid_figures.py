@@ -111,7 +111,7 @@ def print_orientation_figure(
 
 
 def print_orientation(die: FinishedDie) -> Sheet:
-    """A die as it is best printed, and what needs supports."""
+    """A die in its best print orientation, and what needs supports."""
     from dicedesign.fabricate.printability import ON_BED, PrintedSolid
     from dicedesign.fabricate.printers import PRINTERS
 
@@ -262,7 +262,7 @@ def _facet_of(hull: ConvexHull, placement: Placement) -> int:
 
 @with_style
 def faces_figure(faces: Sequence[Face]) -> Sheet:
-    """Faces side by side, all on one scale, and a bar of so many millimeters.
+    """Faces side by side at one scale, with a scale bar in millimeters.
 
     Raises InputError: there is no face.
     """

@@ -78,7 +78,7 @@ def surface_of(die: FinishedDie) -> RenderMesh:
 
 @lru_cache(maxsize=1)
 def shell_of(die: FinishedDie) -> Shell:
-    """Its hull, with the facets tinted that it rests on."""
+    """Hull of a die, with its rests tinted."""
     hull = die.plain.poses.hull
     of_facet = np.full(len(hull.normals), -1, dtype=np.int64)
     of_facet[die.plain.poses.facets] = die.plain.outcomes.outcome_of_rest
@@ -187,7 +187,7 @@ def displacement_figure(
 
 
 def displacement(die: FinishedDie) -> Sheet:
-    """How far each part of the surface of a die was moved."""
+    """Displacement of each part of a die's surface, as colors."""
     assert die.reshaped is not None
     before, after = die.reshaped.before.points, die.reshaped.after.points
     cameras = three_cameras(np.concatenate([before, after]), die.upward)
@@ -208,7 +208,7 @@ def crossings_figure(
 
 
 def crossings(die: FinishedDie) -> Sheet:
-    """Where the surface of a die meets itself."""
+    """Self-intersections of a die's surface."""
     assert die.quality is not None
     assert die.reshaped is not None
     after = die.reshaped.after

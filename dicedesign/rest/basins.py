@@ -60,7 +60,7 @@ class Basins:
 
 
 def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
-    """The basins of a body; of a tied one, those of an even number of bodies beside it.
+    """Basins of a body; for a tied one, of an even number of bodies beside it.
 
     A body is tied if a move of its center of mass by `TIE_TOLERANCE` could change what it does: it
     balances on an edge, a corner or a saddle, or a path runs into such a balance or through a facet

@@ -42,7 +42,7 @@ class Arcs:
 
     @classmethod
     def between(cls, a: Floats, b: Floats) -> Arcs:
-        """Those from unit directions a (n, 3) to b (n, 3), neither equal nor opposite."""
+        """Arcs from unit directions a (n, 3) to b (n, 3), neither equal nor opposite."""
         across = np.linalg.cross(a, b)
         sine = norms(across)
         pole = across / sine[:, None]
@@ -86,7 +86,7 @@ class Borders:
 
     @classmethod
     def of(cls, paths: Separatrices, points: Floats) -> Borders:
-        """Those through points (2 s, depth + 2, 3), see `separatrix_points`."""
+        """Arcs through points (2 s, depth + 2, 3) of `separatrix_points`."""
         unit = unit_vectors(points)
         a, b = unit[:, :-1], unit[:, 1:]
         moving = norms(np.linalg.cross(a, b)) > 0.0
@@ -94,7 +94,7 @@ class Borders:
 
     @classmethod
     def of_basins(cls, basins: Basins) -> Borders:
-        """Those of a body's basins."""
+        """Border arcs of a body's basins."""
         return cls.of(basins.paths, basins.points)
 
     def sums(self, values: Floats) -> Floats:
@@ -105,7 +105,7 @@ class Borders:
         return self._by_basin(across, -across)
 
     def totals(self, values: Floats) -> Floats:
-        """(k,) the same sums without signs."""
+        """(k,) sums without signs."""
         of_branch = self._by_branch(values)
         across = of_branch[::2] + of_branch[1::2]
         return self._by_basin(across, across)

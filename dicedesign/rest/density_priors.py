@@ -77,7 +77,8 @@ class VonMisesFisher(DensityPrior):
             return cls((0.0, 0.0, 1.0), 0.0)
 
         def excess(k: float) -> float:
-            """Of the mean direction's length at a concentration, over the length wanted."""
+            """Difference between the mean direction's length at a concentration and the wanted
+            length, over the wanted length."""
             return (k / 3.0 if k < 1e-3 else 1.0 / math.tanh(k) - 1.0 / k) - length
 
         # Imported where it is needed: few fit a distribution.
@@ -106,8 +107,8 @@ class VonMisesFisher(DensityPrior):
         return np.asarray(scale * np.exp(-self.concentration * drop))
 
     def probabilities(self, basins: Basins) -> PriorProbabilities:
-        """Probabilities of the rests: of all directions alike, and what the density changes, which
-        flows over the borders only.
+        """Probabilities of the rests: the uniform ones plus the flux of the density over the
+        borders.
 
         With the axis as pole, what a cap holds beyond its part of the sphere, over the square of
         its sine, is smooth everywhere, and Stokes' theorem makes its integral along the border of a
@@ -162,7 +163,7 @@ class VonMisesFisher(DensityPrior):
 
 
 def _axis_and_number(text: str) -> tuple[list[float], float]:
-    """What "x,y,z:NUMBER" says."""
+    """Axis (3,) and number in a text "x,y,z:NUMBER"."""
     axis, number = text.split(":")
     return [float(x) for x in axis.split(",")], float(number)
 

@@ -74,7 +74,7 @@ class Separatrices(kernels.Handled):
 
     @cached_property
     def padded_crossings(self) -> Integers:
-        """(2 s, depth, 2) the crossings of each branch, of whatever after as many as it has."""
+        """(2 s, depth, 2) crossings of each branch, padded with arbitrary ones."""
         steps = np.arange(int(self.lengths.max(initial=0)))
         if len(steps) == 0:
             return np.zeros((len(self.maxima), 0, 2), dtype=np.int64)
@@ -183,7 +183,7 @@ def basin_references(paths: Separatrices, points: Floats, normals: Floats) -> Fl
 
 
 def border_areas(paths: Separatrices, points: Any, normals: Any, xp: ModuleType) -> Any:
-    """What each dividing saddle's border adds to the areas of the basins beside it.
+    """Area that each dividing saddle's border adds to the basins beside it.
 
     points: (2 s, depth + 2, 3) from `separatrix_points`; normals: (k, 3) a reference direction for
     each basin. A basin's area is the sum over its borders, up to a multiple of 4 pi, and as a sum

@@ -47,7 +47,7 @@ class OutcomeProbabilities:
         return self.sums(np.ones(len(self.outcome_of_rest), dtype=np.int64))
 
     def sums(self, of_rests: NDArray[Any]) -> NDArray[Any]:
-        """Sums (k,) of numbers of rests (r,) over those of each outcome."""
+        """Sums (k,) of values (r,) over the rests of each outcome."""
         return sums_by_outcome(of_rests, self.outcome_of_rest, len(self.probabilities))
 
     def max_abs_error(self, target: Floats) -> float:
@@ -67,7 +67,7 @@ def outcome_probabilities(poses: RestPoses, directions: Floats) -> OutcomeProbab
 def assign_rests(
     normals: Floats, probabilities: Floats, directions: Floats
 ) -> OutcomeProbabilities:
-    """The same of rests with normals (r, 3) and probabilities (r,).
+    """Outcomes of rests with normals (r, 3) and probabilities (r,), for outcome directions (k, 3).
 
     Where no rest is within `SAME_REST_ANGLE` of an outcome's direction, its own is the nearest of
     the rests that are nearer to it than to any other direction; without any of those it has none.
@@ -147,7 +147,7 @@ def border_margins(poses: RestPoses) -> Floats:
 
 @dataclass(frozen=True)
 class OutcomeGroups:
-    """Outcomes that can be told apart, or groups of those that cannot.
+    """Groups of outcomes that cannot be told apart.
 
     Attributes
     ----------
@@ -171,8 +171,7 @@ def facet_of_rest(normals: Floats, shown: Floats) -> Integers:
 def sums_by_outcome(
     of_rests: NDArray[Any], outcome_of_rest: Integers, outcomes: int
 ) -> NDArray[Any]:
-    """Sums (g,) of numbers of rests (k,) over those of each outcome; those of none, -1, are left
-    out."""
+    """Sums (g,) of values (k,) over the rests of each outcome; rests of none (-1) are skipped."""
     sums = np.zeros(outcomes, dtype=of_rests.dtype)
     shown = outcome_of_rest >= 0
     np.add.at(sums, outcome_of_rest[shown], of_rests[shown])

@@ -181,9 +181,8 @@ class RestPoses:
         return str(import_module("dicedesign.report.notebook").poses_html(self))
 
     def under(self, prior: Prior | str | None) -> RestPoses:
-        """The same rests with their probabilities where not all orientations are equally likely at
-        first, again the most probable first. A rest whose basin the prior leaves out stays, with
-        probability 0.
+        """Rests with their probabilities under a prior, the most probable first. A rest whose
+        basin the prior excludes stays, with probability 0.
 
         prior: such as `VonMisesFisher([0, 0, -1], 5.0)` or the text "vmf:0,0,-1:5", see `PRIORS`;
         its directions are those that point down in the body's frame. None for all alike.
@@ -244,7 +243,7 @@ class RestPoses:
 
     @cached_property
     def morse(self) -> MorseComplex:
-        """The Morse-Smale complex; that of one side where the body is tied."""
+        """The Morse-Smale complex; for a tied body, that of one side."""
         side = self.basins[0]
         place = np.full(len(self.hull.normals), -1, dtype=np.int64)
         place[self.facets] = np.arange(len(self.facets))

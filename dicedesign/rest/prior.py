@@ -171,7 +171,7 @@ class SampledDirections(Prior):
 
     @classmethod
     def read(cls, path: Path) -> SampledDirections:
-        """Those of a CSV file of three numbers a line, perhaps after a line of names.
+        """Samples from a CSV file with three numbers a line, with or without a header.
 
         Raises InputError where there is no such file, or a line has anything else.
         """
@@ -236,7 +236,7 @@ def unit_directions(given: ArrayLike) -> Floats:
 
 
 def _number(cell: str) -> float | None:
-    """What a cell says; None for no number."""
+    """Number in a cell; None if it is none."""
     try:
         return float(cell)
     except ValueError:

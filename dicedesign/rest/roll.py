@@ -87,7 +87,7 @@ def roll(
 def roll_steps(
     equilibria: Equilibria, down: ArrayLike, max_angle: float | None = None
 ) -> tuple[RollStep, ...]:
-    """As `roll`, of a body whose hull has been classified.
+    """Steps of `roll` for a classified hull.
 
     Parameters
     ----------

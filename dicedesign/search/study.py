@@ -139,8 +139,8 @@ class SearchStudy:
         self._asked: dict[int, optuna.Trial] = {}
 
     def finished(self) -> list[dict[str, Any]]:
-        """Of each trial with a result, in order, its "number", its "recipe" as plain data, and what
-        `run_trial` returned."""
+        """Trials with a result, in order: "number", "recipe" as plain data, and the output of
+        `run_trial`."""
         finished = [
             {
                 "number": trial.user_attrs[PLACE],
@@ -217,7 +217,7 @@ class SearchStudy:
 
 @contextmanager
 def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
-    """The study in a folder, begun if there is none.
+    """Open the study of a folder, or create it.
 
     Trials that were running when an earlier search ended are marked as failed, and come again.
 

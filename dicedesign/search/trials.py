@@ -79,7 +79,7 @@ def run_search(
     on_trial: Callable[[dict[str, Any]], None] | None = None,
     on_quiet: Callable[[], None] | None = None,
 ) -> None:
-    """Go on until so many trials of a study are finished.
+    """Run trials until the study has the wanted number of finished ones.
 
     Each result is kept before the next trial begins. A trial whose worker was lost, or that was cut
     off when the search ended, runs again. With one job the same recipe gives the same trials, ended

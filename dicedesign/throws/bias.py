@@ -78,7 +78,7 @@ class Bias:
         return features @ self._weights()[0].T
 
     def belief(self, features: Floats, probabilities: Floats) -> Belief:
-        """Of a die with features (f,) whose probabilities in the model are (k,)."""
+        """Estimate for a die with features (f,) whose model probabilities are (k,)."""
         weights, covariances = self._weights()
         means = probabilities * np.exp(weights @ features)
         means = means / means.sum()
@@ -185,7 +185,7 @@ def variations_on_tables(
     frequencies = meant.counts / meant.counts.sum()
 
     def again(series: Series, probabilities: Floats) -> Series:
-        """As many throws of a die with probabilities (k,)."""
+        """Simulate as many throws of a die with probabilities (k,)."""
         return Series(series.probabilities, rng.multinomial(series.counts.sum(), probabilities))
 
     for _ in range(SERIES):

@@ -26,7 +26,7 @@ from dicedesign.tolerances import TRANSPORT_TOLERANCE
 
 @dataclass(frozen=True)
 class Posterior:
-    """Belief about k probabilities after some throws.
+    """Posterior of k probabilities after some throws.
 
     Attributes
     ----------
@@ -46,8 +46,8 @@ def jeffreys_means(counts: ArrayLike) -> Floats:
 
 
 def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
-    """Belief about k probabilities after `counts` (k,), at least 0, by the prior of Jeffreys, a
-    Dirichlet distribution with all parameters 1/2, of which `counts` makes one with `counts` + 1/2.
+    """Posterior of k probabilities after `counts` (k,), at least 0, under Jeffreys' prior (all
+    Dirichlet parameters 1/2): a Dirichlet distribution with parameters `counts` + 1/2.
 
     confidence: belief in (0, 1) that each interval holds its probability.
 
@@ -66,7 +66,7 @@ BLOCK: Final = 1_000_000
 
 
 def draw_counts(probabilities: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
-    """Counts (b, k) of so many series of throws in all, drawn with probabilities (k,).
+    """Yield counts (b, k) of series of throws, drawn with probabilities (k,).
 
     How many come at a time does not change them.
     """
@@ -151,7 +151,7 @@ def event_error(probabilities: Floats, throws: float, confidence: float) -> floa
 def measure_variation(
     counts: ArrayLike, probabilities: ArrayLike, confidence: float
 ) -> MeasuredDistance:
-    """The total variation between given probabilities and those of a die that was thrown.
+    """Total variation between given probabilities and those of a thrown die, with its uncertainty.
 
     The interval holds for any probabilities, also for those equal to the given ones, where neither
     the bootstrap nor the delta method does:
@@ -195,8 +195,8 @@ TRANSPORT_DRAWS: Final = 200
 def measure_transport(
     directions: ArrayLike, counts: ArrayLike, probabilities: ArrayLike, confidence: float
 ) -> MeasuredDistance:
-    """The Wasserstein distance between given probabilities of k rests and those of a body that was
-    thrown.
+    """Wasserstein distance between given probabilities of k rests and those of a thrown body, with
+    its uncertainty.
 
     As a metric it differs by no more than the frequencies are from the probabilities of the body.
     Each limit is off by the quantile of that, of `TRANSPORT_DRAWS` series of throws drawn with a

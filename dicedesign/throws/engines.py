@@ -112,7 +112,7 @@ class Contact:
 
 
 def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) -> Contact:
-    """The contact of a table, the same for all its throws: hard enough for the fastest.
+    """Contact parameters of a table, shared by all its throws: stiff enough for the fastest.
 
     refinement: divides the time step, at the same contact. stiffness: multiplies that of the
     contact, and so many more time steps there are that a bounce has as many.
@@ -210,8 +210,8 @@ def advance(
     refinement: float = 1.0,
     stiffness: float = 1.0,
 ) -> tuple[Integers, Integers]:
-    """Advance states (n, 13), in place, by at most so many time steps. Returns for each the rest
-    that it cannot miss any more, or -1, and (n,) how many steps it took."""
+    """Advance states (n, 13) in place by at most a number of time steps. Returns the rest that
+    each cannot miss any more, or -1, and (n,) the steps taken."""
     contact = contact_of(table, refinement, stiffness)
     how = (
         contact.step,

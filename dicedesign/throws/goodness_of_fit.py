@@ -80,8 +80,8 @@ def chi_square(counts: ArrayLike, probabilities: ArrayLike) -> ChiSquareTest:
 
 
 def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
-    """Pearson's test of whether two sets of counts (k,), neither all 0, come from the same
-    probabilities, whatever these are. Outcomes that never came up are left out."""
+    """Pearson's test of whether two sets of counts (k,), neither all 0, come from equal
+    probabilities. Outcomes that never came up are skipped."""
     both = np.stack([np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)])
     both = both[:, both.any(axis=0)]
     expected = both.sum(axis=1, keepdims=True) * both.sum(axis=0) / both.sum()
@@ -182,7 +182,8 @@ def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats)
 
 
 def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
-    """(n,) the same of dice that are known, by their probabilities less the target's (n, k)."""
+    """(n,) probabilities that the test rejects dice, given by their probabilities less the
+    target's (n, k)."""
     if len(target) == 1:
         return np.zeros(len(biases))
     shares = (biases**2 / target).sum(axis=1) - biases.sum(axis=1) ** 2
@@ -272,7 +273,7 @@ class RollVerdict:
 
     @property
     def p_value(self) -> float:
-        """That of the exact test where there is one."""
+        """p-value of the exact test if there is one, else of chi-square."""
         return self.chi_square.p_value if self.exact is None else self.exact.p_value
 
     @property
@@ -315,8 +316,8 @@ def judge_rolls(counts: ArrayLike, probabilities: ArrayLike, confidence: float) 
 def throws_to_reject(
     true_probabilities: ArrayLike, probabilities: ArrayLike, level: float, power: float
 ) -> int:
-    """Throws after which Pearson's test at `level` rejects `probabilities` with probability
-    `power`, if those of the die are `true_probabilities`.
+    """Number of throws after which Pearson's test at `level` rejects `probabilities` with
+    probability `power`, for a die with `true_probabilities`.
 
     The statistic then has a noncentral chi-square distribution with k - 1 degrees of freedom.
 

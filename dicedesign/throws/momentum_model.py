@@ -59,8 +59,8 @@ def table_terms(table: Table) -> Floats:
 
 
 def scale_numbers(numbers: Floats) -> Floats:
-    """(..., 5) of the numbers of `dimensionless`: frictions and heights count by their logarithms,
-    speeds and spins by that of 1 more."""
+    """(..., 5) scaled numbers of `dimensionless`: logarithms of friction and height, log(1 + x) of
+    speeds and spins."""
     restitution, friction, height, speed, spin = np.moveaxis(numbers, -1, 0)
     free = restitution, np.log(friction), np.log(height), np.log1p(speed), np.log1p(spin)
     scaled: Floats = (np.stack(free, axis=-1) - CENTERS) / EXTENTS
@@ -351,7 +351,7 @@ class MomentumModel(kernels.Handled):
 
     @classmethod
     def of(cls, general: GeneralModel, table: Table) -> MomentumModel:
-        """That of a table. Raises InputError: the table is not in the model's range."""
+        """Model of a table. Raises InputError: the table is not in the model's range."""
         general.range.require(
             table, "make a model of its own with `python -m benchmarks train` in a checkout"
         )
@@ -364,11 +364,11 @@ class MomentumModel(kernels.Handled):
         return cls(hot, cooling, carry_barrier, transitions, carries, general)
 
     def near(self, table: Table) -> MomentumModel:
-        """That of another table, or of the nearest one that the model knows."""
+        """Model of another table, or of the nearest one in its range."""
         return self.of(self.general, self.general.range.nearest(table))
 
     def convert(self, convert: Callable[[Any], Any]) -> MomentumModel:
-        """The same with other arrays."""
+        """Model with its arrays converted."""
         numbers = self.hot, self.cooling, self.carry_barrier
         hot, cooling, carry_barrier = map(convert, numbers)
         transitions, carries = (
@@ -393,8 +393,8 @@ class MomentumModel(kernels.Handled):
 
 
 def momentum_model(table: str) -> MomentumModel | None:
-    """The model of a table by its name, or from a JSON file by its path: the table's own, else that
-    of all tables; None for tables with drag, on which there is no momentum.
+    """Momentum model of a table, by its name or the path of a JSON file: the table's own, else the
+    general one; None for tables with drag.
 
     Raises
     ------

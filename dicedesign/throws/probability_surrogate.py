@@ -228,7 +228,7 @@ class WeightedPoints:
 
 
 def effective(weights: Floats) -> float:
-    """How many equally weighted points would be as good as points with weights (n,)."""
+    """Effective sample size of points with weights (n,)."""
     return float(1.0 / np.square(weights).sum())
 
 

@@ -198,7 +198,7 @@ def up_directions() -> tuple[Floats, Floats]:
 
 
 def drop_weights(drops: int, orientations: Orientations) -> Floats:
-    """Weights (n,) of so many drops: 1 on the mean over the paper's directions."""
+    """Weights (n,) of drops over the paper's directions, with mean 1."""
     if orientations == "uniform":
         return np.ones(drops)
     return PAPER_DIRECTIONS * up_directions()[1][np.arange(drops) % PAPER_DIRECTIONS]
@@ -212,8 +212,8 @@ def release_states(
     rng: np.random.Generator,
     down: Floats | None = None,
 ) -> Floats:
-    """States (n, 13) of a body as it is let go: position (m), quaternion w, x, y, z from principal
-    axes to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
+    """States (n, 13) of a body at release: position (m), quaternion w, x, y, z from principal axes
+    to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
 
     numbers: (n,) of the drops, which say the paper's direction. Of those the body is turned about
     the vertical at random, as of throws that begin with one direction `down` (3,) of the body's

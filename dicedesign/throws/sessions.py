@@ -85,7 +85,7 @@ def shared_values(points: Floats, limits: Mapping[str, tuple[float, float]] = PA
 
 
 def _coordinates(values: Floats) -> Floats:
-    """Those (..., 5) in which the prior is flat."""
+    """Coordinates (..., 5) in which the prior is uniform."""
     return np.concatenate([values[..., :2], np.log(values[..., 2:])], axis=-1)
 
 
@@ -101,14 +101,14 @@ def _session_values(points: Floats, offsets: Offsets, size: float | None) -> Flo
 
 
 def session_points(points: Floats, offsets: Offsets, size: float | None) -> Floats:
-    """The same as points (..., 5) of the unit cube of simulated sets."""
+    """Values of a session as points (..., 5) of the unit cube of simulated sets."""
     least, most = _coordinates(np.array(list(SIMULATED.values())).T)
     coordinates = _coordinates(_session_values(points, offsets, size))
     return np.clip((coordinates - least) / (most - least), 0.0, 1.0)
 
 
 def draw_values(points: Floats, offsets: Offsets) -> Floats:
-    """The same values (n, 5) for dice of `SIZE` and larger ones."""
+    """Values (n, 5) with sizes drawn for dice of `SIZE` and larger ones."""
     values = _session_values(points, offsets, SIZE)
     values[:, 2] = np.maximum(values[:, 2], LOWEST)
     return values

@@ -253,8 +253,7 @@ class DieOnTable:
     def counts_on(
         self, tables: Sequence[Table], drops: int, seed: int, engine: str, workers: Executor
     ) -> list[Integers]:
-        """As `counts`, of so many throws onto each of some tables, by their own seeds from the
-        first on."""
+        """Counts of throws onto each of some tables, with consecutive seeds."""
 
         def counted(place: int) -> Integers:
             table = tables[place].for_size_above(self.table.size)
@@ -272,7 +271,7 @@ class DieOnTable:
 
 @dataclass(frozen=True, eq=False)
 class ThrownDie:
-    """What a finished die does on its table.
+    """Probabilities of a finished die on its table.
 
     Attributes
     ----------

@@ -49,7 +49,7 @@ SERIES: Final = 4000
 
 @dataclass(frozen=True)
 class Prediction:
-    """What came up with one die against what was predicted of it.
+    """Counts of one die beside their posterior prediction.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ def check_table(
     workers: Executor | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[DieCheck, ...]:
-    """Throw each die so many times on a table, and compare.
+    """Throw each die on a table, and compare with its counts.
 
     Parameters and errors: as of `simulate`. Dice whose size is unknown have the table's; larger
     ones than it lets fall are let go from as high as they are large.

@@ -41,14 +41,13 @@ def scale(spread: Spread, factor: float) -> Spread:
 
 
 def draw(spread: Spread, count: int, rng: np.random.Generator) -> float | Floats:
-    """The values (count,) of so many throws, or the number that all have, for which nothing is
-    drawn."""
+    """Values (count,) drawn from a range, or the one number if it is no range."""
     return rng.uniform(*spread, count) if isinstance(spread, tuple) else spread
 
 
 @dataclass(frozen=True)
 class Hand:
-    """A way to throw a die, with any side down alike.
+    """A throw distribution: height, speed and spin; the start orientation is uniform.
 
     Attributes
     ----------
@@ -196,19 +195,19 @@ class Table:
         return replace(self, restitution=min((1.0 + change) * self.restitution, MOST_RESTITUTION))
 
     def for_size(self, size: float | None) -> Table:
-        """The same for a die of a size in m; None leaves the table's own."""
+        """Table for a die of a size in m; None keeps the table's own."""
         return self if size is None else replace(self, size=size)
 
     def for_size_above(self, size: float | None) -> Table:
-        """The same for a die of a size in m, let go from no lower than it is large; None leaves the
-        table's own."""
+        """Table for a die of a size in m, released no lower than its size; None keeps the table's
+        own."""
         height = self.height
         if size is not None and most_of(height) > 0.0 and least_of(height) < size:
             height = (size, most_of(height)) if most_of(height) > size else size
         return replace(self, height=height).for_size(size)
 
     def with_hand(self, hand: str) -> Table:
-        """The same table with dice thrown in another way, one of `HANDS`.
+        """Table with another throw distribution, one of `HANDS`.
 
         Raises InputError: there is no such way, the die is larger than its least height, or nothing
         has momentum on this table.

@@ -165,7 +165,7 @@ class _Line:
     row: dict[str, str]
 
     def number(self, column: str, text: str | None = None) -> float:
-        """The number of a column, or that of a text in it. Raises InputError for none."""
+        """Number in a column, or of a text in it. Raises InputError for none."""
         text = self.row[column] if text is None else text
         try:
             number = float(text)

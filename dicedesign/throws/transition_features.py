@@ -49,7 +49,7 @@ class Transitions:
 
     @classmethod
     def of(cls, hull: ConvexHull, paths: Separatrices) -> Transitions:
-        """Those of a hull with its separatrices; rests are numbered as in `paths.rests`."""
+        """Features of a hull with its separatrices; rests are numbered as in `paths.rests`."""
         start, end = hull.facet_start[paths.rests], hull.facet_start[paths.rests + 1]
         counts = end - start
         corners = np.repeat(hull.tail[start][:, None], int(counts.max()), axis=1)

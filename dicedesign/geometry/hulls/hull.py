@@ -84,14 +84,14 @@ class ConvexHull(kernels.Handled):
 
     @cached_property
     def next(self) -> Integers:
-        """(h,) the following half-edge of the same facet."""
+        """(h,) the next half-edge in its facet."""
         following = np.arange(1, len(self.tail) + 1)
         following[self.facet_start[1:] - 1] = self.facet_start[:-1]
         return following
 
     @cached_property
     def previous(self) -> Integers:
-        """(h,) the preceding half-edge of the same facet."""
+        """(h,) the previous half-edge in its facet."""
         preceding = np.arange(-1, len(self.tail) - 1)
         preceding[self.facet_start[:-1]] = self.facet_start[1:] - 1
         return preceding
@@ -154,7 +154,7 @@ class ConvexHull(kernels.Handled):
 
     @cached_property
     def _unevenness(self) -> Floats:
-        """(m,) the same of each facet."""
+        """(m,) unevenness of each facet."""
         start = self.facet_start[:-1]
         points = self._unit_vertices
         offsets = points[self.tail] - points[self.tail[start]][self.facet]
@@ -295,7 +295,8 @@ class HullMemory:
     _last: ConvexHull | None = field(default=None, repr=False)
 
     def hull(self, points: Floats) -> ConvexHull:
-        """`convex_hull(points)` bit for bit, with the same errors; points: (n, 3) float64."""
+        """Hull of points (n, 3) float64, equal bit for bit to `convex_hull(points)`, with its
+        errors."""
         hull = None if self._last is None else same_connectivity(self._last, points)
         if hull is None:
             hull = convex_hull(points)

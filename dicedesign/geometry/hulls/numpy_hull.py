@@ -343,7 +343,7 @@ class _Surface:
         return np.column_stack([normals, -(normals * a).sum(-1), bounds])
 
     def outside(self, candidates: Integers) -> tuple[Integers, Integers]:
-        """Those of some points (k,) that lie outside, and the highest above each triangle."""
+        """Points among (k,) that lie outside, and the highest above each triangle."""
         outer, above, heights = [], [], []
         planes, bounds = self._planes[:, :4], self._planes[:, 4]
         blocks = 1 + len(candidates) * len(planes) // BLOCK

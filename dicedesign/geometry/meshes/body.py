@@ -28,7 +28,7 @@ _POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
-    """What is known of how a body's mass lies.
+    """Mass, center of mass and inertia of a body.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ def merge_positions(points: Floats) -> tuple[Integers, Integers]:
 def as_numbers(
     values: ArrayLike, name: str, what: str = "points", *, integer: bool = False
 ) -> NDArray[Any]:
-    """`values` as an (n, 3) array of real or of integer numbers, n >= 1, of whatever precision.
+    """`values` as an (n, 3) array of real or integer numbers, n >= 1, in its own precision.
 
     name: what messages begin with; what: the values in a word, in the plural.
     Raises InputError: the shape or the type is another.
@@ -253,8 +253,8 @@ _TWO_SIDED: Final = 0.9
 
 
 def close_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | None:
-    """The same triangles (t, 3) as a closed, consistently oriented surface, and what had to be
-    reversed for it, in a sentence; None where they do not close."""
+    """Triangles (t, 3) oriented as a closed surface, and a sentence on what was reversed; None if
+    they do not close."""
     if is_closed(triangles):
         return triangles, ()
     oriented = consistent_winding(triangles)
@@ -303,7 +303,7 @@ def outward_patches(points: Floats, triangles: Integers) -> Integers:
 
 
 def distinct_triangles(triangles: Integers) -> Integers:
-    """Triangles (t, 3) without those between the same corners as others.
+    """Triangles (t, 3) without duplicates (equal corners).
 
     Of as many on either side none is left, as of the wall between two bodies, unless nearly all are
     such, as of a surface with two sides; else one on the side that has more.

@@ -119,8 +119,8 @@ def _section(
         return np.log(np.cos(lead) / np.cos(turn + lead))
 
     def climbs(halves: Floats, steps: Integers) -> Floats:
-        """Logarithms (...) of the distance of the corner at the end of a basin over that of the
-        rest, at angles (...) and with so many sides (...) between them."""
+        """Logarithms (...) of the ratio of the distances of a basin's last corner and its rest,
+        for angles (...) and numbers of sides (...) between them."""
         turns = halves / (steps + 1.0)
         climbs: Floats = steps * growth(turns) - np.log(np.cos(turns))
         return climbs

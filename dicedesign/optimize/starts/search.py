@@ -178,8 +178,8 @@ LARGEST_VARIATION: Final = 0.3
 def shapes_like(
     start: Start, seed: int, group: Floats | None = None, *, any_order: bool = False
 ) -> Iterator[Start]:
-    """A start, and then the same with its facets turned and shifted more and more, without end;
-    pinned ones stay.
+    """Yield a start, then variants with facets turned and shifted more and more, without end;
+    pinned facets stay.
 
     Where that leaves no solid, the next one follows.
 

@@ -178,7 +178,7 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
 
 
 def about_centroid(start: Start) -> Start:
-    """The same start, moved so that its centroid is at 0."""
+    """Start moved so that its centroid is at 0."""
     centroid = convex_hull(start.points).centroid
     origin = start.origin + start.scale * centroid
     return replace(start, points=start.points - centroid, origin=origin)

@@ -46,7 +46,8 @@ class Start:
     notes: tuple[str, ...] = ()
 
     def normalize(self, own: Floats) -> Floats:
-        """Points (..., 3) of the shape's own coordinates in those of `points`."""
+        """Coordinates of points (..., 3), given in the shape's own coordinates, in those of
+        `points`."""
         return (own - self.origin) / self.scale
 
 

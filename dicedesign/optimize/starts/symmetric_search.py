@@ -172,7 +172,7 @@ def _bowl(
 
 
 def _helpers(layouts: OrbitLayouts, facets: int, rng: np.random.Generator) -> list[OrbitSite]:
-    """Sites of orbits without outcome that have so many facets or a little more."""
+    """Sites of orbits without an outcome, with at least a number of facets in all."""
     sites: list[OrbitSite] = []
     while sum(site.size for site in sites) < facets:
         sites.append(layouts.helper(rng))
