@@ -80,7 +80,7 @@ class CenterSearch:
     steps: int = 60
 
     def for_corners(self, count: int) -> CenterSearch:
-        """Effort for a hull with a number of corners: less for many, as each center takes longer."""
+        """Effort for a hull: less for many corners, as each center takes longer."""
         part = min(1.0, MANY / count)
 
         def fewer(most: int, least: int) -> int:

@@ -154,8 +154,8 @@ class Orientation:
 
 
 def _determinant(rows: list[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Determinants of matrices whose rows are given, each (2, m) or (3, m), and the same sum of
-    products with all terms positive."""
+    """Determinants of matrices given by rows, each (2, m) or (3, m), and the sum of absolute
+    products."""
     if len(rows) == 2:
         (a, b), (c, d) = rows
         return a * d - b * c, abs(a * d) + abs(b * c)

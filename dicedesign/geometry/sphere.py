@@ -91,7 +91,7 @@ def even_directions(count: int) -> Floats:
 
 
 def rotation_between(a: Floats, b: Floats) -> Floats:
-    """The rotation (3, 3) by the smallest angle that turns the direction of a onto that of b.
+    """Smallest rotation (3, 3) that maps the direction of a to that of b.
 
     For opposite directions the axis is chosen perpendicular to a, along the coordinate axis where
     a is smallest.
@@ -130,13 +130,13 @@ class Similarity:
     shift: Floats
 
     def __call__(self, points: Floats) -> Floats:
-        """(n, 3) images of points (n, 3), or (3,) that of one."""
+        """Images (n, 3) of points (n, 3), or (3,) of one."""
         return self.scale * (points @ self.rotation.T) + self.shift
 
 
 def best_similarity(points: Floats, onto: Floats, weights: Floats) -> Similarity:
-    """That with the least weighted sum of squared distances of the images of points (n, 3) from
-    others (n, 3); weights: (n,) not negative.
+    """Similarity with the least weighted sum of squared distances between images of points (n, 3)
+    and other points (n, 3); weights: (n,) not negative.
 
     Source: Umeyama, IEEE Trans. Pattern Anal. Mach. Intell. 13(4), 1991.
     """

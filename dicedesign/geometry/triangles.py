@@ -37,8 +37,7 @@ def doubled_area_vectors(points: Floats, triangles: Integers) -> Floats:
 
 
 def edge_keys(triangles: Integers) -> Integers:
-    """(3 t,) a number for the edge from each corner of triangles (t, 3) to the next, the same for
-    either direction and different for different edges."""
+    """(3 t,) one number for the undirected edge at each corner of triangles (t, 3)."""
     tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     size = int(triangles.max()) + 1
     return np.minimum(tails, heads) * size + np.maximum(tails, heads)
@@ -46,8 +45,8 @@ def edge_keys(triangles: Integers) -> Integers:
 
 def edge_neighbors(triangles: Integers) -> Integers:
     """Neighbors of triangles (t, 3): `[t, k]` lies across the edge opposite to corner k, or is -1
-    where not exactly one triangle runs along that edge the other way around and none the same
-    way."""
+    unless exactly one triangle has that edge in the opposite direction and no other has it in the
+    same."""
     tail, head = np.roll(triangles, -1, axis=1).ravel(), np.roll(triangles, -2, axis=1).ravel()
     size = np.int64(triangles.max()) + 1
     forward, backward = tail * size + head, head * size + tail
@@ -62,8 +61,8 @@ def edge_neighbors(triangles: Integers) -> Integers:
 
 
 def find_parts(tails: Integers, heads: Integers, count: int) -> Integers:
-    """(count,) the part of each of so many things, numbered from 0 in the order of their first
-    things, when pairs of them (m,) and (m,) are joined."""
+    """(count,) the connected part of each node, numbered from 0 by first nodes, for edges (m,) and
+    (m,)."""
     # Imported late: a query of a mesh does without SciPy.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -143,7 +142,7 @@ def second_moments(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[A
 
 
 def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
-    """Linear map that makes a needle or a plate of a body about as thick as it is long.
+    """Linear map that makes a needle or a plate about as thick as it is long.
 
     Of a body A times as long as thick, the sums over tetrahedra lose some A^2 units of rounding,
     as they cancel to that part of their terms. Taken of `image`, with `offsets = image @ matrix`,
@@ -235,7 +234,7 @@ class Surface:
 
     @property
     def volume(self) -> float:
-        """Of the uniform solid, in cubed length units."""
+        """Volume of the uniform solid, in cubed length units."""
         return self._properties[0]
 
     @property
@@ -253,7 +252,7 @@ class Surface:
         return centroid_derivatives(self.points, self.triangles, self.centroid)
 
     def with_points(self, points: Floats) -> Surface:
-        """The same triangles between other points (n, 3)."""
+        """Surface with the same triangles between other points (n, 3)."""
         return Surface(points, self.triangles)
 
 

@@ -55,7 +55,7 @@ class BodyFunction:
 
     @property
     def pullback(self) -> BodyFunction:
-        """From the inputs and gradients of the outputs to gradients of the inputs."""
+        """Function from inputs and gradients in the outputs to gradients in the inputs."""
 
         def formula(body: int, *given: Tensor) -> tuple[Tensor, ...]:
             with torch.enable_grad():
@@ -66,8 +66,8 @@ class BodyFunction:
 
     @property
     def pushforward(self) -> BodyFunction:
-        """From the inputs and their tangents to the tangents of the outputs: gradients of inputs
-        are linear in those of outputs, and this is the transpose of that."""
+        """Function from inputs and their tangents to tangents of the outputs: the transpose of the
+        linear map `pullback`."""
 
         def formula(body: int, *given: Tensor) -> tuple[Tensor, ...]:
             with torch.enable_grad():
@@ -124,7 +124,7 @@ def adjoint_function(
 
 
 def take_constant(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
-    """What an action makes of the numbers behind tensors: integers (*l), with no derivative.
+    """Integers (*l) that an action computes from the values of tensors, without a derivative.
 
     Where transforms of `torch.func` map over tensors, it is called once, and all that it gets and
     returns has the dimensions that are mapped over before its own.
@@ -156,8 +156,8 @@ def _evaluate(function: BodyFunction, which: Integers, *inputs: Floats) -> tuple
 
 
 def _with_signature(forward: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that tells its signature as an attribute: torch asks for it in every call, and to
-    work it out takes longer than a hull."""
+    """Function with its signature as an attribute: torch asks for it in every call, and computing
+    it takes longer than a hull."""
     forward.__signature__ = inspect.signature(forward)  # type: ignore[attr-defined]
     return forward
 
@@ -243,7 +243,7 @@ def _leaf(tensor: Tensor) -> Tensor:
 def _slopes(
     outputs: Sequence[Tensor], inputs: Sequence[Tensor], gradients: Sequence[Tensor]
 ) -> tuple[Tensor, ...]:
-    """Gradients of the inputs for those of the outputs, to be differentiated again."""
+    """Gradients in the inputs from those in the outputs, differentiable again."""
     varying = [
         (output, gradient)
         for output, gradient in zip(outputs, gradients, strict=True)

@@ -82,7 +82,7 @@ class _RestedBodies:
 
     @property
     def function(self) -> BodyFunction:
-        """From points, and centers if they are given, to normals and probabilities."""
+        """Function from points, and given centers, to normals and probabilities."""
         return BodyFunction(
             1 + self._has_centers,
             2,
@@ -335,7 +335,7 @@ def differentiable_rest_batch(
 
 
 def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Tensor:
-    """How many points each body has (b,), from 0 to the number of rows."""
+    """Numbers of points of bodies (b,), from 0 to the number of rows."""
     counts = torch.as_tensor(given).to("cpu")
     whole = not (counts.is_floating_point() or counts.is_complex())
     if counts.shape != (bodies,) or not (whole or bodies == 0):

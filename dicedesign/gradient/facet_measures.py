@@ -75,7 +75,7 @@ def offset_secants(
 def _probabilities_by_rest(
     rests: RestEvaluation, named: RestEvaluation, model: ProbabilityModel | None
 ) -> Tensor:
-    """(k,) probabilities of rests by the nearest of those of another body, k."""
+    """(k,) probabilities of rests, summed by the nearest rest of another body."""
     probabilities = rests.probabilities if model is None else model.tensor(rests)
     normals, names = rests.hull.normals[rests.facets], named.hull.normals[named.facets]
     nearest = torch.from_numpy(np.argmax(normals @ names.T, axis=1))
@@ -189,8 +189,8 @@ def circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
 
 
 def soft_circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
-    """(k,) much the same as `circle_radii`, with no kink where a circle comes to touch another edge
-    or another pair of vertices comes to span the diameter.
+    """(k,) smooth approximation of `circle_radii`, without kinks where a circle touches another
+    edge or another pair of vertices spans the diameter.
 
     With the power p of `SOFTNESS`, `mean(d^-p)^(-1/p)` over a facet's border takes the place of the
     least distance d of an edge, at the center where it is largest, and `(sum d^2p)^(1/2p)` over all

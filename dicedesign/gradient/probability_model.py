@@ -51,7 +51,7 @@ class ThrowProbabilities:
 
     @classmethod
     def on(cls, table: str) -> ThrowProbabilities:
-        """That of a table by its name or file; raises as `momentum_model`."""
+        """Model of a table by its name or file; raises as `momentum_model`."""
         return cls._of(momentum_model(table))
 
     @classmethod
@@ -59,7 +59,7 @@ class ThrowProbabilities:
         return cls(None if model is None else (model, model.convert(torch.as_tensor)))
 
     def onto(self, table: Table) -> ThrowProbabilities:
-        """That of another table, or of the nearest one that the model knows."""
+        """Model of another table, or of the nearest one in range."""
         return self._of(None if self.model is None else self.model[0].near(table))
 
     def probabilities(self, rests: RestEvaluation) -> Floats:
@@ -142,7 +142,7 @@ the mean over the tables."""
 
 @dataclass(frozen=True)
 class TableSensitivity:
-    """What the probabilities of a die shall be on other tables, and what is known of them.
+    """Wanted probabilities of a die on other tables, and corrections of the model there.
 
     Attributes
     ----------
@@ -218,7 +218,7 @@ class ProbabilitiesUnderPrior:
 
     @classmethod
     def of(cls, prior: Prior | str) -> ProbabilitiesUnderPrior:
-        """Those under a prior or what its text names. Raises InputError where it has no density."""
+        """Model of a prior, or of its text. Raises InputError if it has no density."""
         known_prior = prior_of(prior)
         if not isinstance(known_prior, DensityPrior):
             raise InputError(

@@ -56,8 +56,8 @@ def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:
 
 
 def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:
-    """That of a needle or a plate is computed before it is stretched (`stretch_matrix`); the
-    stretch counts as constant, as it changes the rounding only."""
+    """Centroid of a hull. Needles and plates are stretched first (`stretch_matrix`); the stretch
+    counts as constant, as it changes only rounding."""
     origin = vertices.detach().mean(dim=0)
     offsets = vertices - origin
     volume, centroid = volume_and_centroid(offsets, triangles, torch)
@@ -115,7 +115,7 @@ class RestEvaluation:
         return self.equilibria.hull
 
     def raise_ties(self) -> RestEvaluation:
-        """The same, which raises `Tie` at first use where the body is tied (`find_basins`)."""
+        """Evaluation that raises `Tie` at first use if the body is tied (`find_basins`)."""
         equilibria = self.equilibria
         distance = tie_distance(equilibria.hull, equilibria.center_of_mass)
         return replace(self, equilibria=replace(equilibria, tie_distance=distance))
@@ -180,7 +180,8 @@ class RestEvaluation:
         return by_vertices + centroid_gradient(self.hull, by_center)
 
     def rows_with_center(self, by_vertices: Floats, by_center: Floats) -> Floats:
-        """The same of many functions at once: (r, 3 n) for (r, 3 n) and (r, 3)."""
+        """Gradients (r, 3 n) of r functions in the vertices from (r, 3 n) and (r, 3) in vertices
+        and center."""
         if self.given_center is not None:
             return by_vertices
         by_axis = [centroid_gradient(self.hull, axis).ravel() for axis in np.eye(3)]
@@ -188,8 +189,8 @@ class RestEvaluation:
 
     @property
     def jacobian(self) -> Floats:
-        """(k, 3 n) that of the probabilities in the vertices, with which the center of mass of a
-        uniform solid moves."""
+        """(k, 3 n) Jacobian of the probabilities in the vertices, which move the center of mass of
+        a uniform solid."""
         rows = kernels.area_jacobian(self.hull, self.paths, self.equilibria.center_of_mass)
         if rows is kernels.UNDECIDED:
             return self.jacobian_of(lambda rests: rests.probabilities)
@@ -242,7 +243,7 @@ class RestEvaluation:
 
     @cached_property
     def depths(self) -> Floats:
-        """(m,) the same as numbers."""
+        """(m,) facet depths as numbers."""
         depths = kernels.facet_depths(self.hull, self.equilibria.center_of_mass)
         return self.facet_depths.detach().numpy() if depths is kernels.UNDECIDED else depths
 

@@ -69,16 +69,15 @@ class Handled:
 
 
 class Tie(Exception):
-    """The body balances: a hair's move of the center of mass would change what it does."""
+    """The combinatorics change under an infinitesimal move of the center of mass."""
 
 
 class Bodies(Protocol):
     """Bodies that were put to rest together."""
 
     def rests(self) -> tuple[Integers, Integers, Floats, Floats]:
-        """How many rests each has (b,), 0 where rounding leaves anything open; then, the most
-        probable first, their facets (b, k), normals (b, k, 3) and probabilities (b, k), 0 in rows
-        that one has too many."""
+        """Number of rests of each body (b,), 0 if rounding leaves anything open; facets (b, k),
+        normals (b, k, 3) and probabilities (b, k), the most probable first, padded with 0."""
 
     def pull_back(
         self,
@@ -88,9 +87,8 @@ class Bodies(Protocol):
         points: int,
         threads: int,
     ) -> tuple[Floats, Floats, Integers]:
-        """For gradients (r, k, 3) and (r, k) in normals and probabilities of bodies (r,) those in
-        their points (r, points, 3) and in given centers (r, 3); and (r,) 0 where these are left
-        open."""
+        """Gradients in points (r, points, 3) and given centers (r, 3) from those in normals (r, k,
+        3) and probabilities (r, k) of bodies (r,); and (r,) 0 where left open."""
 
 
 class Energies(Protocol):
@@ -100,7 +98,7 @@ class Energies(Protocol):
         """The four, 0 where they are not wanted."""
 
     def gradient(self, slopes: Sequence[float]) -> tuple[Floats, Floats]:
-        """That of the sum of terms times slopes (4,): (n, 3) and (3,)."""
+        """Gradient of the weighted sum of terms, weights (4,): (n, 3) and (3,)."""
 
 
 def available() -> bool:
@@ -119,8 +117,8 @@ def _kernel(function: Callable[P, T]) -> Callable[P, T | None]:
 
 
 def new_handle(kind: Literal["Hull", "Paths", "Momentum"], *parts: Any) -> Any:
-    """The handle of a hull, from the fields and properties of a `ConvexHull` that kernels use, of
-    the arrays of a `Separatrices` but that of the saddles, or of a `MomentumModel`."""
+    """C++ handle of a `ConvexHull`, a `Separatrices` or a `MomentumModel`, which borrows its
+    arrays."""
     return getattr(compiled, kind)(*parts)
 
 
@@ -168,7 +166,7 @@ def move_hull(
     points: Floats, source: Integers, facet_start: Integers, tail: Integers, twin: Integers
 ) -> dict[str, Any] | None:
     """Vertices and measures by name of a hull whose points moved to (n, 3), of which `source` are
-    the corners; undecided where it is in doubt that its facets are still the same."""
+    the corners; undecided if its facets may have changed."""
     return (
         compiled.moved_hull(points, source, facet_start, tail, twin, _REUSED, *_MEASURED)
         or UNDECIDED
@@ -192,7 +190,7 @@ def shells(triangles: Integers) -> Integers:
 
 @_kernel
 def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Integers, Floats]:
-    """See `dicedesign.report.raster`."""
+    """Kernel of `dicedesign.report.raster`."""
     return compiled.rasterize(positions, triangles, size)
 
 
@@ -201,7 +199,7 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
 
 @_kernel
 def surroundings(hull: Handled, center: Floats) -> tuple[int, float, float, float, float]:
-    """See `dicedesign.rest.equilibria.Surroundings`."""
+    """Kernel of `dicedesign.rest.equilibria.Surroundings`."""
     return compiled.surroundings(hull.handle, center)
 
 
@@ -225,7 +223,7 @@ def destinations(hull: Handled, center: Floats, tie_distance: float, facets: Int
 def slides(
     hull: Handled, center: Floats, tie_distance: float, *lines: NDArray[Any]
 ) -> tuple[Integers, Booleans]:
-    """As `dicedesign.rest.tracing.slide`; lines: its vertices, directions and errors."""
+    """Kernel of `dicedesign.rest.tracing.slide`; lines: its vertices, directions and errors."""
     answer = _raise_ties(
         compiled.slides(hull.handle, center, bounds.ROUNDING, tie_distance, *lines)
     )
@@ -233,7 +231,7 @@ def slides(
 
 
 def _raise_ties(answer: Any) -> Any:
-    """What a kernel answered; raises Tie where it said by False that the body is tied."""
+    """Answer of a kernel; raises Tie if it is False, for a tied body."""
     if answer is False:
         raise Tie
     return answer
@@ -254,13 +252,13 @@ def basin_areas(hull: Handled, paths: Handled, center: Floats) -> Floats:
 def area_gradient(
     hull: Handled, paths: Handled, center: Floats, weights: Floats
 ) -> tuple[Floats, Floats]:
-    """That of the sum of the basins' areas times weights (k,): (n, 3) and (3,)."""
+    """Gradient of the weighted sum of basin areas, weights (k,): (n, 3) and (3,)."""
     return compiled.area_gradient(hull.handle, paths.handle, center, weights)
 
 
 @_kernel
 def area_jacobian(hull: Handled, paths: Handled, center: Floats) -> tuple[Floats, Floats]:
-    """That of each area: (k, 3 n) and (k, 3)."""
+    """Jacobian of the basin areas: (k, 3 n) and (k, 3)."""
     return compiled.area_jacobian(hull.handle, paths.handle, center)
 
 
@@ -285,7 +283,7 @@ def facet_depths(hull: Handled, center: Floats) -> Floats:
 
 @_kernel
 def depth_gradient(hull: Handled, center: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """That of the sum of depths times slopes (m,): (n, 3) and (3,)."""
+    """Gradient of the weighted sum of facet depths, weights (m,): (n, 3) and (3,)."""
     return compiled.depth_gradient(hull.handle, center, slopes)
 
 
@@ -311,7 +309,7 @@ def bodies(
     precision: float,
     threads: int,
 ) -> Bodies:
-    """The rests of bodies, on so many threads.
+    """Rests of bodies, on a number of threads.
 
     points: (t, 3), of which each body has `counts` (b,) from `start` (b,) on; centers: of mass,
     (b, 3), or None for those of the uniform solids; others: as `convex_hull` has them.
@@ -377,8 +375,8 @@ def thrown_gradients(
     probabilities: Floats,
     weights: Floats,
 ) -> tuple[Floats, Floats, Floats]:
-    """Gradients (r, 3 n), (r, 3) and (r, k) of weighted sums (r, k) of the same for a uniform
-    solid, in the vertices, in the center of mass and in the probabilities without momentum."""
+    """Gradients (r, 3 n), (r, 3) and (r, k) of weighted sums (r, k) of a thrown uniform solid's
+    probabilities, in the vertices, the center of mass and the probabilities without momentum."""
     handles = hull.handle, paths.handle, model.handle
     return compiled.thrown_gradients(*handles, center, probabilities, weights)
 
@@ -393,6 +391,6 @@ def solid_inertia(hull: Handled) -> Floats:
 def advance_throws(
     landscape: Sequence[NDArray[Any]], moments: Floats, how: Floats, states: Floats, steps: int
 ) -> tuple[Integers, Integers]:
-    """Advance states (n, 13) of a body, in place, by at most so many steps: the rest of each that
-    it cannot miss any more, or -1, and the steps it took."""
+    """Advance states (n, 13) of a body in place by at most a number of steps: the rest that each
+    cannot miss any more, or -1, and the steps taken."""
     return compiled.advance_throws(*landscape, moments, how, states, steps)

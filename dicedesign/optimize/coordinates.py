@@ -104,7 +104,7 @@ class VertexCoordinates(Coordinates):
         return points.to(parameters)
 
     def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
-        """See `Coordinates`: drops points that are no vertices of the hull."""
+        """Parameters without points that are no vertices of the hull; see `Coordinates`."""
         return parameters.reshape(-1, 3)[rests.hull.source].ravel()
 
 
@@ -367,8 +367,8 @@ class SymmetricCoordinates(LinkedCoordinates):
         return cls(facets, expansion, base, orbits.astype(np.int64)), expansion.T @ parameters
 
     def _check(self, hull_of: HullMaker) -> HullMaker:
-        """As `hull_of`; raises DegenerateBodyError where rounding lets only some of an orbit's
-        facets be corners of the polar hull, and bound the solid."""
+        """Hull maker that raises DegenerateBodyError if rounding makes only some of an orbit's
+        facets corners of the polar hull."""
 
         def whole(polar: Floats) -> ConvexHull:
             hull = hull_of(polar)

@@ -66,13 +66,13 @@ class Energy:
 
     @cached_property
     def terms(self) -> dict[str, float]:
-        """The weighted terms by name, those of `energy_terms`."""
+        """Weighted terms by name, as in `energy_terms`."""
         return {name: value for name, (value, _) in self._parts.items()}
 
     @property
     def gradient(self) -> Floats:
-        """(n, 3) that of their sum in the vertices of the hull, with which the center of mass of a
-        uniform solid moves."""
+        """(n, 3) gradient of their sum in the vertices, which move the center of mass of a uniform
+        solid."""
         rests, normals = self.state.rests, []
         parts = [part for _, part in self._parts.values()]
         if self._compiled is not None:
@@ -253,7 +253,7 @@ class Evaluation:
         return empty + len(self.clusters.of_rest) - (outcomes - empty)
 
     def refresh(self) -> Evaluation:
-        """The same shape with each outcome's direction moved to the mean of its rests' normals."""
+        """Evaluation with each outcome's direction moved to the mean of its rests' normals."""
         return replace(self, directions=self.clusters.means(self._rest_normals)[0])
 
     @property

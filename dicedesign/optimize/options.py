@@ -188,7 +188,7 @@ def require_choice(name: str, value: str, *choices: str) -> None:
 
 
 def refuse(name: str, expected: str, got: float, default: str) -> InputError:
-    """What is raised for an option out of range."""
+    """InputError of an option out of range."""
     return InputError(f"{name}: expected {expected}, got {got:g}; leave it out for {default}")
 
 
@@ -209,7 +209,7 @@ class PaperWeights(EnergyWeights):
 
     @classmethod
     def list_numbers(cls) -> Mapping[str, Number]:
-        """Those of all terms, with defaults of their own."""
+        """Weights and options of all terms, with the defaults of this class."""
         defaults = {
             "coplanar": 2.0,
             "barycenter": 0.1,
@@ -225,7 +225,7 @@ class PaperWeights(EnergyWeights):
 
     @property
     def of_probabilities(self) -> EnergyWeights:
-        """The same energy, but for a factor, with the dice energy of eq. 12."""
+        """Weights of the same energy, up to a factor, with the dice energy of eq. 12."""
         return EnergyWeights(**self.as_dict()).times(1.0 / SOLID_ANGLE)
 
 

@@ -282,7 +282,7 @@ def consistent_winding(triangles: Integers) -> Integers | None:
 
 
 def outward_patches(points: Floats, triangles: Integers) -> Integers:
-    """Triangles (t, 3) of any kind, wound alike and outward as far as they say what that is.
+    """Orient triangles (t, 3) consistently, and outward as far as they determine it.
 
     Those that hang together by edges of two triangles are a patch. In each as few as needed are
     reversed, and all of one that is closed, or nearly, and inward: cavities and bodies alike.
@@ -331,8 +331,8 @@ def distinct_triangles(triangles: Integers) -> Integers:
 
 
 def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
-    """Triangles (t, 3), as few as possible reversed for those that share an edge with just one
-    other to be wound alike, and (t,) numbers of the parts that hang together by such edges."""
+    """Triangles (t, 3) with as few as possible reversed, so that neighbors across an edge of
+    exactly two agree; and (t,) the number of each connected part."""
     count = len(triangles)
     rising = triangles.ravel() < np.roll(triangles, -1, axis=1).ravel()
     keys = edge_keys(triangles)
@@ -461,8 +461,8 @@ def resolve_center_of_mass(
 
 
 def solid_triangles(body: Body) -> tuple[Integers, tuple[str, ...]] | None:
-    """The triangles (t, 3) that bound a body's solid, wound alike, and what had to be done for it,
-    one sentence each; None for a point cloud and an open mesh. All may point inward."""
+    """Consistently oriented triangles (t, 3) that bound a body's solid, and one sentence for each
+    repair; None for a point cloud or an open mesh. All may point inward."""
     closed = None if body.triangles is None else close_triangles(body.triangles)
     if closed is None:
         return None

@@ -61,7 +61,8 @@ def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
 
 
 def one_shell(body: Body) -> tuple[Surface, tuple[str, ...]]:
-    """As `make_surface`, in a tenth of the time, but that the surface may intersect itself."""
+    """Surface as by `make_surface`, in a tenth of the time, without the test for
+    self-intersections."""
     name = body.name
     if body.triangles is None:
         raise InputError(
@@ -193,7 +194,7 @@ SHORTER: Final = 0.93
 
 
 def decimate(surface: Surface, points: int) -> tuple[Surface, str]:
-    """A surface with about so many points, by fast-simplification.
+    """Surface reduced to about a number of points, by fast-simplification.
 
     Edges are collapsed in order of quadric error (Garland and Heckbert, Surface simplification
     using quadric error metrics, 1997). Where that makes a surface that is not closed, falls apart
@@ -238,8 +239,8 @@ def decimate(surface: Surface, points: int) -> tuple[Surface, str]:
 def thin(
     points: Floats, triangles: Integers, count: int, aggressiveness: float = AGGRESSIVENESS[0]
 ) -> tuple[Floats, Integers]:
-    """About so many triangles in place of more between points (n, 3), by fast-simplification,
-    whatever they do to each other.
+    """Triangles between points (n, 3) reduced to about a number, by fast-simplification; they may
+    intersect.
 
     aggressiveness: see `AGGRESSIVENESS`. Raises InputError where the extra `concave` is missing.
     """
@@ -254,7 +255,7 @@ def thin(
 
 
 def refine(surface: Surface, points: int) -> tuple[Surface, str]:
-    """The same shape with at least so many points, by manifold3d.
+    """Surface of the same shape with at least a number of points, by manifold3d.
 
     Edges longer than a length are cut into pieces of about that length; it is shortened until there
     are enough points. All new points lie on the old triangles.

@@ -120,7 +120,7 @@ class DepthGrid:
 
 
 def depth_grid(surface: Surface, steps: int) -> DepthGrid:
-    """The depths inside a surface on a grid with so many steps along its longest extent."""
+    """Depths inside a surface on a grid with a number of steps along its longest extent."""
     low, extent = surface.points.min(axis=0), np.ptp(surface.points, axis=0)
     spacing = float(extent.max()) / steps
     corner = low - spacing * np.array(LATTICE_OFFSET)

@@ -145,8 +145,8 @@ def surface_quality(surface: Surface, reference: Surface | None = None) -> Surfa
 
 
 def surface_distortion(surface: Surface, reference: Surface) -> dict[str, float]:
-    """Distortion of the triangles of a surface against those of the reference, which has the
-    same triangles and some area.
+    """Distortion of a surface's triangles against a reference with the same triangles and some
+    area.
 
     A triangle is stretched by factors `a >= b` along two orthogonal directions. It is distorted in
     shape by `a / b`, 1 for a similar triangle (the quasi-conformal error of Sander et al., Texture

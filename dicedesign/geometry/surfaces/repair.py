@@ -41,7 +41,7 @@ class Soup:
 
     @property
     def area(self) -> float:
-        """Of all triangles."""
+        """Area of all triangles."""
         return float(norms(doubled_area_vectors(self.points, self.triangles)).sum()) / 2.0
 
     def turns(self, places: Floats) -> Floats:
@@ -126,7 +126,7 @@ class WoundSolid:
 
     @property
     def thin_area(self) -> float:
-        """Of the triangles over thin parts."""
+        """Area of the triangles over thin parts."""
         return 0.0 if self._thin is None else self._thin.area
 
     def holds(self, places: Floats) -> Booleans:
@@ -134,7 +134,7 @@ class WoundSolid:
         return np.asarray(self._depths(places) > 0.0)
 
     def surfaces(self, shift: float) -> tuple[Floats, Integers]:
-        """Points and triangles of all surfaces of the solid, as closely as the grid tells.
+        """Points and triangles of all surfaces of the solid, to the accuracy of the grid.
 
         shift: of the grid, in cells. No two sheets are joined at a point or an edge; there are none
         where no node is inside.
@@ -411,7 +411,7 @@ FIRST: Final = 2
 def input_surface(
     body: Body, points: int = MOST_POINTS, *, repair: bool = False
 ) -> tuple[Surface, tuple[str, ...], RepairedMesh | None]:
-    """The closed surface of one solid, of no more than so many points.
+    """Closed surface of one solid, with at most a number of points.
 
     Larger meshes are decimated before anything is done that takes long.
 

@@ -82,8 +82,8 @@ def _rotate_corners(triangles: Integers, column: Integers) -> Integers:
 
 
 def _projection(triangles: Integers, points: Floats, signs: Orientation) -> Integers:
-    """(t,) a coordinate that can be dropped without making the triangle flat, the best one as far
-    as rounding tells; -1 for a triangle without area."""
+    """(t,) the best coordinate to drop without making the triangle flat, to rounding; -1 for a
+    triangle without area."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     ranked = np.argsort(-np.abs(np.cross(b - a, c - a)), axis=1, kind="stable")
     chosen = np.full(len(triangles), -1)

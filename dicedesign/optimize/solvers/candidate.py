@@ -141,8 +141,7 @@ class Candidate:
 
     @cached_property
     def probability_jacobian(self) -> Floats:
-        """(k, n) derivatives of the probabilities in the parameters, those of all outcomes in one
-        sweep."""
+        """(k, n) Jacobian of the probabilities in the parameters, in one sweep."""
         rests = self.rests
         rows = rests.jacobian if self.model is None else self.model.jacobian(rests)
         return self.shape.in_parameters(rows[self.rest_of_outcome], rests.hull.source)

@@ -29,7 +29,7 @@ def graph_laplacian(hull: ConvexHull) -> csc_array:
 
 
 def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
-    """(size, size) the same of any graph, whose edges (h,) are given in both directions."""
+    """(size, size) Laplacian of any graph, whose edges (h,) are given in both directions."""
     # It takes longer to load than most dice to design, which need none.
     from scipy.sparse import csc_array, diags_array
 
@@ -39,7 +39,7 @@ def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
 
 @dataclass(frozen=True)
 class SobolevSolver:
-    """`(I + lambda L)^-p` with its factor, good for as long as the hull's edges stay the same.
+    """`(I + lambda L)^-p` with its factorization, valid while the hull's edges stay.
 
     Attributes
     ----------
@@ -80,8 +80,8 @@ class SobolevGradient:
     _last: tuple[ConvexHull, SobolevSolver] | None = field(default=None, init=False)
 
     def of(self, gradient: Floats, hull: ConvexHull) -> Floats:
-        """Gradients (3 n, ...) in points, of which the hull has its vertices, after the operator;
-        those of points inside become 0."""
+        """Preconditioned gradients (3 n, ...) in points, of which the hull has its vertices; 0 for
+        inner points."""
         if self.options is None and self.drift:
             return gradient
         by_point = gradient.reshape(len(gradient) // 3, -1)

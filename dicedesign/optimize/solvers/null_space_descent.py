@@ -136,7 +136,7 @@ def improve(
 
 @dataclass(frozen=True)
 class _Goal:
-    """What is minimized, and subject to what; see `improve`.
+    """Objective and constraints of `improve`.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class _Point:
 
     @property
     def away(self) -> Floats:
-        """(n,) the residuals of parameters that are not those of the first die."""
+        """(n,) residuals of parameters against those of the first die."""
         return self.goal.pull * (self.candidate.parameters - self.goal.first)
 
     @cached_property
@@ -205,8 +205,8 @@ class _Point:
 
     @cached_property
     def _singular(self) -> tuple[Floats, Floats, Floats]:
-        """Of the probabilities' Jacobian (k, n): left vectors (k, r), values (r,), all right ones
-        (n, n)."""
+        """Singular value decomposition of the probabilities' Jacobian (k, n): left vectors (k, r),
+        values (r,), all right vectors (n, n)."""
         left, values, right = np.linalg.svd(self.candidate.probability_jacobian)
         rank = int((values > RANK).sum())
         return left[:, :rank], values[:rank], right

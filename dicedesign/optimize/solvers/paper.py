@@ -234,8 +234,8 @@ def finish_exactly(
     on_step: Callable[[DesignStep], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
-    """The result with probabilities (k,) that are exact to `options.tolerance`, and better by
-    `options.prefer`; the result as it is where nothing led there.
+    """Result with probabilities (k,) exact to `options.tolerance`, improved by `options.prefer`;
+    the given result if that fails.
 
     The history goes on from that of the result.
     """

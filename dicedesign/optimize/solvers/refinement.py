@@ -108,7 +108,7 @@ class Thrown:
 
 @dataclass(frozen=True)
 class Refinement:
-    """Rounds of throwing a die and designing it anew.
+    """Rounds of throwing a die and designing it again.
 
     Attributes
     ----------
@@ -186,9 +186,8 @@ class Refinement:
         return best.die, tuple(self._round(known, one, one is best) for one in dice)
 
     def swing(self, die: DesignResult, place: int) -> float:
-        """Total variation between the probabilities of a die on the table that is meant and on the
-        others, for all but one in ten of these, by throws that have the number `place` after those
-        of all rounds."""
+        """Total variation between a die's probabilities on the target table and on the others, for
+        nine in ten of these, by throws numbered `place` after those of all rounds."""
         shape, drops = self.measures(die), math.ceil(self.drops / 2)
         each = math.ceil(TELLING * self.drops / len(self.tables))
         thrown = self._throw(die, drops, each, self.rounds + place)
@@ -310,11 +309,11 @@ class _Trial:
 
 
 class _KnownProbabilities:
-    """What throws say of the probabilities of dice over those in the model, by orbits of
-    outcomes."""
+    """Estimates, from throws, of dice's probabilities over the model's, by orbits of outcomes."""
 
     def __init__(self, refinement: Refinement, first: Floats, dice: int) -> None:
-        """Nothing yet, of so many dice at most, with measures as those of the first (f,)."""
+        """Start without throws, for at most a number of dice, with measures as those of the first
+        (f,)."""
         sizes = [1, refinement.tables.shape[1], len(first), dice]
         deviations = [
             np.repeat([COMMON, by_table, by_shape, own], sizes)

@@ -58,14 +58,14 @@ RANK: Final = 1e-8
 
 @dataclass(frozen=True)
 class Measured:
-    """What a solid does: its center of mass (3,) and the probabilities (k,) of its outcomes."""
+    """Center of mass (3,) of a solid and the probabilities (k,) of its outcomes."""
 
     center_of_mass: Floats
     probabilities: Floats
 
 
 class Labeled(Protocol):
-    """How an object is made of a plain shape and labels on its facets."""
+    """Maker of an object from a plain shape and labels on its facets."""
 
     def make_balanced(self, core: ConvexHull, placements: Sequence[Any]) -> Surface:
         """The solid by which the object is judged."""
@@ -77,8 +77,8 @@ class Labeled(Protocol):
         after: ConvexHull,
         moved_normals: Floats,
     ) -> tuple[Any, ...]:
-        """Labels on the facets of one hull, moved onto those of another; moved_normals: (m, 3) that
-        the facets of the first have in the second."""
+        """Move labels from the facets of one hull onto those of another; moved_normals: (m, 3) of
+        the first hull's facets in the second."""
 
     def bearing(self, placements: Sequence[Any]) -> Floats:
         """(l, 3) normals of the facets with labels."""

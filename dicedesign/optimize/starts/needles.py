@@ -126,8 +126,8 @@ def _section(
         return climbs
 
     def flight(half: float, steps: int) -> tuple[Floats, Floats]:
-        """The sides on the way up from a rest to the end of its basin: angles (steps,) between
-        their normals and that of the rest, and logarithms of their distances over its own."""
+        """Sides between a rest and the end of its basin: angles (steps,) between their normals and
+        the rest's, and logarithms of their distances over the rest's."""
         turn, number = half / (steps + 1.0), np.arange(steps, dtype=np.float64)
         first = np.log(np.cos(lead) / np.cos(turn))
         return (number + 1.0) * turn - lead, first + number * growth(turn)

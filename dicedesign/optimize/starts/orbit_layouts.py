@@ -141,7 +141,7 @@ class OrbitLayouts:
         return self.planes[rng.integers(len(self.planes))]
 
     def _splits(self, outcomes: int, free: frozenset[int]) -> Iterator[tuple[frozenset[int], int]]:
-        """Free pole orbits that can be among those of so many outcomes, and the number of all."""
+        """Free pole orbits for a number of outcomes, with the number of all orbits."""
         for few in range(len(free) + 1):
             for taken in combinations(sorted(free), few):
                 rest = outcomes - sum(self.poles[pole].size for pole in taken)
