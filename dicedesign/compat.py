@@ -107,7 +107,7 @@ def _inside(poses: RestPoses, scatter: float, count: int, chance: np.random.Gene
 
 def _facets_in(hull: ConvexHull, sample: RestPoses) -> Integers:
     """Facets (k,) of a hull that are those of a sample's rests, whose own hull may be made of the
-    same corners anew where facets are uneven."""
+    same corners again where facets are uneven."""
     if sample.hull is hull:
         return sample.facets
     return np.asarray((sample.normals @ hull.normals.T).argmax(axis=1))

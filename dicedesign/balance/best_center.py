@@ -197,7 +197,7 @@ SHARES: Final = (1.0, 0.1, 0.0)
 """How much it counts in turn that little is left to poses that a goal is not about."""
 
 GOOD: Final = 0.5
-"""Part of the tolerance within which ends are told apart by how near probabilities jump, and by
+"""Part of the tolerance within which ends are distinguished by how near probabilities jump, and by
 what is left to other poses."""
 
 CLEAR: Final = 2e-3

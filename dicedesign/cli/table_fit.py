@@ -27,7 +27,7 @@ from dicedesign.throws.distances import MeasuredDistance, jeffreys_means, measur
 from dicedesign.throws.engines import require_engine
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
-    BELIEF,
+    CREDIBLE_LEVEL,
     MORE,
     DieCheck,
     DieFit,
@@ -91,9 +91,10 @@ class DieAtHand:
 
     @property
     def by_posterior(self) -> tuple[float, float]:
-        """Total variations below which it is on half of all tables, and on `BELIEF` of them."""
+        """Total variations below which it is on half of all tables, and on `CREDIBLE_LEVEL` of
+        them."""
         each = np.abs(self.fit.drawn - self.target).sum(axis=1) / 2.0
-        half, most = np.quantile(each, [0.5, BELIEF]).tolist()
+        half, most = np.quantile(each, [0.5, CREDIBLE_LEVEL]).tolist()
         return half, most
 
 
@@ -214,7 +215,7 @@ def _describe(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | No
             ("", "", [UNITS.get(name, "") for name in fit.parameters]),
             ("mean", ".3g", [entry.mean for entry in entries]),
             ("+-", ".2g", [entry.standard_deviation for entry in entries]),
-            (f"{100 * BELIEF:g} % within", ">", ranges[0]),
+            (f"{100 * CREDIBLE_LEVEL:g} % within", ">", ranges[0]),
             ("searched", ">", ranges[1]),
         ),
         text_table(
@@ -278,7 +279,7 @@ def _describe_at_hand(die: DieAtHand) -> list[str]:
         f"{fit.die.name}\n{table}\n"
         f"total variation from the target {on_fitted.value:.4f} on the fitted table (95 % within "
         f"{low:.4f} to {high:.4f}; chance alone {on_fitted.noise_floor:.4f}), below {half:.4f} on "
-        f"half of the posterior's and below {most:.4f} on {100 * BELIEF:g} %",
+        f"half of the posterior's and below {most:.4f} on {100 * CREDIBLE_LEVEL:g} %",
         f"what more throws of it, in one session, would leave open\n{more}",
     ]
 
@@ -373,7 +374,7 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None)
             "noise_floor": variation.noise_floor,
             "posterior_probabilities": die.probabilities.tolist(),
             "posterior_standard_deviations": die.deviation.tolist(),
-            "posterior_total_variation": {"median": half, f"quantile_{BELIEF:g}": most},
+            "posterior_total_variation": {"median": half, f"quantile_{CREDIBLE_LEVEL:g}": most},
             "after_more_throws": {
                 str(count): dict(zip(SHARED, row, strict=True))
                 for count, row in zip(MORE, die.after.tolist(), strict=True)

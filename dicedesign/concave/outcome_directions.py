@@ -49,7 +49,7 @@ MOST_SETS = 100_000
 more than `FEW` outcomes."""
 
 FEW = 4
-"""Outcomes for which so many sets fit into memory at a time."""
+"""Number of outcomes for which that many sets fit into memory at a time."""
 
 MOST_ASSIGNED = 3_000
 """Of them, whose assignments are computed: those that would cost least with any shares."""
@@ -103,13 +103,13 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
     shares = target[order]
     sets = _sets(costs, candidates, count, apart, shares, random)
     price, sets = _order_sets(costs, sets, shares)
-    alike = target[:, None] == target
+    is_equal = target[:, None] == target
     chosen: list[Floats] = []
     for place in np.argsort(price, kind="stable"):
         directions = np.empty((count, 3))
         directions[order] = candidates[sets[place]]
         # Outcomes of equal probability count as the same.
-        cosines = [np.where(alike, directions @ other.T, -1.0) for other in chosen]
+        cosines = [np.where(is_equal, directions @ other.T, -1.0) for other in chosen]
         if all(
             min(cosine.max(axis=1).min(), cosine.max(axis=0).min()) < DIFFERENT
             for cosine in cosines
@@ -187,7 +187,7 @@ def _sets(
 
 
 def _at_a_time(most: int, count: int) -> int:
-    """How many sets of so many candidates, of `most` that would be for few outcomes: what is
+    """Number of sets to compute at a time, of `most` for few outcomes: what is
     computed grows with the square of their number, as there are more candidates too."""
     return max(1, round(most * min(1.0, (FEW / count) ** 2)))
 

@@ -74,7 +74,7 @@ def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
         path,
         search,
         progress,
-        anew="run without --resume to begin anew",
+        restart="run without --resume to start again",
         elsewhere="choose another folder with --out",
     )
 

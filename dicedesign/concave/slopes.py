@@ -50,10 +50,10 @@ RING = 16
 FARTHEST = 0.05
 """Slopes that are better than asked by more than this are left out."""
 
-ALIKE = 0.3
+CELL_SIZE = 0.3
 """Of conditions on one corner whose tangents differ by less than about this, one is kept."""
 
-ALIKE_PLACES = 2 * math.ceil(1.0 / ALIKE) + 1
+CELL_COUNT = 2 * math.ceil(1.0 / CELL_SIZE) + 1
 """Multiples of that in a coordinate of a unit vector."""
 
 OPPOSITE = 1e-9
@@ -164,12 +164,12 @@ class SlopeMemory:
             np.concatenate(corners),
             np.concatenate(least),
         )
-        # Those that fail or nearly; of those that are alike, the one that asks for most.
+        # Those that fail or nearly; of those in one cell, the one that asks for most.
         near = np.flatnonzero((along * hull.vertices[at]).sum(-1) + least_slopes > -FARTHEST)
         near = near[np.argsort(-least_slopes[near], kind="stable")]
-        x, y, z = np.round(along[near] / ALIKE).astype(np.int64).T + ALIKE_PLACES // 2
-        alike = ((at[near] * ALIKE_PLACES + x) * ALIKE_PLACES + y) * ALIKE_PLACES + z
-        unique_rows = np.sort(near[np.unique(alike, return_index=True)[1]])
+        x, y, z = np.round(along[near] / CELL_SIZE).astype(np.int64).T + CELL_COUNT // 2
+        cells = ((at[near] * CELL_COUNT + x) * CELL_COUNT + y) * CELL_COUNT + z
+        unique_rows = np.sort(near[np.unique(cells, return_index=True)[1]])
         return SlopeConditions(
             along[unique_rows], hull.source[at[unique_rows]], least_slopes[unique_rows]
         )

@@ -54,7 +54,7 @@ class Design:
     starts: starting shapes that were tried; evaluations: dice; hulls: computed for them.
     rounds: of throws and new designs.
     reshaped: the surface before and after, of a die that keeps the shape of one; else None.
-    prior: that the probabilities are under, or None where any side is down alike at first.
+    prior: that the probabilities are under, or None for uniform start orientations.
     """
 
     status: Status
@@ -268,8 +268,8 @@ def assess_file(
     directions: (k, 3) unit, down in the outcomes, in the order of the target.
     target: what is wanted.
     center_of_mass: (3,) in the file's coordinates, or None for that of the uniform solid.
-    prior: that its probabilities are under, in the file's coordinates, or None where any side is
-        down alike at first.
+    prior: that its probabilities are under, in the file's coordinates, or None for uniform start
+        orientations.
 
     Raises
     ------

@@ -268,7 +268,7 @@ MATCHINGS: Final = 8
 """Rounds in which the plain surface is brought onto the other; three are usual."""
 
 MATCHED: Final = 3.0
-"""Corners that are nearer than so many times the median are taken for the same corner."""
+"""Corners nearer than this many times the median count as one."""
 
 
 def labels_below_hull(marked: Surface, depth: float) -> Booleans:

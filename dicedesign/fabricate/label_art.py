@@ -203,7 +203,7 @@ def pips_section(text: str) -> CrossSection:
         )
     places, diameter = pip_places(number)
     radius = 0.5 * diameter
-    # So many that the polygon is within the tolerance of the circle.
+    # As many as the polygon needs to be within the tolerance of the circle.
     corners = int(np.ceil(np.pi / np.sqrt(2.0 * CHORD_TOLERANCE / radius)))
     corners += -corners % 8
     disc = CrossSection.circle(radius, corners)

@@ -109,8 +109,8 @@ def number_die(
     sums = is_member @ numbers[best.order]
     if style == "standard":
         low, high = sums.min(), sums.max()
-        told = f"{low:g}" if high - low < 1e-9 * (1.0 + abs(low)) else f"{low:g} to {high:g}"
-        note = f"numbering: numbers on opposite facets sum to {told}"
+        sums = f"{low:g}" if high - low < 1e-9 * (1.0 + abs(low)) else f"{low:g} to {high:g}"
+        note = f"numbering: numbers on opposite facets sum to {sums}"
     else:
         off = np.abs(sums - is_member.sum(axis=1) * numbers.mean()).max(initial=0.0)
         note = (

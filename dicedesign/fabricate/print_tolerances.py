@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
 
 PRINTS: Final = 32
-"""So many tell the part that is noticed to within some hundredths."""
+"""Number of prints that estimates the noticed part to some hundredths."""
 
 ROLLS: Final = 1000
 """Of the test that is not to notice."""
@@ -81,8 +81,8 @@ class ProbabilitySpread:
     ----------
     poses: the rests of the body; directions: (k, 3) down in the outcomes.
     errors: what differs from print to print.
-    model: of the probabilities, or None where these are without momentum and any side is down
-        alike.
+    model: of the probabilities, or None without momentum and under uniform start
+        orientations.
     has_planes: whether the places of whole facets differ; else, on a surface whose hull spans
         corners that have nothing to do with each other, those of the corners in all directions.
     axes: (3, 3) orthonormal axes of the printer in the die's coordinates, one a row, the last up.

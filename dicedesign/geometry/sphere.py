@@ -1,6 +1,6 @@
 """Directions on the Gauss sphere, rotations and similarities.
 
-Formulas are written once for NumPy arrays and torch tensors alike: functions that differ between
+Formulas are written once for NumPy arrays and torch tensors: functions that differ between
 the two libraries take the module as `xp` (`numpy` or `torch`).
 """
 

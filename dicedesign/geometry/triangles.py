@@ -1,7 +1,7 @@
 """Triangle surfaces: areas, neighbors, what lies inside, and volume, centroid and inertia of the
 uniform solid that a closed one bounds.
 
-Sums over tetrahedra are written once, for NumPy and torch (`xp`) alike.
+Sums over tetrahedra are written once, for NumPy and torch (`xp`).
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def find_rests(
         all.
     single_precision: see `convex_hull`.
     model: of the probabilities, for bodies that are thrown or let go under a prior; None where they
-        are let go without momentum, with any side down alike.
+        are let go without momentum, with uniform start orientations.
 
     Raises
     ------

@@ -45,8 +45,8 @@ def offset_secants(
     side of. Where a facet breaks, the rests on its parts count together; one that is lost counts as
     0. A side on which the body is none is left out.
 
-    model: of the probabilities, where they are not those without momentum and with any side down
-        alike;
+    model: of the probabilities, where they are not those without momentum and with uniform start
+        orientations;
     step: () positive, in the unit of the vertices.
     """
     hull, vertices = rests.hull, rests.vertices

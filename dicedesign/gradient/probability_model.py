@@ -1,5 +1,5 @@
-"""Probabilities other than those of a body let go without momentum and with any side down alike: of
-a thrown body, or under a prior.
+"""Probabilities other than those of a body let go without momentum and with uniform start
+orientations: of a thrown body, or under a prior.
 
 Probabilities under a prior are those of the forward model. As a basin changes, only what its border
 sweeps over counts: the density there times the speed of the border. Its points are functions of the

@@ -63,7 +63,7 @@ class RefineOptions:
     drops: simulated throws of the first round, 1 to `MOST_DROPS`; later rounds have more. Where the
         die is made robust, each also has half as many onto what the table may be instead, all
         together.
-    rounds: most rounds of throwing a die and designing it anew, 1 to `MOST_ROUNDS`; fewer where no
+    rounds: most rounds of throwing a die and designing it again, 1 to `MOST_ROUNDS`; fewer where no
         more is needed for what is `within` reach.
     verdict: throws that judge the finished die, 1 to `MOST_DROPS`, and half as many onto what
         the table may be instead.

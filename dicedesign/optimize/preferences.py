@@ -31,7 +31,7 @@ class OutcomeFacets:
     sensitivity: of its probabilities when thrown, or None for probabilities without momentum, the
         same on every table.
     model: of its probabilities, where it is thrown or let go under a prior; None for probabilities
-        without momentum, with any side down alike.
+        without momentum, with uniform start orientations.
     """
 
     rests: RestEvaluation

@@ -196,8 +196,8 @@ def table_chart(die: FinishedDie) -> Sheet:
             f"(95 %: {low:.4f} to {high:.4f}), a perfect die: {simulated.noise_floor:.4f}"
         )
         frequencies, limits = simulated.frequencies, simulated.intervals
-        told = "exact 95 % interval"
-        bars.append(Bars("simulated throws", ACCENT, frequencies, limits, told, ()))
+        caption = "exact 95 % interval"
+        bars.append(Bars("simulated throws", ACCENT, frequencies, limits, caption, ()))
     return outcome_chart(
         result.labels,
         bars,

@@ -143,15 +143,15 @@ def _size(die: FinishedDie) -> str:
     assert body.triangles is not None
     extents = " × ".join(f"{extent:.1f}" for extent in np.ptp(body.points, axis=0))
     volume, _ = solid_properties(body.points, body.triangles)
-    told = (
+    text = (
         f"{extents} mm along x, y and z; {size:.1f} mm from corner to corner; "
         f"{volume / 1000.0:.2f} cm³"
     )
     printed, infill = die.result.printability, die.result.infill
     if printed is not None:
         weight = printed.weight_g * (1.0 if infill is None else infill.mass)
-        told += f"; {weight:.1f} g of {MATERIALS[printed.material].title}"
-    return f"{told}."
+        text += f"; {weight:.1f} g of {MATERIALS[printed.material].title}"
+    return f"{text}."
 
 
 def _printing(result: Result) -> Iterator[str]:

@@ -139,7 +139,7 @@ FIGURES: Final = Registry(
             lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
             "deviation from the target after each round of simulated throws",
             "Round by round",
-            "After each round of simulated throws the die was designed anew, to make up for what "
+            "After each round of simulated throws the die was designed again, to make up for what "
             "was seen. A round's own throws show its die with as much of chance in it as a "
             "perfect die would show, the dashed line. What is expected of each die rests on the "
             "throws of all rounds; that with the least is kept. Triangles, if any, are what is "

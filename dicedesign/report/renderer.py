@@ -49,7 +49,8 @@ class RenderMesh:
     Attributes
     ----------
     points: (n, 3) in any length unit.
-    triangles: (t, 3), oriented alike where the surface is smooth; both sides are drawn alike.
+    triangles: (t, 3), consistently oriented where the surface is smooth; both sides are drawn
+        alike.
     colors: (n, 3) red, green and blue of each point from 0 to 1, or None for the material of dice.
     smooth: whether the triangles stand for a smooth surface, whose edges are not outlined, unlike
         those of a solid with flat faces that are sharper than 20 degrees.

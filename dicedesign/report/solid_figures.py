@@ -366,13 +366,13 @@ def ablation_figure(ablations: Sequence[Ablation]) -> Sheet:
         normals = poses.normals
         apart = angle_between(normals[first[one]], normals[first[other]]).min(initial=np.pi)
         stray = np.degrees(angle_between(normals, normals[main]).max())
-        told = (
+        caption = (
             f"|p − q| up to {ablation.error:.1e}, outcomes {np.degrees(apart):.0f}° apart, "
             f"{len(normals)} rests for {len(first)} of them"
         )
-        told += f", up to {stray:.1f}° off" if len(normals) > len(first) else ""
+        caption += f", up to {stray:.1f}° off" if len(normals) > len(first) else ""
         sheet.text(ablation.name, (left + side, top + 12.0))
-        sheet.text(told, (left + side, top + 42.0), size=NOTE)
+        sheet.text(caption, (left + side, top + 42.0), size=NOTE)
     note = (
         "Each die from two opposite sides. In pale colors the facets of the outcomes, in a strong "
         "one further rests that count for one of them."

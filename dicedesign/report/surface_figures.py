@@ -164,7 +164,8 @@ def displacement_figure(
     Distances are in percent of the diagonal of the box along the axes that holds the surface
     before; the mean in the title is that over the points.
 
-    before, after: (n, 3) in one length unit; triangles: (t, 3) of both, oriented alike; cameras: at
+    before, after: (n, 3) in one length unit; triangles: (t, 3) of both, consistently oriented;
+        cameras: at
     least one.
     """
     diagonal = norms(np.ptp(before, axis=0))
@@ -173,10 +174,10 @@ def displacement_figure(
     surface = RenderMesh(after, triangles, displacement_colors(percent / top))
     sheet = rows_of_views({"after, ": surface}, cameras, above=42.0, below=105.0)
     middle = sheet.width / 2.0
-    told = (
+    caption = (
         f"displacement: mean {percent.mean():.2g} %, largest {percent.max():.2g} % of the diagonal"
     )
-    sheet.text(told, (middle, 18.0), size=TITLE, va="top")
+    sheet.text(caption, (middle, 18.0), size=TITLE, va="top")
     upper = sheet.height - 110.0
     scale = sheet.axes(middle - 325.0, upper, middle + 325.0, upper + 24.0)
     colors = displacement_colors(np.linspace(0.0, 1.0, 650))[None]

@@ -44,7 +44,7 @@ class VonMisesFisher(DensityPrior):
     Attributes
     ----------
     axis: (3,) the most likely direction, of any length but zero.
-    concentration: from 0, for all directions alike, to `LARGEST`; where it is large the mean square
+    concentration: from 0, for uniform directions, to `LARGEST`; where it is large the mean square
         of the angle to the axis is 2 / concentration, in radians.
 
     Raises InputError for others.
@@ -60,7 +60,7 @@ class VonMisesFisher(DensityPrior):
         if not (is_finite_number(concentration) and 0.0 <= concentration <= LARGEST):
             raise InputError(
                 f"prior: expected a concentration from 0 to {LARGEST:g}, got "
-                f"{concentration!r}; 0 stands for all directions alike"
+                f"{concentration!r}; 0 stands for uniform directions"
             )
 
     @classmethod
@@ -271,7 +271,7 @@ class SphericalCap(DensityPrior):
 
 HALF = PriorKind(
     name="half",
-    line="all directions within 90 degrees of the axis alike, and no others",
+    line="uniform within 90 degrees of the axis",
     form="half:x,y,z",
     read=lambda text: SphericalCap([float(x) for x in text.split(",")]),
 )

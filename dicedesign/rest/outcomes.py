@@ -147,7 +147,7 @@ def border_margins(poses: RestPoses) -> Floats:
 
 @dataclass(frozen=True)
 class OutcomeGroups:
-    """Groups of outcomes that cannot be told apart.
+    """Groups of outcomes that cannot be distinguished.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ def match_by_probability(
     Raises
     ------
     InputError: the die has fewer rests than outcomes, an outcome's probabilities are farther from
-        its rests' than `MATCHED_PROBABILITIES`, or no two outcomes can be told apart.
+        its rests' than `MATCHED_PROBABILITIES`, or no two outcomes can be distinguished.
     """
     given = np.asarray(wanted, dtype=np.float64)
     if len(probabilities) < len(given):

@@ -91,7 +91,7 @@ UNEVEN = (
     "some facets are no wider, or bend by no more, than they are uneven, so that others were made "
     "of the hull's corners; another coplanar tolerance may say more"
 )
-"""Note on a body whose facets could not be told apart where it mattered."""
+"""Note on a body whose facets could not be distinguished where it mattered."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class RestPoses:
         basin the prior excludes stays, with probability 0.
 
         prior: such as `VonMisesFisher([0, 0, -1], 5.0)` or the text "vmf:0,0,-1:5", see `PRIORS`;
-        its directions are those that point down in the body's frame. None for all alike.
+        its directions are those that point down in the body's frame. None for uniform directions.
 
         Raises
         ------

@@ -235,7 +235,7 @@ class Search:
     trade_off: TradeOff
 
     def without_clock(self) -> Search:
-        """The same without what a clock told."""
+        """Copy without run times."""
         drafts = tuple(replace(draft, seconds=None) for draft in self.trade_off.drafts)
         return replace(self, seconds=None, trade_off=replace(self.trade_off, drafts=drafts))
 

@@ -258,8 +258,7 @@ class Result:
     least_margin_deg: angle by which the die must be tipped to leave the outcome that is left most
         easily; 180 where none can be left for another.
     asymmetry: rho of eq. 20 and 21.
-    prior: the recipe's, under which all its probabilities are; None where any side is down alike at
-        first.
+    prior: the recipe's, under which all its probabilities are; None for uniform start orientations.
     history: every accepted step; after rounds of throws those of the last design.
     design: the die as designed. engraved: with labels, edges or something inside; None for a plain
         one. inside: what puts the center of mass where it was given, with the recipe's `inside`.

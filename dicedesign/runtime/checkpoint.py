@@ -122,7 +122,7 @@ def read_checkpoint(
     work: Mapping[str, str],
     restored: Callable[[Any, Arrays], State],
     *,
-    anew: str,
+    restart: str,
     elsewhere: str,
 ) -> State:
     """The state in a file that `checkpoint_bytes` made.
@@ -131,7 +131,7 @@ def read_checkpoint(
     ----------
     work: texts that must be those it was written with, by kind, such as "seed".
     restored: makes the state of its plain data and its arrays.
-    anew, elsewhere: how to begin anew, and how to leave the file alone, for messages.
+    restart, elsewhere: how to start again, and how to leave the file alone, for messages.
 
     Raises
     ------
@@ -149,12 +149,12 @@ def read_checkpoint(
     except Exception as error:
         # Of NumPy, zip, JSON or the state's own class: whatever it is, the file is no such state.
         raise InputError(
-            f"{path}: expected a checkpoint, got a file that cannot be read as one; {anew}"
+            f"{path}: expected a checkpoint, got a file that cannot be read as one; {restart}"
         ) from error
     for kind, text in work.items():
         if values[kind] != text:
             raise InputError(
-                f"{path}: expected a checkpoint of this {kind}, got one of another; {anew}, or "
+                f"{path}: expected a checkpoint of this {kind}, got one of another; {restart}, or "
                 f"{elsewhere}"
             )
     assert state is not None
@@ -179,7 +179,7 @@ class Checkpoint:
                 path,
                 self._work,
                 _rows,
-                anew="remove it to begin anew",
+                restart="remove it to start again",
                 elsewhere="choose another with --out",
             )
 
@@ -200,7 +200,7 @@ class Checkpoint:
             path = None if self._file is None else self._file.path
             raise InputError(
                 f"{path}: expected a checkpoint of this work, got rows of other lengths; remove it "
-                "to begin anew"
+                "to start again"
             )
 
     def _content(self) -> bytes:

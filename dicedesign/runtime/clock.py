@@ -20,7 +20,7 @@ class Clock:
     stages: of each its "name", "seconds" of wall-clock time, and "peak_mb": the most memory that
         the process held during it, all libraries included, in units of 10^6 bytes; None where the
         system does not tell.
-    peak_since: "stage", or "start" where the system cannot count anew for each stage: then
+    peak_since: "stage", or "start" where the system cannot restart the count for each stage: then
         "peak_mb" is the most since the process started.
     on_stage: told the name of each stage as it begins.
     """

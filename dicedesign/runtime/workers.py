@@ -64,7 +64,7 @@ PACKAGE_VERSION: Final = version("dicedesign")
 """Of this package; the workers of a cluster need the same."""
 
 QUIET: Final = 10.0
-"""Seconds without a result after which a caller is told so."""
+"""Seconds without a result after which a caller is notified."""
 
 MOST_LOSSES: Final = 5
 """Losses of workers while one task runs after which it is given up."""
@@ -124,7 +124,7 @@ def _begin_worker() -> None:
 
 @contextmanager
 def local_workers(jobs: int) -> Iterator[Executor]:
-    """So many processes of this machine; those that die are replaced."""
+    """Local process pool of `jobs` workers; dead ones are replaced."""
     workers = _LocalWorkers(jobs)
     try:
         yield workers
@@ -413,17 +413,17 @@ class Workers:
     unit: str
     bar: tqdm[Any]
     scheduler: str | None
-    told: bool = False
+    notified: bool = False
 
     def advance(self, count: int) -> None:
-        """So many more pieces are done."""
-        self.told = False
+        """Count finished pieces."""
+        self.notified = False
         self.bar.update(count)
 
     def on_quiet(self) -> None:
         """Say once, where nothing was done for a while, that a cluster has no worker left."""
-        if not self.told and has_no_workers(self.executor):
-            self.told = True
+        if not self.notified and has_no_workers(self.executor):
+            self.notified = True
             note = f"note: {self.scheduler} has no worker left; {self.unit} wait for one to join"
             self.bar.write(note, file=sys.stderr)
 

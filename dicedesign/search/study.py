@@ -156,7 +156,7 @@ class SearchStudy:
         """Number and recipe of the next trial, counted from 0 on.
 
         The first is the recipe as it was given. A trial that was cut off comes again, as it was.
-        What is proposed anew depends on the recipe, the number, and the trials finished or running
+        What is proposed again depends on the recipe, the number, and the trials finished or running
         by then, and not on whether the search was interrupted before.
         """
         from optuna.distributions import FloatDistribution
@@ -170,7 +170,7 @@ class SearchStudy:
             if trial.state.name != "FAIL" or GIVEN_UP in trial.user_attrs
         }
         number = next(number for number in count() if number not in taken)
-        # One that was cut off before its recipe was known is proposed anew.
+        # One that was cut off before its recipe was known is proposed again.
         known = [
             trial.params
             for trial in trials

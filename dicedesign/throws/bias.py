@@ -41,7 +41,7 @@ CERTAIN: Final = 30.0
 
 
 @dataclass(frozen=True)
-class Belief:
+class Estimate:
     """Probabilities of outcomes of a die on a table, as far as they are known.
 
     Attributes
@@ -77,7 +77,7 @@ class Bias:
         """(..., k) most likely logarithms at features (..., f)."""
         return features @ self._weights()[0].T
 
-    def belief(self, features: Floats, probabilities: Floats) -> Belief:
+    def estimate(self, features: Floats, probabilities: Floats) -> Estimate:
         """Estimate for a die with features (f,) whose model probabilities are (k,)."""
         weights, covariances = self._weights()
         means = probabilities * np.exp(weights @ features)
@@ -85,7 +85,7 @@ class Bias:
         # The sum of the probabilities is known, as that of the throws was.
         variances = np.einsum("kfg,f,g->k", covariances, features, features)
         relative = (1.0 - 2.0 * means) * variances + means**2 @ variances
-        return Belief(means, means * np.sqrt(np.maximum(relative, 0.0)))
+        return Estimate(means, means * np.sqrt(np.maximum(relative, 0.0)))
 
     def _weights(self) -> tuple[Floats, Floats]:
         """(k, f) most likely weights of each outcome, and their covariances (k, f, f)."""
@@ -124,13 +124,13 @@ def _most_likely(
     return weights, np.linalg.inv(curvature), likelihood - 0.5 * float(left)
 
 
-def expected_variation(belief: Belief, target: Floats) -> float:
+def expected_variation(estimate: Estimate, target: Floats) -> float:
     """The mean total variation between a target (k,) and probabilities that are known so far.
 
     Source: the mean of the absolute value of a Gaussian, Leone, Nelson and Nottingham,
     Technometrics 3(4), 1961.
     """
-    off, scatter = belief.probabilities - target, belief.scatter
+    off, scatter = estimate.probabilities - target, estimate.scatter
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nan_to_num(np.clip(off / scatter, -CERTAIN, CERTAIN))
     means = scatter * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * ratio**2)
@@ -214,6 +214,6 @@ def _probabilities_on_tables(
     for row, series in zip(rows, others, strict=True):
         bias.learn(row, series.probabilities, series.counts)
     return [
-        bias.belief(row, one.probabilities).probabilities
+        bias.estimate(row, one.probabilities).probabilities
         for row, one in zip(rows, others, strict=True)
     ]

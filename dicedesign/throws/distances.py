@@ -31,7 +31,7 @@ class Posterior:
     Attributes
     ----------
     means: (k,) summing to 1.
-    intervals: (k, 2) that hold each probability with the asked-for belief, and leave as much below
+    intervals: (k, 2) that hold each probability with the given confidence, and leave as much below
         as above.
     """
 
@@ -49,7 +49,7 @@ def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
     """Posterior of k probabilities after `counts` (k,), at least 0, under Jeffreys' prior (all
     Dirichlet parameters 1/2): a Dirichlet distribution with parameters `counts` + 1/2.
 
-    confidence: belief in (0, 1) that each interval holds its probability.
+    confidence: probability in (0, 1) that each interval holds its probability.
 
     Source: Jeffreys, Proc. R. Soc. A 186, 1946.
     """

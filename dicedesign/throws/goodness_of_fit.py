@@ -54,7 +54,7 @@ class MultinomialTest:
     Attributes
     ----------
     p_value: probability of counts that are no more probable than those observed.
-    tables: possible counts of so many throws that were looked at.
+    tables: number of possible counts that were enumerated.
     standard_error: of the p-value; 0 where all possible counts were looked at.
     """
 
@@ -144,7 +144,7 @@ def _all_log_likelihoods(throws: int, probabilities: Floats) -> Floats:
 
 
 LEVEL: Final = 0.05
-"""Of the test: it finds fault with so many dice that are right."""
+"""Level of the test: the share of right dice that it rejects."""
 
 LAST_TERM: Final = 1e-12
 """Terms of the series below are left out."""
@@ -238,7 +238,7 @@ class RollVerdict:
     counts, probabilities: (k,) what came up, and what was to come up.
     confidence: of all intervals; 1 less is the level of the test.
     intervals: (k, 2) exact limits of each probability.
-    posterior: belief about the probabilities, by the prior of Jeffreys.
+    posterior: posterior of the probabilities, by the prior of Jeffreys.
     chi_square: Pearson's test of the probabilities.
     exact: the exact test, where an outcome is expected fewer than 5 times.
     variation: total variation of the die's probabilities from the given ones.

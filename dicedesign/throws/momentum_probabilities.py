@@ -9,7 +9,7 @@ and is carried on depends on the features of `dicedesign.throws.transition_featu
 networks that are fitted to simulated throws of random dice. What the table is changes the
 temperature, and the networks as further features would.
 
-Written once, for NumPy and torch alike; a compiled kernel takes the place of all of it where NumPy
+Written once, for NumPy and torch; a compiled kernel takes the place of all of it where NumPy
 would be slow.
 """
 

@@ -245,7 +245,7 @@ class DieOnTable:
         return probabilities
 
     def simulate(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
-        """So many throws. Raises InputError: none of them came to rest."""
+        """Simulated throws. Raises InputError: none of them came to rest."""
         throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
         throws.require_rest()
         return throws

@@ -188,9 +188,9 @@ def check_table(
 
 
 MORE: Final = (50, 100, 200, 400, 800, 1600)
-"""Numbers of throws of which it is told what they would tell."""
+"""Numbers of throws whose information is predicted."""
 
-BELIEF: Final = 0.9
+CREDIBLE_LEVEL: Final = 0.9
 """Posterior probability of the interval of each parameter."""
 
 
@@ -202,7 +202,7 @@ class FittedParameter:
     ----------
     fitted: its value in the fitted set.
     mean, standard_deviation: of the posterior.
-    interval: that holds it with the posterior probability `BELIEF`, as much below as above.
+    interval: that holds it with the posterior probability `CREDIBLE_LEVEL`, as much below as above.
     searched: limits of the search, between which the prior is flat.
     """
 
@@ -460,7 +460,7 @@ def _summary(posterior: WeightedPoints, best: Floats) -> tuple[dict[str, FittedP
     parameters = {}
     for i, (name, searched) in enumerate(PARAMETERS.items()):
         order = np.argsort(values[:, i])
-        tail = (1.0 - BELIEF) / 2.0
+        tail = (1.0 - CREDIBLE_LEVEL) / 2.0
         at = np.searchsorted(weights[order].cumsum(), [tail, 1.0 - tail])
         low, high = values[order[np.minimum(at, len(order) - 1)], i].tolist()
         # No counts determine more digits than these.

@@ -46,7 +46,7 @@ class CountedDie:
     name: as in the file.
     body: the die.
     size: twice the largest distance of a point from its center of mass, in m; None if unknown.
-    labels: of the g outcomes; those that cannot be told apart are one, such as "2 or 12".
+    labels: of the g outcomes; those that cannot be distinguished are one, such as "2 or 12".
     counts: (g,) how often each came up.
     geometric: (g,) their probabilities without momentum, summing to 1.
     group_of_rest: (k,) the outcome that each rest shows; -1 for none.

@@ -8,7 +8,7 @@ Lengths are in units of the radius, the largest distance of a corner from the ce
 moments of inertia in units of mass times squared radius. The features do not change when the body
 is moved, turned, mirrored or scaled.
 
-Formulas are written once, for NumPy and torch alike; `dicedesign.kernels.ops` has them compiled.
+Formulas are written once, for NumPy and torch; `dicedesign.kernels.ops` has them compiled.
 """
 
 from __future__ import annotations

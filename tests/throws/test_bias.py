@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dicedesign.throws.bias import Belief, Bias, Series, expected_variation, variations_on_tables
+from dicedesign.throws.bias import Bias, Estimate, Series, expected_variation, variations_on_tables
 
 PROBABILITIES = np.array([0.5, 0.3, 0.15, 0.05])
 ALONE = np.array([1.0])
@@ -15,11 +15,11 @@ ALONE = np.array([1.0])
 def test_one_die_of_which_nothing_was_known_has_the_frequencies_of_its_throws() -> None:
     bias, counts = Bias(np.array([[1e3]])), np.array([4000, 4000, 1500, 500])
     bias.learn(ALONE, PROBABILITIES, counts)
-    belief = bias.belief(ALONE, PROBABILITIES)
+    estimate = bias.estimate(ALONE, PROBABILITIES)
     frequencies = counts / 1e4
-    np.testing.assert_allclose(belief.probabilities, frequencies, rtol=1e-6)
+    np.testing.assert_allclose(estimate.probabilities, frequencies, rtol=1e-6)
     binomial = np.sqrt(frequencies * (1.0 - frequencies) / 1e4)
-    np.testing.assert_allclose(belief.scatter, binomial, rtol=1e-3)
+    np.testing.assert_allclose(estimate.scatter, binomial, rtol=1e-3)
     np.testing.assert_allclose(
         np.exp(bias.logarithms(ALONE)), frequencies / PROBABILITIES, rtol=1e-6
     )
@@ -43,21 +43,21 @@ def test_few_throws_of_many_dice_say_what_each_does() -> None:
             row = np.array([1.0, *features])
             bias.learn(row, PROBABILITIES, rng.multinomial(300, true(row)))
         fresh = np.array([1.0, *rng.normal(size=2)])
-        belief = bias.belief(fresh, PROBABILITIES)
-        ratios.append((belief.probabilities - true(fresh)) / belief.scatter)
-        assert 0.5 * np.abs(belief.probabilities - true(fresh)).sum() < 0.04
+        estimate = bias.estimate(fresh, PROBABILITIES)
+        ratios.append((estimate.probabilities - true(fresh)) / estimate.scatter)
+        assert 0.5 * np.abs(estimate.probabilities - true(fresh)).sum() < 0.04
     assert np.std(ratios) == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize("scatter", [0.0, 0.002, 0.01, 0.1])
 def test_the_expected_variation_is_the_mean_over_what_may_be(scatter: float) -> None:
     target = np.array([0.5, 0.3, 0.2])
-    belief = Belief(np.array([0.51, 0.3, 0.19]), scatter * np.array([1.0, 0.5, 0.7]))
-    drawn = belief.probabilities + belief.scatter * np.random.default_rng(2).normal(
+    estimate = Estimate(np.array([0.51, 0.3, 0.19]), scatter * np.array([1.0, 0.5, 0.7]))
+    drawn = estimate.probabilities + estimate.scatter * np.random.default_rng(2).normal(
         size=(200_000, 3)
     )
     mean = (np.abs(drawn - target).sum(axis=1) / 2.0).mean()
-    assert expected_variation(belief, target) == pytest.approx(mean, rel=0.01)
+    assert expected_variation(estimate, target) == pytest.approx(mean, rel=0.01)
 
 
 TARGET = np.array([1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1]) / 36.0

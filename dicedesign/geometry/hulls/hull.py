@@ -249,7 +249,7 @@ def convex_hull(
     Raises
     ------
     DegenerateBodyError: fewer than 4 points, NaN or infinity, all points on a plane or a line, or
-        facets that cannot be told apart at this tolerance.
+        facets that cannot be distinguished at this tolerance.
     InputError: the points are no (n, 3) array of real numbers, or the tolerance is not in [0, 1).
     """
     given = as_numbers(points, "points")

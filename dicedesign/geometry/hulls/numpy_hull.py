@@ -212,7 +212,7 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
     if thickness(scaled) <= 2.0 * tolerance:
         raise flat_error(scaled)
     raise DegenerateBodyError(
-        "points: expected facets that can be told apart, got none that make a polyhedron at a "
+        "points: expected facets that can be distinguished, got none that make a polyhedron at a "
         f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "
         "points that nearly coincide"
     )

@@ -1,5 +1,5 @@
 """A body as it comes in: points, perhaps triangles, checked and welded; and the solid that its
-triangles bound, wound alike, each shell like those around it, with its center of mass."""
+triangles bound, consistently oriented, each shell like those around it, with its center of mass."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ QUOTED: Final = 40
 """Characters of a wrong line that are quoted."""
 
 MOST_INDEX: Final = 2**31
-"""No mesh has so many vertices."""
+"""More vertices than any mesh has."""
 
 DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
 """A number with a comma for its point."""

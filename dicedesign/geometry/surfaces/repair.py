@@ -93,7 +93,7 @@ BORDER: Final = 2.5
 """Cells of the grid beyond the box on each side: flat faces along the box are between nodes."""
 
 THIN: Final = 1.0
-"""A part is thin where it is thinner than so many cells: nodes of the grid may miss it."""
+"""A part is thin where it is thinner than this many cells: nodes of the grid may miss it."""
 
 THICKENING: Final = 0.6
 """Cells by which a thin part is thickened on each side: nodes cannot miss it then."""
@@ -110,7 +110,7 @@ class WoundSolid:
 
     Attributes
     ----------
-    soup: the triangles, wound alike.
+    soup: the triangles, consistently oriented.
     cell: side of the cells of the grid that is to show all parts.
 
     Source: Barill et al., Fast winding numbers for soups and clouds (2018).
@@ -225,8 +225,8 @@ SEED: Final = 0
 SHEETS: Final = 0.5
 """Part of the area that may be sheets with no solid on either side."""
 
-TOLD: Final = 5e-3
-"""Part of the area from which on sheets and thin parts are told of: there are some at every sharp
+REPORTED_SHARE: Final = 5e-3
+"""Part of the area from which on sheets and thin parts are reported: there are some at every sharp
 edge."""
 
 
@@ -236,7 +236,8 @@ class RepairedMesh:
 
     Attributes
     ----------
-    points, triangles: (n, 3) and (t, 3), what came, wound alike and without repeated triangles.
+    points, triangles: (n, 3) and (t, 3), what came, consistently oriented and without repeated
+        triangles.
     surface: of one solid.
     numbers: about both.
     notes: the same, one sentence each, after those of the body.
@@ -381,12 +382,12 @@ def _sentences(numbers: Repair, surface: Surface) -> tuple[str, ...]:
         sentences.append(
             f"filled {numbers.cavities} {'cavity' if numbers.cavities == 1 else 'cavities'}"
         )
-    if numbers.thin > TOLD:
+    if numbers.thin > REPORTED_SHARE:
         sentences.append(
             f"{_percent(numbers.thin)} of the area is over parts thinner than 1/{numbers.cells} of "
             "the longest side, which were thickened to about that"
         )
-    if numbers.sheets > TOLD:
+    if numbers.sheets > REPORTED_SHARE:
         sentences.append(
             f"{_percent(numbers.sheets)} of the area are sheets that enclose nothing and are gone"
         )

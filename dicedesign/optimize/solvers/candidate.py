@@ -87,7 +87,7 @@ class Candidate:
     rests: the die.
     rest_of_outcome: (k,) index into the die's rests of each outcome.
     model: of its probabilities, where it is thrown or let go under a prior; None where they are
-        those without momentum, with any side down alike.
+        those without momentum, with uniform start orientations.
     """
 
     coordinates: Coordinates

@@ -237,7 +237,7 @@ class Momentum:
     One number scales all entries: so a turned die is led to the turned result, and a preconditioner
     keeps its metric. Steps grow shorter by a cosine in time. A step is refused only where there is
     no solid, or an outcome would be left without a rest (or has one too many, where a term with a
-    weight minds that); then the mean starts anew. Of other jumps
+    weight minds that); then the mean restarts. Of other jumps
     the energy takes no notice.
 
     Kingma and Ba, "Adam", ICLR 2015, with a scalar second moment.

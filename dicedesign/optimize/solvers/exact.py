@@ -80,7 +80,7 @@ def solve_exact(
     sensitivity: has the model of thrown dice by which the target is met, and is what
         `prefer.robustness` lowers; None for probabilities without momentum.
     prior: how likely each direction is to be down at first, in the coordinates of `Start.points`,
-        see `RestPoses.under`; None for all alike. Not with a sensitivity or a group.
+        see `RestPoses.under`; None for uniform directions. Not with a sensitivity or a group.
     on_step: called after every accepted step.
     on_candidate: called with the die that every accepted step was recorded from, to look at more of
         it.

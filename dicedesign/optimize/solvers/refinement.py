@@ -1,5 +1,5 @@
 """Design against simulated throws: what the momentum model gets wrong of a die is measured, and the
-die designed anew for probabilities that make up for it.
+die designed again for probabilities that make up for it.
 
 The model's probabilities m of a die and its probabilities when thrown differ by a factor exp(b)
 that changes little from one die to the next, and from the table that is meant to others that may be
@@ -342,7 +342,7 @@ class _KnownProbabilities:
         table."""
         return [
             expected_variation(
-                self.bias.belief(
+                self.bias.estimate(
                     self._features(trial.shape, trial.number, place),
                     self._by_orbit(one.probabilities),
                 ),

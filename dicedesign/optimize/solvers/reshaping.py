@@ -134,8 +134,8 @@ def reshape(
     target: (k,) wanted probabilities of the object.
     labeled: how the object is made; measure: it, with the directions of its outcomes.
     rounds: objects that are made and measured after the first; 0 for only that.
-    model: of the probabilities, where they are not those without momentum and with any side down
-        alike.
+    model: of the probabilities, where they are not those without momentum and with uniform start
+        orientations.
 
     Raises
     ------

@@ -91,7 +91,7 @@ def _shapes() -> ModuleType:
 
 
 FEWEST_SIDES: Final = 3
-"""Shapes that are made without regard to the target's probabilities have at least so many rests."""
+"""Least number of rests of shapes that ignore the target's probabilities."""
 
 HENDECAHEDRON_FACETS: Final = 11
 

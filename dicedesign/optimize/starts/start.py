@@ -153,7 +153,7 @@ def build_start(name: str, options: Any, task: Task) -> Start | None:
 
 
 FEWEST_FACETS: Final = 4
-"""A body bounded by planes has at least so many facets."""
+"""Least number of facets of a polyhedron."""
 
 
 def check_prism(sides: int, height: float, cap: float) -> None:

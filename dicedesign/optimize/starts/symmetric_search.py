@@ -32,7 +32,7 @@ EVEN_STEPS: Final = 200
 """Steps that spread the facets of even shapes."""
 
 MOST_HELPERS: Final = 2
-"""So many orbits without outcome are always possible; of small orbits, more."""
+"""Number of orbits without outcome that are always possible; of small orbits, more."""
 
 CLEARANCE: Final = 0.03
 """Least distance of the foot of the center of mass from the nearest edge's line of any facet, over
