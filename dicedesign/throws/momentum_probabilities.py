@@ -140,8 +140,8 @@ def momentum_probabilities(
     """
     if poses.prior is not None:
         raise InputError(
-            "poses: expected any side to be down alike at first, as of what is thrown, got rests "
-            "under a prior; take poses.under(None)"
+            "poses: expected rests under a uniform prior, as of a thrown body, got rests under "
+            "another prior; take poses.under(None)"
         )
     if model is None or len(poses.facets) == 1:
         return poses.probabilities

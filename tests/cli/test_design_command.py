@@ -124,7 +124,7 @@ def test_a_target_out_of_reach_is_told(
     printed = capsys.readouterr().out
     assert " (no_start: none of the starting shapes led there; try another" in printed
     assert "allow more with method.exact.starts; max |p - q| is " in printed
-    assert "; this is the best of 3 starting shapes; an outcome of 1e-06 is hard to" in printed
+    assert "; this is the best of 3 starting shapes; an outcome with probability 1e-06 " in printed
     summary = check(folder)
     assert summary["status"] == "no_start"
     assert summary["design"]["starts"] == 3
