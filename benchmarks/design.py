@@ -312,7 +312,7 @@ class PaperProblem:
             "stray deg 6.1f | fold deg 6.1f | angle deg 6.1f",
         )
         for name, terms in TERMS.items():
-            weights = self.options.weights.changed(**dict.fromkeys(terms, 0.0))
+            weights = self.options.weights.replace(**dict.fromkeys(terms, 0.0))
             options = replace(self.options, weights=weights)
             ends = [
                 Ending.of(self.descend(seed, options), self.target, self.center) for seed in seeds

@@ -126,9 +126,9 @@ def _read_finished(options: ThrowArguments) -> tuple[Body, RestPoses, list[str |
     die = read_result(options.die)
     center = np.array(die.center_of_mass) if options.com is None else center_of_mass(options.com)
     body, poses = read_poses(die.plain_file, center)
-    normals = np.array([normal for _, normal in die.shown]).reshape(-1, 3)
+    normals = np.array([normal for _, normal in die.outcome_normals]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, normals).tolist()
-    return body, poses, [None if facet < 0 else die.shown[facet][0] for facet in facets]
+    return body, poses, [None if facet < 0 else die.outcome_normals[facet][0] for facet in facets]
 
 
 def _judge_throws(throws: Throws, poses: RestPoses, columns: dict[str, Any]) -> dict[str, Any]:

@@ -77,7 +77,7 @@ def search_hull(
             factors = np.exp(random.uniform(-np.log(SPREAD), np.log(SPREAD), len(SCALED)))
             given = options.weights.as_dict()
             scaled = {n: given[n] * f for n, f in zip(SCALED, factors.tolist(), strict=True)}
-            own = replace(options, weights=options.weights.changed(**scaled))
+            own = replace(options, weights=options.weights.replace(**scaled))
         designs.append(descend_hull(problem, chosen, own, on_step))
     return min(designs, key=cost)
 

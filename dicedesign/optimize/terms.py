@@ -429,4 +429,4 @@ class EnergyWeights(Numbers):
     def times(self, factor: float) -> EnergyWeights:
         """Weights multiplied by a factor, except those of terms that are always there."""
         weighted = (term.name for term, _ in self.active if term.weight is not None)
-        return self.changed(**{name: factor * getattr(self, name) for name in weighted})
+        return self.replace(**{name: factor * getattr(self, name) for name in weighted})

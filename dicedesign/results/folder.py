@@ -138,7 +138,7 @@ def _check(result: Result) -> None:
     vectors = np.concatenate([result.center_of_mass, *(facet.normal for facet in result.facets)])
     if lengths != {3} or not np.isfinite(vectors).all():
         raise ValueError("vectors that are not three finite numbers")
-    if not {label for label, _ in result.shown} <= set(labels):
+    if not {label for label, _ in result.outcome_normals} <= set(labels):
         raise ValueError("facets with unknown labels")
     if "die_plain" not in result.files:
         raise ValueError("no file of the die")

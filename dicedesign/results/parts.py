@@ -18,7 +18,7 @@ Numbers: TypeAlias = tuple[float, ...]
 
 
 class Status(Enum):
-    """Why a design stopped, or what is wrong with the finished die; the value is the message."""
+    """Reason why a design stopped, or flaw of the finished die; the value is the message."""
 
     CONVERGED = "reached the tolerance"
     OFF_TARGET = "the probabilities of the outcomes are off by more than the tolerance"
@@ -63,23 +63,23 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Repair:
-    """The surface of one solid, made of triangles that were none, against those triangles.
+    """Repaired surface of one solid, compared with the original triangles.
 
-    Distances are those of points drawn evenly on one from the other, over the diagonal of the box
-    that holds the triangles.
+    Distances are from uniformly sampled points, relative to the diagonal of the triangles' bounding
+    box.
 
     Attributes
     ----------
-    cells: of the grid, along the longest side.
-    pieces: solids that the triangles bound; the largest is kept.
-    dropped: volume of the others over that of all.
-    cavities: in them, that were filled.
-    handles_before, handles: of the triangles, or None where they are not closed; of the surface.
-    off_mean, off_largest: from the surface to the triangles.
-    missed_mean, missed_largest: from the triangles that are not inside the solids to the surface.
-    thin: area of the triangles over parts thinner than a cell, which were thickened, over that of
-        all.
-    sheets: area of the triangles that have no solid on either side, over that of all.
+    cells: grid cells along the longest side.
+    pieces: solids enclosed by the triangles, of which the largest is repaired.
+    dropped: volume share of the other solids.
+    cavities: number of filled cavities.
+    handles_before, handles: handles of the triangles, None if they are not closed, and of the
+        surface.
+    off_mean, off_largest: distances from the surface to the triangles.
+    missed_mean, missed_largest: distances from outer triangles to the surface.
+    thin: area share of triangles over parts thinner than a cell, which were thickened.
+    sheets: area share of triangles without a solid on either side.
     """
 
     cells: int
@@ -98,15 +98,14 @@ class Repair:
 
 @dataclass(frozen=True)
 class Cavities:
-    """Cavities that bring the center of mass to where the probabilities are those of the target,
-    measured in the file as it was read back.
+    """Cavities that move the center of mass, measured in the file.
 
     Attributes
     ----------
-    number: of closed parts.
-    wall_mm: least distance between the surface and that of a cavity.
-    volume_mm3: of all; part: that over the volume of the die without them.
-    shift_mm: distance that they move the center of mass.
+    number: number of cavities.
+    wall_mm: minimum distance between the outer surface and a cavity.
+    volume_mm3: total volume; part: its share of the volume of the die without cavities.
+    shift_mm: distance by which the center of mass moves.
     """
 
     number: int
@@ -118,7 +117,7 @@ class Cavities:
 
 @dataclass(frozen=True)
 class Displacement:
-    """How far the points of a surface were moved, relative to its diagonal."""
+    """Distances by which the points of a surface moved, relative to its diagonal."""
 
     mean: float
     largest: float
@@ -126,8 +125,8 @@ class Displacement:
 
 @dataclass(frozen=True)
 class HullOfSurface:
-    """Corners of a surface's hull before and after, and the largest distance between the hull of
-    the finished surface and the designed one, relative to the diagonal."""
+    """Hull vertices of a surface before and after, and the largest distance between the final and
+    the designed hull, relative to the diagonal."""
 
     vertices_before: int
     vertices_after: int
@@ -144,16 +143,16 @@ class SurfaceSize:
 
 @dataclass(frozen=True)
 class Concave:
-    """A die that keeps the shape of a surface.
+    """Die by the concave method, which keeps the shape of a surface.
 
     Attributes
     ----------
-    probabilities_before, elsewhere_before: of the surface that it was made from.
-    displacement: how far its points were moved; hull, surface: its hull and its size.
+    probabilities_before, elsewhere_before: probabilities of the original surface.
+    displacement: moves of its points; hull, surface: its hull and its size.
     quality: defects and distortion of the surface as sentences; surface_quality: as numbers.
-    self_intersections: pairs of triangles of die_plain.stl that meet and should not.
-    cavities: measured in that file, if there are some.
-    repair: of the mesh that it was made from, if that was repaired.
+    self_intersections: pairs of intersecting triangles of die_plain.stl.
+    cavities: cavities in that file, if any.
+    repair: repair of the original mesh, if it needed one.
     """
 
     probabilities_before: Numbers
@@ -170,16 +169,16 @@ class Concave:
 
 @dataclass(frozen=True)
 class Draft:
-    """The best die of an attempt.
+    """Best die of an attempt.
 
     Attributes
     ----------
-    attempt: its number, from 1 on. seconds: it took; None without a clock.
-    error: largest of |p - q| over the outcomes and the probabilities of all other rests together.
+    attempt: number of the attempt, from 1 on. seconds: its time; None without a clock.
+    error: largest of |p - q| over the outcomes and the total probability of all other rests.
     displacement: mean over the points of the surface, relative to its diagonal.
-    apart_deg: least angle between two outcomes' rests.
-    margin_deg: least angle by which it must be tipped to leave an outcome.
-    self_intersections: pairs of triangles that meet and should not.
+    apart_deg: smallest angle between two outcomes' rests.
+    margin_deg: smallest tilt that leaves an outcome.
+    self_intersections: pairs of intersecting triangles.
     """
 
     attempt: int
@@ -193,12 +192,12 @@ class Draft:
 
 @dataclass(frozen=True)
 class TradeOff:
-    """Displacement against probabilities, separation and margin.
+    """Trade-off of displacement against probabilities, separation and margin.
 
     Attributes
     ----------
-    tolerance: largest error wanted. apart_deg, margin_deg: least angles wanted, see `Draft`.
-    drafts: of the attempts that led to any, in the order of their numbers.
+    tolerance: error limit. apart_deg, margin_deg: minimum angles, see `Draft`.
+    drafts: best dice of the attempts that have one, by number.
     """
 
     tolerance: float
@@ -207,7 +206,7 @@ class TradeOff:
     drafts: tuple[Draft, ...]
 
     def flaws(self, draft: Draft) -> Iterator[Status]:
-        """What a draft is not like that was wanted, the worst first."""
+        """Yield the flaws of a draft, the worst first."""
         if draft.error > self.tolerance:
             yield Status.OFF_TARGET
         if draft.self_intersections > 0:
@@ -220,13 +219,13 @@ class TradeOff:
 
 @dataclass(frozen=True)
 class Search:
-    """The search for a concave die.
+    """Search for a concave die.
 
     Attributes
     ----------
-    attempts: over all sessions, which took `seconds`, None without a clock.
-    attempt: the number of the one that led to this die; None where none led to any.
-    trade_off: what each led to, and what was wanted.
+    attempts: number of attempts over all sessions; seconds: their time, None without a clock.
+    attempt: number of the attempt that made this die; None if all failed.
+    trade_off: best dice of the attempts, and the limits.
     """
 
     attempts: int
@@ -247,14 +246,14 @@ class RoundOfThrows:
     Attributes
     ----------
     drops: throws that came to rest. deviation: total variation of the frequencies from the target;
-        noise_floor: what a perfect die would show on the mean in as many throws.
-    expected: total variation of the die's probabilities from the target that the throws of all
-        rounds let one expect on the mean: it has what is not known of them in it.
-    elsewhere_drops: throws onto what the table may be instead, all together. elsewhere: as
-        `expected`, on nine of ten of these tables at most; None without any.
-    is_kept: whether the die of this round was kept.
+        noise_floor: its mean for a perfect die in as many throws.
+    expected: expected total variation of the die's probabilities from the target, given the throws
+        of all rounds, including their uncertainty.
+    elsewhere_drops: throws onto all posterior tables together. elsewhere: `expected` over these
+        tables, 90 % quantile; None without any.
+    is_kept: whether the design continued with this die.
     requested: target of this round's design in the momentum model. frequencies: of
-        the outcomes, with a sum of less than 1 where some throws came to rest on no outcome.
+        the outcomes; they sum to less than 1 if some throws came to rest on no outcome.
     """
 
     drops: int
@@ -270,13 +269,13 @@ class RoundOfThrows:
 
 @dataclass(frozen=True)
 class SimulatedThrows:
-    """Throws of the finished die.
+    """Simulated throws of the finished die.
 
     Attributes
     ----------
-    engine, seed, drops: how it was thrown. unresolved: throws that came to rest nowhere in time.
-    counts, frequencies: of the outcomes; intervals: of each an exact 95 % interval.
-    total_variation: from the target, with its 95 % interval and what a perfect die shows.
+    engine, seed, drops: settings. unresolved: throws that did not come to rest in time.
+    counts, frequencies: of the outcomes; intervals: exact 95 % intervals.
+    total_variation: from the target, with its 95 % interval and the mean of a perfect die.
     """
 
     engine: str
@@ -293,14 +292,14 @@ class SimulatedThrows:
 
 @dataclass(frozen=True)
 class OtherTables:
-    """Throws of the finished die onto what the table may be instead.
+    """Throws of the finished die onto posterior tables.
 
     Attributes
     ----------
-    drops: onto all of them together.
-    values: total variation from the target on each. often: on nine tables of ten at most; worst.
-    chance_often, chance_worst: what these would be on the mean of a perfect die, judged by as many
-        throws.
+    drops: throws onto all tables together.
+    values: total variation from the target on each table. often: their 90 % quantile; worst: their
+        maximum.
+    chance_often, chance_worst: mean quantile and maximum of a perfect die in as many throws.
     """
 
     drops: int
@@ -313,15 +312,15 @@ class OtherTables:
 
 @dataclass(frozen=True)
 class TableResult:
-    """What a die does on a table.
+    """Probabilities of a die on a table.
 
     Attributes
     ----------
-    table: its numbers by name, with the die's own size.
+    table: parameters by name, with the die's own size.
     momentum: probabilities by the momentum model.
     rounds: of throws that corrected the design.
     simulated: throws of the finished die, or None.
-    elsewhere: its throws onto what the table may be instead, or None.
+    elsewhere: throws onto posterior tables, or None.
     """
 
     table: dict[str, Any]
@@ -333,8 +332,7 @@ class TableResult:
 
 @dataclass(frozen=True)
 class SmallestFacet:
-    """The facet of a convex die with the smallest largest circle: its area, and the radius of that
-    circle."""
+    """Area and inradius of the facet with the smallest inradius of a convex die."""
 
     area_mm2: float
     inradius_mm: float
@@ -342,15 +340,14 @@ class SmallestFacet:
 
 @dataclass(frozen=True)
 class PrintedLabel:
-    """The finest parts of a label.
+    """Finest details of a label.
 
     Attributes
     ----------
     text: the label.
-    stroke_mm: width of its thinnest stroke, None where no two sides of one are parallel.
-    ridge_mm: least width of what stands between two strokes, or None where nothing does.
-    wall_mm: least distance of the floor of its pocket from a facet beneath, or of the pocket from
-        another; None where it has no pocket.
+    stroke_mm: width of its thinnest stroke, None without parallel sides.
+    ridge_mm: smallest width of a ridge between two strokes, or None.
+    wall_mm: thinnest wall between its pocket and a facet or another pocket; None without a pocket.
     """
 
     text: str
@@ -361,16 +358,16 @@ class PrintedLabel:
 
 @dataclass(frozen=True)
 class PrintPose:
-    """A die as it lies on the print bed.
+    """Orientation of a die on the print bed.
 
     Attributes
     ----------
-    label: that lies on the bed, or None.
+    label: label on the bed, or None.
     normal: (3,) unit direction of the body that points to the bed.
-    contact_mm2: area on the bed.
-    height_mm: of the die above it.
-    overhang_mm2: area that looks down so nearly level that it needs supports; support_mm3: volume
-        beneath it, at most that of the supports.
+    contact_mm2: contact area on the bed.
+    height_mm: height of the die above it.
+    overhang_mm2: area of overhangs that need supports; support_mm3: volume below them, an upper
+        bound of the supports.
     spoiled: labels that touch the bed or supports.
     """
 
@@ -385,14 +382,13 @@ class PrintPose:
 
 @dataclass(frozen=True)
 class FileCheck:
-    """The solid as its file holds it, in single precision.
+    """Check of the solid in its file, in single precision.
 
     Attributes
     ----------
-    open_edges: edges that do not lie between two triangles which run along it in opposite
-        directions.
+    open_edges: edges without two oppositely oriented triangles.
     pieces: closed parts that face outward; cavities: those that face inward.
-    self_intersections: pairs of triangles that meet and should not, but for lines.
+    self_intersections: pairs of intersecting triangles.
     flat_triangles: triangles without area.
     volume_mm3: without its cavities.
     """
@@ -406,21 +402,20 @@ class FileCheck:
 
     @property
     def is_solid(self) -> bool:
-        """Whether it is the surface of one solid, without a flaw."""
+        """Whether it is a flawless surface of one solid."""
         flaws = self.open_edges + self.self_intersections + self.flat_triangles
         return flaws == 0 and self.pieces == 1 and self.volume_mm3 > 0.0
 
 
 @dataclass(frozen=True)
 class ThinParts:
-    """Parts of a die that are thinner than its printer makes walls.
+    """Parts of a die below the minimum wall thickness of its printer.
 
     Attributes
     ----------
-    wall_mm: least thickness of what it makes.
-    share: of the surface that bounds such parts.
-    least_mm: thickness of the thinnest; place: (3,) the middle of it, in the coordinates of
-        die_plain.stl.
+    wall_mm: minimum wall thickness.
+    share: share of the surface on thin parts.
+    least_mm: smallest thickness; place: (3,) where, in the coordinates of die_plain.stl.
     """
 
     wall_mm: float
@@ -431,23 +426,22 @@ class ThinParts:
 
 @dataclass(frozen=True)
 class Printability:
-    """How a die is printed, and what will be hard.
+    """Printability of a die.
 
     Attributes
     ----------
     printer, material: names; spot_mm, layer_mm: width of its nozzle, pixel or spot, and height of
         its layers; density_g_cm3: of the material.
-    weight_g: of the die, solid but for cavities, with what fills its labels.
+    weight_g: weight of the die with inlays, solid except for cavities.
     bounding_box_mm: (3,) extents along the axes of the file.
-    file: the check of die.stl, or of die_plain.stl where there are no labels.
-    smallest_facet: None of a die that is not convex.
-    thin: parts of a die that keeps the shape of a surface, before labels are cut in; None where
-        there are none, and of other dice.
-    labels: of a die that has them on its facets.
-    poses: the die on each facet that it can rest on, the most probable first.
-    best: the pose to print it in; placement: 4 rows of 4, the rigid motion from the file to the bed
-        z = 0, about whose origin it then lies.
-    warnings: what this printer will not make, one sentence each.
+    file: check of die.stl, or of die_plain.stl without labels.
+    smallest_facet: None for a concave die.
+    thin: thin parts of a concave die without its labels, or None.
+    labels: labels on facets.
+    poses: the die on each resting facet, the most probable first.
+    best: best pose for printing; placement: 4 rows of 4, the rigid motion from the file to the bed
+        z = 0, centered at the origin.
+    warnings: features below the printer's limits, one sentence each.
     """
 
     printer: str

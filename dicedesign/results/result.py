@@ -1,6 +1,6 @@
-"""The result of a run: what result.json holds, typed.
+"""Result of a run, the content of result.json.
 
-`Result` is written as it stands, a key for each attribute; an optional one that is None has none.
+Each attribute of `Result` is a key; optional ones that are None are omitted.
 Probabilities are in the order of the labels, lengths in millimeters unless they are called
 relative, angles in degrees.
 """
@@ -28,23 +28,22 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, plain
 
 RESULT: Final = "result.json"
-"""Name of the file, written last: a folder that has it is complete."""
+"""Name of the file, written last: a folder with it is complete."""
 
 
 @dataclass(frozen=True)
 class FacetOfDie:
-    """A facet that the die can rest on.
+    """Facet on which the die can rest.
 
     Attributes
     ----------
-    label: of the outcome whose own facet it is, or None; outcome: label of the outcome that it
-        counts for, or None. They differ where several facets nearly in one plane show one outcome.
-        A die that is read from above bears the label elsewhere.
-    normal: (3,) outward unit normal, down when the die rests on it.
-    probability: of coming to rest on it without momentum.
-    polygon_area_mm2: its area. inradius_mm: radius of the largest circle in it.
-    margin_deg: angle by which the die must be tipped to leave it over the nearest saddle.
-    border_deg: least angle from the normal to the border of the basin, at saddles or elsewhere.
+    label: label of the outcome whose main facet it is, or None; outcome: label of the outcome that
+        it counts for, or None. They differ if several nearly coplanar facets share an outcome.
+    normal: (3,) outward unit normal, which points down in the rest.
+    probability: probability of the rest without momentum.
+    polygon_area_mm2: area. inradius_mm: radius of the largest circle in the facet.
+    margin_deg: tilt that leaves the rest over the nearest saddle.
+    border_deg: smallest angle from the normal to the border of the basin.
     """
 
     label: str | None
@@ -59,15 +58,15 @@ class FacetOfDie:
 
 @dataclass(frozen=True)
 class Step:
-    """One accepted step of a design.
+    """Accepted step of a design.
 
     Attributes
     ----------
-    step: its number, from 0, the start, on. seconds: since the design began; None without a clock.
-    energy: what is minimized; terms: its weighted terms, by name.
-    max_abs_error: largest |p - q|, or None where the step does not know.
-    stage, attempt: of a concave die "hull", "fill" or "balance", each with an energy of its own,
-        and the number of the attempt.
+    step: number of the step; 0 is the start. seconds: time since the start; None without a clock.
+    energy: minimized energy; terms: its weighted terms, by name.
+    max_abs_error: largest |p - q|, or None if unknown.
+    stage, attempt: of a concave die: "hull", "fill" or "balance", each with its own energy, and the
+        number of the attempt.
     """
 
     step: int
@@ -81,7 +80,7 @@ class Step:
 
 @dataclass(frozen=True)
 class HullCounts:
-    """Convex hulls of a design: built from scratch, and reused with their corners moved."""
+    """Numbers of convex hulls of a design: built from scratch, and reused with moved vertices."""
 
     built: int
     reused: int
@@ -89,14 +88,13 @@ class HullCounts:
 
 @dataclass(frozen=True)
 class Designed:
-    """The die as designed, before coordinates were rounded to those of a file.
+    """Die as designed, before its coordinates are rounded to single precision.
 
     Attributes
     ----------
-    max_abs_error: largest |p - q|, by the probabilities that the method is about.
-    energy: terms of the energy at the end, by name.
-    starts: starting shapes that were tried; evaluations: dice that were tried; hulls: computed for
-        them.
+    max_abs_error: largest |p - q|, by the method's own probability model.
+    energy: terms of the final energy, by name.
+    starts: number of starting shapes; evaluations: number of evaluated dice; hulls: their hulls.
     """
 
     max_abs_error: float
@@ -108,18 +106,17 @@ class Designed:
 
 @dataclass(frozen=True)
 class Balance:
-    """How the finished die, with its labels and edges, came to the probabilities of its target.
+    """Adjustment of the finished die, with its labels and edges, to its target.
 
     Attributes
     ----------
     by: "shape", "opposite", "fill" or "none", as in a recipe's `engrave`.
-    unbalanced: (k,) probabilities that the finished die would have if the plain shape were only
-        engraved; for a die to be thrown those by the momentum model, as its target is then.
-    errors: largest difference from the target in each round, before coordinates are rounded to
-        those of a file; the first is that of `unbalanced`, the least that of the die.
-    moved_mm: largest distance from a corner of the plain shape to the planes of its facets as they
-        were moved.
-    stretch: of a die that keeps the shape of a surface, the largest relative change of a length.
+    unbalanced: (k,) probabilities with labels and edges before the adjustment; for a thrown die by
+        the momentum model.
+    errors: largest |p - q| in each round, in double precision; the first is that of `unbalanced`,
+        the smallest that of the die.
+    moved_mm: largest distance from a corner of the plain shape to its moved facet planes.
+    stretch: largest relative change of a length, if the die was stretched.
     """
 
     by: str
@@ -131,15 +128,14 @@ class Balance:
 
 @dataclass(frozen=True)
 class Engraved:
-    """The die with its labels cut in, its edges rounded or something inside of it.
+    """Die with labels, rounded edges, or something inside.
 
     Attributes
     ----------
-    probabilities, elsewhere, max_abs_error: by die.stl as it was read back, with what the marks
-        take away, as those of `Result`; None where the center of mass was given and there is no
-        `inside`: then nobody knows how marks move it.
-    reading: how the labels are read, in a sentence.
-    balance: how it came to the probabilities of its target.
+    probabilities, elsewhere, max_abs_error: as in `Result`, of die.stl; None if the center of mass
+        was given without `inside`, as the effect of marks on it is then unknown.
+    reading: how to read the labels, in a sentence.
+    balance: adjustment to the target.
     """
 
     probabilities: Numbers | None = None
@@ -151,14 +147,14 @@ class Engraved:
 
 @dataclass(frozen=True)
 class Inside:
-    """A cavity, infill or weights, measured in the files as they were read back.
+    """Cavity or infill, measured in the files.
 
     Attributes
     ----------
-    by: "cavity", "infill" or "weights", as in a recipe's `inside`.
-    shift_mm: distance from the center of mass of the uniform solid to that which was given; off_mm:
-        from there to that of the files.
-    wall_mm: least thickness of walls; None where nothing is inside.
+    by: "cavity" or "infill", as in a recipe's `inside`.
+    shift_mm: distance from the center of mass of the uniform solid to the given one; off_mm: from
+        there to that of the files.
+    wall_mm: minimum wall thickness; None if nothing is inside.
     details: plain data about it; notes: sentences about it.
     """
 
@@ -172,22 +168,19 @@ class Inside:
 
 @dataclass(frozen=True)
 class PrintTolerances:
-    """How far the probabilities of prints are from those of the file, to first order.
+    """Deviations of printed dice from the probabilities of the file, to first order.
 
     Attributes
     ----------
-    answer: how well the die must be printed for a test of so many rolls not to notice, in a
-        sentence.
-    rolls: of that test.
-    allowed_mm: standard deviation of the place of each facet at which it notices one print in ten,
-        by derivatives, or where these promise too much by prints that are made one by one; 0 where
-        it notices more of perfect ones, None where it never does.
-    noticed: part of the prints with all errors that are assumed that it notices; a perfect die is
-        noticed by the level of the test, 0.05.
+    answer: required print accuracy for a test of `rolls` rolls, in a sentence.
+    rolls: number of rolls of the test.
+    allowed_mm: standard deviation of facet positions at which the test rejects one print in ten; 0
+        if it rejects more even for perfect prints, None if it never does.
+    noticed: share of prints with the assumed errors that the test rejects; 0.05 for perfect prints.
     assumed: standard deviations of the errors, see `PrintErrors`.
-    deviations: (k,) standard deviations of the probabilities of the outcomes among such prints.
-    by_error: the same from each error alone, by the names in `assumed`.
-    total_variation: of the probabilities of such prints from those of the file, on the mean.
+    deviations: (k,) standard deviations of the outcomes' probabilities over prints.
+    by_error: deviations from each error alone, by the names in `assumed`.
+    total_variation: mean total variation of prints from the file.
     """
 
     answer: str
@@ -202,17 +195,17 @@ class PrintTolerances:
 
 @dataclass(frozen=True)
 class InfillProbabilities:
-    """The die with solid walls and less material inside.
+    """Die with solid walls and sparse infill.
 
     Attributes
     ----------
-    infill, walls_mm: part of the inside that is material, and thickness of the walls.
-    advice: what that does to the probabilities, and what to print instead, in a sentence.
-    probabilities, elsewhere, max_abs_error: probabilities without momentum of such a print.
-    mass: over that of the solid die.
-    shift_mm: (3,) move of the center of mass.
-    least_infill: least one at which a test of 1,000 rolls notices no more than one print in ten for
-        its infill, with these walls; 1 where only a solid one will do.
+    infill, walls_mm: infill density from 0 to 1, and wall thickness.
+    advice: effect on the probabilities and recommended infill, in a sentence.
+    probabilities, elsewhere, max_abs_error: probabilities of the print without momentum.
+    mass: mass relative to the solid die.
+    shift_mm: (3,) shift of the center of mass.
+    least_infill: smallest infill that a test of 1,000 rolls rejects in at most one print of ten; 1
+        if only a solid die passes.
     """
 
     infill: float
@@ -228,8 +221,8 @@ class InfillProbabilities:
 
 @dataclass(frozen=True)
 class StageTime:
-    """Wall-clock seconds of a stage, and the most memory that the process held, in units of 10^6
-    bytes; None where the system does not tell."""
+    """Wall-clock seconds of a stage, and peak memory of the process in 10^6 bytes; None if the
+    system does not report it."""
 
     name: str
     seconds: float
@@ -238,42 +231,38 @@ class StageTime:
 
 @dataclass(frozen=True)
 class Result:
-    """All that a run found out about its die.
+    """Result of a run.
 
     Attributes
     ----------
-    name: of the recipe.
-    status: name of a `Status` in small letters; "converged" alone means success.
-    message: the same in a sentence.
-    labels: of the k outcomes; target: (k,) their wanted probabilities.
-    probabilities: (k,) probabilities of the outcomes without momentum, by die_plain.stl as it was
-        read back.
-    elsewhere: probabilities of all rests that count for no outcome.
+    name: name of the recipe.
+    status: name of a `Status` in small letters; only "converged" means success.
+    message: verdict in one sentence, followed by status and remarks.
+    labels: labels of the k outcomes; target: (k,) target probabilities.
+    probabilities: (k,) probabilities of the outcomes without momentum, of die_plain.stl.
+    elsewhere: total probability of all rests without an outcome.
     max_abs_error: largest |p - q|.
     center_of_mass: (3,) in the coordinates of the file.
-    facets: those that the die can rest on, the most probable first; unstable_facets: how many
-        others there are.
-    rest_counts: (k,) how many rests count for each outcome.
-    least_angle_deg: between two outcomes' facets; 180 with one outcome.
-    least_margin_deg: angle by which the die must be tipped to leave the outcome that is left most
-        easily; 180 where none can be left for another.
+    facets: resting facets, the most probable first; unstable_facets: number of other facets.
+    rest_counts: (k,) number of rests of each outcome.
+    least_angle_deg: smallest angle between two outcomes' facets; 180 with one outcome.
+    least_margin_deg: smallest tilt that leaves an outcome; 180 if none can be left.
     asymmetry: rho of eq. 20 and 21.
-    prior: the recipe's, under which all its probabilities are; None for uniform start orientations.
-    history: every accepted step; after rounds of throws those of the last design.
-    design: the die as designed. engraved: with labels, edges or something inside; None for a plain
-        one. inside: what puts the center of mass where it was given, with the recipe's `inside`.
-    concave: of a die that keeps the shape of a surface; search: how that was found.
-    thrown: what the die does on the recipe's table.
-    printability: how it is printed, and what its printer will not make.
-    tolerances: how far the probabilities of prints are from those of the file. infill:
-        probabilities with the recipe's infill, None for a solid print.
-    notes: what was repaired or assumed, one sentence each.
-    extra: what stages from outside the package found, by names of their own.
-    files: names of the files of the folder by what they are; sha256: the checksum of each but
-        result.json, by name, in hexadecimal digits.
-    stages: what the stages took, none without a clock; peak_since: "stage", or "start" where the
-        system can only tell the most memory since the process started.
-    folder: where the files are, or None for a die that was not written; not in result.json.
+    prior: prior of the recipe, which holds for all its probabilities; None for the uniform one.
+    history: accepted steps; after rounds of throws those of the last design.
+    design: die as designed. engraved: die with labels, edges or something inside, or None. inside:
+        cavity or infill of the recipe's `inside`.
+    concave: section of a concave die; search: its search.
+    thrown: probabilities on the recipe's table.
+    printability: printability and best orientation.
+    tolerances: deviations of printed dice. infill: probabilities with the recipe's infill, None for
+        a solid print.
+    notes: repairs and assumptions, one sentence each.
+    extra: plain data by name, from stages outside the package.
+    files: file names by kind; sha256: hexadecimal checksum of each file but result.json, by name.
+    stages: run times and memory, empty without a clock; peak_since: "stage", or "start" if the
+        system reports peak memory since the start of the process only.
+    folder: folder of the files, None if nothing was written; not in result.json.
     """
 
     name: str
@@ -325,12 +314,12 @@ class Result:
 
     @property
     def error_before(self) -> float:
-        """Largest of |p - q| and of the probabilities of all other rests, of the surface that a
-        concave die was made from. Raises InputError: it was not made from one."""
+        """Error of the surface from which a concave die was made: largest |p - q|, or the total
+        probability of other rests. Raises InputError for another die."""
         if self.concave is None:
             raise InputError(
-                f"{self.name}: expected a die that keeps the shape of a surface, got another; take "
-                "one of method: concave"
+                f"{self.name}: expected a concave die, got a convex one; take a result of "
+                "method: concave"
             )
         before = np.array(self.concave.probabilities_before)
         off = float(np.abs(before - np.array(self.target)).max())
@@ -338,13 +327,12 @@ class Result:
 
     @property
     def printed_probabilities(self) -> Numbers:
-        """(k,) by the file that is printed: die.stl where its probabilities are known, else
-        die_plain.stl."""
+        """(k,) probabilities of die.stl if they are known, else of die_plain.stl."""
         return (self.engraved and self.engraved.probabilities) or self.probabilities
 
     @property
-    def shown(self) -> tuple[tuple[str, Floats], ...]:
-        """Label of the outcome that a facet counts for, and its normal (3,), for each that does."""
+    def outcome_normals(self) -> tuple[tuple[str, Floats], ...]:
+        """Outcome label and normal (3,) of each facet with an outcome."""
         return tuple(
             (facet.outcome, np.array(facet.normal))
             for facet in self.facets
@@ -353,7 +341,7 @@ class Result:
 
     @property
     def plain_file(self) -> Path:
-        """The solid without labels. Raises InputError: nothing was written."""
+        """Path of the solid without labels. Raises InputError if nothing was written."""
         if "die_plain" not in self.files:
             raise InputError(
                 f"{self.name}: expected a die that was written to a folder, got one that was only "
@@ -362,8 +350,7 @@ class Result:
         return (self.folder or Path()) / self.files["die_plain"]
 
     def without_clock(self) -> Result:
-        """The same without what a clock or the system's memory told: runs that found out the same
-        are equal then."""
+        """Copy without run times and memory, so that equal runs compare equal."""
         history = tuple(dataclasses.replace(step, seconds=None) for step in self.history)
         search = None if self.search is None else self.search.without_clock()
         return dataclasses.replace(
@@ -375,5 +362,5 @@ class Result:
         )
 
     def json_text(self) -> str:
-        """The content of result.json."""
+        """Content of result.json."""
         return json_text(plain(dataclasses.replace(self, folder=None)))

@@ -1,4 +1,4 @@
-"""Files with the state of long work, from which it goes on later."""
+"""Checkpoint files to resume long work."""
 
 from __future__ import annotations
 
@@ -18,19 +18,18 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.runtime.files import atomic_write, read_file, remove_partial_files
 
 INTERVAL: Final = 5.0
-"""Seconds after which what is new is written."""
+"""Minimum seconds between writes."""
 
 SHARE: Final = 0.02
-"""Of the time, at most so much goes into writing the file before the end."""
+"""Maximum share of run time for writing the file."""
 
 
 class AutosavedFile:
-    """A file that one process writes, again and again as a whole: at any time it holds the old
-    content or all of the new."""
+    """File that one process rewrites atomically, at intervals."""
 
     def __init__(self, path: Path, kind: str, content: Callable[[], bytes]) -> None:
-        """kind: what it is, for messages, such as "a table"; content: makes what is to be written.
-        Nothing is written yet, but what a killed process left half written is removed."""
+        """kind: name for messages, such as "a table"; content: makes the bytes to write. Writes
+        nothing yet, but removes partial files of a killed process."""
         remove_partial_files(path.parent, path.name)
         self.path = path
         self._kind = kind
@@ -41,12 +40,11 @@ class AutosavedFile:
 
     @property
     def is_due(self) -> bool:
-        """Whether it was not written for so long that what is new should be."""
+        """Whether the interval since the last write has passed."""
         return time.monotonic() >= self._due
 
     def change(self) -> None:
-        """Take note that the content is new, and write it if that is due. Raises OutputError: as
-        `save`."""
+        """Mark the content as new, and save it if that is due. Raises OutputError as `save`."""
         self._new = True
         if self.is_due:
             self.save()
@@ -54,7 +52,7 @@ class AutosavedFile:
     def save(self) -> None:
         """Write the content if it is new.
 
-        Raises OutputError: that cannot be done, or another process has written the file meanwhile.
+        Raises OutputError: the file cannot be written, or another process has written it.
         """
         if not self._new:
             return
@@ -72,7 +70,7 @@ class AutosavedFile:
         self._due = ended + max(INTERVAL, (ended - started) / SHARE)
 
     def remove(self) -> None:
-        """Remove it if it is there. Raises OutputError: that cannot be done."""
+        """Remove the file if it exists. Raises OutputError if that fails."""
         try:
             self.path.unlink(missing_ok=True)
         except OSError as error:
@@ -83,7 +81,7 @@ class AutosavedFile:
 
 
 def _state(path: Path) -> tuple[int, int] | None:
-    """Size and time of the last change of a file; None where there is none."""
+    """Size and modification time of a file; None if it is missing."""
     try:
         status = path.stat()
     except (OSError, ValueError):
@@ -96,63 +94,62 @@ Arrays = Mapping[str, NDArray[Any]]
 State = TypeVar("State")
 
 _ABOUT: Final = "about"
-"""Name of the text beside the arrays."""
+"""Name of the JSON text in the archive."""
 
 _WORK: Final = "work"
-"""Key of the work in it, beside those of the state."""
+"""Key of the work in that text."""
 
 
 def checkpoint_bytes(work: Mapping[str, str], state: Mapping[str, Any], arrays: Arrays) -> bytes:
-    """The content of a checkpoint: arrays and a JSON text in NumPy's format, nothing pickled.
+    """Content of a checkpoint: arrays and a JSON text in NumPy's format, without pickles.
 
     Parameters
     ----------
-    work: what the state belongs to, by kind, as in `read_checkpoint`.
+    work: texts that identify the work, by kind, as in `read_checkpoint`.
     state: plain data by name. arrays: by name.
     """
     file = io.BytesIO()
     about = json.dumps({_WORK: dict(work), **state})
-    held: dict[str, Any] = {_ABOUT: np.array(about), **arrays}
-    np.savez(file, **held)
+    entries: dict[str, Any] = {_ABOUT: np.array(about), **arrays}
+    np.savez(file, **entries)
     return file.getvalue()
 
 
 def read_checkpoint(
     path: Path,
     work: Mapping[str, str],
-    restored: Callable[[Any, Arrays], State],
+    restore: Callable[[Any, Arrays], State],
     *,
     restart: str,
     elsewhere: str,
 ) -> State:
-    """The state in a file that `checkpoint_bytes` made.
+    """Read the state from a file of `checkpoint_bytes`.
 
     Parameters
     ----------
-    work: texts that must be those it was written with, by kind, such as "seed".
-    restored: makes the state of its plain data and its arrays.
-    restart, elsewhere: how to start again, and how to leave the file alone, for messages.
+    work: texts that must equal the stored ones, by kind, such as "seed".
+    restore: makes the state from its plain data and arrays.
+    restart, elsewhere: how to start over, and how to avoid the file, for messages.
 
     Raises
     ------
-    InputError: the file is damaged, or belongs to other work; the message names the kind that
-        differs.
+    InputError: the file is damaged, or belongs to other work; the message names the differing kind.
     """
     data = io.BytesIO(read_file(path, "a checkpoint"))
     try:
         with np.load(data, allow_pickle=False) as file:
             about = json.loads(str(file[_ABOUT]))
             theirs = dict(about.pop(_WORK))
-            values = {kind: theirs.get(kind) for kind in work}
+            stored_work = {kind: theirs.get(kind) for kind in work}
             arrays = {name: file[name] for name in file.files if name != _ABOUT}
-        state = restored(about, arrays) if values == work else None
+        state = restore(about, arrays) if stored_work == work else None
     except Exception as error:
-        # Of NumPy, zip, JSON or the state's own class: whatever it is, the file is no such state.
+        # Errors of NumPy, zip, JSON or the class of the state all mean a damaged file.
         raise InputError(
             f"{path}: expected a checkpoint, got a file that cannot be read as one; {restart}"
         ) from error
     for kind, text in work.items():
-        if values[kind] != text:
+        if stored_work[kind] != text:
             raise InputError(
                 f"{path}: expected a checkpoint of this {kind}, got one of another; {restart}, or "
                 f"{elsewhere}"
@@ -162,15 +159,15 @@ def read_checkpoint(
 
 
 class Checkpoint:
-    """Results of pieces of work, rows of numbers by kind in the order in which they came, kept in a
-    file at intervals: work that is begun again takes those there instead of doing them.
+    """Partial results, rows of numbers by kind, saved to a file at intervals so that repeated work
+    can skip them.
 
-    In a context it is written when an error or an interrupt ends it, and removed when it ends well.
+    As a context, it saves the file after an error or an interrupt, and removes it on success.
     """
 
     def __init__(self, path: Path | None = None, work: Mapping[str, str] | None = None) -> None:
-        """path: None keeps no file. work: as of `read_checkpoint`, which raises where there is a
-        file of other work."""
+        """path: file, None for none. work: as in `read_checkpoint`, which raises for a file of
+        other work."""
         self._work = dict(work or {})
         self._rows: dict[str, list[NDArray[Any]]] = {}
         self._file = None if path is None else AutosavedFile(path, "a checkpoint", self._content)
@@ -178,29 +175,29 @@ class Checkpoint:
             self._rows = read_checkpoint(
                 path,
                 self._work,
-                _rows,
-                restart="remove it to start again",
+                _restore_rows,
+                restart="remove it to start over",
                 elsewhere="choose another with --out",
             )
 
     def rows(self, kind: str) -> Sequence[NDArray[Any]]:
-        """The results of a kind so far, arrays (n,)."""
+        """Results of a kind so far, arrays (n,)."""
         return self._rows.setdefault(kind, [])
 
     def add(self, kind: str, rows: Sequence[NDArray[Any]]) -> None:
-        """Take results in that belong together, and write the file if that is due. Raises
+        """Add results that belong together, and save the file if that is due. Raises
         OutputError."""
         self._rows.setdefault(kind, []).extend(rows)
         if self._file is not None:
             self._file.change()
 
     def require(self, fits: bool) -> None:
-        """Raise InputError where rows are not what the work makes."""
+        """Raise InputError unless the stored rows fit the work."""
         if not fits:
             path = None if self._file is None else self._file.path
             raise InputError(
                 f"{path}: expected a checkpoint of this work, got rows of other lengths; remove it "
-                "to start again"
+                "to start over"
             )
 
     def _content(self) -> bytes:
@@ -229,9 +226,9 @@ class Checkpoint:
             ) from error
 
 
-def _rows(state: Mapping[str, Any], arrays: Arrays) -> dict[str, list[NDArray[Any]]]:
-    """What `Checkpoint` keeps. Raises ValueError or KeyError: the lengths are not those of the
-    arrays, or these are not of numbers."""
+def _restore_rows(state: Mapping[str, Any], arrays: Arrays) -> dict[str, list[NDArray[Any]]]:
+    """Restore the rows of a `Checkpoint`. Raises ValueError or KeyError if lengths and arrays do
+    not match, or arrays are not numeric."""
     rows = {}
     for kind, of_kind in state["rows"].items():
         array = arrays[kind]

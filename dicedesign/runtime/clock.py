@@ -1,4 +1,4 @@
-"""Time and memory of the stages of a run."""
+"""Run time and memory of the stages of a run."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from typing import Any, Final, Literal
 
 @dataclass
 class Clock:
-    """The stages that ran, in order.
+    """Stages of a run, in order.
 
     Attributes
     ----------
-    stages: of each its "name", "seconds" of wall-clock time, and "peak_mb": the most memory that
-        the process held during it, all libraries included, in units of 10^6 bytes; None where the
-        system does not tell.
-    peak_since: "stage", or "start" where the system cannot restart the count for each stage: then
-        "peak_mb" is the most since the process started.
-    on_stage: told the name of each stage as it begins.
+    stages: for each stage "name", "seconds" of wall-clock time, and "peak_mb", the peak memory of
+        the process in 10^6 bytes, None if the system does not report it.
+    peak_since: "stage", or "start" if the system cannot reset the peak; then "peak_mb" is the peak
+        since the process started.
+    on_stage: called with the name of each stage when it begins.
     """
 
     stages: list[dict[str, Any]] = field(default_factory=list)
@@ -31,7 +30,7 @@ class Clock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Measure what runs under it, once it has ended well."""
+        """Measure a block, and record it if it succeeds."""
         if self.on_stage is not None:
             self.on_stage(name)
         self.peak_since = "stage" if reset_peak() else "start"
@@ -52,16 +51,16 @@ _RESTART: Final = "/proc/self/clear_refs"
 _STATUS: Final = "/proc/self/status"
 
 _RESTART_PEAK: Final = b"5"
-"""Written to `_RESTART` it makes the peak what is held now; see proc(5)."""
+"""Written to `_RESTART`, it resets the peak; see proc(5)."""
 
 _MEGABYTE: Final = 1e6
 
 
 def reset_peak() -> bool:
-    """Let the peak count from now on. False where the system does not allow that, as outside of
-    Linux or with a read-only /proc; then it goes on counting from the start of the process."""
+    """Reset the peak memory. Returns False if the system does not allow that, as outside of Linux
+    or with a read-only /proc; the peak then counts from the start of the process."""
     try:
-        # Without creating a file where there is none.
+        # Must not create a missing file.
         handle = os.open(_RESTART, os.O_WRONLY)
         try:
             os.write(handle, _RESTART_PEAK)
@@ -73,9 +72,8 @@ def reset_peak() -> bool:
 
 
 def peak_megabytes() -> float | None:
-    """Largest resident memory of the process, all libraries included, in units of 10^6 bytes, since
-    the last successful `reset_peak` or else since the process started. None where the system does
-    not tell."""
+    """Peak resident memory of the process in 10^6 bytes, since the last successful `reset_peak` or
+    else since the process started. None if the system does not report it."""
     try:
         with open(_STATUS, "rb") as status:
             for line in status:

@@ -1,5 +1,4 @@
-"""Files that are read whole, files that are written whole or not at all, JSON, and folders that one
-process alone writes into."""
+"""Reading of whole files, atomic writing, JSON, and locked folders."""
 
 from __future__ import annotations
 
@@ -20,13 +19,13 @@ from typing import Any, Final
 from dicedesign.errors import InputError, OutputError
 
 MAX_TEXT_BYTES: Final = 1 << 24
-"""Bytes of a file that people write: 16 MiB."""
+"""Limit for files written by people: 16 MiB."""
 
 MAX_DATA_BYTES: Final = 1 << 32
-"""Bytes of a file that programs write: 4 GiB."""
+"""Limit for files written by programs: 4 GiB."""
 
 _FLAGS: Final = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-"""Each system has one of the last two."""
+"""Each system has one of the last two flags."""
 
 _KINDS: Final = {
     stat.S_IFDIR: "a directory",
@@ -40,22 +39,22 @@ _KINDS: Final = {
 def read_file(
     path: Path, kind: str, *, most: int = MAX_DATA_BYTES, error: type[InputError] = InputError
 ) -> bytes:
-    """Content of a regular file; nothing else is waited for.
+    """Read a regular file, without waiting for pipes or devices.
 
     Parameters
     ----------
-    path: the file, or a link to one.
-    kind: what it is expected to be, for messages, such as "a mesh or point file".
-    most: bytes that it may have.
-    error: what is raised, InputError or one of its subclasses: there is no such file, it cannot be
-        read, it is a directory, a pipe or a device, or it is larger.
+    path: file, or a link to one.
+    kind: expected content for messages, such as "a mesh or point file".
+    most: size limit in bytes.
+    error: exception for a missing, unreadable or too large file, a directory, a pipe or a device;
+        InputError or one of its subclasses.
     """
     try:
-        # A pipe that nobody writes to would be waited for.
+        # Opening a pipe must not block.
         handle = os.open(path, _FLAGS)
         with open(handle, "rb") as file:
-            wrong = _wrong(os.fstat(handle), kind, most)
-            data = b"" if wrong else file.read()
+            fault_text = _find_fault(os.fstat(handle), kind, most)
+            data = b"" if fault_text else file.read()
     except FileNotFoundError as fault:
         raise error(f"{path}: no such file; check the path") from fault
     except IsADirectoryError as fault:
@@ -64,16 +63,16 @@ def read_file(
         raise error(
             f"{path}: expected a readable file, got {_reason(fault)!r}; check path and permissions"
         ) from fault
-    if wrong:
-        raise error(f"{path}: {wrong}")
+    if fault_text:
+        raise error(f"{path}: {fault_text}")
     return data
 
 
-def _wrong(status: os.stat_result, kind: str, most: int) -> str:
-    """What is wrong with a file, if anything, before it is read."""
+def _find_fault(status: os.stat_result, kind: str, most: int) -> str:
+    """Message about a file that cannot be read, or ""."""
     if not stat.S_ISREG(status.st_mode):
-        file_kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-        return f"expected {kind}, got {file_kind}; name a file"
+        other = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        return f"expected {kind}, got {other}; name a file"
     if status.st_size > most:
         return (
             f"expected {kind} of at most {most >> 20} MiB, got {status.st_size >> 20}; name "
@@ -83,12 +82,12 @@ def _wrong(status: os.stat_result, kind: str, most: int) -> str:
 
 
 def _reason(fault: Exception) -> str:
-    """What the system says; Python itself refuses names that no file can have."""
+    """Reason given by the system, or by Python for an invalid file name."""
     return getattr(fault, "strerror", None) or str(fault) or "too little memory"
 
 
 def read_text(path: Path, kind: str, *, error: type[InputError] = InputError) -> str:
-    """Text of a regular file in UTF-8 of at most `MAX_TEXT_BYTES` bytes; parameters and errors as
+    """Read a UTF-8 text file of at most `MAX_TEXT_BYTES` bytes; parameters and errors as
     of `read_file`."""
     data = read_file(path, kind, most=MAX_TEXT_BYTES, error=error)
     try:
@@ -98,14 +97,14 @@ def read_text(path: Path, kind: str, *, error: type[InputError] = InputError) ->
 
 
 def json_text(data: object) -> str:
-    """Plain data as JSON for people, with a line feed at its end. Raises ValueError: a number is
-    not finite."""
+    """Indented JSON of plain data, with a final line feed. Raises ValueError if a number is not
+    finite."""
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def plain(value: object) -> Any:
-    """Dataclasses, within mappings and sequences too, as plain data for `json_text`: a key for each
-    field, but for optional ones (of default None) that are None."""
+    """Convert dataclasses, also nested ones, to plain data: a key for each field, except those that
+    are None by default and None."""
     if is_dataclass(value) and not isinstance(value, type):
         pairs = [(field, getattr(value, field.name)) for field in fields(value)]
         return {
@@ -121,10 +120,9 @@ def plain(value: object) -> Any:
 
 
 def atomic_write(path: Path, data: bytes) -> None:
-    """Write a file so that its path holds the old content or all of the new, even after a crash.
+    """Write a file atomically: even after a crash it has its old content or all of the new.
 
-    Where the path is a link, the file that it leads to is written; a device or a pipe takes the
-    data as they come.
+    Links are followed; devices and pipes are written directly.
 
     Parameters
     ----------
@@ -166,7 +164,7 @@ def _replace(path: Path, data: bytes) -> None:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink()
-    # The new name is kept over a power failure where the system can sync a folder.
+    # Sync the folder where possible, so that the new name survives a power failure.
     with contextlib.suppress(OSError):
         folder = os.open(path.parent, os.O_RDONLY)
         try:
@@ -176,20 +174,20 @@ def _replace(path: Path, data: bytes) -> None:
 
 
 def _partial_file(path: Path) -> Path:
-    """Another name for a file, while it is not whole yet."""
-    return path.with_name(f".{path.name[:_MOST_OF_NAME]}.{secrets.token_hex(8)}.part")
+    """Temporary path of a file while it is written."""
+    return path.with_name(f".{path.name[:_MAX_NAME]}.{secrets.token_hex(8)}.part")
 
 
-_MOST_OF_NAME: Final = 40
-"""Characters of a file's name in that of its partial file, which must not become too long."""
+_MAX_NAME: Final = 40
+"""Characters of a file name in the name of its partial file."""
 
 
 def remove_partial_files(folder: Path, name: str | None = None) -> None:
-    """Remove what processes left that were killed while they wrote into a folder.
+    """Remove partial files of killed processes.
 
-    name: of the one file that they wrote; None for any. Nobody else may write it meanwhile.
+    name: file whose partial files to remove; None for all. No other process may write it.
     """
-    stem = ".*" if name is None else re.escape(name[:_MOST_OF_NAME])
+    stem = ".*" if name is None else re.escape(name[:_MAX_NAME])
     pattern = re.compile(rf"\.{stem}\.[0-9a-f]{{16}}\.part", re.DOTALL)
     with contextlib.suppress(OSError, ValueError):
         for entry in list(os.scandir(folder)):
@@ -228,7 +226,7 @@ def make_writable_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe.touch(exist_ok=False)
-        # Whoever has the folder alone may have removed it.
+        # The process that locks the folder may have removed it.
         probe.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
         raise OutputError(
@@ -238,18 +236,17 @@ def make_writable_folder(folder: Path) -> None:
 
 
 LOCK: Final = ".lock"
-"""There while somebody writes into the folder; says who. Beyond the end of its holder, however that
-came, it locks nothing."""
+"""Lock file with the name of the writing process; the lock ends with that process."""
 
 
 @contextmanager
 def lock_folder(folder: Path) -> Iterator[None]:
-    """Nobody else comes in here with the same folder, an existing one, meanwhile.
+    """Lock an existing folder against other processes.
 
     Raises
     ------
-    InputError: somebody is here already; the message says which process on which machine.
-    OutputError: the lock cannot be written.
+    InputError: another process holds the lock; the message names process and machine.
+    OutputError: the lock file cannot be written.
     """
     try:
         import fcntl
@@ -258,7 +255,7 @@ def lock_folder(folder: Path) -> Iterator[None]:
         yield
         return
     path = folder / LOCK
-    handle = _opened(path)
+    handle = _open_lock(path)
     try:
         while True:
             try:
@@ -266,14 +263,14 @@ def lock_folder(folder: Path) -> Iterator[None]:
             except OSError as error:
                 holder = os.read(handle, 100).decode("utf-8", "replace") or "another process"
                 raise InputError(
-                    f"{folder}: expected a folder that nobody else writes into, but {holder} does; "
+                    f"{folder}: expected a folder that no other process uses, but {holder} does; "
                     "wait for it, or choose another folder with --out"
                 ) from error
             if _is_at(handle, path):
                 break
-            # Its last holder has removed it meanwhile.
+            # The previous holder removed the file.
             os.close(handle)
-            handle = _opened(path)
+            handle = _open_lock(path)
         os.truncate(handle, 0)
         os.write(handle, f"process {os.getpid()} on {os.uname().nodename}".encode())
         try:
@@ -284,7 +281,7 @@ def lock_folder(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _opened(path: Path) -> int:
+def _open_lock(path: Path) -> int:
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
@@ -302,11 +299,11 @@ def _is_at(handle: int, path: Path) -> bool:
 
 
 @contextmanager
-def hold_interrupts(said: str) -> Iterator[None]:
-    """An interrupt that comes in here is raised at the end of it, for something short.
+def hold_interrupts(message: str) -> Iterator[None]:
+    """Delay interrupts until the end of a short block.
 
-    said: the message of that KeyboardInterrupt. Where somebody else handles interrupts, and in
-    threads that get none, nothing is held.
+    message: message of the delayed KeyboardInterrupt. Does nothing in other threads, or if another
+    handler is set.
     """
     before = signal.getsignal(signal.SIGINT)
     main_thread = threading.current_thread() is threading.main_thread()
@@ -320,4 +317,4 @@ def hold_interrupts(said: str) -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, before)
     if arrived:
-        raise KeyboardInterrupt(said)
+        raise KeyboardInterrupt(message)

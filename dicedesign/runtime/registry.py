@@ -1,5 +1,5 @@
-"""Extensions of one kind by name: built-in ones, those of installed packages, and those registered
-by a script; and numbers by name, as many as the extensions of a kind declare."""
+"""Registries of extensions: built-in ones, those of installed packages, and those of scripts; and
+named numbers that extensions declare."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import Any, ClassVar, Final, Generic, TypeVar
 from dicedesign.errors import InputError
 
 STRICT: Final = {"extra": "forbid", "strict": True}
-"""Class attribute `__pydantic_config__` of every option dataclass: when a recipe is read into it,
-unknown keys and wrong types are errors. Nothing else in those classes knows of pydantic."""
+"""Class attribute `__pydantic_config__` of every option dataclass: recipes with unknown keys or
+wrong types are refused. It is the only use of pydantic in those classes."""
 
 
 @dataclass(frozen=True)
 class Extension:
-    """The declaration of an extension.
+    """Declaration of an extension.
 
     Attributes
     ----------
-    name: by which recipes and commands call it.
-    line: of documentation, for help texts and the tables of the documentation.
+    name: name in recipes and commands.
+    line: line of documentation, for help texts and the tables of the documentation.
     """
 
     name: str
@@ -35,15 +35,14 @@ Kind = TypeVar("Kind", bound=Extension)
 
 
 class Registry(Generic[Kind]):
-    """The extensions of one kind, in their order: built-in ones as listed, then the others.
+    """Extensions of one kind: built-in ones as listed, then the others.
 
     Attributes
     ----------
-    kind: what they are, for messages, in the singular.
-    type: their class.
-    builtin: those that come with the package, or their addresses "module:NAME", which are imported
-        on first use.
-    group: of entry points by which installed packages add theirs, with such addresses as values.
+    kind: name of the kind in the singular, for messages.
+    type: class of the extensions.
+    builtin: extensions of this package, or their addresses "module:NAME", imported on first use.
+    group: entry points of installed packages, whose values are such addresses.
     """
 
     def __init__(
@@ -56,17 +55,17 @@ class Registry(Generic[Kind]):
         self._entries: dict[str, Kind] | None = None
 
     def register(self, entry: Kind) -> Kind:
-        """Add an extension for this process and return it. Raises InputError where its name is
-        taken, or it is of another kind."""
+        """Add an extension in this process and return it. Raises InputError if its name is taken or
+        its class is wrong."""
         return self._add(self._read(), entry)
 
     def unregister(self, name: str) -> None:
-        """Remove an extension. Raises InputError where there is no such extension."""
+        """Remove an extension. Raises InputError if it does not exist."""
         del self._read()[self[name].name]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all extensions, in their order."""
+        """Names of all extensions, in order."""
         return tuple(self._read())
 
     def __iter__(self) -> Iterator[Kind]:
@@ -76,7 +75,7 @@ class Registry(Generic[Kind]):
         return name in self._read()
 
     def __getitem__(self, name: str) -> Kind:
-        """Raises InputError where there is no such extension."""
+        """Extension of a name. Raises InputError if it does not exist."""
         entries = self._read()
         if name not in entries:
             raise InputError(
@@ -122,7 +121,7 @@ class Registry(Generic[Kind]):
 
 @cache
 def _entry_points() -> Any:
-    """Those of all installed packages; reading them takes milliseconds, once for all registries."""
+    """Entry points of all installed packages, read once as that takes milliseconds."""
     from importlib.metadata import entry_points
 
     return entry_points()
@@ -130,15 +129,15 @@ def _entry_points() -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Number:
-    """One number among the options of an extension.
+    """Number among the options of an extension.
 
     Attributes
     ----------
-    name: by which recipes give it.
-    default: what it is unless given.
-    line: of documentation.
-    expected: what it may be, in words; remedy: what to do else.
-    allows: tells whether it may be some number.
+    name: key in recipes.
+    default: default value.
+    line: line of documentation.
+    expected: allowed values in words; remedy: advice for other values.
+    allows: whether a value is allowed.
     """
 
     name: str
@@ -153,26 +152,26 @@ Own = TypeVar("Own", bound="Numbers")
 
 
 class Numbers:
-    """Numbers by name, each an attribute: those that were given, and defaults for all others that
-    are declared now or later. Once made, they stay as they are.
+    """Immutable named numbers, as attributes, with defaults for declared numbers that are not
+    given.
 
-    Subclasses say what is declared. A recipe's entry is read into one by what is declared then.
+    Subclasses list the declared numbers. Numbers declared later have their defaults.
     """
 
     __slots__ = ("_values",)
 
     prefix: ClassVar[str] = ""
-    """Of names in messages."""
+    """Prefix of names in messages."""
 
     def __init__(self, **given: float) -> None:
-        """Raises InputError for a name that nothing declares, a number that is not allowed, and a
-        declared name that the class needs for itself."""
+        """Raises InputError for an unknown name, a value that is not allowed, and a declared name
+        that is an attribute of the class."""
         declared = self.list_numbers()
         for name in declared:
             if hasattr(type(self), name):
                 raise InputError(
-                    f"{self.prefix}{name}: expected another name, got one that numbers need for "
-                    "themselves; choose another"
+                    f"{self.prefix}{name}: expected another name, got that of an attribute of the "
+                    "class; choose another"
                 )
         for name, value in given.items():
             number = declared.get(name)
@@ -189,7 +188,7 @@ class Numbers:
 
     @classmethod
     def list_numbers(cls) -> Mapping[str, Number]:
-        """What may be given, by name, in order."""
+        """Declared numbers by name, in order."""
         raise NotImplementedError
 
     def as_dict(self) -> dict[str, float]:
@@ -199,8 +198,8 @@ class Numbers:
             for name, number in self.list_numbers().items()
         }
 
-    def changed(self: Own, **changes: float) -> Own:
-        """The same with some other numbers."""
+    def replace(self: Own, **changes: float) -> Own:
+        """Copy with other values of some numbers."""
         return type(self)(**{**self.as_dict(), **changes})
 
     def __getattr__(self, name: str) -> float:
@@ -224,7 +223,7 @@ class Numbers:
         return f"{type(self).__name__}({given})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _remade, (type(self), self.as_dict())
+        return _rebuild, (type(self), self.as_dict())
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -252,5 +251,5 @@ class Numbers:
         return {"type": "object", "properties": keys, "additionalProperties": False}
 
 
-def _remade(kind: type[Own], given: Mapping[str, float]) -> Own:
+def _rebuild(kind: type[Own], given: Mapping[str, float]) -> Own:
     return kind(**given)

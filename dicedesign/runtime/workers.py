@@ -1,4 +1,4 @@
-"""Workers for many tasks: local processes or a Dask cluster, loops over tasks, thread limits."""
+"""Local processes or a Dask cluster for many tasks, loops over tasks, and thread limits."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 @contextmanager
 def one_tensor_thread() -> Iterator[None]:
-    """Let torch use one thread meanwhile: tensors here are far too small to share among threads,
-    and processes often run side by side, one on each core."""
+    """Limit torch to one thread: tensors here are too small for more, and processes often run in
+    parallel, one per core."""
     torch = import_module("torch")
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -48,9 +48,9 @@ def one_tensor_thread() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch and the BLAS of NumPy and SciPy use one thread meanwhile: sums are then taken in
-    one order, and the same numbers come of them however many cores there are."""
-    # Imported late: only long searches need it.
+    """Limit torch and the BLAS of NumPy and SciPy to one thread, so that sums do not depend on the
+    number of cores."""
+    # Only long searches need it.
     from threadpoolctl import threadpool_limits
 
     with one_tensor_thread(), threadpool_limits(1):
@@ -58,21 +58,19 @@ def one_thread() -> Iterator[None]:
 
 
 PATIENCE: Final = 30.0
-"""Seconds that a cluster may take to answer."""
+"""Timeout of a cluster in seconds."""
 
 PACKAGE_VERSION: Final = version("dicedesign")
-"""Of this package; the workers of a cluster need the same."""
+"""Version of this package, which the workers of a cluster need too."""
 
 QUIET: Final = 10.0
-"""Seconds without a result after which a caller is notified."""
+"""Seconds without a result after which `on_quiet` is called."""
 
 MOST_LOSSES: Final = 5
-"""Losses of workers while one task runs after which it is given up."""
+"""Number of lost workers after which a task is abandoned."""
 
 UNFIT_CERTIFICATES: Final = (FileNotFoundError, PermissionError, TypeError, RuntimeError)
-"""What Dask raises, beside errors of ssl, where certificates cannot be read, where there are none
-for an address that begins with tls://, and where its configuration demands these and the address
-has none."""
+"""Errors of Dask, besides those of ssl, for unreadable or missing certificates."""
 
 Task = TypeVar("Task")
 
@@ -82,7 +80,7 @@ Result = TypeVar("Result")
 
 
 class _LocalWorkers(Executor):
-    """Processes that are started again when one of them dies, which fails what they all ran."""
+    """Process pool that restarts after a process dies, which fails all running tasks."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -102,7 +100,7 @@ class _LocalWorkers(Executor):
             return self._pool.submit(function, *args, **kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Without `wait`, what is running ends at once."""
+        """Shut down the pool; without `wait`, terminate running tasks."""
         if not wait:
             for process in set(multiprocessing.active_children()) - self._others:
                 process.terminate()
@@ -110,7 +108,7 @@ class _LocalWorkers(Executor):
 
 
 def _begin_worker() -> None:
-    """Leave interrupts to the parent, and end with it even if it is killed."""
+    """Ignore interrupts, and exit with the parent even if it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -124,7 +122,7 @@ def _begin_worker() -> None:
 
 @contextmanager
 def local_workers(jobs: int) -> Iterator[Executor]:
-    """Local process pool of `jobs` workers; dead ones are replaced."""
+    """Local process pool of `jobs` workers; lost workers are replaced."""
     workers = _LocalWorkers(jobs)
     try:
         yield workers
@@ -133,12 +131,12 @@ def local_workers(jobs: int) -> Iterator[Executor]:
 
 
 class _ClusterWorkers(Executor):
-    """A Dask client as an executor that says so when the scheduler has gone for good."""
+    """Executor of a Dask client that raises when the scheduler is gone."""
 
     def __init__(self, client: Any, address: str) -> None:
         self._client = client
         self._address = address
-        # Without `pure`, a task that is submitted again runs again.
+        # With pure=False a resubmitted task runs again.
         self._workers: Executor = client.get_executor(pure=False)
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
@@ -146,29 +144,29 @@ class _ClusterWorkers(Executor):
             time.sleep(0.1)
         if self._client.status != "running":
             raise DiceError(
-                f"--scheduler {self._address}: expected a Dask scheduler until the end, but it has "
-                "gone; run the same command to go on"
+                f"--scheduler {self._address}: expected a Dask scheduler until the end, but it is "
+                "gone; repeat the command to resume"
             )
         return self._workers.submit(function, *args, **kwargs)
 
     def is_empty(self) -> bool:
-        """True if the scheduler answers and has no worker."""
+        """Whether the scheduler answers and has no worker."""
         return self._client.status == "running" and not self._client.scheduler_info()["workers"]
 
 
 @contextmanager
 def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
-    """The workers of a Dask cluster, and how many tasks they can run at a time. Those that join
-    later take tasks that wait; while there are none, tasks wait.
+    """Executor of a Dask cluster, and its number of threads. Workers may join later; without
+    workers, tasks wait.
 
-    address: of its scheduler, such as tcp://10.0.0.5:8786, or tls://10.0.0.5:8786 with the
-        certificates that the configuration of distributed names.
+    address: scheduler, such as tcp://10.0.0.5:8786, or tls://10.0.0.5:8786 with certificates from
+        the configuration of distributed.
 
     Raises
     ------
-    InputError: distributed is not installed here, its certificates are missing or broken, no
-        scheduler or worker answers, or the workers have another version of this package, or none.
-    DiceError: by `submit`, when the scheduler has gone.
+    InputError: distributed is not installed, its certificates are missing or broken, no scheduler
+        or worker answers, or the workers lack this version of the package.
+    DiceError: by `submit`, if the scheduler is gone.
     """
     import ssl
 
@@ -178,7 +176,7 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
         raise missing_extra("cluster", "--scheduler", error) from error
     log = logging.getLogger("distributed.client")
     level = log.level
-    # What it would log is said here by errors.
+    # Errors report what it would log.
     log.setLevel(logging.CRITICAL)
     client = None
     try:
@@ -186,7 +184,7 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
             try:
                 client = Client(address, timeout=PATIENCE, set_as_default=False)
             except AssertionError:
-                # Dask's, where the first messages of a busy scheduler come together.
+                # Dask fails if the first messages of a busy scheduler arrive together.
                 client = Client(address, timeout=PATIENCE, set_as_default=False)
             client.wait_for_workers(1, timeout=PATIENCE)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
@@ -208,14 +206,14 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
         yield _ClusterWorkers(client, address), sum(client.nthreads().values())
     finally:
         if client is not None:
-            # Nobody wants what still runs there then, or that Dask finds it not closed in time.
+            # Abandon tasks that still run, and ignore a slow shutdown.
             with suppress(AssertionError):
                 client.close(timeout=PATIENCE)
         log.setLevel(level)
 
 
 def _is_encrypted(address: str) -> bool:
-    """Whether certificates matter for a scheduler."""
+    """Whether connections to a scheduler need certificates."""
     import dask
 
     required = dask.config.get("distributed.comm.require-encryption", default=False)
@@ -223,29 +221,29 @@ def _is_encrypted(address: str) -> bool:
 
 
 def _check_versions(client: Any, address: str) -> None:
-    wanted = f"--scheduler {address}: expected workers with dicedesign {PACKAGE_VERSION}"
+    expected = f"--scheduler {address}: expected workers with dicedesign {PACKAGE_VERSION}"
     try:
-        versions = set(client.run(_installed_version).values())
+        versions = set(client.run(_package_version).values())
     except Exception as error:
-        # Errors of the workers come in types of their own, or in none.
-        raise InputError(f"{wanted}, but {error}; install it where they run") from error
+        # Workers raise errors of any type.
+        raise InputError(f"{expected}, but {error}; install it where they run") from error
     if versions != {PACKAGE_VERSION}:
         raise InputError(
-            f"{wanted}, got {', '.join(sorted(versions))}; install the same version everywhere"
+            f"{expected}, got {', '.join(sorted(versions))}; install the same version everywhere"
         )
 
 
-def _installed_version() -> str:
+def _package_version() -> str:
     return PACKAGE_VERSION
 
 
 def has_no_workers(executor: Executor) -> bool:
-    """True if tasks of `cluster_workers` wait because all workers have gone."""
+    """Whether all workers of `cluster_workers` are gone, so that tasks wait."""
     return isinstance(executor, _ClusterWorkers) and executor.is_empty()
 
 
 def is_lost_worker(error: BaseException) -> bool:
-    """True if a future failed because its worker went away, not because of what it ran."""
+    """Whether a future failed because its worker was lost."""
     lost: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
     if "distributed" in sys.modules:
         from distributed import CancelledError as Cancelled
@@ -262,15 +260,15 @@ def iterate_completed(
     most: int,
     on_quiet: Callable[[], None] | None = None,
 ) -> Iterator[tuple[Task, Future[Result]]]:
-    """Tasks with their futures, each once it has ended, whether well or not.
+    """Run tasks, and yield each with its future when it is done.
 
     Parameters
     ----------
-    next_task: the next one, None if there is none for now; asked again whenever some have ended,
-        until there is none and none runs.
-    submit: begins it.
-    most: how many run at a time.
-    on_quiet: called whenever none has ended for `QUIET` seconds.
+    next_task: returns the next task, or None for now; called again when tasks end, until it returns
+        None and no task runs.
+    submit: starts a task.
+    most: maximum number of running tasks.
+    on_quiet: called when no task has ended for `QUIET` seconds.
     """
     running: dict[Future[Result], Task] = {}
     while True:
@@ -286,17 +284,16 @@ def iterate_completed(
 
 
 ITEMS_PER_TASK: Final = 64
-"""Items of one task of `run_in_batches`, at most: handing it over costs far less than they do."""
+"""Maximum number of items of a task of `run_in_batches`."""
 
 FEWEST_TASKS_PER_JOB: Final = 8
-"""Tasks in all over the number of workers, if the items suffice, so that all workers end at about
-the same time."""
+"""Minimum number of tasks per worker, if the items suffice, so that all workers end at about the
+same time."""
 
 BYTES_PER_TASK: Final = 1_000_000
 
 LONE_RUNS: Final = 3
-"""Runs of an item with no other beside it after which it counts as the one that takes its worker
-down."""
+"""Lost workers after which an item that runs alone is abandoned."""
 
 
 def run_in_batches(
@@ -308,18 +305,18 @@ def run_in_batches(
     *,
     size_of: Callable[[Item], int] = lambda item: 0,
 ) -> list[Item]:
-    """Run tasks of a few items each, `jobs` at a time. Items whose worker was lost run again at the
-    end, one at a time, so that none is blamed for another.
+    """Run tasks of a few items each, `jobs` at a time. Items of lost workers are retried at the
+    end, one at a time.
 
     Parameters
     ----------
-    submit: begins the task of some items.
-    on_result: called with what each task returned.
-    on_quiet: called whenever no task has ended for `QUIET` seconds.
-    size_of: bytes of an item; those of a task come to at most `BYTES_PER_TASK`, or it has one item.
+    submit: starts a task.
+    on_result: called with the result of each task.
+    on_quiet: called when no task has ended for `QUIET` seconds.
+    size_of: bytes of an item; a task has at most `BYTES_PER_TASK`, or one item.
 
-    Returns the items that lost their worker each of `LONE_RUNS` times that they ran alone. Raises
-    DiceError: the executor cannot go on.
+    Returns the items that lost their worker in each of `LONE_RUNS` lone runs. Raises DiceError if
+    the executor fails.
     """
     most = min(ITEMS_PER_TASK, -(-len(items) // (FEWEST_TASKS_PER_JOB * jobs)))
     tasks, size = list[list[Item]](), 0
@@ -331,7 +328,7 @@ def run_in_batches(
         size += size_of(item)
     for run in range(1 + LONE_RUNS):
         lost: list[Item] = []
-        # One that runs and one that waits for it to end, for each worker.
+        # One running and one waiting task per worker.
         at_once = 1 if run else 2 * jobs
         for task, future in iterate_completed(
             partial(next, iter(tasks), None), submit, at_once, on_quiet
@@ -353,11 +350,11 @@ def in_order(
     workers: Executor,
     on_quiet: Callable[[], None] | None = None,
 ) -> Iterator[Result]:
-    """Results of tasks, in their order. One whose worker is lost runs again.
+    """Yield results of tasks in order; tasks of lost workers are retried.
 
-    on_quiet: called whenever the task that is waited for has not ended for `QUIET` seconds.
+    on_quiet: called when the next result has not come for `QUIET` seconds.
 
-    Raises DiceError: workers are lost again and again, or the executor cannot go on.
+    Raises DiceError if workers are lost repeatedly, or the executor fails.
     """
     futures = [workers.submit(task) for task in tasks]
     for place in range(len(tasks)):
@@ -377,7 +374,7 @@ def in_order(
                         f"workers: expected some that stay, but {losses} were lost while one task "
                         "ran; see whether memory suffices or take fewer --jobs"
                     ) from error
-                # A local worker that is lost fails all that was submitted.
+                # A lost local worker fails all submitted tasks.
                 for k in range(place, len(tasks)):
                     if _has_lost_worker(futures[k]):
                         futures[k] = workers.submit(tasks[k])
@@ -397,15 +394,16 @@ def _has_lost_worker(future: Future[Any]) -> bool:
 
 @dataclass
 class Workers:
-    """Workers, and a bar on stderr for what they do.
+    """Workers with a progress bar on stderr.
 
     Attributes
     ----------
-    executor: runs tasks.
-    jobs: how many tasks it runs at a time.
-    unit: of work, in the plural.
-    bar: counts it.
-    scheduler: address of the cluster, or None on this machine.
+    executor: executor of tasks.
+    jobs: number of parallel tasks.
+    unit: unit of work, in the plural.
+    bar: progress bar.
+    scheduler: address of the cluster, None on this machine.
+    has_warned: whether it reported that no worker is left.
     """
 
     executor: Executor
@@ -413,25 +411,25 @@ class Workers:
     unit: str
     bar: tqdm[Any]
     scheduler: str | None
-    notified: bool = False
+    has_warned: bool = False
 
     def advance(self, count: int) -> None:
-        """Count finished pieces."""
-        self.notified = False
+        """Count finished work."""
+        self.has_warned = False
         self.bar.update(count)
 
     def on_quiet(self) -> None:
-        """Say once, where nothing was done for a while, that a cluster has no worker left."""
-        if not self.notified and has_no_workers(self.executor):
-            self.notified = True
+        """Report once that a cluster has no worker left."""
+        if not self.has_warned and has_no_workers(self.executor):
+            self.has_warned = True
             note = f"note: {self.scheduler} has no worker left; {self.unit} wait for one to join"
             self.bar.write(note, file=sys.stderr)
 
 
 def progress_bar(unit: str, total: int | None = None, done: int = 0) -> tqdm[Any]:
-    """A bar on stderr, hidden unless that is a terminal.
+    """Progress bar on stderr, hidden unless that is a terminal.
 
-    unit: of work, in the plural; total: pieces of work in all; done: those done before.
+    unit: unit of work, in the plural; total: amount of work; done: work done before.
     """
     from tqdm import tqdm
 
@@ -443,15 +441,15 @@ def progress_bar(unit: str, total: int | None = None, done: int = 0) -> tqdm[Any
 def open_workers(
     unit: str, total: int, done: int = 0, *, jobs: int | None = None, scheduler: str | None = None
 ) -> Iterator[Workers]:
-    """Workers with their bar.
+    """Open workers with a progress bar.
 
     Parameters
     ----------
-    unit, total, done: as of `progress_bar`.
-    jobs: tasks at a time; None takes one for each core, or each thread of the cluster.
-    scheduler: address of a Dask cluster's; None runs processes of this machine.
+    unit, total, done: as in `progress_bar`.
+    jobs: number of parallel tasks; None for one per core, or per thread of the cluster.
+    scheduler: address of a Dask cluster; None for local processes.
 
-    Raises as `dicedesign.runtime.workers.cluster_workers`.
+    Raises as `cluster_workers`.
     """
     with contextlib.ExitStack() as stack:
         executor: Executor

@@ -246,7 +246,11 @@ def _measure_mesh(path: Path, name: str, mesh: Path, lines: list[_Line]) -> Foun
 def _read_designed_die(folder: Path, outcomes: Sequence[str]) -> FoundDie:
     """The die that a run left, whose facets have labels."""
     die = read_result(folder)
-    shown = [(outcomes.index(label), normal) for label, normal in die.shown if label in outcomes]
+    shown = [
+        (outcomes.index(label), normal)
+        for label, normal in die.outcome_normals
+        if label in outcomes
+    ]
     for i, outcome in enumerate(outcomes):
         if outcome not in die.labels:
             raise InputError(

@@ -185,7 +185,7 @@ def test_energies(points: np.ndarray, outcomes: int) -> None:
         assert_same(whole.gradient, plain.gradient, 1e-8)
         for name in REGULARIZERS:
             others = dict.fromkeys(set(REGULARIZERS) - {name}, 0.0)
-            alone = Energy(state, WEIGHTS.changed(**others))
+            alone = Energy(state, WEIGHTS.replace(**others))
             assert alone.terms == {term: whole.terms[term] for term in ("dice", name)}
             assert_same(alone.gradient, slopes["dice"] + slopes[name], 1e-8, least)
 

@@ -201,7 +201,7 @@ def test_a_term_without_a_kernel_is_added(
         clusters = cluster(rests.hull.normals[rests.paths.rests], directions)
         return Energy(ClusteredRests(rests, clusters, np.full(3, 1 / 3)), weights)
 
-    whole, without = energy(points), energy(points, weights.changed(low_peaks=0.0))
+    whole, without = energy(points), energy(points, weights.replace(low_peaks=0.0))
     assert list(whole.terms) == [*without.terms, "low_peaks"]
     radii = np.linalg.norm(points - rest_poses(points).center_of_mass, axis=1)
     expected = 0.7 * (np.maximum(radii - 0.5, 0.0) ** 2).sum()

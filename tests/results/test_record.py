@@ -132,8 +132,8 @@ def test_without_a_clock_there_are_no_times() -> None:
 
 
 def test_every_facet_of_an_outcome_shows_it() -> None:
-    assert [label for label, _ in RESULT.shown] == ["a", "b", "b"]
-    normals = np.array([normal for _, normal in RESULT.shown])
+    assert [label for label, _ in RESULT.outcome_normals] == ["a", "b", "b"]
+    normals = np.array([normal for _, normal in RESULT.outcome_normals])
     np.testing.assert_array_equal(normals, [[1, 0, 0], [0, 0, 1], [0, 0, -1]])
 
 

@@ -167,7 +167,7 @@ def test_a_full_disk_is_an_error_after_which_one_can_go_on(tmp_path: Path, recip
 def test_two_searches_do_not_share_a_folder(tmp_path: Path, recipe: Recipe) -> None:
     with open_study(tmp_path, recipe) as study:
         with (
-            pytest.raises(InputError, match="expected a folder that nobody else writes into"),
+            pytest.raises(InputError, match="expected a folder that no other process uses"),
             open_study(tmp_path, recipe),
         ):
             pass

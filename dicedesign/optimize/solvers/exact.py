@@ -184,7 +184,7 @@ class _Search:
         self.first = self.first or start
         prefer = self.options.prefer
         if self.sensitivity is None or not self.sensitivity.is_known:
-            prefer = prefer.changed(robustness=0.0)
+            prefer = prefer.replace(robustness=0.0)
         try:
             coordinates, parameters = self._coordinates(start)
         except DegenerateBodyError:
