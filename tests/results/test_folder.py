@@ -78,7 +78,7 @@ def test_two_do_not_write_into_one_folder(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "in\n"
-        expected = rf"die: expected a folder that no other process uses, but process {holder.pid} on .* does; "
+        expected = rf"that no other process uses, but process {holder.pid} on .* does; "
         with pytest.raises(InputError, match=expected):
             run(recipe, folder)
         assert [path.name for path in folder.iterdir()] == [".lock"]
