@@ -30,7 +30,7 @@ class BodyMaterial:
     drain_mm: float | None = None
     """Diameter of a hole from each cavity to the outside; None for closed ones."""
     infill: tuple[float, float] = (0.1, 0.6)
-    """The two densities of the inside over that of the walls, from 0 to 1, the lesser first."""
+    """The two infill densities over that of the walls, from 0 to 1, the smaller first."""
 
     def __post_init__(self) -> None:
         most = 0.5 * MOST_MM
@@ -63,7 +63,7 @@ class InsideOptions(BodyMaterial):
     __pydantic_config__ = STRICT
 
     by: WayName = "cavity"
-    """By a "cavity" or by two densities of "infill"; a word alone, `inside: cavity`, is this."""
+    """"cavity", or two densities of "infill"; `inside: cavity` is short for it."""
 
 
 MANY: Final = 1000

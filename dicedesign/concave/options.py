@@ -51,24 +51,23 @@ class ConcavePaperOptions:
 
     Attributes
     ----------
-    weights: of the terms beside the dice energy, in the published unit, of the first of the hulls
-        that are tried; the others have them times seeded factors.
-    sobolev: preconditioning of the gradient in the hull's corners, lambda and p; by default such
-        that most corners of a dense hull are kept.
-    drift: whether its steps may shift the hull as a whole, as the paper's do: that changes the
-        probabilities most cheaply, and leaves the center of mass far from where the fill has to
-        take it.
+    weights: weights of the terms beside the dice energy, in the paper's unit, for the first hull;
+        other hulls multiply them by seeded factors.
+    sobolev: preconditioning of the gradient in the hull's corners; the default keeps most corners
+        of a dense hull.
+    drift: whether steps may shift the whole hull, as in the paper: the cheapest way to change
+        probabilities, but the fill must then move the center of mass far.
     step: "momentum", over jumps of the energy, or "line_search", the paper's.
     steps: most steps, at least 1.
-    finish: "exact" goes on to the very probabilities where each outcome has one rest and there is
-        no other; "none" ends where the paper does.
+    finish: "exact" continues to the exact probabilities if each outcome has one rest and there is
+        no other; "none" ends as in the paper.
     closest_point: lambda_CP of the first program, positive.
     membrane: lambda_m, positive.
     bending: lambda_b, positive.
     center_of_mass: lambda_CoM of the first steps, positive.
     growth: factor by which lambda_CP and lambda_CoM grow, above 1 and at most 100.
     gamma: smoothing of the gradient in the surface's points, above 0 and at most 1e6.
-    power: p, how often it is smoothed, 1 to 4.
+    power: p, number of smoothing passes, 1 to 4.
     """
 
     __pydantic_config__ = STRICT
@@ -112,7 +111,7 @@ class HollowOptions:
 
     Attributes
     ----------
-    wall_mm: least thickness of the walls around them, in mm; positive.
+    wall_mm: least thickness of the cavity's walls, in mm; positive.
     """
 
     __pydantic_config__ = STRICT
@@ -129,27 +128,26 @@ class ConcaveOptions:
 
     Attributes
     ----------
-    tolerance: largest |p - q| wanted, over clusters of rests within 5 degrees, and largest
-        probabilities of all other rests together; above 0 and below 1.
-    hull: how the hull is designed: "gauss_newton", or "paper": by descent on the clustered energy
-        with its regularizers.
-    fill: how the surface is made to fill it: "correspondence", or "paper": by quadratic programs
-        and a correction of the center of mass.
+    tolerance: largest |p - q| wanted, over clusters of rests within 5 degrees, and largest total
+        probability of all other rests; above 0 and below 1.
+    hull: design of the hull: "gauss_newton", or "paper" for descent on the clustered energy with
+        its regularizers.
+    fill: fill of the hull by the surface: "correspondence", or "paper" for quadratic programs and a
+        correction of the center of mass.
     paper: options of "paper" above, or None for the defaults.
     apart_deg: least angle wanted between two outcomes' rests, in degrees; not negative and below
         180.
-    margin_deg: least angle wanted by which the die must be tipped to leave an outcome, in degrees;
-        not negative and below 90.
-    hollow: cavities that may shift the center of mass, so that the surface need be bent less; None
-        for a solid die.
-    points: about as many the surface is decimated or refined to first; None to leave it.
-    attempts: most ways to a hull that are tried, at least 1; the best is kept.
-    displacement: mean displacement over the diagonal from which on no better one is sought,
-        positive.
-    enough: attempts after which a die that is as wanted is not brought nearer to the original, at
-        least 1.
-    seconds: wall-clock time after which no further attempt is begun, positive; None for no limit.
-        With one the result depends on the speed of the machine.
+    margin_deg: least angle wanted by which the die can be tipped without leaving an outcome, in
+        degrees; not negative and below 90.
+    hollow: cavities that shift the center of mass, so that the surface needs less bending; None for
+        a solid die.
+    points: approximate number of points to decimate or refine the surface to first; None to leave
+        it.
+    attempts: most attempts at a hull, at least 1; the best is kept.
+    displacement: mean displacement over the diagonal at which the search ends, positive.
+    enough: attempts after which a converged die is accepted at any displacement, at least 1.
+    seconds: wall-clock limit after which no further attempt starts, positive; None for no limit.
+        With one, the result depends on the speed of the machine.
     """
 
     __pydantic_config__ = STRICT

@@ -51,40 +51,38 @@ class EngravingOptions:
     """Depth of the pockets below the facet, above 0, and at least a millionth of the die's size. It
     does not scale with the die."""
     margin_mm: float = 0.5
-    """Distance that labels keep from the edges of their facet, at least 0; pockets keep more from
-    sharp edges, so that they do not meet."""
+    """Distance between labels and the edges of their facet, at least 0; more at sharp edges, so
+    that pockets do not meet."""
     min_height_mm: float = 2.5
     """Smallest legible digit height, above 0."""
     max_height_mm: float = 8.0
     """Largest digit height, at least `min_height_mm`."""
     stroke_mm: float = 0.0
-    """Width that all strokes have at least, such as that of the printer's line; outlines grow where
-    theirs are thinner. 0 leaves them as they are."""
+    """Minimum width of strokes, such as the printer's line; thinner outlines grow. 0 leaves them
+    unchanged."""
     content: Content = "text"
     """"text", or "pips" for numbers from 1 to 20 as on ordinary dice."""
     icons: dict[str, str] = field(default_factory=dict)
-    """SVG files by the labels that they are shown instead of; paths are relative to the recipe.
-    What is dark in them is cut, as tall as a digit."""
+    """SVG files by the labels they replace; paths are relative to the recipe. Dark areas are cut,
+    as tall as a digit."""
     font: str = BUNDLED_FONT
-    """The bundled font, the family of an installed one, of which the bold face is taken, or the
-    path of a .ttf or .otf file, relative to the recipe."""
+    """The bundled font, the family of an installed one (its bold face), or the path of a .ttf or
+    .otf file, relative to the recipe."""
     upright: str | list[float] | tuple[float, ...] = "edge"
-    """Up on the label: away from the longest edge of the facet ("edge"), from that edge which
-    leaves most room ("largest"), or toward a direction [x, y, z] in the coordinates of
-    die_plain.stl."""
+    """Up on the label: away from the longest edge of the facet ("edge"), from the edge that leaves
+    most room ("largest"), or toward a direction [x, y, z] in the coordinates of die_plain.stl."""
     ambiguous: Ambiguous = "bar"
-    """What marks numbers such as 6, 9 and 68 that are others upside down: a "bar" beneath, a "dot"
-    after them, or "none"."""
+    """Mark of numbers such as 6, 9 and 68 that read differently upside down: a "bar" beneath, a
+    "dot" after them, or "none"."""
     style: Style = "engraved"
-    """`engraved` cuts labels in; `raised` sinks the field around them and leaves them standing, as
-    high as the border of the facet, so that the die rests as without labels."""
+    """`engraved` cuts labels in; `raised` sinks the field around them; they stand as high as the
+    border of the facet, so the die rests as without labels."""
     border_mm: float = 1.0
     """Width of the border around a sunk field, above 0."""
     balance: Balancing = "shape"
-    """What makes up for the material that labels take away: `shape` moves the facets until the
+    """Compensation for the material that labels take away: `shape` moves the facets until the
     finished die has the probabilities; `opposite` hollows a hidden ball opposite to them; `fill`
-    makes bodies that fill the labels in another color, equally dense; `none` leaves the
-    probabilities as they come out."""
+    makes bodies that fill the labels in another color, equally dense; `none` does nothing."""
     read: Read = "auto"
     """Where the label of an outcome lies: "down" on the facet that the die rests on; "up" on the
     level facet on top then, or around the corner on top where there is one; "both" below and on
@@ -157,7 +155,7 @@ class EdgeOptions:
     __pydantic_config__ = STRICT
 
     radius_mm: float = 1.0
-    """Radius of a fillet, or of the ball whose chords are the chamfers, above 0; at most a fifth of
+    """Radius of a fillet, or of the ball whose chords are the chamfers, above 0: at most a fifth of
     the die's size, and of the smallest facet's circle; that of a fillet at least a hundredth of the
     size."""
     shape: Literal["fillet", "chamfer"] = "fillet"

@@ -254,25 +254,23 @@ class PrintOptions:
     __pydantic_config__ = STRICT
 
     printer: str = "fdm"
-    """"fdm" for filament, "sla" for resin, "sls" for powder; a word alone, `print: sla`, is the
-    printer."""
+    """"fdm" for filament, "sla" for resin, "sls" for powder; `print: sla` is short for it."""
     nozzle_mm: float | None = None
     """Diameter of the nozzle, above 0 and at most 2; None for the usual 0.4."""
     material: str | None = None
-    """Of which the die is: "pla", "petg", "abs", "asa" or "pc" for fdm, "resin" for sla, "pa12" for
+    """Material of the die: "pla", "petg", "abs", "asa" or "pc" for fdm, "resin" for sla, "pa12" for
     sls; None for the first of the printer's."""
     density_g_cm3: float | None = None
     """Density of the printed material, above 0 and at most 25; None for the material's."""
     oriented: bool = False
-    """Whether die_oriented.stl is written, which lies on the print bed as is best."""
+    """Whether to write die_oriented.stl, in the best orientation on the print bed."""
     infill: float = 1.0
-    """Part of the inside that is material, from 0, hollow, to 1, solid, which the probabilities are
-    for."""
+    """Infill of the inside, from 0, hollow, to 1, solid, for which the die is designed."""
     walls_mm: float = 1.2
     """Thickness of the solid walls around the infill, floor and ceiling included, from
     `THINNEST` to `MOST_MM`."""
     errors: PrintErrors | None = None
-    """How far prints are from what was asked for, see `PrintErrors`; None for the printer's."""
+    """Standard deviations of print errors, see `PrintErrors`; None for the printer's."""
 
     def __post_init__(self) -> None:
         if self.printer not in PRINTERS:

@@ -60,15 +60,14 @@ class RefineOptions:
 
     Attributes
     ----------
-    drops: simulated throws of the first round, 1 to `MOST_DROPS`; later rounds have more. Where the
-        die is made robust, each also has half as many onto what the table may be instead, all
-        together.
-    rounds: most rounds of throwing a die and designing it again, 1 to `MOST_ROUNDS`; fewer where no
-        more is needed for what is `within` reach.
-    verdict: throws that judge the finished die, 1 to `MOST_DROPS`, and half as many onto what
-        the table may be instead.
-    within: largest total variation from the target, by the verdict, that counts as reached; above 0
-        and below 1.
+    drops: simulated throws of the first round, 1 to `MOST_DROPS`; later rounds have more. A robust
+        die is also thrown half as often onto the posterior tables, in all.
+    rounds: most rounds of throwing a die and designing it again, 1 to `MOST_ROUNDS`; rounds end
+        early when the expected error is `within` reach.
+    verdict: throws that judge the finished die, 1 to `MOST_DROPS`, and half as many onto the
+        posterior tables.
+    within: tolerance: largest total variation from the target in the verdict's throws; above 0 and
+        below 1.
     engine: name of the simulator.
     """
 
@@ -109,22 +108,21 @@ class ExactOptions:
     tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1.
     coordinates: "facets" moves half-spaces and keeps every facet flat; "vertices" moves vertices,
         so that facets become triangles.
-    sobolev: the metric `(I + lambda L)^p` in which steps are shortest, of the graph Laplacian L; it
-        needs `coordinates` "vertices". None for lengths as they are.
-    prefer: what the die is made better by once its probabilities are met, which are kept; legible
-        labels and firm rests unless given. What is given has all other weights at 0.
+    sobolev: Sobolev metric `(I + lambda L)^p` of the steps, with graph Laplacian L; requires
+        `coordinates` "vertices". None for the Euclidean metric.
+    prefer: weights of secondary objectives once the probabilities are met; by default large labels
+        and stable rests. If any weight is given, all others are 0.
     probabilities: "resting" for a die set down without momentum, "thrown" for one thrown onto a
         table, by the momentum model.
-    table: of thrown dice, by name or as the path of a .json file.
-    hand: another way to throw them than the table's own: cup, hand or tower.
-    refine: corrects the momentum model by simulated throws, or None to trust it; with thrown
-        probabilities.
-    starts: most starting shapes that are tried, at least 1; fewer where a dozen lead to the
-        probabilities, but to circles below the recipe's `min_inradius_mm`.
-    evaluations: most dice that are computed on the way, at least 1; the first shape with the wanted
-        rests is tried in any case. None for `MOST_WORK` over the number of outcomes, about a
-        minute's.
-    seconds: wall-clock time after which the same holds, positive. None for no limit: with one the
+    table: table of thrown dice: a name, or the path of a .json file.
+    hand: throw distribution in place of the table's own: cup, hand or tower.
+    refine: correction of the momentum model by simulated throws, for thrown probabilities; None for
+        none.
+    starts: most starting shapes that are tried, at least 1; fewer if a dozen reach the
+        probabilities but not the recipe's `min_inradius_mm`.
+    evaluations: most evaluations of dice, at least 1; the first shape with the wanted rests is
+        tried in any case. None for `MOST_WORK` over the number of outcomes, about a minute's.
+    seconds: wall-clock limit with the same effect, positive. None for no limit: with one, the
         result depends on the speed of the machine.
     """
 
@@ -235,20 +233,21 @@ class PaperOptions:
 
     Attributes
     ----------
-    weights: of the terms beside the dice energy, fixed, in the published unit (`PaperWeights`).
+    weights: fixed weights of the terms beside the dice energy, in the paper's unit
+        (`PaperWeights`).
     sobolev: preconditioning of the gradient, or None.
-    step: "momentum", which takes steps of a length that only shrinks with time, over jumps of the
-        energy too; or "line_search", the paper's, which stops in front of a jump.
-    steps: most steps, at least 0, refused ones included with momentum; then a line search from the
-        best goes on for as many, or 300 if that is fewer.
+    step: "momentum", with steps of decreasing length that cross jumps of the energy; or
+        "line_search", the paper's, which stops at a jump.
+    steps: most steps, at least 0, rejected ones included with momentum; then a line search
+        continues from the best for as many, at most 300.
     perturbation: standard deviation of the seeded noise on the vertices of the start, whose half
         extent is 1; from 0 on and below 1.
-    finish: "exact" puts one facet in the place of each outcome's and goes on to the target by the
-        exact method; "none" ends where the paper does.
+    finish: "exact" replaces each outcome's facets by one and continues with the exact method;
+        "none" ends as in the paper.
     tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1; None for 1e-12 with
         an exact finish and 2e-2 without.
-    prefer: what the die is made better by after an exact finish; see `ExactOptions`. Robustness is
-        of thrown dice alone.
+    prefer: weights of secondary objectives after an exact finish; see `ExactOptions`. Robustness
+        applies to thrown dice only.
     """
 
     __pydantic_config__ = STRICT

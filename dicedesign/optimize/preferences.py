@@ -188,7 +188,7 @@ PREFERENCES: Final = Registry(
         ),
         Preference(
             name="margin",
-            line="normals of the outcomes' facets near the barycenters of their basins (eq. 14)",
+            line="normals of the outcomes' facets near their basins' barycenters (eq. 14)",
             residuals=margin_residuals,
         ),
         Preference(
@@ -213,21 +213,18 @@ PREFERENCES: Final = Registry(
         ),
         Preference(
             name="robustness",
-            line="thrown probabilities that are the same on what the table may be instead; those "
-            "without "
-            "momentum always are",
+            line="equal thrown probabilities on the posterior tables; only for thrown dice",
             residuals=robustness_residuals,
         ),
         Preference(
             name="nearness",
-            line="parameters near those of the die that is made better",
+            line="parameters near those of the first die",
             # They are of the parameters, which the solver has.
             residuals=lambda die: None,
         ),
         Preference(
             name="tolerance",
-            line="probabilities that change little where facets come out of the printer a little "
-            "off",
+            line="probabilities that change little under print errors of the facets",
             residuals=tolerance_residuals,
         ),
     ),

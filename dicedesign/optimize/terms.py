@@ -313,7 +313,7 @@ TERMS: Final = Registry(
         ),
         Term(
             name="barycenter",
-            line="draws the rests of an outcome to the middle of its region (lambda_bc of eq. 14)",
+            line="draws an outcome's rests to the barycenter of its basin (lambda_bc of eq. 14)",
             evaluate=barycenter_energy,
             weight=2.0,
         ),

@@ -32,9 +32,9 @@ class PrismOptions:
 
     Attributes
     ----------
-    sides: 3 to 12; the number of outcomes unless given.
-    height: of the side faces, over the base's circumscribed radius, positive.
-    cap: height of each pointed cap over the same, not negative; steep caps are unstable.
+    sides: 3 to 12; by default the number of outcomes.
+    height: height of the side faces over the base's circumscribed radius, positive.
+    cap: height of each pointed cap over that radius, not negative; steep caps are unstable.
     """
 
     __pydantic_config__: ClassVar = {**STRICT, "allow_inf_nan": False}
@@ -57,10 +57,10 @@ class MeshOptions:
 
     Attributes
     ----------
-    path: of the file, relative to the recipe's folder, or to the working directory in a change from
-        the command line.
-    repair: of a mesh that is open, no manifold, of several bodies or meets itself, take the closed
-        surface of the largest solid that it encloses; for method concave.
+    path: path of the file, relative to the recipe's folder; on the command line, to the working
+        directory.
+    repair: repair an open, non-manifold, multi-body or self-intersecting mesh: take the closed
+        surface of the largest solid it encloses; for method concave.
     """
 
     __pydantic_config__ = STRICT
@@ -213,7 +213,7 @@ MESH: Final = StartKind(
 
 SEARCH: Final = StartKind(
     name="search",
-    line="random shapes with probabilities near the target's, until one leads there",
+    line="random shapes with probabilities near the target's, until one reaches it",
     options=SearchOptions,
     check=_check_search,
     search=_search,
