@@ -269,7 +269,7 @@ def test_bad_weights_are_refused_in_words(options: dict[str, float], text: str) 
         EnergyWeights(**options)
 
 
-@pytest.mark.parametrize("name", ["neighbor", "active", "changed"])
+@pytest.mark.parametrize("name", ["neighbor", "active", "replace"])
 def test_names_of_options_that_are_taken_are_refused(name: str) -> None:
     """By another term, or by what weights need for themselves."""
     option = TermOption(

@@ -227,7 +227,7 @@ def test_the_best_attempts_are_listed_and_the_die_first() -> None:
 def test_dice_of_no_surface_have_none() -> None:
     result = finished_box().result
     assert "Attempts" not in parse_page(die_page(result, {})).text
-    with pytest.raises(InputError, match="surface"):
+    with pytest.raises(InputError, match="concave"):
         result.error_before  # noqa: B018
 
 
