@@ -74,7 +74,7 @@ def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
     assert work.status is Status.CONVERGED
     assert sorted(work.plain.outcomes.outcome_of_rest) == list(range(len(target)))
     assert total_variation(work.thrown.momentum, target) < 0.1
-    measured = work.thrown.measured(target)
+    measured = work.thrown.measure(target)
     assert measured.drops == FEW["verdict"]
     kept = [one for one in work.die.rounds if one.is_kept]
     expected = kept[0].expected if kept else 0.0
