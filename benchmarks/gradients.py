@@ -385,8 +385,8 @@ class Walk:
         )
         destined = np.full(len(hull.normals), -1)
         destined[onto] = trace_to_rests(equilibria, onto)
-        steps = np.arange(paths.crossed.shape[1])
-        crossed = np.where((steps < paths.lengths[:, None])[..., None], paths.crossed, -1)
+        steps = np.arange(paths.padded_crossings.shape[1])
+        crossed = np.where((steps < paths.lengths[:, None])[..., None], paths.padded_crossings, -1)
         return {
             RESTS: equilibria.stable,
             MAXIMUM: equilibria.maximum,
