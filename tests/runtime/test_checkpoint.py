@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError, OutputError
+from dicedesign.runtime import checkpoint
 from dicedesign.runtime.checkpoint import INTERVAL, Checkpoint, checkpoint_bytes
 
 WORK = {"seed": "3", "table": "felt"}
@@ -112,6 +113,28 @@ def test_two_that_go_on_at_once_are_noticed(tmp_path: Path) -> None:
     one.add("whole", ROWS[:1])
     with pytest.raises(OutputError, match="expected a checkpoint that only this run writes"):
         other.add("whole", ROWS[:2])
+
+
+def test_an_interrupt_just_after_a_write_does_not_look_like_a_second_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "c.npz"
+
+    def write_and_be_interrupted(at: Path, data: bytes) -> None:
+        at.write_bytes(data)
+        raise KeyboardInterrupt
+
+    def run() -> None:
+        with Checkpoint(path, WORK) as kept:
+            monkeypatch.setattr(checkpoint, "atomic_write", write_and_be_interrupted)
+            try:
+                kept.add("whole", ROWS)
+            finally:
+                monkeypatch.undo()
+
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    assert same(Checkpoint(path, WORK).rows("whole"), ROWS)
 
 
 def test_an_interrupt_before_the_first_result_leaves_nothing_and_says_nothing_of_it(
