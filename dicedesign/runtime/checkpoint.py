@@ -37,7 +37,7 @@ class AutosavedFile:
         self._content = content
         self._new = False
         self._written = _state(path)
-        self._digest = b""
+        self._unrecorded = b""
         self._due = 0.0
 
     @property
@@ -60,22 +60,21 @@ class AutosavedFile:
             return
         started = time.monotonic()
         data = self._content()
-        if _state(self.path) not in (None, self._written) and not self._is_last_write():
+        if _state(self.path) not in (None, self._written) and not self._was_interrupted():
             raise OutputError(
                 f"{self.path}: expected {self._kind} that only this run writes, but another one "
                 "is writing it; wait until that one has ended, then run the same command to go on"
             )
-        self._digest = hashlib.sha256(data).digest()
+        self._unrecorded = hashlib.sha256(data).digest()
         atomic_write(self.path, data)
-        self._written = _state(self.path)
+        self._written, self._unrecorded = _state(self.path), b""
         self._new = False
         ended = time.monotonic()
         self._due = ended + max(INTERVAL, (ended - started) / SHARE)
 
-    def _is_last_write(self) -> bool:
-        """Whether the file is what `save` wrote last; an interrupt may come before its state is
-        recorded."""
-        return hashlib.sha256(self.path.read_bytes()).digest() == self._digest
+    def _was_interrupted(self) -> bool:
+        """Whether an interrupt came between a write and the record of the file's new state."""
+        return hashlib.sha256(self.path.read_bytes()).digest() == self._unrecorded
 
     def remove(self) -> None:
         """Remove the file if it exists. Raises OutputError if that fails."""
