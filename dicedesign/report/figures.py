@@ -164,15 +164,6 @@ FIGURES: Final = Registry(
             "the same scale.",
         ),
         _figure(
-            "film",
-            "motion_pictures:film",
-            _can_be_filmed,
-            "a throw at several moments",
-            "The same throw in pictures",
-            "With the time since the die was let go. The camera goes along with the die; the "
-            "farther the shadow is below it, the higher it is in the air.",
-        ),
-        _figure(
             "bars",
             "bar_charts:bars_chart",
             _is_convex,

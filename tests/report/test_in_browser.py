@@ -5,19 +5,16 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from common.finished import finished_box
+from common.finished import CONCAVE, finished_box, page_text
 from PIL import Image
 
-from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.discs import MAP_SIZE, place_discs
-from dicedesign.report.pages import die_page, live_die
 from dicedesign.rest.poses import rest_poses
 
 SHOWN = "() => [...document.querySelectorAll('.shown')].map((x) => [x.tagName, x.dataset.facet])"
@@ -176,12 +173,9 @@ def test_a_finger_taps(browser: Any, fair_d3: Path) -> None:
 
 def test_a_shape_stands_on_the_rest_that_is_pointed_at(browser: Any, tmp_path: Path) -> None:
     """Of a box of 14 x 16 x 20 mm more is seen on its smallest side than on its largest."""
-    die = finished_box()
-    body = die.plain.body
-    assert body.triangles is not None
-    live = live_die(die, [Part("die", "#e8e3d8", body.points, body.triangles)])
+    die = finished_box(concave=CONCAVE)
     file = tmp_path / "box.html"
-    file.write_text(die_page(die.result, {}, replace(live, stands=True)), "utf-8")
+    file.write_text(page_text(die), "utf-8")
     page = browser.new_page(viewport={"width": 1100, "height": 900}, reduced_motion="reduce")
     opened = Opened(page, file)
     page.wait_for_selector("#view:not([hidden])")
