@@ -74,7 +74,7 @@ class Disc:
         return self.middle + RADIUS * points * [1.0, -1.0]
 
     def pixels(self, size: int) -> Floats:
-        """Unit directions (size, size, 3) at the centers of a grid over [-1, 1]^2, lowest row first.
+        """Unit directions (size, size, 3) at grid centers over [-1, 1]^2, lowest row first.
 
         Off the disc they are at the nearest points of the rim.
         """
@@ -173,5 +173,7 @@ def basin_outlines(poses: RestPoses) -> list[tuple[Disc, list[list[Floats]]]]:
         padded = np.pad(rests, 1, constant_values=-1)
         masks = [np.where(padded == rest, 1.0, 0.0) for rest in range(len(poses.facets))]
         rings = [contour_generator(centers, centers, mask).lines(0.5) for mask in masks]
-        outlines.append((disc, [[disc.to_paper(ring) for ring in own] for own in rings]))
+        outlines.append(
+            (disc, [[disc.to_paper(np.asarray(ring)) for ring in own] for own in rings])
+        )
     return outlines

@@ -269,8 +269,8 @@ def place_texts(
 ) -> Floats:
     """Centers (k, 2) of texts beside their anchors.
 
-    Each text in turn takes the place of least cost: near its anchor, off the obstacles and the texts
-    before it, and preferably above the anchor, in its region, and on the unit disc.
+    Each text in turn takes the place of least cost: near its anchor, off the obstacles and earlier
+    texts, and preferably above the anchor, in its region, and on the unit disc.
 
     Parameters
     ----------

@@ -30,7 +30,6 @@ from dicedesign.report.palette import BASINS
 from dicedesign.report.raster import encode_png, three_cameras
 from dicedesign.report.renderer import RenderMesh, render_on_table
 from dicedesign.results.parts import Draft, Search, Status, TableResult
-from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import Spread, Table, most_of, scale
@@ -297,7 +296,10 @@ def leaderboard_page(
     """
     pictures = {}
     for number in (entry["number"] for entry in table["leaderboard"]):
-        hull, up = convex_hull(np.array(shapes[number]["vertices"])), -np.array(shapes[number]["down"])
+        hull, up = (
+            convex_hull(np.array(shapes[number]["vertices"])),
+            -np.array(shapes[number]["down"]),
+        )
         surface = RenderMesh(hull.vertices, hull.triangles, smooth=False)
         camera = three_cameras(hull.vertices, up)[0]
         pictures[number] = encode_png(render_on_table(surface, up, camera, 220))

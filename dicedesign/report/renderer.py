@@ -115,8 +115,8 @@ def render(
 ) -> Picture:
     """Picture of a surface, lit from the upper left, with silhouettes and steps outlined.
 
-    Recesses are darker than their surroundings. A shell of glass shows its edges and its tints, both
-    paler on the far side.
+    Recesses are darker than their surroundings. A shell of glass shows its edges and its tints,
+    both paler on the far side.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def _recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
     """Part of their light that pixels (h, w) keep; the less, the farther they are behind the mean
     depth of their surroundings.
 
-    coverage: (h, w) part of each pixel that sees the surface; height: (h, w) mean depth, in samples,
+    coverage: (h, w) part of each pixel that sees the surface; height: (h, w) mean depth in samples,
     0 off the surface; reach: radius of the surroundings, in pixels.
     """
     mean_height = height / np.where(coverage > 0.0, coverage, 1.0)

@@ -166,7 +166,7 @@ def reading(die: FinishedDie) -> Sheet:
     sides = {"down": [below], "both": [above, below]}.get(way, [above])
     if way == "corner":
         sides = [(f"one side: {label}", Camera(labels[-1].frame[:3, 2], ups[-1]))]
-    # The upper side of the label points away from the viewer of the die at rest, and a little aside.
+    # The upper side of the label points away from the viewer, a little aside.
     away = unit_vectors(ups[-1] - (ups[-1] @ down) * down)
     turn = np.radians(30.0)
     level = -np.cos(turn) * away + np.sin(turn) * np.cross(down, away)
@@ -224,7 +224,7 @@ def faces(die: FinishedDie) -> Sheet:
     columns = min(FACE_COLUMNS, len(facets))
     rows = -(-len(facets) // columns)
     cell = np.array([FACE_PIXELS, scale * largest[1]])
-    step = cell + [gap, title_room + gap]
+    step = cell + np.array([gap, title_room + gap])
     sheet = Sheet(columns * step[0] + gap, rows * step[1] + 3.0 * gap)
     for number, (facet, (outline, *cuts)) in enumerate(zip(facets, contours, strict=True)):
         row, column = divmod(number, columns)

@@ -34,7 +34,7 @@ from dicedesign.report.renderer import (
     with_shadow,
 )
 from dicedesign.report.sheet import TITLE, Sheet, picture_grid, with_style
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
