@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.report.figures import MOST_TRIANGLES, surface_to_draw
+from dicedesign.report.figures import MAX_TRIANGLES, surface_to_draw
 from dicedesign.report.motion_pictures import MAX_MOMENTS, drop_figure, moving_picture
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import RollStep, roll_steps
@@ -136,6 +136,6 @@ def test_a_body_at_rest_is_one_picture() -> None:
 def test_what_is_drawn_of_points_and_of_too_many_triangles_is_the_hull() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=2)
     hull = rest_poses(mesh.vertices).hull
-    for triangles in (None, np.zeros((MOST_TRIANGLES + 1, 3), dtype=np.int64)):
+    for triangles in (None, np.zeros((MAX_TRIANGLES + 1, 3), dtype=np.int64)):
         assert surface_to_draw(mesh.vertices, triangles, hull).points is hull.vertices
     assert surface_to_draw(mesh.vertices, mesh.faces, hull).points is mesh.vertices
