@@ -57,8 +57,8 @@ VIEW_PIXELS: Final = 496
 """Pixels along each side of a view."""
 
 CORNERS: Final = ((1, -1, 1), (1, 1, -1), (-1, 1, 1), (-1, -1, -1))
-"""Directions to the cameras, the corners of a tetrahedron: each facet of a convex die is seen by one
-of them at a slant of at most 71 degrees."""
+"""Directions to the cameras, the corners of a tetrahedron: one of them sees each facet of a convex
+die at a slant of at most 71 degrees."""
 
 MIN_SCALE: Final = 0.2
 """Smallest size of a pixel of a figure, in points; smaller figures are left out."""

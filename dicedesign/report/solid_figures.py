@@ -219,17 +219,17 @@ def faces(die: FinishedDie) -> Sheet:
         list(_flat_contours(hull.polygon(facet), hull.normals[facet], labels[facet]))
         for facet in facets
     ]
-    largest = np.max([np.ptp(outline, axis=0) for outline, *_ in contours], axis=0)
-    scale, gap, title_room = FACE_PIXELS / float(largest.max()), 26.0, 34.0
+    extents = np.array([np.ptp(outline, axis=0) for outline, *_ in contours])
+    scale, gap, title_room = FACE_PIXELS / float(extents.max()), 26.0, 34.0
     columns = min(FACE_COLUMNS, len(facets))
-    rows = -(-len(facets) // columns)
-    cell = np.array([FACE_PIXELS, scale * largest[1]])
-    step = cell + np.array([gap, title_room + gap])
-    sheet = Sheet(columns * step[0] + gap, rows * step[1] + 3.0 * gap)
+    heights = scale * np.maximum.reduceat(extents[:, 1], np.arange(0, len(facets), columns))
+    bottoms = np.cumsum(heights + title_room + gap)
+    sheet = Sheet(columns * (FACE_PIXELS + gap) + gap, bottoms[-1] + 3.0 * gap)
     for number, (facet, (outline, *cuts)) in enumerate(zip(facets, contours, strict=True)):
         row, column = divmod(number, columns)
-        middle = step * [column, row] + cell / 2.0 + [gap, gap + title_room]
-        above = (middle[0], middle[1] - cell[1] / 2.0 - 8.0)
+        x = gap + column * (FACE_PIXELS + gap) + FACE_PIXELS / 2.0
+        middle = np.array([x, bottoms[row] - heights[row] / 2.0])
+        above = (x, bottoms[row] - heights[row] - 8.0)
         sheet.text(titles.get(facet, ""), above, size=NOTE, va="bottom")
         center = (outline.min(axis=0) + outline.max(axis=0)) / 2.0
         for rings, color, width in (([outline], FACE_COLOR, 1.5), (cuts, DARK, 0.0)):
