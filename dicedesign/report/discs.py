@@ -172,7 +172,10 @@ def basin_outlines(poses: RestPoses) -> list[tuple[Disc, list[list[Floats]]]]:
     for disc, _, rests in map_basins(poses):
         padded = np.pad(rests, 1, constant_values=-1)
         masks = [np.where(padded == rest, 1.0, 0.0) for rest in range(len(poses.facets))]
-        rings = [contour_generator(centers, centers, mask).lines(0.5) for mask in masks]
+        rings = [
+            contour_generator(centers, centers, mask).lines(0.5) if mask.any() else []
+            for mask in masks
+        ]
         outlines.append(
             (disc, [[disc.to_paper(np.asarray(ring)) for ring in own] for own in rings])
         )
