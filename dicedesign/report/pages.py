@@ -27,8 +27,8 @@ from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.palette import BASINS
-from dicedesign.report.raster import encode_png, three_cameras
-from dicedesign.report.renderer import RenderMesh, render_on_table
+from dicedesign.report.raster import Camera, encode_png, frame_cameras, three_cameras
+from dicedesign.report.renderer import RenderMesh, render
 from dicedesign.results.parts import Draft, Search, Status, TableResult
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
@@ -296,13 +296,12 @@ def leaderboard_page(
     """
     pictures = {}
     for number in (entry["number"] for entry in table["leaderboard"]):
-        hull, up = (
-            convex_hull(np.array(shapes[number]["vertices"])),
-            -np.array(shapes[number]["down"]),
-        )
+        hull, up = convex_hull(shapes[number]["vertices"]), -np.array(shapes[number]["down"])
         surface = RenderMesh(hull.vertices, hull.triangles, smooth=False)
-        camera = three_cameras(hull.vertices, up)[0]
-        pictures[number] = encode_png(render_on_table(surface, up, camera, 220))
+        # From about 30 degrees above.
+        direction = three_cameras(hull.vertices, up)[0].direction + 0.3 * up
+        (camera,) = frame_cameras([Camera(direction, up)], [hull.vertices])
+        pictures[number] = encode_png(render(surface, camera, 220))
     return (
         _environment()
         .get_template("leaderboard.html.j2")

@@ -1,4 +1,4 @@
-"""The Gauss map: areas of basins, their outlines, and what is drawn over them."""
+"""Gauss map: areas of basins, their outlines, and the texts and lines over them."""
 
 from __future__ import annotations
 
@@ -134,13 +134,13 @@ def test_each_direction_is_in_the_outline_of_its_rest_alone(name: str) -> None:
     poses = body(name)
     directions = random_directions(1500, 4)
     rests = basin_of_directions(poses, directions)
-    found = np.zeros((len(directions), len(poses.facets)), dtype=bool)
+    is_within = np.zeros((len(directions), len(poses.facets)), dtype=bool)
     for disc, outlines in basin_outlines(poses):
-        here = disc.heights(directions) >= 0.0
-        points = disc.to_paper(disc.project(directions[here]))
+        on_disc = disc.heights(directions) >= 0.0
+        points = disc.to_paper(disc.project(directions[on_disc]))
         for rest, rings in enumerate(outlines):
             for ring in rings:
-                found[here, rest] ^= Path(ring).contains_points(points)
+                is_within[on_disc, rest] ^= Path(ring).contains_points(points)
     # Pieces of borders are straight on paper, so that a few directions are on the wrong side.
-    wrong = (found != (np.arange(len(poses.facets)) == rests[:, None])).any(axis=1)
+    wrong = (is_within != (np.arange(len(poses.facets)) == rests[:, None])).any(axis=1)
     assert wrong.mean() < 0.01

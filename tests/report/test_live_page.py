@@ -239,7 +239,7 @@ def test_its_policy_allows_its_own_scripts_alone(page: Taken) -> None:
         base64.b64encode(hashlib.sha256(content).digest()).decode()
         for content in (*inline, page.held("three"))
     ]
-    assert rules["script-src"].split() == [f"'sha256-{found}'" for found in sums]
+    assert rules["script-src"].split() == [f"'sha256-{each}'" for each in sums]
 
 
 def test_its_solid_is_the_file_s(page: Taken, fair_d3: Path) -> None:

@@ -194,14 +194,14 @@ def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) 
 
 
 def test_what_was_wanted_stands_beside_what_was_reached() -> None:
-    told = cells((), attempts=4)
+    listed = cells((), attempts=4)
     for name, values in (
         ("error of the probabilities, rests elsewhere included", ["at most 0.005", "0.25", "0.05"]),
         ("angle between outcomes", ["at least 45°", "-", "90.0°"]),
         ("angle at which an outcome is left", ["at least 10°", "-", "45.0°"]),
     ):
-        at = told.index(name)
-        assert told[at + 1 : at + 4] == values
+        at = listed.index(name)
+        assert listed[at + 1 : at + 4] == values
 
 
 def test_the_best_attempts_are_listed_and_the_die_first() -> None:
@@ -211,14 +211,14 @@ def test_the_best_attempts_are_listed_and_the_die_first() -> None:
         Draft(k, None if k == 2 else 1.5, 0.001 if k % 2 == 0 else 0.1, 0.01 * k, 50.0, 12.0, 0)
         for k in range(1, 31)
     )
-    told = cells(drafts, attempts=40, attempt=3)
-    at = told.index("3, this die")
-    rows = [told[at + HEADER * k : at + HEADER * (k + 1)] for k in range(12)]
+    listed = cells(drafts, attempts=40, attempt=3)
+    at = listed.index("3, this die")
+    rows = [listed[at + HEADER * k : at + HEADER * (k + 1)] for k in range(12)]
     assert [row[0] for row in rows[1:]] == [str(2 * k) for k in range(1, 12)]
     assert rows[0][1:7] == ["3.00", "1.0e-01", "50.0", "12.0", "0", "1.5"]
     assert rows[1][1:7] == ["2.00", "1.0e-03", "50.0", "12.0", "0", "-"]
     assert {row[7] for row in rows[1:]} == {"nothing"} != {rows[0][7]}
-    assert "24" not in told
+    assert "24" not in listed
 
 
 def test_dice_of_no_surface_have_none() -> None:
@@ -277,18 +277,18 @@ def test_a_page_has_the_measures_of_the_print() -> None:
     work = checked(box(1.0, 1.0, 1.0), SIDES, entries={"engrave": True, "print": "sla"})
     run_stages(work, after="check", last="printing")
     die = make_finished_die(work)
-    found = die.result.printability
-    assert found is not None
+    facts = die.result.printability
+    assert facts is not None
     page = parse_page(page_text(die))
     for cell in (
         "SLA, 0.05 mm, layers of 0.05 mm",
-        f"{found.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
+        f"{facts.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
         "17.3 × 17.3 × 17.3 mm",
         "nothing",
         "one closed solid without a flaw",
     ):
         assert cell in page.cells
-    for label in found.labels:
+    for label in facts.labels:
         assert label.text in page.cells
         assert f"{label.wall_mm:.2g}" in page.cells
     bare = replace(die, result=replace(die.result, printability=None))
@@ -299,14 +299,14 @@ def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
     work = checked(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
     run_stages(work, after="check", last="printing")
     die = make_finished_die(work)
-    found = die.result.printability
-    assert found is not None
+    facts = die.result.printability
+    assert facts is not None
     concave = replace(
-        found,
+        facts,
         smallest_facet=None,
         labels=(PrintedLabel("<7>", None, None, None),),
-        best=replace(found.best, overhang_mm2=12.34, support_mm3=3.14, label="<7>"),
-        file=replace(found.file, open_edges=3),
+        best=replace(facts.best, overhang_mm2=12.34, support_mm3=3.14, label="<7>"),
+        file=replace(facts.file, open_edges=3),
     )
     result = replace(die.result, printability=concave)
     page = parse_page(page_text(replace(die, result=result)))
