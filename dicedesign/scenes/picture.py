@@ -30,7 +30,7 @@ def room_picture(room: Room) -> bytes:
     counts = np.bincount([body.model for body in room.bodies])
     points: list[Floats] = []
     triangles: list[Integers] = []
-    sizes = []
+    sizes: list[int] = []
     for body in room.bodies:
         model = room.models[body.model]
         corners, faces = model.body.points, model.body.triangles
