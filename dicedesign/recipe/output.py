@@ -271,11 +271,10 @@ def write_data_sheet(work: Work) -> None:
 
 def write_page(work: Work) -> None:
     """Make report.html from the result, the finished die and the figures."""
-    from dicedesign.report.pages import die_page, live_die
+    from dicedesign.report.pages import die_page
 
-    die = make_finished_die(work)
-    live = live_die(die, die_contents(work).parts)
-    work.files["report.html"] = die_page(die.result, work.images, live).encode("utf-8")
+    page = die_page(make_finished_die(work), work.images, die_contents(work).parts)
+    work.files["report.html"] = page.encode("utf-8")
 
 
 def make_finished_die(work: Work) -> FinishedDie:

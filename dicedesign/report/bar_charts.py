@@ -1,4 +1,4 @@
-"""Probabilities of outcomes as bars beside each other."""
+"""Bar charts of the probabilities of outcomes."""
 
 from __future__ import annotations
 
@@ -20,29 +20,28 @@ from dicedesign.throws.distances import total_variation
 from dicedesign.throws.goodness_of_fit import RollVerdict
 
 MODEL: Final = "#f0b88f"
-"""Of what is predicted of throws, paler than what was thrown."""
+"""Color of predictions, a paler one than that of throws."""
 
-MOST_VALUES: Final = 16
-"""Outcomes above whose bars values are written."""
+MAX_WITH_VALUES: Final = 16
+"""Most outcomes for which values are written above the bars."""
 
-WITHIN: Final = 1.96
-"""Standard deviations about the mean that hold 95 % of what is normal."""
+DEVIATIONS_95: Final = 1.96
+"""Half-width of the 95 % interval of a normal distribution, in standard deviations."""
 
 LIMITS: Final[dict[str, Any]] = {"ecolor": DARK, "elinewidth": 2.0, "capsize": 6, "capthick": 2.0}
 
 
 @dataclass(frozen=True)
 class Bars:
-    """One kind of probabilities.
+    """Series of bars.
 
     Attributes
     ----------
-    name: in the legend.
-    color: of the bars.
+    name, color: name in the legend, and color of the bars.
     probabilities: (k,) in [0, 1].
-    intervals: (k, 2) limits drawn around them, or None.
-    interval_name: in the legend.
-    values: written above the bars, k texts, or none; by default the probabilities in percent.
+    intervals: (k, 2) limits of error bars, or None.
+    interval_name: name of the error bars in the legend.
+    values: k texts above the bars, or an empty sequence; None for the probabilities in percent.
     """
 
     name: str
@@ -54,9 +53,11 @@ class Bars:
 
 
 def intervals_of_prints(probabilities: ArrayLike, deviations: ArrayLike) -> Floats:
-    """(k, 2) limits that hold the probabilities (k,) of 95 % of the prints of a die, from the
-    standard deviations (k,) among them."""
-    reach = WITHIN * np.asarray(deviations, dtype=np.float64)[:, None] * [-1.0, 1.0]
+    """95 % intervals (k, 2) of the probabilities of the prints of a die.
+
+    probabilities, deviations: means and standard deviations (k,) over the prints.
+    """
+    reach = DEVIATIONS_95 * np.asarray(deviations, dtype=np.float64)[:, None] * [-1.0, 1.0]
     return np.clip(np.asarray(probabilities)[:, None] + reach, 0.0, 1.0)
 
 
@@ -70,12 +71,14 @@ def outcome_chart(
     target: ArrayLike | None = None,
     sheet: Sheet | None = None,
 ) -> Sheet:
-    """A group of bars for each outcome, perhaps in front of a wide one of its target. Values are
-    written for at most 16 outcomes.
+    """Group of bars for each outcome, in front of a wide bar of its target if there is one.
 
-    labels: k outcomes, at least one; sheet: to draw on its upper end, or None for a new one.
+    Values are written for at most 16 outcomes.
 
-    Raises InputError: there is no outcome, or not one of each probability for each.
+    labels: k outcomes, at least one; target: (k,) or None; sheet: a sheet to draw on, at its upper
+    end, or None for a new one.
+
+    Raises InputError: there is no outcome, or a series has not one probability for each.
     """
     counts = [len(np.asarray(kind.probabilities)) for kind in kinds]
     counts += [] if target is None else [len(np.asarray(target))]
@@ -104,12 +107,12 @@ def outcome_chart(
             name = kind.interval_name
             bars.errorbar = axes.errorbar(middles, percent, ends, fmt="none", label=name, **LIMITS)
         values = [f"{p:.2f}" for p in percent] if kind.values is None else kind.values
-        if values and count <= MOST_VALUES:
+        if values and count <= MAX_WITH_VALUES:
             widest = max(text_width(text, TINY) for text in values)
             is_turned = widest + 10.0 > width * spacing
             room = max(room, widest + 16.0 if is_turned else 30.0)
             axes.bar_label(bars, values, padding=7.0, size=TINY, rotation=90.0 * is_turned)
-    # Above the highest bar there is room for its value.
+    # Leave room for the value above the highest bar.
     highest = max(axes.dataLim.y1, 1e-7)
     axes.set(xlim=(-0.6, count - 0.4), ylim=(0.0, highest * 430.0 / (0.97 * 430.0 - room)))
     axes.set(xlabel=x_label, ylabel="probability (%)")
@@ -121,14 +124,14 @@ def outcome_chart(
 
 
 def put_legend_above(axes: Axes, title: str, columns: int) -> None:
-    """Write the legend above axes, and a title above that."""
+    """Add a legend above axes, and a title above the legend."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=columns)
     rows = -(-len(axes.get_legend_handles_labels()[0]) // columns)
     axes.set_title(title, pad=26.0 + 30.0 * rows)
 
 
 def bars_chart(die: FinishedDie) -> Sheet:
-    """A pair of bars for each outcome: its target, and what was achieved."""
+    """Target and achieved probabilities of a die."""
     result = die.result
     probabilities = result.probabilities
     worst = float(np.abs(np.subtract(result.target, probabilities)).max(initial=0.0))
@@ -144,15 +147,14 @@ def bars_chart(die: FinishedDie) -> Sheet:
 
 
 def _prints_of(result: Result, probabilities: ArrayLike) -> Floats | None:
-    """Limits (k, 2) of 95 % of the prints of a die about probabilities (k,), where they are
-    known."""
+    """95 % intervals (k, 2) of the prints of a die around probabilities (k,), if known."""
     tolerances = result.tolerances
     return None if tolerances is None else intervals_of_prints(probabilities, tolerances.deviations)
 
 
 def before_after_chart(die: FinishedDie) -> Sheet:
-    """A pair of bars in front of its target for each outcome, before and after a surface was made
-    into a die, and one for all rests that belong to no outcome."""
+    """Probabilities before and after a surface was made into a die, in front of the target; the
+    last bars are the rests that count for no outcome."""
     result, concave = die.result, die.result.concave
     assert concave is not None
     before, after = np.array(concave.probabilities_before), np.array(result.probabilities)
@@ -172,22 +174,18 @@ def before_after_chart(die: FinishedDie) -> Sheet:
 
 
 def table_chart(die: FinishedDie) -> Sheet:
-    """Bars of each outcome's probabilities, in front of a wide one of its target: without momentum,
-    by the momentum model and, where there were throws, simulated, with exact intervals."""
+    """Probabilities without momentum, by the momentum model and, if there are any, in simulated
+    throws with exact intervals, in front of the target."""
     result, thrown = die.result, die.result.thrown
     assert thrown is not None
-    kinds = {
-        "without momentum": (FAINT, result.probabilities, None),
-        "momentum model": (MODEL, thrown.momentum, _prints_of(result, thrown.momentum)),
-    }
-    bars = [Bars(name, *kind, values=()) for name, kind in kinds.items()]
+    momentum = thrown.momentum
+    bars = [
+        Bars("without momentum", FAINT, result.probabilities, values=()),
+        Bars("momentum model", MODEL, momentum, _prints_of(result, momentum), values=()),
+    ]
     simulated = thrown.simulated
     if simulated is None:
-        far = {
-            name: total_variation(probabilities, result.target)
-            for name, (_, probabilities, _) in kinds.items()
-        }
-        each = [f"{name} {variation:.4f}" for name, variation in far.items()]
+        each = [f"{b.name} {total_variation(b.probabilities, result.target):.4f}" for b in bars]
         title = f"total variation to the target: {', '.join(each)}"
     else:
         low, high = simulated.interval
@@ -208,18 +206,11 @@ def table_chart(die: FinishedDie) -> Sheet:
 
 
 def rolls_chart(labels: Sequence[str], verdict: RollVerdict) -> Sheet:
-    """A pair of bars for each outcome: what was tested, and the frequency of a die's throws, with
-    the exact interval of its probability, and above the bars of at most 16 outcomes their counts.
+    """Tested probabilities beside the frequencies of throws, with exact intervals and, for at most
+    16 outcomes, counts.
 
-    labels: k outcomes, as many as the verdict has.
-
-    Raises InputError: there is not one label for each outcome.
+    labels: k outcomes. Raises InputError: the verdict has not one probability for each.
     """
-    if len(labels) != len(verdict.probabilities):
-        raise InputError(
-            f"rolls: expected {len(verdict.probabilities)} labels, one for each outcome, got "
-            f"{len(labels)}"
-        )
     variation = verdict.variation
     thrown = Bars(
         "thrown",

@@ -1,4 +1,4 @@
-"""Curves along the course of a design, rounds of throws, and points of attempts and trials."""
+"""Charts of the course of a design, of rounds of throws, and of attempts and trials of searches."""
 
 from __future__ import annotations
 
@@ -9,58 +9,45 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
 from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
 from dicedesign.report.sheet import NOTE, Sheet, with_style
-from dicedesign.results.parts import Status, TableResult, TradeOff
+from dicedesign.results.parts import Status
 from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 
-MOST_MARKERS: Final = 60
+MAX_MARKERS: Final = 60
+"""Most points of a curve that are marked."""
 
-MOST_DECADES: Final = 9
-"""Ticks of a logarithmic axis."""
+MAX_TICKS: Final = 9
+"""Most ticks of a logarithmic axis."""
 
-ZERO_BELOW: Final = 1e-18
-"""Values below, over the largest, count as zero in the course of a design."""
+ZERO_RATIO: Final = 1e-18
+"""Values below this times the largest are drawn as zero in the course of a design."""
 
 WIDE_RATIO: Final = 50.0
-"""Of values to be drawn on a logarithmic axis, the largest to the smallest."""
+"""Ratio of the largest to the smallest value above which an axis is logarithmic."""
 
-LEAST_ERROR: Final = 1e-9
-"""Errors of attempts below are drawn as zero."""
+ZERO_ERROR: Final = 1e-9
+"""Errors of attempts up to this are drawn as zero."""
 
 RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def course_chart(die: FinishedDie) -> Sheet:
-    """Error and energy of a design, see `course_of`."""
-    return course_of(die.result.history, die.tolerance)
+"""Digits as superscripts."""
 
 
 @with_style
-def course_of(history: Sequence[Step], tolerance: float) -> Sheet:
-    """Error and energy of a design against its run time, or its steps without a clock.
+def course_chart(die: FinishedDie) -> Sheet:
+    """Error and energy of a design against its run time, or against its steps without a clock.
 
-    Each stage of a design of several has an energy of its own, so that the curve is broken between
-    colored stretches. Of a design that went on by preference once its target was met, the energy
-    is drawn from there on: before, it is the error once more. Values of zero are drawn at the lower
-    end of a logarithmic axis, which is then marked 0.
+    If there are several stages, each has its own energy: curves are broken between stages, which
+    are colored stretches. If a design continued by preference after it had met its target, the
+    energy is drawn from there on; before, it repeats the error. Zeros are drawn at the lower end of
+    a logarithmic axis, which is then marked 0. Steps without an error have no point.
 
-    Parameters
-    ----------
-    history: accepted steps in the order of time, at least one; those that do not know their error
-        have no point; a stage may come again.
-    tolerance: error at which the design is done, above 0.
-
-    Raises
-    ------
-    InputError: the history is empty.
+    die: its history has at least one step; a stage may occur again.
     """
-    if not history:
-        raise InputError("history: expected at least one step, got none")
+    history: Sequence[Step] = die.result.history
     clock = "accepted steps" if history[0].seconds is None else "run time"
 
     def time(step: Step) -> float:
@@ -74,51 +61,51 @@ def course_of(history: Sequence[Step], tolerance: float) -> Sheet:
     energies = [[(time(s), s.energy) for s in run] for _, run in runs]
     sheet = Sheet(1415.0, 600.0 if stages else 560.0)
     for place, name, curves, level in (
-        (115.0, "error", [errors], [tolerance]),
+        (115.0, "error", [errors], [die.tolerance]),
         (830.0, "energy of preferences" if preferred else energy, energies, []),
     ):
         axes = sheet.axes(place, 65.0, place + 555.0, 485.0)
         axes.set(
-            title=f"{name} against {clock}", xlabel=clock if clock[0] == "a" else "run time (s)"
+            title=f"{name} against {clock}",
+            xlabel="run time (s)" if clock == "run time" else clock,
+            ylabel="error, max |p − q|" if level else name,
+            xlim=(0.0, 1.03 * max(1e-3, *map(time, history))),
         )
-        axes.set_ylabel("error, max |p − q|" if level else name)
-        axes.set_xlim(0.0, 1.03 * max(1e-3, *map(time, history)))
         axes.grid()
         values = np.array([y for curve in curves for _, y in curve] + level)
-        least, low = values.max() * ZERO_BELOW, 0.0
-        is_wide = values.max() > WIDE_RATIO * max(values.min(), least)
-        # Energies of several stages do not compare.
+        zero, low = values.max() * ZERO_RATIO, 0.0
+        is_wide = values.max() > WIDE_RATIO * max(values.min(), zero)
+        # Energies of several stages cannot be compared.
         if level or is_wide or (stages and values.max() > 0.0):
-            low = _set_log_heights(axes, values, least)
+            low = _set_log_heights(axes, values, zero)
         for curve in curves:
             x, y = np.reshape(curve, (-1, 2)).T
-            marker = "o" if len(values) <= MOST_MARKERS or len(curve) == 1 else ""
-            y = np.where(y > least, y, low)
-            axes.plot(x, y, color=ACCENT, marker=marker, clip_on=False)
+            marker = "o" if len(values) <= MAX_MARKERS or len(curve) == 1 else ""
+            axes.plot(x, np.where(y > zero, y, low), color=ACCENT, marker=marker, clip_on=False)
         if level:
-            _draw_tolerance(axes, tolerance)
+            _draw_tolerance(axes, die.tolerance)
         if not any(curves):
             axes.text(0.5, 0.5, "not known", transform=axes.transAxes, ha="center", color=FAINT)
         begin, colors = 0.0, dict(zip(stages, BASINS, strict=False))
         for stage, run in runs if stages else ():
-            look: dict[str, Any] = {"color": colors[stage], "linewidth": 0.0, "label": stage}
-            axes.axvspan(begin, time(run[-1]), alpha=0.35, zorder=0.4, **look)
-            begin = time(run[-1])
+            end, color = time(run[-1]), colors[stage]
+            axes.axvspan(begin, end, alpha=0.35, zorder=0.4, color=color, lw=0.0, label=stage)
+            begin = end
     spans = {span.get_label(): span for span in axes.patches}
     sheet.figure.legend(handles=list(spans.values()), loc="lower center", ncols=8, borderpad=0.8)
     return sheet
 
 
-def _set_log_heights(axes: Axes, values: Floats, least: float) -> float:
-    """Make the vertical axis logarithmic about values (n,), at least one of them above 0, with
+def _set_log_heights(axes: Axes, values: Floats, zero: float) -> float:
+    """Make the vertical axis logarithmic around values (n,), at least one of them above 0, with
     ticks at powers of ten.
 
-    Returns its lower end, where values up to `least` are drawn; it is marked 0 if there are any.
+    Returns its lower end, where values up to `zero` are drawn; it is marked 0 if there are any.
     """
-    positive = values[values > least]
+    positive = values[values > zero]
     low, high = float(positive.min(initial=values.max())) / 5.0, 3.0 * float(values.max())
     powers = np.arange(np.ceil(np.log10(low)), np.log10(high)).astype(int)
-    powers = powers[:: -(-len(powers) // MOST_DECADES)]
+    powers = powers[:: -(-len(powers) // MAX_TICKS)]
     ticks = {10.0**k: f"10{str(k).translate(RAISED)}" for k in powers.tolist()}
     if len(positive) < len(values):
         ticks = {low: "0", **ticks}
@@ -143,25 +130,19 @@ def _draw_tolerance(axes: Axes, tolerance: float) -> None:
     )
 
 
-def rounds_chart(die: FinishedDie) -> Sheet:
-    """Rounds of a design for a table, see `rounds_of`."""
-    assert die.result.thrown is not None
-    return rounds_of(die.result.thrown)
-
-
 @with_style
-def rounds_of(thrown: TableResult) -> Sheet:
-    """Total variation from the target of the die of each round, against the throws so far: as its
-    own throws show it, beside what a perfect die would show in as many, and as the throws of all
-    rounds let one expect it, on the table and on what that may be instead.
+def rounds_chart(die: FinishedDie) -> Sheet:
+    """Total variation from the target, of the die of each round, against the number of throws.
 
-    The verdict over the finished die, where there is one, comes last, with its interval of 95 %.
+    For each round: the total variation in its own throws, the one of a perfect die in as many
+    throws, and those expected from the throws of all rounds, for the table and for other tables
+    that agree with the throws. The verdict on the finished die, if there is one, is last, with its
+    95 % interval.
 
-    Raises InputError: there is no round.
+    die: designed for a table, in at least one round.
     """
-    rounds, simulated = thrown.rounds, thrown.simulated
-    if not rounds:
-        raise InputError("rounds: expected at least one, got none")
+    assert die.result.thrown is not None
+    rounds, simulated = die.result.thrown.rounds, die.result.thrown.simulated
     at = np.cumsum([entry.drops + entry.elsewhere_drops for entry in rounds], dtype=np.float64)
     expected = np.array([entry.expected for entry in rounds])
     drops, floors = at, [entry.noise_floor for entry in rounds]
@@ -192,7 +173,7 @@ def rounds_of(thrown: TableResult) -> Sheet:
 
 
 Points = Sequence[tuple[float, float]]
-"""Places (x, y) on axes."""
+"""Positions (x, y) on axes."""
 
 
 def _scatter_sheet(x_label: str, y_label: str, title: str) -> tuple[Sheet, Axes]:
@@ -208,10 +189,10 @@ def _draw_groups(
     groups: Iterable[tuple[str, Points, dict[str, Any]]],
     numbered: Mapping[int, tuple[float, float]],
 ) -> None:
-    """Draw points of several kinds, with a legend below, and write numbers beside some.
+    """Draw groups of points, with a legend below, and write numbers beside points.
 
-    groups: name, points and style of each kind; numbered: places of points by their number, the
-    first first; one that would cover an earlier one is left out.
+    groups: name, points and style of each group; numbered: positions of points by their numbers; a
+    number that would cover an earlier one is left out.
     """
     for label, points, style in groups:
         x, y = np.reshape(points, (-1, 2)).T
@@ -225,30 +206,24 @@ def _draw_groups(
             axes.annotate(str(number), point, (9, 6), textcoords="offset points", size=NOTE)
 
 
+@with_style
 def trade_off_chart(die: FinishedDie) -> Sheet:
-    """What the attempts at a concave die led to, see `trade_off_of`."""
+    """Error against displacement of each draft of a concave die, and of the surface as it came.
+
+    Drafts are marked by their worst flaw. die: made by a search.
+    """
     search = die.result.search
     assert search is not None
-    return trade_off_of(search.trade_off, search.attempt, die.result.error_before)
-
-
-@with_style
-def trade_off_of(trade_off: TradeOff, chosen: int | None, before: float) -> Sheet:
-    """A point for each draft: its error against its displacement, both better if smaller, marked by
-    what is worst of it, beside the surface as it came.
-
-    chosen: number of the attempt whose draft became the die, or None; before: error of the surface
-    as it came.
-    """
+    trade_off, chosen = search.trade_off, search.attempt
     drafts, level = trade_off.drafts, trade_off.tolerance
     sheet, axes = _scatter_sheet(
         "mean displacement (% of the diagonal)",
         "error, max |p − q| or elsewhere",
         "smaller is better in both",
     )
-    errors = np.array([level, before, *(draft.error for draft in drafts)])
-    low = _set_log_heights(axes, errors, LEAST_ERROR)
-    heights = np.where(errors > LEAST_ERROR, errors, low).tolist()
+    errors = np.array([level, die.result.error_before, *(draft.error for draft in drafts)])
+    low = _set_log_heights(axes, errors, ZERO_ERROR)
+    heights = np.where(errors > ZERO_ERROR, errors, low).tolist()
     places = {
         d.attempt: (100.0 * d.displacement, y) for d, y in zip(drafts, heights[2:], strict=True)
     }
@@ -256,11 +231,11 @@ def trade_off_of(trade_off: TradeOff, chosen: int | None, before: float) -> Shee
     axes.set_xlim(-0.03 * right, right)
     _draw_tolerance(axes, level)
     hollow: dict[str, Any] = {"color": DARK, "mfc": "white", "mew": 2.0}
-    groups: list[tuple[str, Points, dict[str, Any]]] = [
-        ("the surface as it came", [(0.0, heights[1])], {"marker": "*", "ms": 20.0, **hollow})
-    ]
     this = [places[attempt] for attempt in places if attempt == chosen]
-    groups.insert(0, ("this die", this, {"marker": "o", "ms": 28.0, **hollow}))
+    groups: list[tuple[str, Points, dict[str, Any]]] = [
+        ("this die", this, {"marker": "o", "ms": 28.0, **hollow}),
+        ("the surface as it came", [(0.0, heights[1])], {"marker": "*", "ms": 20.0, **hollow}),
+    ]
     worst = {draft.attempt: next(trade_off.flaws(draft), None) for draft in drafts}
     for status, name, color, marker, size in (
         (None, "as wanted", ACCENT, "o", 13.0),
@@ -282,23 +257,16 @@ def trade_off_of(trade_off: TradeOff, chosen: int | None, before: float) -> Shee
 def pareto_chart(
     trials: Sequence[Mapping[str, Any]], front: Collection[int], named: Sequence[int]
 ) -> Sheet:
-    """Smallest circle of each die of a search against its momentum margin.
+    """Momentum margin against the smallest inscribed circle, for each die of a search.
 
     Parameters
     ----------
-    trials: at least one, each with "number", "status" ("converged", or another where the die is not
-        as wanted), "inradius_mm" and "margin_deg", at least 0, both None where there is nothing
-        to measure; those are only counted.
-    front: numbers of converged trials that no other beats in both; they are joined by steps.
-    named: numbers of converged trials that are written beside their points, the first first; one
+    trials: mappings with "number", "status" ("converged" or another), "inradius_mm" and
+        "margin_deg", both at least 0, or both None without a die; such trials are only counted.
+    front: numbers of converged trials on the Pareto front, which are joined by steps.
+    named: numbers of converged trials to write beside their points, the most important first; one
         that would cover an earlier one is left out.
-
-    Raises
-    ------
-    InputError: there is no trial.
     """
-    if not trials:
-        raise InputError("trials: expected at least one, got none; run a trial")
     measured = [trial for trial in trials if trial["inradius_mm"] is not None]
     places = {t["number"]: (t["inradius_mm"], t["margin_deg"]) for t in measured}
     missed = [t["number"] for t in measured if t["status"] != "converged"]

@@ -1,6 +1,6 @@
-"""The data sheet of a die: one page to print and keep with it, as PNG and PDF.
+"""Data sheet of a die: one page to print and keep with the die, as PNG and PDF.
 
-Lengths are in points of the page; y runs downward.
+Lengths are in points; y runs downward.
 """
 
 from __future__ import annotations
@@ -29,56 +29,60 @@ if TYPE_CHECKING:
 WIDTH: Final = 595.3
 
 HEIGHT: Final = 842.0
-"""A4, 210 mm by 297 mm."""
+"""Height of A4, 210 mm by 297 mm."""
 
 LEFT: Final = 38.0
 
 RIGHT: Final = WIDTH - LEFT
 
 BOTTOM: Final = HEIGHT - 58.0
-"""Where text and table end."""
+"""Lower end of text and table."""
 
 TEXT_WIDTH: Final = 226.0
 
 TABLE_LEFT: Final = LEFT + TEXT_WIDTH + 24.0
 
 SIZES: Final = (9.0, 8.0, 7.0)
-"""Sizes of letters of text and table, of which the first that fits is taken."""
+"""Font sizes of text and table; the first one that fits is taken."""
 
 LINE: Final = 1.45
-"""Height of a line of text, over the size of its letters."""
+"""Height of a line of text, over its font size."""
 
 GAP: Final = 11.5
 
 VIEW: Final = (RIGHT - LEFT - 3.0 * GAP) / 4.0
-"""Side of a picture."""
+"""Side of a view."""
 
 VIEW_PIXELS: Final = 496
+"""Pixels along each side of a view."""
 
 CORNERS: Final = ((1, -1, 1), (1, 1, -1), (-1, 1, 1), (-1, -1, -1))
-"""Of a tetrahedron: no part of a convex die is seen at a slant of more than 71 degrees from all of
-them."""
+"""Directions to the cameras, the corners of a tetrahedron: one of them sees each facet of a convex
+die at a slant of at most 71 degrees."""
 
-LEAST_SHARE: Final = 0.2
-"""Of a point that a pixel of a figure may be shown at."""
+MIN_SCALE: Final = 0.2
+"""Smallest size of a pixel of a figure, in points; smaller figures are left out."""
+
+MAX_SCALE: Final = 0.48
+"""Largest size of a pixel of a figure, in points."""
 
 BASE: Final[dict[str, Any]] = {"ha": "left", "va": "baseline"}
 
 Sections = Sequence[tuple[str, Sequence[str]]]
-"""Heading and paragraphs of each."""
+"""Headings with their paragraphs."""
 
 
 @dataclass(frozen=True)
 class SheetFacts:
-    """The words and numbers of a data sheet.
+    """Texts of a data sheet.
 
     Attributes
     ----------
-    title, subtitle: name of the die, and what it is in a line.
-    sections: how to read and to print it, and more.
-    header, rows: of the table of probabilities, as many texts in each.
-    remark: below the table.
-    checksum: SHA-256 of the printed file, after its name.
+    title, subtitle: name of the die, and a line about it.
+    sections: how to read and print it, and more.
+    header, rows: table of probabilities.
+    remark: line below the table.
+    checksum: name of the printed file and its SHA-256.
     """
 
     title: str
@@ -91,9 +95,9 @@ class SheetFacts:
 
 
 def sheet_facts(die: FinishedDie, file: str, sha256: str) -> SheetFacts:
-    """The facts of a finished die.
+    """Texts of the data sheet of a finished die.
 
-    file: name of the printed one; sha256: its checksum in hexadecimal digits.
+    file: name of the printed file; sha256: its checksum in hexadecimal digits.
     """
     result = die.result
     header, rows = _table(result)
@@ -136,10 +140,9 @@ def _reading(result: Result) -> str:
 
 
 def _size(die: FinishedDie) -> str:
-    """Extents, volume and, where it is known, weight."""
-    judged = None if die.engraved is None else die.engraved.assessment
-    judged = judged or die.plain
-    body, size = judged.body, judged.poses.hull.diameter
+    """Extents, volume and, if known, weight."""
+    verdict = (die.engraved and die.engraved.assessment) or die.plain
+    body, size = verdict.body, verdict.poses.hull.diameter
     assert body.triangles is not None
     extents = " × ".join(f"{extent:.1f}" for extent in np.ptp(body.points, axis=0))
     volume, _ = solid_properties(body.points, body.triangles)
@@ -155,7 +158,7 @@ def _size(die: FinishedDie) -> str:
 
 
 def _printing(result: Result) -> Iterator[str]:
-    """Settings of the printer, as far as they are known."""
+    """Yield known settings of the printer."""
     printed, infill = result.printability, result.infill
     balance = None if result.engraved is None else result.engraved.balance
     is_inlaid = balance is not None and balance.by == "fill"
@@ -180,7 +183,7 @@ def _printing(result: Result) -> Iterator[str]:
 
 
 def _table(result: Result) -> tuple[list[str], list[list[str]]]:
-    """The probabilities in percent."""
+    """Header and rows of the table of probabilities in percent."""
     probabilities, name = result.printed_probabilities, "printed file"
     if result.thrown is not None:
         simulated = result.thrown.simulated
@@ -189,7 +192,7 @@ def _table(result: Result) -> tuple[list[str], list[list[str]]]:
     columns = {
         "asked for %": [f"{100.0 * q:.3f}" for q in result.target],
         f"{name} %": [f"{100.0 * p:.3f}" for p in probabilities],
-        # With a sign, or without where all three decimals are 0.
+        # With a sign unless all decimals are 0.
         "error %": [
             f"{error:+.3f}" if abs(error) >= 0.0005 else "0.000"
             for error in 100.0 * np.subtract(probabilities, result.target)
@@ -208,10 +211,10 @@ def data_sheet(
     views: Sequence[tuple[str, Picture]],
     figures: Sequence[Picture] = (),
 ) -> Sheet:
-    """The sheet. A table that is too long ends with how many rows are left out.
+    """Data sheet; a table that is too long ends with the number of rows that are left out.
 
-    views: four times a line and a square picture; figures: to show below these where there is room,
-    at most as wide as the page.
+    views: four lines and square pictures; figures: pictures to add below the views if there is
+    room.
     """
     sheet = Sheet(WIDTH, HEIGHT)
     sheet.text(facts.title, (LEFT, 53.0), size=21, **BASE)
@@ -227,8 +230,8 @@ def data_sheet(
     needed = max(_text_height(facts.sections, SIZES[0]), (len(facts.rows) + 3.0) * LINE * SIZES[-1])
     for figure in figures:
         height, width = figure.shape[:2]
-        share = min((RIGHT - LEFT) / width, (BOTTOM - top - needed - GAP) / height, 0.48)
-        if share >= LEAST_SHARE:
+        share = min((RIGHT - LEFT) / width, (BOTTOM - top - needed - GAP) / height, MAX_SCALE)
+        if share >= MIN_SCALE:
             _show(sheet, figure, (WIDTH - share * width) / 2.0, top, share * width)
             top += share * height + GAP
     _write_sections(sheet, facts.sections, top)
@@ -239,7 +242,7 @@ def data_sheet(
 
 
 def sheet_pdf(sheet: Sheet, title: str) -> bytes:
-    """One-page PDF with searchable text, deterministic."""
+    """Content of a PDF file of one page with searchable text, deterministic."""
     facts = {"Title": title, "Creator": "dicedesign", "Producer": None, "CreationDate": None}
     return sheet.save_as("pdf", 300, metadata=facts)
 
@@ -254,7 +257,7 @@ def _rule(sheet: Sheet, y: float, left: float, color: str, width: float) -> None
 
 
 def wrap(text: str, width: float, size: float) -> list[str]:
-    """The lines of a text, none of them wider than a width; words that are longer are cut."""
+    """Lines of a text, none wider than `width`; longer words are broken."""
     for letters in range(int(3.0 * width / size), 1, -1):
         lines = textwrap.wrap(text, letters)
         if all(text_width(line, size) <= width for line in lines):
@@ -263,8 +266,8 @@ def wrap(text: str, width: float, size: float) -> list[str]:
 
 
 def _lines(sections: Sections, size: float) -> list[tuple[str, float, float]]:
-    """Lines of the text column, paragraphs in letters of a size: the text, its size, and how far
-    below the line before it stands."""
+    """Lines of the text column for a font size of paragraphs: text, font size, distance from the
+    line before."""
     lines: list[tuple[str, float, float]] = []
     step = LINE * size
     for heading, paragraphs in sections:
@@ -280,7 +283,7 @@ def _text_height(sections: Sections, size: float) -> float:
 
 
 def _write_sections(sheet: Sheet, sections: Sections, top: float) -> None:
-    """Write the text column in letters as large as it fits; what does not ends with where it is."""
+    """Write the text column in the largest font that fits; if none does, refer to result.json."""
     fitting = [size for size in SIZES if _text_height(sections, size) <= BOTTOM - top]
     size, base = (fitting or SIZES)[0 if fitting else -1], top
     for line, height, below in _lines(sections, size):
@@ -292,15 +295,15 @@ def _write_sections(sheet: Sheet, sections: Sections, top: float) -> None:
 
 
 def _write_table(sheet: Sheet, facts: SheetFacts, top: float) -> None:
-    """Write the table in letters as large as it fits, and count the rows that do not."""
+    """Write the table in the largest font that fits, and count the rows that do not fit."""
     for size in SIZES:
         most = int((BOTTOM - top) / (LINE * size)) - 3
         if len(facts.rows) <= most:
             break
     rows = facts.rows if len(facts.rows) <= most else facts.rows[: most - 1]
     step, base = LINE * size, top - 2.0
-    # The labels are on the left, all numbers end at the right of their columns; each column is as
-    # wide as its widest text, and what room is left is shared among them.
+    # Labels are aligned left, numbers right; each column is as wide as its widest text, and the
+    # remaining room is shared.
     columns = list(zip(facts.header, *rows, strict=True))
     first, *widths = (max(text_width(text, size) for text in column) for column in columns)
     space = RIGHT - TABLE_LEFT - first
@@ -309,10 +312,9 @@ def _write_table(sheet: Sheet, facts: SheetFacts, top: float) -> None:
     ends = TABLE_LEFT + first + np.cumsum(shrink * np.array(widths) + room)
     for number, row in enumerate([facts.header, *rows]):
         base += step if number != 1 else 1.3 * step
-        style: dict[str, Any] = (
-            {"size": shrink * size, "color": FAINT} if number == 0 else {"size": size}
-        )
+        style: dict[str, Any] = {"size": size}
         if number == 0:
+            style = {"size": shrink * size, "color": FAINT}
             _rule(sheet, base + 0.4 * step, TABLE_LEFT, FAINT, 0.5)
         elif number % 2 == 0:
             band = (TABLE_LEFT - 3.0, base - 0.73 * step), RIGHT - TABLE_LEFT + 6.0, step
@@ -327,11 +329,11 @@ def _write_table(sheet: Sheet, facts: SheetFacts, top: float) -> None:
 
 
 def four_views(surface: RenderMesh, upward: Floats) -> list[tuple[str, Picture]]:
-    """A die from four sides that together show all of it, and from where the pictures are.
+    """Titles and pictures of a die from four sides that together show all of it.
 
-    A smooth surface is seen from around it, another from the corners of a tetrahedron.
+    The cameras are around a smooth surface, and at the corners of a tetrahedron otherwise.
 
-    upward: (3,) direction that is up, an axis.
+    upward: (3,) direction that is upward, an axis.
     """
     if surface.smooth:
         titles = ["front", "right", "back", "left"]

@@ -1,51 +1,50 @@
-"""The Gauss map: two hemispheres of directions as equal-area discs, and the basins on them."""
+"""Gauss map as two equal-area discs, and the basins on them."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from contourpy import contour_generator
 
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.sphere import even_directions, norms, unit_vectors
+from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.tracing import slide
 from dicedesign.runtime.arrays import Floats, Integers
 
-RIM_STEP: Final = math.radians(5.0)
-"""Longest piece of an arc: straight on paper it is beside the arc by less than half a pixel."""
-
 DISC_PIXELS: Final = 690.0
-"""Of a disc's square, which is a little larger."""
+"""Side of the square around a disc."""
 
 MAP_SIZE: Final = (2.0 * DISC_PIXELS + 60.0, DISC_PIXELS + 195.0)
-"""Pixels across and down of the figure of a Gauss map."""
+"""Width and height, in pixels, of the figure of a Gauss map."""
 
 RADIUS: Final = DISC_PIXELS / (2.0 * 1.02)
-"""Of a disc, in pixels."""
+"""Radius of a disc, in pixels."""
 
 LEAST_WRITTEN: Final = 0.01
-"""Probability up to which a rest is not written on the map."""
+"""Probability above which a rest is labeled on the map."""
+
+MAP_PIXELS: Final = 345
+"""Side of the grid of pixels of a disc."""
 
 CHUNK: Final = 20_000
-"""Directions that are followed at a time."""
+"""Number of directions that are followed at a time, to limit memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class Disc:
-    """The hemisphere around an axis, seen from outside, by Lambert's azimuthal projection, in its
-    place on the map.
+    """Hemisphere around an axis, seen from outside, in Lambert's equal-area projection.
 
-    Areas on the disc are in proportion to areas on the sphere. The body's +z (or +y where the axis
-    is z) is upward on paper.
+    The body's +z is upward on paper; +y if the axis is z.
 
     Attributes
     ----------
-    short: the axis as short integers.
-    middle: (2,) pixels of the center.
+    short: axis, as small integers.
+    middle: (2,) position of the center on the map, in pixels.
     """
 
     short: tuple[int, int, int]
@@ -53,48 +52,38 @@ class Disc:
 
     @property
     def frame(self) -> Floats:
-        """(3, 3) unit directions of the paper's x and y, and of the center."""
+        """(3, 3) unit directions to the right, upward and at the center of the disc."""
         upward = np.array([0.0, 1.0, 0.0] if self.short[:2] == (0, 0) else [0.0, 0.0, 1.0])
         right = np.cross(upward, self.short)
         return unit_vectors(np.stack([right, np.cross(self.short, right), self.short]))
 
     def heights(self, directions: Floats) -> Floats:
-        """(...) above 0 for unit directions (..., 3) on the disc, and below for others."""
+        """Heights (...) of unit directions (..., 3) along the axis; above 0 on the disc."""
         return np.asarray(directions @ self.frame[2])
 
     def project(self, directions: Floats) -> Floats:
-        """Points (..., 2) of the disc of radius 1 of unit directions (..., 3); those that are not
-        on the disc lie around it, but for the opposite of the axis."""
+        """Points (..., 2) of unit directions (..., 3), on the disc of radius 1 or around it.
+
+        The direction opposite the axis has no point.
+        """
         flat = directions @ self.frame[:2].T
         return flat / np.sqrt(1.0 + self.heights(directions))[..., None]
 
     def to_paper(self, points: Floats) -> Floats:
-        """Pixels (..., 2), the second downward, of points (..., 2) of the disc of radius 1."""
+        """Pixels (..., 2) of the map, y downward, of points (..., 2) of the disc of radius 1."""
         return self.middle + RADIUS * points * [1.0, -1.0]
 
     def pixels(self, size: int) -> Floats:
-        """Unit directions (size, size, 3) of the centers of a grid over [-1, 1]^2, lowest row
-        first; centers off the disc stand for the nearest point of its rim."""
+        """Unit directions (size, size, 3) at grid centers over [-1, 1]^2, lowest row first.
+
+        Off the disc they are at the nearest points of the rim.
+        """
         centers = (2.0 * np.arange(size) + 1.0) / size - 1.0
         points = np.stack(np.meshgrid(centers, centers), axis=-1)
         points = points / np.maximum(norms(points), 1.0)[..., None]
         squared = (points * points).sum(-1)[..., None]
         flat = points * np.sqrt(2.0 - squared)
         return np.asarray(np.concatenate([flat, 1.0 - squared], axis=-1) @ self.frame)
-
-    def unfold(self, directions: Floats, opened: Floats) -> Floats:
-        """Points (n, 2) of unit directions (n, 3): those on the disc of radius 1 as projected,
-        others outside of it, the farther the nearer they are to a direction opposite the disc."""
-        frame = self.frame * [[1.0], [1.0], [-1.0]]
-        local = np.vstack([directions, opened]) @ frame.T
-        *flat, center = local[:, :2] / np.sqrt(1.0 + np.abs(local[:, 2:]))
-        # On paper the other hemisphere is a disc too, and rays lead from that place to its rim.
-        ray = np.array(flat) - center
-        along, squared = ray @ center, (ray * ray).sum(-1)
-        reach = np.sqrt(along**2 + squared * (1.0 - center @ center)) - along
-        rim = center + ray * (reach / squared)[:, None]
-        outside = rim * (10.0 - 9.0 * squared / reach)[:, None]
-        return np.where(local[:-1, 2:] > 0.0, outside, flat)
 
 
 def great_arcs(starts: Floats, ends: Floats, pieces: int) -> Floats:
@@ -108,19 +97,19 @@ def great_arcs(starts: Floats, ends: Floats, pieces: int) -> Floats:
 
 
 def choose_axis(minima: Floats) -> tuple[int, int, int]:
-    """A short integer axis that keeps minima (k, 3) away from the rims of the two discs."""
+    """Axis of small integers that keeps minima (k, 3) away from the rims of the two discs."""
     span = range(-2, 3)
     triples = [(x, y, z) for x in span for y in span for z in span]
     axes = [t for t in triples if t > (0, 0, 0) and math.gcd(*t) == 1]
     axes.sort(key=lambda t: sum(n < 0 for n in t))
     grid = np.array(axes, dtype=np.float64)
     nearest = np.abs(minima @ unit_vectors(grid).T).min(axis=0)
-    # Long axes are harder to picture, so they have to be clearly better.
+    # Larger integers are harder to picture, so they have to be clearly better.
     return axes[int(np.argmax(np.round(nearest - 0.02 * norms(grid), 9)))]
 
 
 def place_discs(poses: RestPoses) -> tuple[Disc, Disc]:
-    """The two hemispheres of the figure of a body, where the figure has them."""
+    """Two hemispheres of a body's Gauss map, in their places on the figure."""
     weighty = poses.probabilities >= min(LEAST_WRITTEN, poses.probabilities[0])
     x, y, z = choose_axis(poses.normals[weighty])
     half, height = DISC_PIXELS / 2.0, 60.0 + DISC_PIXELS / 2.0
@@ -131,7 +120,7 @@ def place_discs(poses: RestPoses) -> tuple[Disc, Disc]:
 
 
 def lowest_corners(hull: ConvexHull, directions: Floats) -> Integers:
-    """(k,) corner of a hull that is lowest where directions (k, 3) point down."""
+    """Lowest corners (k,) of a hull if directions (k, 3) point down."""
     lowest = np.empty(len(directions), dtype=np.int64)
     arms = hull.vertices - hull.centroid
     for start in range(0, len(directions), CHUNK):
@@ -143,11 +132,10 @@ def lowest_corners(hull: ConvexHull, directions: Floats) -> Integers:
 def basin_of_directions(
     poses: RestPoses, directions: Floats, lowest: Integers | None = None
 ) -> Integers:
-    """Index into `poses` of the rest reached from each direction.
+    """Rest (k,) that is reached from each direction, as an index into `poses`.
 
-    directions: (k, 3) unit vectors that point down in the body's frame; lowest: (k,) their
-    `lowest_corners`, which do not depend on the center of mass, where they are known.
-    Returns (k,).
+    directions: (k, 3) unit vectors that point down in the body's frame; lowest: (k,) corners by
+    `lowest_corners`, which do not depend on the center of mass, or None to compute them.
     """
     equilibria = poses.morse.equilibria
     if lowest is None:
@@ -155,59 +143,40 @@ def basin_of_directions(
     rests = np.empty(len(directions), dtype=np.int64)
     for start in range(0, len(directions), CHUNK):
         part = slice(start, start + CHUNK)
-        begun = lowest[part], directions[part], np.zeros(len(directions[part]))
-        facets, _ = slide(equilibria, *begun)
+        exact = np.zeros(len(directions[part]))
+        facets, _ = slide(equilibria, lowest[part], directions[part], exact)
         rests[part] = poses.morse.basin_of_facet[facets]
     return rests
 
 
+@lru_cache(maxsize=1)
+def map_basins(poses: RestPoses) -> list[tuple[Disc, Floats, Integers]]:
+    """For each disc of the Gauss map, unit directions (p, p, 3) of a grid of pixels, lowest row
+    first, and the rests (p, p) that are reached from them."""
+    discs = place_discs(poses)
+    grids = [disc.pixels(MAP_PIXELS) for disc in discs]
+    rests = [basin_of_directions(poses, grid.reshape(-1, 3)) for grid in grids]
+    squares = [own.reshape(MAP_PIXELS, MAP_PIXELS) for own in rests]
+    return list(zip(discs, grids, squares, strict=True))
+
+
 def basin_outlines(poses: RestPoses) -> list[tuple[Disc, list[list[Floats]]]]:
-    """For each disc of `gauss_map_figure` and each rest the closed polygons (m, 2) of its basin, in
-    pixels of the map.
+    """For each disc of the Gauss map, and each rest, polygons (m, 2) around its basin, in pixels of
+    the map.
 
-    What is on the disc and within an odd number of them is in the basin; outside of the disc they
-    mean nothing.
+    A point of the disc is in the basin if it is within an odd number of them. Beyond the rim the
+    polygons have no meaning.
     """
-    borders = basin_borders(poses)
-    points = np.concatenate([np.zeros((1, 3)), *(loop for loops in borders for loop in loops)])
-    turns = np.linspace(0.0, 2.0 * np.pi, 5)[:-1]
-    around = 30.0 * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    centers = (2.0 * np.arange(-1, MAP_PIXELS + 1) + 1.0) / MAP_PIXELS - 1.0
     outlines = []
-    for disc in place_discs(poses):
-        far = even_directions(1000)
-        far = far[disc.heights(far) < -0.2]
-        opened = far[(far @ points.T).max(axis=1).argmin()]
-        at_opened = int(basin_of_directions(poses, opened[None])[0])
-        rings = [[disc.unfold(loop, opened) for loop in loops] for loops in borders]
-        rings[at_opened].append(around)
-        outlines.append((disc, [[disc.to_paper(ring) for ring in own] for own in rings]))
+    for disc, _, rests in map_basins(poses):
+        padded = np.pad(rests, 1, constant_values=-1)
+        masks = [np.where(padded == rest, 1.0, 0.0) for rest in range(len(poses.facets))]
+        rings = [
+            contour_generator(centers, centers, mask).lines(0.5) if mask.any() else []
+            for mask in masks
+        ]
+        outlines.append(
+            (disc, [[disc.to_paper(np.asarray(ring)) for ring in own] for own in rings])
+        )
     return outlines
-
-
-def basin_borders(poses: RestPoses) -> list[list[Floats]]:
-    """For each rest the borders of its basin: closed loops (m, 3) of unit directions in short
-    steps, without the first repeated, the basin on their left."""
-    maxima = poses.basins[0].paths.maxima.reshape(-1, 2).tolist()
-    sides = poses.morse.saddle_basins.tolist()
-    leaving: list[dict[int, list[tuple[int, Floats]]]] = [defaultdict(list) for _ in poses.facets]
-    for path, (end, begin), (left, right) in zip(poses.morse.polylines, maxima, sides, strict=True):
-        fine = _fine(path)
-        leaving[left][begin].append((end, fine))
-        leaving[right][end].append((begin, fine[::-1]))
-    borders: list[list[Floats]] = [[] for _ in poses.facets]
-    for rest, lines in enumerate(leaving):
-        for first in list(lines):
-            while lines[first]:
-                point, parts = first, []
-                while lines[point]:
-                    point, path = lines[point].pop()
-                    parts.append(path[:-1])
-                borders[rest].append(np.concatenate(parts))
-    return borders
-
-
-def _fine(path: Floats) -> Floats:
-    """A path (n, 3) of great arcs with points between, so that none is longer than a step."""
-    longest = float(norms(np.diff(path, axis=0)).max(initial=0.0))
-    arcs = great_arcs(path[:-1], path[1:], math.ceil(longest / RIM_STEP) or 1)
-    return np.concatenate([arcs[:, :-1].reshape(-1, 3), path[-1:]])

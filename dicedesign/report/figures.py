@@ -1,7 +1,7 @@
-"""Figures: those of the report of a finished die, in the order of the page, and those of any body
-that `dicedesign figure` draws.
+"""Figures of the report of a finished die, in the order of the page, and kinds of figures of bodies
+for `dicedesign figure`.
 
-What draws them is imported when they are drawn: it takes matplotlib.
+Modules that draw are imported late, as importing matplotlib takes half a second.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.registry import Extension, Registry
 
@@ -26,30 +27,30 @@ if TYPE_CHECKING:
     from dicedesign.report.solid_figures import Ablation
     from dicedesign.rest.poses import RestPoses
 
-MOST_TRIANGLES: Final = 1_000_000
-"""A mesh of more is drawn as its hull."""
+MAX_TRIANGLES: Final = 1_000_000
+"""Most triangles of a mesh that is drawn itself; with more, its hull is drawn."""
 
-MOST_FLAT: Final = 400
-"""Triangles up to which a mesh is drawn with flat faces and edges."""
+MAX_FLAT_TRIANGLES: Final = 400
+"""Most triangles of a mesh that is drawn with flat faces and edges."""
 
 
 def _drawing(address: str, *arguments: Any) -> Any:
-    """What a function of this room draws, "module:name"."""
+    """Call a function of this package, "module:name"."""
     module, _, name = address.partition(":")
     return getattr(import_module(f"dicedesign.report.{module}"), name)(*arguments)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figure(Extension):
-    """A figure of the report; `name` is its file's, without the ending.
+    """Figure of the report; `name` is the name of its file without the ending.
 
     Attributes
     ----------
-    title, caption: above and below it on the page.
-    wanted: whether a die has it.
-    draw: the content of its file.
-    suffix: ending of its file, ".png" or ".gif".
-    instead_of: name of a figure that is not shown on the page where this one is, or empty.
+    title, caption: texts above and below the figure on the page.
+    wanted: whether the figure applies to a die.
+    draw: makes the content of the file.
+    suffix: ending of the file, ".png" or ".gif".
+    instead_of: name of a figure that this one replaces on the page, or empty.
     """
 
     title: str
@@ -69,12 +70,12 @@ def _figure(
     caption: str,
     **more: str,
 ) -> Figure:
-    """A figure that a function of this room draws, "module:name", as a sheet or as its file."""
+    """Figure that a function of this package, "module:name", draws as a sheet or as a file."""
 
     def draw(die: FinishedDie) -> bytes:
-        drawn = _drawing(address, die)
-        png: bytes = drawn if isinstance(drawn, bytes) else drawn.png()
-        return png
+        drawing = _drawing(address, die)
+        content: bytes = drawing if isinstance(drawing, bytes) else drawing.png()
+        return content
 
     return Figure(
         name=name, line=line, title=title, caption=caption, wanted=wanted, draw=draw, **more
@@ -90,9 +91,7 @@ def _is_convex(die: FinishedDie) -> bool:
 
 
 def _can_be_filmed(die: FinishedDie) -> bool:
-    """Whether a die is thrown, as a mesh, where the package's own simulator is there."""
-    from dicedesign.kernels import ops as kernels
-
+    """Whether a die was designed for a table, has a mesh, and our simulator is compiled."""
     thrown = die.thrown
     has_mesh = thrown is not None and thrown.die.solid.triangles is not None
     return has_mesh and kernels.available()
@@ -164,15 +163,6 @@ FIGURES: Final = Registry(
             "the same scale.",
         ),
         _figure(
-            "film",
-            "motion_pictures:film",
-            _can_be_filmed,
-            "a throw at several moments",
-            "The same throw in pictures",
-            "With the time since the die was let go. The camera goes along with the die; the "
-            "farther the shadow is below it, the higher it is in the air.",
-        ),
-        _figure(
             "bars",
             "bar_charts:bars_chart",
             _is_convex,
@@ -210,8 +200,7 @@ FIGURES: Final = Registry(
             "What the attempts led to",
             "Best die of each attempt, by its number: how far the surface was moved, and how far "
             "its probabilities are from the target, all other rests included. Marks say what is "
-            "worst of "
-            "it.",
+            "worst of it.",
         ),
         _figure(
             "convergence",
@@ -294,22 +283,22 @@ FIGURES: Final = Registry(
     ],
     group="dicedesign.figures",
 )
-"""All figures of dice, in the order of the page."""
+"""Figures of dice, in the order of the page."""
 
 
 def figure_files(die: FinishedDie) -> dict[str, bytes]:
-    """The content of the file of each figure that a die has, by the figure's name."""
+    """Contents of the files of all figures that apply to a die, by name of the figure."""
     return {figure.name: figure.draw(die) for figure in FIGURES if figure.wanted(die)}
 
 
 @dataclass(frozen=True, eq=False)
 class Lain:
-    """A body with its rests.
+    """Body with its rests.
 
     Attributes
     ----------
-    body: the solid; poses: its rests.
-    labels: of these, empty texts for those without, or None.
+    body, poses: the solid and its rests.
+    labels: labels of the rests, empty texts for rests without one, or None.
     """
 
     body: Body
@@ -319,17 +308,17 @@ class Lain:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """Subject of a figure; parts are computed when they are drawn.
+    """Subject of a figure; its parts are made on demand.
 
     Attributes
     ----------
-    upward: (3,) direction that is up in pictures.
+    upward: (3,) direction that is upward in pictures.
     make: reads or designs the body.
-    make_before: what the body was made from, in its place and scale.
-    make_ablations: of the recipe that it is made by, all terms first.
-    down: direction that points down when it is let go, or None for one of the figure's choice.
+    make_before: makes what the body was made from, in the same place and scale.
+    make_ablations: designs the recipe's die with all terms, and without each of them.
+    down: direction that points down when the body is let go, or None to let the figure choose.
 
-    The makers raise InputError where there is no such thing.
+    The makers raise InputError if the subject has no such part.
     """
 
     upward: Floats
@@ -340,7 +329,7 @@ class Subject:
 
     @cached_property
     def lain(self) -> Lain:
-        """The body with its rests."""
+        """Body with its rests."""
         return self.make()
 
     @property
@@ -350,26 +339,26 @@ class Subject:
 
     @property
     def surface(self) -> RenderMesh:
-        """The body, ready to be drawn."""
+        """Mesh of the body to draw."""
         return surface_to_draw(self.lain.body.points, self.lain.body.triangles, self.poses.hull)
 
 
 def surface_to_draw(points: Floats, triangles: Integers | None, hull: ConvexHull) -> RenderMesh:
-    """Mesh to draw: smooth unless it has few triangles; its hull if it has none or too many."""
+    """Mesh to draw: smooth unless it has few triangles; the hull if it has none or too many."""
     from dicedesign.report.renderer import RenderMesh
 
-    if triangles is None or len(triangles) > MOST_TRIANGLES:
+    if triangles is None or len(triangles) > MAX_TRIANGLES:
         points, triangles = hull.vertices, hull.triangles
-    return RenderMesh(points, np.asarray(triangles), smooth=len(triangles) > MOST_FLAT)
+    return RenderMesh(points, np.asarray(triangles), smooth=len(triangles) > MAX_FLAT_TRIANGLES)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodyFigure(Extension):
-    """A kind of figure.
+    """Kind of figure of a body.
 
     Attributes
     ----------
-    draw: it; raises InputError where the subject has not what it shows.
+    draw: draws the figure; raises InputError if the subject lacks what it shows.
     """
 
     draw: Callable[[Subject], Sheet]
@@ -426,4 +415,4 @@ BODY_FIGURES: Final = Registry(
     ],
     group="dicedesign.body_figures",
 )
-"""All kinds of figures of bodies."""
+"""Kinds of figures of bodies."""

@@ -1,4 +1,4 @@
-"""Figures over the Gauss map of a body: basins and separatrices, heights, and paths of rolls."""
+"""Figures of the Gauss map of a body: basins and separatrices, heights, and paths of rolls."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
@@ -20,11 +21,10 @@ from dicedesign.report.discs import (
     MAP_SIZE,
     RADIUS,
     Disc,
-    basin_of_directions,
     great_arcs,
-    place_discs,
+    map_basins,
 )
-from dicedesign.report.palette import BASINS, DARK, FAINT, LOW_TO_HIGH, rgb
+from dicedesign.report.palette import BASINS, DARK, FAINT, rgb
 from dicedesign.report.sheet import NOTE, Sheet, with_style
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.prior import DensityPrior
@@ -35,53 +35,52 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
 
 Painter = Callable[[Floats, Integers], Floats]
-"""From directions (p, p, 3) and the rests (p, p) they lead to, to colors (p, p, 3) from 0 to 1."""
-
-PIXELS: Final = 345
-"""Of the pictures of discs."""
+"""Function from directions (p, p, 3), and the rests (p, p) reached from them, to colors (p, p, 3)
+from 0 to 1."""
 
 ARC_PIECES: Final = 24
+"""Straight pieces of a great arc."""
 
-MOST_HULL_EDGES: Final = 3000
+MAX_HULL_EDGES: Final = 3000
+"""Most edges of a hull whose arcs are drawn."""
 
 PALEST: Final = 0.15
-"""Strength of the color of directions that a prior leaves out."""
+"""Strength of the color of directions of density 0 under a prior."""
 
 PATH_STARTS: Final = 80
-"""Orientations all over the sphere, where no other is asked for."""
+"""Number of paths if no directions are given."""
 
 LINES: Final[dict[str, dict[str, Any]]] = {
     "hull arcs": {"color": FAINT, "linewidth": 1.0},
     "separatrices": {"color": DARK, "linewidth": 3.3},
     "paths": {"color": "#d6006e", "linewidth": 2.2},
 }
-"""Great arcs by their name in the legend."""
+"""Styles of great arcs by their name in the legend."""
 
 POINTS: Final[dict[str, dict[str, Any]]] = {
     "maxima": {"marker": "^", "ms": 12.0, "mfc": "white"},
     "saddles": {"marker": "D", "ms": 9.0, "mfc": "white"},
     "minima": {"marker": "o", "ms": 9.0, "mfc": DARK},
 }
-"""By attributes of the complex."""
+"""Styles of stationary points by their attribute of the Morse-Smale complex."""
 
 
 def gauss_map(die: FinishedDie) -> Sheet:
-    """The Gauss map of a die with the labels of its rests."""
+    """Gauss map of a die with the labels of its rests."""
     labels = [facet.label or "" for facet in die.result.facets]
     return gauss_map_figure(die.plain.poses, labels)
 
 
 def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> Sheet:
-    """Basins, separatrices and stationary points as two equal-area discs. Under a prior with a
-    density, colors fade with it.
+    """Basins, separatrices and stationary points on two equal-area discs.
 
-    Hull arcs are left out for hulls of more than 3000 edges. Rests of at most 1 % are not written
-    at their minima.
+    Colors fade with the density of a prior. Hull arcs are left out for hulls of more than 3000
+    edges. Probabilities of at most 1 % are not written.
 
     Parameters
     ----------
-    poses: the rests of a body.
-    labels: k texts written above the probabilities of the rests; empty ones are left out.
+    poses: rests of a body.
+    labels: k texts above the probabilities of the rests; empty ones are left out.
 
     Raises
     ------
@@ -112,37 +111,36 @@ def gauss_map_figure(poses: RestPoses, labels: Sequence[str] | None = None) -> S
 
 @with_style
 def heights_figure(poses: RestPoses) -> Sheet:
-    """The support function by color, with separatrices and stationary points, as two equal-area
-    discs: it is lowest at the rests, and has creases on the arcs of the hull's edges. Source:
-    figure 4 of the paper."""
+    """Support function by color, with separatrices and stationary points, on two equal-area discs.
+
+    It is lowest at the rests, and has creases on the arcs of the hull's edges. Source: figure 4 of
+    the paper.
+    """
     hull, center = poses.hull, poses.center_of_mass
     lowest = float(hull.heights(center).min())
     highest = float(norms(hull.vertices - center).max())
 
     def paint(directions: Floats, rests: Integers) -> Floats:
         heights = np.stack([(row @ (hull.vertices - center).T).max(-1) for row in directions])
-        return _height_colors((heights - lowest) / max(highest - lowest, np.finfo(float).tiny))
+        parts = (heights - lowest) / max(highest - lowest, np.finfo(float).tiny)
+        return colormaps["viridis"](parts)[..., :3]
 
     sheet = complex_figure(poses, paint, "Its color tells how high the center of mass then is.")
     middle, middle_row = sheet.width / 2.0, sheet.height - 69.0
     scale = sheet.axes(middle - 130.0, middle_row - 8.0, middle + 130.0, middle_row + 8.0)
-    scale.imshow(_height_colors(np.linspace(0.0, 1.0, 260))[None], aspect="auto")
+    scale.imshow(np.linspace(0.0, 1.0, 260)[None], cmap="viridis", aspect="auto")
     scale.axis("off")
     for value, side, end in ((lowest, -1.0, "right"), (highest, 1.0, "left")):
         sheet.text(f"{value:.4g}", (middle + side * 140.0, middle_row), size=NOTE, ha=end)
     return sheet
 
 
-def _height_colors(parts: Floats) -> Floats:
-    """(..., 3) colors of parts (...) from 0 to 1 of what is highest."""
-    places = np.linspace(0.0, 1.0, len(LOW_TO_HIGH))
-    return np.stack([np.interp(parts, places, own) for own in rgb(LOW_TO_HIGH).T], axis=-1)
-
-
 def paths_figure(poses: RestPoses, downs: Floats | None = None) -> Sheet:
-    """Paths of a body over its Gauss map as two equal-area discs, let go with directions (n, 3) of
-    any length above 0 pointing down, by default 80 all over the sphere. Source: figure 7 of the
-    paper. Raises InputError: one of them is 0 or not finite."""
+    """Paths of a rolling body over its Gauss map, on two equal-area discs.
+
+    downs: (n, 3) directions that point down at first, of any length above 0; None for 80 all over
+    the sphere. Source: figure 7 of the paper. Raises InputError: a direction is 0 or not finite.
+    """
     equilibria = poses.morse.equilibria
     downs = even_directions(PATH_STARTS) if downs is None else downs
     paths = [path_of(roll_steps(equilibria, down)) for down in downs]
@@ -154,7 +152,7 @@ def paths_figure(poses: RestPoses, downs: Floats | None = None) -> Sheet:
 
 
 def path_of(steps: Sequence[RollStep]) -> Floats:
-    """The directions (n, 3) that point down in steps of a roll."""
+    """Directions (n, 3) that point down in the steps of a roll."""
     return np.array([step.down for step in steps])
 
 
@@ -166,27 +164,28 @@ def complex_figure(
     labels: Sequence[str] | None = None,
     paths: Sequence[Floats] = (),
 ) -> Sheet:
-    """Separatrices and stationary points over a picture of the sphere, as two equal-area discs.
+    """Separatrices and stationary points over a picture of the sphere, on two equal-area discs.
 
     Parameters
     ----------
-    painter: makes the picture; note: what is written below about it.
-    paths: of bodies that roll, each (n, 3) unit directions that great arcs join, with a dot at its
-        start.
-    poses, labels: as of `gauss_map_figure`.
+    poses, labels: as in `gauss_map_figure`.
+    painter: makes the picture; note: sentence about it, written below.
+    paths: paths of rolling bodies, each (n, 3) unit directions to join by great arcs; a dot marks
+        each start.
     """
     sheet, hull = Sheet(*MAP_SIZE), poses.hull
     normals = hull.normals[hull.facet]
     edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)
-    edges = edges[: len(edges) if len(edges) <= MOST_HULL_EDGES else 0]
+    edges = edges[: len(edges) if len(edges) <= MAX_HULL_EDGES else 0]
     arcs = {
         "hull arcs": [great_arcs(normals[edges], normals[hull.twin[edges]], ARC_PIECES)],
         "separatrices": [great_arcs(p[:-1], p[1:], ARC_PIECES) for p in poses.morse.polylines],
         "paths": [great_arcs(path[:-1], path[1:], ARC_PIECES) for path in paths],
     }
     lines = {name: np.concatenate(own) for name, own in arcs.items() if sum(map(len, own))}
-    for disc in place_discs(poses):
-        _draw_disc(sheet, disc, poses, painter, labels, lines)
+    for disc, directions, regions in map_basins(poses):
+        ground = painter(directions, regions)
+        _draw_disc(sheet, disc, poses, ground, regions, labels, lines)
         starts = np.array([path[0] for path in paths]).reshape(-1, 3)
         starts = disc.project(starts[disc.heights(starts) >= 0.0])
         sheet.drawing.plot(*disc.to_paper(starts).T, "o", ms=9.0, color=LINES["paths"]["color"])
@@ -213,21 +212,24 @@ def _draw_disc(
     sheet: Sheet,
     disc: Disc,
     poses: RestPoses,
-    painter: Painter,
+    ground: Floats,
+    regions: Integers,
     labels: Sequence[str] | None,
     lines: dict[str, Floats],
 ) -> None:
-    """Draw one hemisphere; lines: great arcs (k, n, 3) by the name of their style."""
+    """Draw a hemisphere.
+
+    ground: (p, p, 3) colors of its pixels, lowest row first; regions: (p, p) their rests; lines:
+    great arcs (k, n, 3) by the name of their style.
+    """
     (x, y), axes, morse = disc.middle, sheet.drawing, poses.morse
     rim = Circle((x, y), RADIUS, fill=False, edgecolor=DARK, linewidth=2.0)
     axes.add_patch(rim)
-    pixels = disc.pixels(PIXELS)
-    regions = basin_of_directions(poses, pixels.reshape(-1, 3)).reshape(PIXELS, PIXELS)
     square = (x - RADIUS, x + RADIUS, y + RADIUS, y - RADIUS)
-    ground = np.rint(255.0 * painter(pixels, regions)[::-1]).astype(np.uint8)
-    axes.imshow(ground, extent=square, interpolation="nearest", aspect="auto", clip_path=rim)
+    pixels = np.rint(255.0 * ground[::-1]).astype(np.uint8)
+    axes.imshow(pixels, extent=square, interpolation="nearest", aspect="auto", clip_path=rim)
     for name, arcs in lines.items():
-        # What lies well beyond the rim is not drawn, what is a little beyond is cut off.
+        # Arcs beyond the rim are not drawn; the rest are clipped.
         near = arcs[(disc.heights(arcs) > 0.0).any(axis=1)]
         near = np.where(disc.heights(near)[..., None] > -0.5, near, np.nan)
         drawn = LineCollection(
@@ -265,19 +267,18 @@ def place_texts(
     obstacles: Floats,
     font_size: float,
 ) -> Floats:
-    """Centers (k, 2) for texts beside their anchors.
+    """Centers (k, 2) of texts beside their anchors.
 
-    Each text in turn takes the place nearest to its anchor where it covers the fewest of the
-    obstacles and of the texts placed before; a text prefers to stay above its anchor, inside of its
-    region, and on the unit disc.
+    Each text in turn takes the place of least cost: near its anchor, off the obstacles and earlier
+    texts, and preferably above the anchor, in its region, and on the unit disc.
 
     Parameters
     ----------
     anchors: (k, 2) points on paper.
     texts: k texts of one or more lines.
-    regions: k images (size, size) of the square [-1, 1]^2, lowest row first, True inside.
+    regions: k masks (size, size) of the square [-1, 1]^2, lowest row first.
     obstacles: (m, 2) points to keep visible.
-    font_size: in the unit of the points.
+    font_size: font size in the unit of the points.
     """
     letter_width, line_height, gaps = 0.62, 1.25, (0.55, 1.0, 1.6, 2.3)
     inner = np.array([(x, y) for x in (-0.9, -0.3, 0.3, 0.9) for y in (-0.8, 0.0, 0.8)])

@@ -1,4 +1,4 @@
-"""What rests, dice and results show in a notebook: the solid to turn, beside a table."""
+"""HTML of rests, dice and results in notebooks: a solid to turn, beside a table."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ HEIGHT_PX = 320
 """Height of the view, in pixels."""
 
 LAMP = 1.5
-"""Brightness of the viewer's lamp on a facet that faces it at some angle."""
+"""Brightness of the lamp of the viewer on a facet at some angle to it."""
 
 ON_FACET = 0.05
-"""Largest distance from the plane of a rest at which a triangle has its color, over the size."""
+"""Largest distance of a colored triangle from the plane of its rest, over the size of the body."""
 
 MAX_ROWS = 30
-"""Rows of a table; a last line counts the others."""
+"""Most rows of a table; a last line counts the others."""
 
 
 def poses_html(poses: RestPoses) -> str:
-    """HTML of a body's hull, and a table of its rests."""
+    """HTML of the hull of a body and a table of its rests."""
     colors = repeat(BASINS, len(poses.normals))
     rows = [
         (f"{k}", f"{p:.4%}", f"{margin:.1f}°")
@@ -45,10 +45,10 @@ def poses_html(poses: RestPoses) -> str:
 
 
 def result_html(result: Result, solid: tuple[Floats, Integers] | None = None) -> str:
-    """HTML of a die, and a table of its outcomes.
+    """HTML of a die and a table of its outcomes.
 
-    solid: its points (n, 3) and triangles (m, 3); read from the folder of the result unless given,
-        and left out if there is none.
+    solid: points (n, 3) and triangles (m, 3); None to read them from the folder of the result. The
+        solid is left out if there is no folder.
     """
     colors = dict(zip(result.labels, repeat(BASINS, len(result.labels)), strict=True))
     normals = np.array([facet.normal for facet in result.facets])
@@ -68,8 +68,10 @@ def result_html(result: Result, solid: tuple[Floats, Integers] | None = None) ->
 
 
 def _view(points: Floats, triangles: Integers, normals: Floats, colors: Sequence[str]) -> str:
-    """The viewer of trimesh. Triangles in the plane of the facet with normal k of (k, 3) have color
-    k."""
+    """HTML of trimesh's viewer of a solid, colored by rest.
+
+    normals: (k, 3) of the resting facets; colors: k colors of their triangles.
+    """
     supports, middles = (points @ normals.T).max(axis=0), points[triangles].mean(axis=1)
     depths = supports - middles @ normals.T
     far = depths.min(axis=1) > ON_FACET * np.ptp(points, axis=0).max()
@@ -93,7 +95,7 @@ def _page(
     rows: Sequence[Sequence[str]],
     colors: Sequence[str],
 ) -> str:
-    """A view beside a table whose rows have colors."""
+    """HTML of a view beside a table whose rows have colors."""
     lines = [
         f'<tr><td style="border-left: 1em solid {color}">'
         + "</td><td>".join(map(escape, row))

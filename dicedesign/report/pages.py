@@ -1,5 +1,5 @@
-"""Pages by jinja2, each one HTML file that needs nothing else: a die's report, with what it needs
-to show a die that turns, linked with its facets and its Gauss map, and a search's best."""
+"""Pages, each one HTML file that needs nothing else: the report of a die, whose 3D view, table of
+facets and Gauss map are linked, and the leaderboard of a search."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import hashlib
 import zipfile
 from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from importlib.resources import files
 from importlib.util import find_spec
@@ -27,25 +27,24 @@ from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.palette import BASINS
-from dicedesign.report.raster import Camera, encode_png, tilt_up
+from dicedesign.report.raster import Camera, encode_png, frame_cameras, three_cameras
 from dicedesign.report.renderer import RenderMesh, render
 from dicedesign.results.parts import Draft, Search, Status, TableResult
-from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import Spread, Table, most_of, scale
 
 MAP: Final = "gauss_map"
-"""Name of the figure that is linked with the table of facets."""
+"""Name of the figure that is linked with the 3D view and the table of facets."""
 
-MOST_ATTEMPTS: Final = 12
-"""Attempts at a concave die that are listed."""
+MAX_ATTEMPTS: Final = 12
+"""Most attempts at a concave die that are listed."""
 
 POLICY: Final = (
     "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:; "
     "style-src 'unsafe-inline'"
 )
-"""A page loads nothing and runs no script but its own, whatever a name or a label in it says."""
+"""A page loads nothing and runs no other scripts, whatever a name or a label in it says."""
 
 FLAWS: Final = {
     Status.OFF_TARGET: "probabilities",
@@ -54,91 +53,24 @@ FLAWS: Final = {
     Status.TIPPY: "margin",
 }
 
-MOST_TRIANGLES: Final = 60_000
-"""A page of more would weigh megabytes more."""
+MAX_TRIANGLES: Final = 60_000
+"""Most triangles of a solid in a page; more would add megabytes."""
 
 PAIRS_AT_ONCE: Final = 2_000_000
-"""Pairs of a triangle and a facet that are compared at a time, to bound the memory."""
+"""Number of pairs of a triangle and a facet that are compared at a time, to limit memory."""
 
-TOUCHES: Final = 3e-3
-"""Height above the table, over the largest extent, up to which a surface of any shape touches."""
+TOUCHING_HEIGHT: Final = 3e-3
+"""Height above the table up to which a concave die touches it, over its largest extent."""
 
-FACES_DOWN: Final = 0.9
-"""Cosine of the angle to straight down up to which it may slope there."""
+TOUCHING_COSINE: Final = 0.9
+"""Cosine of the largest slope of the surface where it touches the table."""
 
-ALONG: Final = 0.999
-"""Cosine of the angle to a facet's normal up to which a label lies on the facet."""
-
-
-@dataclass(frozen=True, eq=False)
-class LiveDie:
-    """A die for a page.
-
-    Attributes
-    ----------
-    solid: GLB of the printed die, a node "facet-0" and so on for each rest, in the order of
-        `Result.facets`; None where the page has no 3D view.
-    left_out: why it has none, in a sentence; else empty.
-    colors: "#rrggbb" of each rest.
-    heights: (k,) of the center of mass over each rest, in mm.
-    upward: for each rest the direction (3,) that is upward on its label, or None.
-    center: (3,) center of mass, in mm.
-    stands: whether a rest is shown by the die standing on it, as one is that keeps the shape of a
-        surface; else its facet is turned to the viewer.
-    outlines: of each disc of the Gauss map its middle in pixels, and the basin of each rest as a
-        path of SVG, to a tenth of a pixel, see `basin_outlines`; none for a die without a map.
-    """
-
-    solid: bytes | None
-    left_out: str
-    colors: tuple[str, ...]
-    heights: tuple[float, ...]
-    upward: tuple[Floats | None, ...]
-    center: Floats
-    stands: bool
-    outlines: tuple[tuple[Floats, list[str]], ...]
-
-
-def live_die(die: FinishedDie, parts: Sequence[Part]) -> LiveDie:
-    """A finished die for its page.
-
-    parts: bodies of the printed die, the first being that of its STL.
-    """
-    solid, left_out = None, ""
-    triangles = sum(len(part.triangles) for part in parts)
-    if three_script() is None:
-        left_out = "The die cannot be turned here: trimesh is installed without its viewer."
-    elif triangles > MOST_TRIANGLES:
-        left_out = f"The die cannot be turned here: it has {triangles:,} triangles."
-    else:
-        solid = glb(Contents(die.result.name, facet_parts(parts, die)))
-    poses = die.plain.poses
-    heights = poses.hull.heights(poses.center_of_mass)[poses.facets]
-    upward: list[Floats | None] = [None for _ in heights]
-    for label in () if die.engraved is None else die.engraved.placements[::-1]:
-        for rest in np.flatnonzero(poses.normals @ label.frame[:3, 2] > ALONG):
-            upward[rest] = label.frame[:3, 1]
-    outlines = []
-    for disc, basins in () if die.reshaped is not None else basin_outlines(poses):
-        texts = [
-            [" ".join(f"{x:.1f},{y:.1f}" for x, y in ring.tolist()) for ring in own]
-            for own in basins
-        ]
-        outlines.append((disc.middle, ["".join(f"M{ring}Z" for ring in own) for own in texts]))
-    return LiveDie(
-        solid=solid,
-        left_out=left_out,
-        colors=tuple(rest_colors(die)),
-        heights=tuple(heights.tolist()),
-        upward=tuple(upward),
-        center=poses.center_of_mass,
-        stands=die.reshaped is not None,
-        outlines=tuple(outlines),
-    )
+LABEL_COSINE: Final = 0.999
+"""Cosine of the largest angle between the normals of a label and of its facet."""
 
 
 def rest_colors(die: FinishedDie) -> list[str]:
-    """Color "#rrggbb" of each rest, as on the Gauss map; of its outcome for a concave die."""
+    """Colors "#rrggbb" of rests: as on the Gauss map, or by outcome for a concave die."""
     rests = range(len(die.plain.poses.facets))
     if die.reshaped is None:
         return [BASINS[rest % len(BASINS)] for rest in rests]
@@ -147,10 +79,12 @@ def rest_colors(die: FinishedDie) -> list[str]:
 
 
 def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
-    """Triangles of parts, divided by rest: "facet-0" is the most probable, "body" has no rest,
-    inlays are "labels-0" and so on.
+    """Parts of a printed die, divided by rest.
 
-    parts: of the printed die; the first is its body, others are inlays.
+    Names are "facet-0" for the most probable rest and so on, "body" for triangles without a rest,
+    and "labels-0" and so on for inlays.
+
+    parts: the first is the body, others are inlays.
     """
     colors, facets = rest_colors(die), []
     for part in parts:
@@ -164,7 +98,7 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
                 name = f"facet-{rest}" if is_body else f"labels-{rest}"
             if is_body:
                 color = BODY_COLOR if rest < 0 else colors[rest]
-            # The body of a facet that is all label would have no triangle.
+            # A facet that is all label would leave the body without triangles.
             if labels is not None and labels.all():
                 name, color, labels = name.replace("facet", "labels"), part.color, None
             triangles = part.triangles[own]
@@ -173,10 +107,10 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
 
 
 def rests_of_triangles(points: Floats, triangles: Integers, die: FinishedDie) -> Integers:
-    """(t,) the rest whose facet each triangle of a printed die belongs to, or -1.
+    """Rest (t,) of each triangle of a printed die, or -1.
 
-    Labels, and edges that were rounded, belong to the facet whose plane is nearest. A die that
-    keeps the shape of a surface has no facets; there it is what touches the table.
+    On a convex die it is the one of the nearest facet, also for labels and rounded edges. On a
+    concave die it is the rest in which the triangle touches the table.
     """
     poses, middles = die.plain.poses, points[triangles].mean(axis=1)
     whole = die.plain.body.points if die.engraved is None else die.engraved.points
@@ -191,15 +125,14 @@ def rests_of_triangles(points: Floats, triangles: Integers, die: FinishedDie) ->
         return of_facet[nearest]
     down, areas = normals[nearest], doubled_area_vectors(points, triangles)
     heights = support[nearest] - (middles * down).sum(axis=1)
-    flat = (areas * down).sum(axis=1) >= FACES_DOWN * norms(areas)
-    touches = flat & (heights <= TOUCHES * np.ptp(whole, axis=0).max())
+    flat = (areas * down).sum(axis=1) >= TOUCHING_COSINE * norms(areas)
+    touches = flat & (heights <= TOUCHING_HEIGHT * np.ptp(whole, axis=0).max())
     return np.where(touches, nearest, -1)
 
 
 @lru_cache(maxsize=1)
 def three_script() -> str | None:
-    """The library that draws the 3D view of a page: three.js as trimesh brings it, without
-    trimesh's own viewer; None where no trimesh with one is installed.
+    """Source of three.js, as part of the installed trimesh; None if it is not there.
 
     It is under the MIT license, whose notice is its first line.
     """
@@ -212,7 +145,7 @@ def three_script() -> str | None:
             page = archive.read("viewer.html.template").decode("utf-8")
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
         return None
-    # Where trimesh's own viewer follows.
+    # The viewer of trimesh follows three.js.
     script, ends, _ = page.partition("var camera,controls,scene,renderer,tracklight;")
     _, begins, script = script.partition("<script>")
     needed = ("THREE.GLTFLoader", "WebGLRenderer", "Raycaster")
@@ -239,51 +172,63 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
     )
     environment.filters |= {
-        # With a count of significant digits; "-" where there is none.
+        # Number with significant digits; "-" for None.
         "number": lambda value, digits: "-" if value is None else f"{value:.{digits}g}",
         "percent": lambda value: "-" if value is None else f"{100.0 * value:.3f}",
         "vector": lambda values: " ".join(f"{value:.6g}" for value in values),
         "is_moving": _is_moving,
         "data_uri": _data_uri,
-        # By a level of gzip above which next to nothing is gained.
+        # A higher level of compression gains next to nothing.
         "packed": lambda data: b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii"),
         "recipe_lines": _recipe_lines,
         "most": most_of,
         "lengths": _lengths,
         "ends": _ends,
         "scaled": scale,
+        "svg_path": _svg_path,
     }
     return environment
+
+
+def _svg_path(rings: Sequence[Floats]) -> str:
+    """Path of closed polygons (m, 2) in SVG, in whole pixels."""
+    texts = (" ".join(f"{x:.0f},{y:.0f}" for x, y in ring.tolist()) for ring in rings)
+    return "".join(f"M{text}Z" for text in texts)
 
 
 def _template_file(name: str) -> str:
     return files("dicedesign.report.templates").joinpath(name).read_text("utf-8")
 
 
-def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None = None) -> str:
-    """The report of any kind of die as HTML.
+def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part]) -> str:
+    """HTML of the report of a die.
+
+    Deterministic. Without a 3D view, the page says why.
 
     Parameters
     ----------
-    result: of the run.
+    die: the finished die.
     images: PNG or GIF bytes of figures by name, see `FIGURES`; others are left out.
-    live: the die for its 3D view; None for a page that does not move.
-
-    Returns
-    -------
-    str, a whole document; the same for the same arguments.
+    parts: solids of the printed die, that of the STL first.
     """
+    result, poses, style = die.result, die.plain.poses, _template_file("page.css")
+    script, three = _template_file("viewer.js"), three_script()
+    triangles = sum(len(part.triangles) for part in parts)
+    scripts, data, left_out = [script], dict[str, bytes](), ""
+    if three is None:
+        left_out = "The die cannot be turned here: trimesh is installed without its viewer."
+    elif triangles > MAX_TRIANGLES:
+        left_out = f"The die cannot be turned here: it has {triangles:,} triangles."
+    else:
+        solid = glb(Contents(result.name, facet_parts(parts, die)))
+        scripts, data = [script, three], {"solid": solid, "three": three.encode()}
+    sums = [b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
+    policy = " ".join([f"{POLICY}; script-src", *(f"'sha256-{each}'" for each in sums)])
+    upward: list[Floats | None] = [None] * len(poses.facets)
+    for label in () if die.engraved is None else die.engraved.placements[::-1]:
+        for rest in np.flatnonzero(poses.normals @ label.frame[:3, 2] > LABEL_COSINE):
+            upward[rest] = label.frame[:3, 1]
     hidden = {MAP} | {figure.instead_of for figure in FIGURES if figure.name in images}
-    style, policy, script, data = _template_file("page.css"), POLICY, "", {}
-    if live is not None:
-        script, three = _template_file("viewer.js"), three_script()
-        style += _template_file("viewer.css")
-        scripts = [script]
-        if live.solid is not None and three is not None:
-            data = {"solid": live.solid, "three": three.encode()}
-            scripts.append(three)
-        sums = [b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
-        policy += "; script-src " + " ".join(f"'sha256-{print_facts}'" for print_facts in sums)
     print_facts, search = result.printability, result.search
     simulated = None if result.thrown is None else result.thrown.simulated
     return (
@@ -292,11 +237,16 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
         .render(
             title=result.name,
             policy=policy,
-            style=style,
+            style=style + _template_file("viewer.css"),
             script=script,
             data=data,
+            left_out=left_out,
             result=result,
-            live=live,
+            colors=rest_colors(die),
+            heights=poses.hull.heights(poses.center_of_mass)[poses.facets],
+            upward=upward,
+            mass_center=poses.center_of_mass,
+            outlines=basin_outlines(poses) if MAP in images else [],
             images=images,
             figures=[one for one in FIGURES if one.name in images and one.name not in hidden],
             map=FIGURES[MAP],
@@ -315,8 +265,7 @@ def die_page(result: Result, images: Mapping[str, bytes], live: LiveDie | None =
 
 
 def _best_drafts(search: Search) -> list[Draft]:
-    """The draft of the die itself first, then what lacks least, is nearest to the target and was
-    moved least."""
+    """Drafts in order: the one of the die, then by number of flaws, error and displacement."""
     trade_off = search.trade_off
 
     def rank(draft: Draft) -> tuple[bool, int, float, float]:
@@ -324,7 +273,7 @@ def _best_drafts(search: Search) -> list[Draft]:
         lacks = len(list(trade_off.flaws(draft)))
         return draft.attempt != search.attempt, lacks, missed, draft.displacement
 
-    return sorted(trade_off.drafts, key=rank)[:MOST_ATTEMPTS]
+    return sorted(trade_off.drafts, key=rank)[:MAX_ATTEMPTS]
 
 
 def _flaws(search: Search | None, draft: Draft) -> str:
@@ -335,22 +284,24 @@ def _flaws(search: Search | None, draft: Draft) -> str:
 def leaderboard_page(
     table: Mapping[str, Any], shapes: Mapping[int, Mapping[str, Any]], picture: bytes
 ) -> str:
-    """The best dice of a search as HTML.
+    """HTML of the best dice of a search.
 
     Parameters
     ----------
-    table: as in leaderboard.json: "name", "size_mm", "trials", "converged" and "leaderboard", each
-        entry with "rank", "number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry",
-        "on_front", "as_given", "varied" and "recipe_file".
-    shapes: by the number of each trial in it, "vertices" (n, 3) of the die in mm and "down" (3,).
+    table: content of leaderboard.json: "name", "size_mm", "trials", "converged" and "leaderboard",
+        whose entries have "rank", "number", "inradius_mm", "margin_deg", "max_abs_error",
+        "asymmetry", "on_front", "as_given", "varied" and "recipe_file".
+    shapes: by the number of each trial, "vertices" (n, 3) of the die in mm and "down" (3,).
     picture: PNG of `dicedesign.report.curve_charts.pareto_chart`.
     """
-    numbers = [entry["number"] for entry in table["leaderboard"]]
-    pictures = {
-        number: lying_die_png(np.array(shape["vertices"]), np.array(shape["down"]))
-        for number, shape in shapes.items()
-        if number in numbers
-    }
+    pictures = {}
+    for number in (entry["number"] for entry in table["leaderboard"]):
+        hull, up = convex_hull(shapes[number]["vertices"]), -np.array(shapes[number]["down"])
+        surface = RenderMesh(hull.vertices, hull.triangles, smooth=False)
+        # From about 30 degrees above.
+        direction = three_cameras(hull.vertices, up)[0].direction + 0.3 * up
+        (camera,) = frame_cameras([Camera(direction, up)], [hull.vertices])
+        pictures[number] = encode_png(render(surface, camera, 220))
     return (
         _environment()
         .get_template("leaderboard.html.j2")
@@ -366,7 +317,7 @@ def leaderboard_page(
 
 
 def _recipe_lines(entry: Mapping[str, Any]) -> Iterator[str]:
-    """Place of an entry's recipe and the varied values, without zero weights."""
+    """Yield the recipe file of an entry and its varied values, without zero weights."""
     yield entry["recipe_file"]
     if entry["as_given"]:
         yield "as given"
@@ -380,42 +331,19 @@ def _recipe_lines(entry: Mapping[str, Any]) -> Iterator[str]:
             yield f"{name} {value:.2g}"
 
 
-def lying_die_png(vertices: Floats, down: Floats) -> bytes:
-    """Picture of a die that lies on a table, somewhat from above.
-
-    The frame is as wide as the largest distance between two vertices.
-
-    vertices: (n, 3) in any length unit; down: (3,) the direction of gravity.
-    """
-    hull = convex_hull(vertices)
-    flat = vertices - vertices.mean(axis=0)
-    flat = flat - np.outer(flat @ down, down)
-    along, across = np.linalg.svd(flat)[2][:2]
-    turn = np.radians(25.0)
-    direction = tilt_up(np.cos(turn) * across + np.sin(turn) * along, -down, 30.0)
-    # In the middle of the picture, the die is nowhere wider than its frame.
-    frame = Camera(direction, -down).frame()
-    projected = vertices @ frame.T
-    middle = (projected.min(axis=0) + projected.max(axis=0)) / 2.0 @ frame
-    camera = Camera(direction, -down, middle, 0.53 * hull.diameter)
-    return encode_png(render(RenderMesh(hull.vertices, hull.triangles, smooth=False), camera, 220))
-
-
 def throwing_advice(thrown: TableResult | None, prior: str | None = None) -> str:
-    """Instructions to throw a die by hand, for dice of a table or under a prior too."""
+    """Instructions to throw a die by hand, depending on its table or its prior."""
     if prior is not None:
         return (
             f"Let it go gently, turned as the prior {prior} says, whose directions point down in "
             "the coordinates of die.stl: the probabilities are those under it, without momentum. "
-            "With any "
-            "side down alike, or thrown, it has others."
+            "With any side down alike, or thrown, it has others."
         )
     if thrown is None:
         return (
             "Set it down gently, each time in another orientation: the probabilities are those of "
-            "rolling "
-            "without momentum. Thrown it has others; the command dicedesign throw shows by how "
-            "much."
+            "rolling without momentum. Thrown it has others; the command dicedesign throw shows by "
+            "how much."
         )
     table = Table(**thrown.table)
     if most_of(table.height) == 0.0:

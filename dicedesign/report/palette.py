@@ -13,10 +13,10 @@ DARK: Final = "#1f2933"
 """Separatrices, axes and text."""
 
 ACCENT: Final = "#c2571a"
-"""What was achieved."""
+"""Achieved values."""
 
 PALE: Final = "#9fb3c8"
-"""What was asked for."""
+"""Target values."""
 
 FAINT: Final = "#7b8794"
 """Hull arcs and reference lines."""
@@ -34,8 +34,8 @@ DISTINCT: Final = (
     "#56b4e9",
     "#8c8c8c",
 )
-"""Line colors that the color-blind tell apart. Source: M. Okabe and K. Ito, Color Universal
-Design (2008), whose yellow, hard to see on white, is gray here."""
+"""Line colors that color-blind people can distinguish. Source: M. Okabe and K. Ito, Color Universal
+Design (2008); gray replaces yellow, which is hard to see on white."""
 
 BASINS: Final = (
     "#7fb2de",
@@ -59,17 +59,14 @@ BASINS: Final = (
     "#33a09b",
     "#c46aa3",
 )
-"""Colors of basins, the most probable first; they repeat after twenty."""
-
-LOW_TO_HIGH: Final = ("#2a1a52", "#31508f", "#2a8c8c", "#7fbf5a", "#f4e67a")
-"""Of a quantity, at equal steps; ever lighter, so that it can be told without colors too."""
+"""Colors of basins, the most probable basin first; they repeat after twenty."""
 
 
 def repeat(colors: Sequence[str], count: int) -> list[str]:
-    """`count` colors, from the first again after the last."""
+    """Cycle through colors, `count` in all."""
     return [colors[k % len(colors)] for k in range(count)]
 
 
 def rgb(colors: Sequence[str]) -> Floats:
-    """(k, 3) red, green and blue from 0 to 1 of colors as "#rrggbb"."""
+    """Red, green and blue (k, 3) from 0 to 1 of colors such as "#c2571a"."""
     return np.array([[int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)] for color in colors])

@@ -1,4 +1,4 @@
-"""Pictures of pixels, orthographic cameras, and which triangle these see in each pixel."""
+"""Pictures, orthographic cameras, and the triangle that a camera sees in each pixel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from PIL import Image
 
 from dicedesign.geometry.sphere import norms, unit_vectors
@@ -20,31 +20,31 @@ Picture: TypeAlias = NDArray[np.uint8]
 """(h, w, 3) red, green and blue."""
 
 UPRIGHT: Final = (".stl", ".3mf", ".xyz")
-"""Files of programs for printing and construction, whose z axis is upward; in those of programs
-for pictures it is y."""
+"""Endings of files for printing and construction, in which z is upward; in other files y is."""
 
 UP: Final = np.array([0.0, 0.0, 1.0])
 
 TURNS_DEG: Final = (35.0, 155.0, 275.0)
+"""Angles of three cameras around a body, from its front to the right."""
 
 MARGIN: Final = 1.08
+"""Width of a picture over that of the body."""
 
 
 def encode_png(picture: Picture) -> bytes:
-    """A picture as a PNG."""
+    """Content of the PNG file of a picture."""
     buffer = BytesIO()
     Image.fromarray(picture).save(buffer, "PNG", compress_level=1)
     return buffer.getvalue()
 
 
 def decode_png(png: bytes) -> Picture:
-    """A PNG as a picture."""
+    """Picture of a PNG file."""
     return np.asarray(Image.open(BytesIO(png)).convert("RGB"))
 
 
 def trim(pictures: Sequence[Picture]) -> list[Picture]:
-    """Pictures (h, w, 3) of one size without the rows above and below that are white in all of
-    them, but for a margin of 8."""
+    """Cut rows above and below that are white in all pictures (h, w, 3) of one size, except 8."""
     used = np.flatnonzero((np.stack(pictures) < 255).any(axis=(0, 2, 3)))
     if len(used) == 0:
         return list(pictures)
@@ -53,12 +53,12 @@ def trim(pictures: Sequence[Picture]) -> list[Picture]:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """An orthographic camera with a square picture.
+    """Orthographic camera with a square picture.
 
     Attributes
     ----------
-    direction: (3,) from the body to the camera, of any length above 0.
-    up: (3,) upward on the picture; not parallel to the direction.
+    direction: (3,) direction from the body to the camera, of any length above 0.
+    up: (3,) direction that is upward in the picture; not parallel to `direction`.
     center: (3,) point in the middle of the picture.
     half_width: half the side of the picture, in the body's length unit, above 0.
     """
@@ -69,22 +69,21 @@ class Camera:
     half_width: float = 1.0
 
     def frame(self) -> Floats:
-        """(3, 3) rows right, up and toward the camera, all unit."""
+        """(3, 3) unit directions: right, up and toward the camera."""
         right = np.cross(self.up, self.direction)
         axes = np.stack([right, np.cross(self.direction, right), self.direction])
         return unit_vectors(axes)
 
     def pixel_positions(self, vertices: Floats, size: int) -> Floats:
-        """Vertices (n, 3) as column, row from the top, and depth toward the camera, in pixels of a
-        picture of `size` pixels a side."""
+        """Column, row from the top and depth toward the camera (n, 3) of vertices (n, 3), in pixels
+        of a picture of `size` pixels along each side."""
         scale = size / (2.0 * self.half_width)
         positions = (vertices - self.center) @ self.frame().T * scale
         return positions * np.array([1.0, -1.0, 1.0]) + np.array([size / 2.0, size / 2.0, 0.0])
 
 
 def tilt_up(level: Floats, up: Floats, degrees: float = 18.0) -> Floats:
-    """A level unit direction (3,), turned by an angle toward the upward one (3,), a unit vector
-    too."""
+    """Horizontal unit direction (3,), turned upward by an angle; up: (3,) unit vector."""
     rise = np.radians(degrees)
     return np.asarray(np.cos(rise) * level + np.sin(rise) * up)
 
@@ -92,11 +91,11 @@ def tilt_up(level: Floats, up: Floats, degrees: float = 18.0) -> Floats:
 def three_cameras(
     points: Floats, up: Floats, turns_deg: Sequence[float] = TURNS_DEG
 ) -> list[Camera]:
-    """Cameras around points, 120 degrees apart and a little above them, all at one scale.
+    """Cameras around points, 120 degrees apart and slightly above them, all at one scale.
 
-    points: (n, 3) in any length unit, all of which are seen; up: (3,) upward in the pictures, of
-    any length above 0; turns_deg: angle of each camera from the body's front, which is +z where y
-    is upward and -y where z is, to the right.
+    points: (n, 3) in any length unit, all in the pictures; up: (3,) direction that is upward in the
+    pictures, of any length above 0; turns_deg: angle of each camera to the right from the front of
+    the body, which is +z if y is upward and -y if z is.
     """
     upward = up / norms(up)
     right = np.eye(3)[int(abs(upward[0]) > np.sqrt(0.5))]
@@ -108,13 +107,13 @@ def three_cameras(
 
 
 def upward_of(path: Path) -> Floats:
-    """(3,) direction that is upward in a mesh file, by its ending."""
+    """Direction (3,) that is upward in a mesh file, by its ending."""
     return np.eye(3)[2 if path.suffix.lower() in UPRIGHT else 1]
 
 
 def frame_cameras(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[Camera]:
-    """Cameras that look the same way, moved and at one scale such that each has its points (n, 3)
-    in the middle of its picture and none of them outside."""
+    """Move cameras, and set one scale for all, so that each has its points (n, 3) in the middle of
+    its picture, and none outside."""
     moved, half_widths = [], []
     for camera, visible_points in zip(cameras, points, strict=True):
         places = visible_points @ camera.frame().T
@@ -124,28 +123,21 @@ def frame_cameras(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[C
     return [replace(camera, half_width=MARGIN * max(half_widths)) for camera in moved]
 
 
-def camera_on(points: Floats, direction: ArrayLike, up: ArrayLike) -> Camera:
-    """Camera that has points (n, 3) in its picture, whichever direction it looks from."""
-    center = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    radius = 1.03 * float(norms(points - center).max())
-    return Camera(np.asarray(direction, float), np.asarray(up, float), center, radius)
-
-
 def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Integers, Floats]:
-    """Nearest triangle in each pixel, by a depth buffer.
+    """Nearest triangle at each pixel, by a depth buffer.
 
-    A pixel sees a triangle if it contains the pixel's center; triangles with a common edge leave
-    no gap between them. Both sides of a triangle are seen.
+    A pixel sees a triangle that contains its center, from either side. Triangles with a common edge
+    leave no gap.
 
     Parameters
     ----------
     positions: (n, 3) column, row and depth in pixels; greater depths are nearer.
     triangles: (t, 3) indices of positions.
-    size: pixels a side.
+    size: pixels along each side.
 
     Returns
     -------
-    (size, size) triangle of each pixel, or -1, and (size, size) its depth, or -inf.
+    (size, size) triangle at each pixel, or -1; (size, size) depth at each pixel, or -inf.
     """
     picture = kernels.rasterize(positions, triangles, size)
     if picture is not None:
@@ -154,7 +146,7 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
     first = np.ceil(left[:, 0] - 0.5).clip(0, size).astype(np.int64)
     count = (np.ceil(right[:, 0] - 0.5).clip(0, size).astype(np.int64) - first).clip(0)
     span, column = ragged_ranges(first, count)
-    # A span that contains the center of a pixel has a width above 0.
+    # Spans that contain the center of a pixel have a width above 0.
     slope = np.zeros(len(owner))
     np.divide(right[:, 1] - left[:, 1], right[:, 0] - left[:, 0], out=slope, where=count > 0)
     depth = column + 0.5
@@ -171,9 +163,10 @@ def rasterize(positions: Floats, triangles: Integers, size: int) -> tuple[Intege
 
 
 def _spans(corners: Floats, size: int) -> tuple[Integers, Integers, Floats, Floats]:
-    """Where the center lines of pixel rows cut triangles (t, 3, 3).
+    """Spans of triangles (t, 3, 3) on the center lines of pixel rows.
 
-    Returns the triangle and the row (s,) of each span and its ends (s, 2): column and depth.
+    Returns the triangle (s,), the row (s,), and the left and right end (s, 2) of each span, by
+    column and depth.
     """
     rows = corners[:, :, 1]
     first = np.ceil(rows.min(axis=1) - 0.5).clip(0, size).astype(np.int64)

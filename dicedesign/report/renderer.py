@@ -1,4 +1,5 @@
-"""Pictures of a solid: flat or smooth, perhaps colored, within a shell of glass, or on a table."""
+"""Renderer of a solid with flat faces or a smooth surface, colored or not, on a table, or within a
+shell of glass."""
 
 from __future__ import annotations
 
@@ -10,50 +11,57 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.raster import Camera, Picture, rasterize
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 
 MATERIAL: Final = np.array([0.94, 0.88, 0.76])
-"""Color of a die under full light."""
+"""Color of a die in full light."""
 
 LINE: Final = np.array([0.20, 0.18, 0.16])
 """Color of outlines."""
 
 SAMPLES: Final = 2
-"""Samples along a side of each pixel."""
+"""Samples along each side of a pixel."""
 
 LIGHT: Final = np.array([-0.40, 0.55, 0.73])
+"""Unit direction to the light: right, up, toward the camera."""
 
 AMBIENT: Final = 0.38
+"""Brightness of what faces away from the light."""
 
 RECESS_SHADE: Final = 0.45
+"""Darkening of a recess as deep as the reach of its surroundings."""
 
 PAINT_SHADE: Final = 0.55
-"""Of the shading of colored surfaces: weak, as darkness may have a meaning there."""
+"""Strength of the shading of colored surfaces, on which darkness may have a meaning."""
 
 SMOOTH_DEGREES: Final = 35.0
+"""Largest angle between two triangles of a smooth surface that are shaded as one."""
 
 SHARP_DEGREES: Final = 20.0
+"""Angle above which edges of a solid with flat faces are outlined."""
 
 STEP_SAMPLES: Final = 2.0
+"""Height, in samples, above which steps in depth are outlined."""
 
 GLASS: Final = np.array([0.52, 0.57, 0.62])
+"""Color of clear glass."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenderMesh:
-    """A surface to draw.
+    """Surface to draw.
 
     Attributes
     ----------
     points: (n, 3) in any length unit.
-    triangles: (t, 3), consistently oriented where the surface is smooth; both sides are drawn
-        alike.
+    triangles: (t, 3), consistently oriented if the surface is smooth; both sides look the same.
     colors: (n, 3) red, green and blue of each point from 0 to 1, or None for the material of dice.
-    smooth: whether the triangles stand for a smooth surface, whose edges are not outlined, unlike
-        those of a solid with flat faces that are sharper than 20 degrees.
+    smooth: whether the triangles approximate a smooth surface; if not, edges sharper than 20
+        degrees are outlined.
     """
 
     points: Floats
@@ -63,68 +71,59 @@ class RenderMesh:
 
     @cached_property
     def corner_normals(self) -> Floats:
-        """(t, 3, 3) unit normals at the corners of triangles, to be interpolated within each.
+        """(t, 3, 3) unit normals at the corners of triangles, to interpolate within each triangle.
 
-        The normal at a corner is the mean, by area, of those of the triangles at its vertex that
-        turn at most 35 degrees from the corner's own triangle: smooth parts are shaded smoothly,
-        and sharp edges stay sharp. Those of triangles without area are 0.
+        The normal at a corner is the mean, weighted by area, over the triangles at its vertex that
+        turn at most 35 degrees from the triangle of the corner: smooth parts are shaded smoothly,
+        and sharp edges stay sharp. Triangles without area have normals 0.
         """
         areas = doubled_area_vectors(self.points, self.triangles)
-        flat = _at_length_1(areas)
+        flat = _normalize(areas)
         vertex = self.triangles.ravel()
         by_vertex = np.argsort(vertex, kind="stable")
         counts = np.bincount(vertex, minlength=len(self.points))
         starts = np.cumsum(counts) - counts
-        # Each corner with each corner at the same vertex.
+        # Pairs of corners at one vertex.
         corner, place = ragged_ranges(starts[vertex], counts[vertex])
         triangle, other = corner // 3, by_vertex[place] // 3
         smooth = (flat[triangle] * flat[other]).sum(-1) >= np.cos(np.radians(SMOOTH_DEGREES))
         corner, other = corner[smooth], other[smooth]
         sums = [np.bincount(corner, areas[other, k], minlength=len(vertex)) for k in range(3)]
-        return _at_length_1(np.stack(sums, axis=1)).reshape(-1, 3, 3)
+        return _normalize(np.stack(sums, axis=1)).reshape(-1, 3, 3)
 
 
 def color_triangles(points: Floats, triangles: Integers, colors: Floats) -> RenderMesh:
-    """A solid with flat faces whose triangles (t, 3) have colors (t, 3) of their own."""
+    """Solid with flat faces whose triangles (t, 3) have colors (t, 3)."""
     corners = points[triangles].reshape(-1, 3)
     flat = np.arange(len(corners)).reshape(-1, 3)
     return RenderMesh(corners, flat, colors.repeat(3, axis=0), smooth=False)
 
 
-@dataclass(frozen=True, eq=False)
-class Shell:
-    """A convex shell of glass around a surface.
-
-    Attributes
-    ----------
-    vertices: (v, 3) in the length unit of the surface.
-    triangles: (h, 3).
-    tints: (h, 3) red, green and blue from 0 to 1 of tinted triangles, and NaN of clear ones.
-    """
-
-    vertices: Floats
-    triangles: Integers
-    tints: Floats
+def color_facets(hull: ConvexHull, colors: Floats) -> RenderMesh:
+    """Solid of a convex hull whose facets have colors (m, 3)."""
+    # A facet of n corners is a fan of n - 2 triangles.
+    of_triangles = colors.repeat(np.diff(hull.facet_start) - 2, axis=0)
+    return color_triangles(hull.vertices, hull.triangles, of_triangles)
 
 
 def render(
     surface: RenderMesh,
     camera: Camera,
     size: int,
-    shell: Shell | None = None,
+    shell: RenderMesh | None = None,
     backdrop: Floats | None = None,
 ) -> Picture:
     """Picture of a surface, lit from the upper left, with silhouettes and steps outlined.
 
-    Recesses are darker than their surroundings. Of a shell, the edges are drawn and the tinted
-    triangles colored, those on its far side paler.
+    Recesses are darker than their surroundings. A shell of glass shows its edges and its tints,
+    both paler on the far side.
 
     Parameters
     ----------
-    surface: what to draw.
-    camera: where to look from.
-    size: pixels a side, above 0.
-    shell: around the surface, or None.
+    surface, camera: what to draw, and where to look from.
+    size: pixels along each side, above 0.
+    shell: convex shell of glass around the surface, made by `color_triangles`, or None; NaN as the
+        color of a triangle means clear glass.
     backdrop: (size, size) brightness from 0 to 1 of the paper behind, or None for white.
 
     Returns
@@ -134,8 +133,8 @@ def render(
     paper = np.ones((size, size)) if backdrop is None else backdrop
     picture = np.rint(255.0 * paper).astype(np.uint8)[..., None].repeat(3, axis=2)
     places = camera.pixel_positions(surface.points, size)
-    around = places if shell is None else camera.pixel_positions(shell.vertices, size)
-    # Only the square of pixels that shows something is drawn, with two around it for the outline.
+    around = places if shell is None else camera.pixel_positions(shell.points, size)
+    # Draw the square of pixels around the body alone, with two more on each side for outlines.
     ends = np.stack([np.floor(around.min(axis=0)) - 2.0, np.ceil(around.max(axis=0)) + 2.0])
     low, high = ends[:, :2].astype(np.int64).clip(0, size)
     if (high <= low).any():
@@ -159,8 +158,10 @@ def render(
 def _surface_layer(
     surface: RenderMesh, positions: Floats, camera: Camera, side: int
 ) -> tuple[Floats, Floats]:
-    """Colors (side, side, 3) times opacities, and these (side, side, 1), of the surface with
-    points at positions (n, 3), in samples of a window of a side in pixels."""
+    """Colors (side, side, 3) times opacities, and opacities (side, side, 1), of a surface.
+
+    positions: (n, 3) of its points, in samples; side: of the window, in pixels.
+    """
     fine = SAMPLES * side
     triangle_of_pixel, depth = rasterize(positions, surface.triangles, fine)
     covered = triangle_of_pixel >= 0
@@ -197,17 +198,19 @@ def _surface_layer(
 
 
 def _glass_layer(
-    positions: Floats, shell: Shell, side: int, strength: float
+    positions: Floats, shell: RenderMesh, side: int, strength: float
 ) -> tuple[Floats, Floats]:
-    """The side of a shell that is nearer to the camera, as the surface's layer."""
+    """Colors times opacities, and opacities, of the near side of a shell, as `_surface_layer`."""
+    assert shell.colors is not None
+    tints = shell.colors[shell.triangles[:, 0]]
     triangle_of_pixel, depth = rasterize(positions, shell.triangles, SAMPLES * side)
     normals = _facing_normals(positions, shell.triangles)
-    clear = np.isnan(shell.tints[:, :1])
+    clear = np.isnan(tints[:, :1])
     opacity = strength * np.where(clear, 0.1 + 0.2 * (1.0 - normals[:, 2:]) ** 2, 0.7)
-    glass = np.hstack([opacity * np.where(clear, GLASS, shell.tints), opacity])
-    # What sees nothing has the number -1, that of the last.
+    glass = np.hstack([opacity * np.where(clear, GLASS, tints), opacity])
+    # Samples that see nothing have the index -1, which is the last row.
     samples = np.vstack([glass, np.zeros(4)])[triangle_of_pixel]
-    # Facets of more than three corners are several triangles.
+    # Edges between coplanar triangles are not drawn.
     edge = _outline(triangle_of_pixel, normals, depth, 1.0).reshape(triangle_of_pixel.shape)
     samples[edge] += 0.2 * strength * (np.append(LINE, 1.0) - samples[edge])
     pixels = sample_means(samples)
@@ -215,27 +218,25 @@ def _glass_layer(
 
 
 def brightness(normals: Floats) -> Floats:
-    """(...) share of the material's color that surfaces of unit normals (..., 3) show, with x to
-    the right, y up and z to the camera; the light comes from the upper left."""
+    """Brightness (...) from 0 to 1 of surfaces with unit normals (..., 3) in the camera's frame."""
     return AMBIENT + (1.0 - AMBIENT) * (normals @ LIGHT).clip(0.0)
 
 
 def sample_means(samples: NDArray[Any]) -> Floats:
-    """(h, w, ...) of (h `SAMPLES`, w `SAMPLES`, ...): the mean of the samples of each pixel."""
+    """Mean (h, w, ...) over the 2 x 2 samples (2 h, 2 w, ...) of each pixel."""
     rows = samples[::2] + samples[1::2]
     return np.asarray((rows[:, ::2] + rows[:, 1::2]) / SAMPLES**2)
 
 
 def _facing_normals(positions: Floats, triangles: Integers) -> Floats:
-    """Unit normals (t, 3) of triangles at positions (n, 3) in pixels, turned to the camera, with x
-    to the right, y up and z to the camera; those of triangles without area, which no pixel sees,
-    are 0."""
+    """Unit normals (t, 3), toward the camera and in its frame, of triangles at positions (n, 3) in
+    pixels; 0 for triangles without area, which no pixel sees."""
     normals = doubled_area_vectors(positions * np.array([1.0, -1.0, 1.0]), triangles)
-    return _at_length_1(normals * np.where(normals[:, 2:] < 0.0, -1.0, 1.0))
+    return _normalize(normals * np.where(normals[:, 2:] < 0.0, -1.0, 1.0))
 
 
-def _at_length_1(vectors: Floats) -> Floats:
-    """Vectors (t, 3) at length 1, but those that are 0."""
+def _normalize(vectors: Floats) -> Floats:
+    """Unit vectors (t, 3) along vectors (t, 3); 0 stays 0."""
     lengths = norms(vectors)[:, None]
     return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
@@ -243,15 +244,15 @@ def _at_length_1(vectors: Floats) -> Floats:
 def _weights(
     corners: Floats, triangle: Integers, row: NDArray[np.intp], column: NDArray[np.intp]
 ) -> tuple[Floats, Booleans]:
-    """Barycentric coordinates (m, 3) of samples' centers in triangles that they see, and whether
-    these are seen from outside.
+    """Barycentric coordinates (m, 3) of the centers of samples in the triangles that they see, and
+    whether they see the outer sides of these.
 
-    corners: (t, 3, 3) of triangles, column, row and depth; triangle: (m,) of each sample; row,
-    column: (m,) of the samples.
+    corners: (t, 3, 3) column, row and depth of the corners of triangles; triangle: (m,) triangle of
+    each sample; row, column: (m,) positions of the samples.
     """
     first, one, other = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     doubled = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    # The few samples in slivers take their first corner.
+    # The few samples in slivers take the first corner.
     scale = np.where(np.abs(doubled) > 1e-6, doubled, np.inf)[triangle]
     x, y = column + 0.5 - first[triangle, 0], row + 0.5 - first[triangle, 1]
     second = (x * other[triangle, 1] - y * other[triangle, 0]) / scale
@@ -261,14 +262,14 @@ def _weights(
 
 
 def _mix(values: Floats, triangle: Integers, weights: Floats) -> Floats:
-    """Values at corners (t, 3, 3) as means (m, 3) by weights (m, 3) over triangles (m,)."""
+    """Means (m, 3), by weights (m, 3), of values (t, 3, 3) at the corners of triangles (m,)."""
     return np.asarray(np.einsum("mk,mkc->mc", weights, values[triangle]))
 
 
 def blur(pixels: Floats, reach: float) -> Floats:
-    """Pixels (h, w), beyond which all is 0, blurred almost as by a Gaussian.
+    """Pixels (h, w), blurred by three running means, which is close to a Gaussian.
 
-    reach: standard deviation in pixels, above 0. Three means over as many pixels have it.
+    reach: standard deviation in pixels, above 0. Beyond the border all is 0.
     """
     half = max(round((np.sqrt(4.0 * reach**2 + 1.0) - 1.0) / 2.0), 1)
     for _ in range(3):
@@ -277,11 +278,11 @@ def blur(pixels: Floats, reach: float) -> Floats:
 
 
 def _recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
-    """Share of their light that pixels (h, w) keep, less the farther they lie behind the mean of
-    the surface around them.
+    """Part of their light that pixels (h, w) keep; the less, the farther they are behind the mean
+    depth of their surroundings.
 
-    coverage: the share of each pixel that sees the surface; height: its mean depth in samples
-    where the rest counts as 0; reach: of the surroundings, in pixels.
+    coverage: (h, w) part of each pixel that sees the surface; height: (h, w) mean depth in samples,
+    0 off the surface; reach: radius of the surroundings, in pixels.
     """
     mean_height = height / np.where(coverage > 0.0, coverage, 1.0)
     behind = blur(height, reach) - mean_height * blur(coverage, reach)
@@ -291,13 +292,12 @@ def _recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
 def _outline(
     triangle_of_pixel: Integers, normals: Floats, depth: Floats, sharp_degrees: float
 ) -> Booleans:
-    """Samples (n * n,), row by row, on either side of a silhouette, of a sharp edge or of a step in
-    depth.
+    """Mask (n * n,) of the samples on both sides of silhouettes, sharp edges and steps in depth.
 
     triangle_of_pixel: (n, n) triangle of each sample, or -1.
     normals: (t, 3) of the triangles, toward the camera.
     depth: (n, n) toward the camera, in samples.
-    sharp_degrees: angle between the normals at an edge beyond which it is sharp.
+    sharp_degrees: angle between the normals at an edge above which it is sharp.
     """
     triangle, height = triangle_of_pixel.ravel(), depth.ravel()
     line = np.zeros(triangle.shape, dtype=bool)
@@ -309,7 +309,7 @@ def _outline(
         border = (triangle[sample] < 0) | (triangle[sample + step] < 0)
         both = sample[~border]
         first, second = normals[triangle[both]], normals[triangle[both + step]]
-        # How far each of two neighboring surface points lies from the other one's plane.
+        # Distance of each of two neighboring surface points from the plane of the other.
         rise = height[both + step] - height[both]
         away = [np.abs(n[:, :2] @ offset + n[:, 2] * rise) for n in (first, second)]
         sharp = (first * second).sum(-1) < np.cos(np.radians(sharp_degrees))
@@ -328,16 +328,17 @@ def render_shadow(
     size: int,
     reach: float,
 ) -> Floats:
-    """Brightness (size, size) from 0 to 1 of a white table under a body, lit from above: the lower
-    the body is above a place, the darker.
+    """Brightness (size, size) from 0 to 1 of a white table under a body that is lit from above.
+
+    The lower the body is above a point of the table, the darker it is there.
 
     Parameters
     ----------
-    points: (n, 3) of the body, in any length unit; triangles: (t, 3).
-    heights: (n,) of the points above the table, at least 0.
+    points, triangles: (n, 3) and (t, 3) of the body, in any length unit.
+    heights: (n,) heights of the points above the table, at least 0.
     up: (3,) unit vector.
-    camera: where to look from, from above the table; size: pixels a side.
-    reach: length over which shadows fade.
+    camera: looks from above the table; size: pixels along each side.
+    reach: height over which shadows fade.
     """
     positions = camera.pixel_positions(points - heights[:, None] * up, size)
     positions[:, 2] = -heights / reach
@@ -347,13 +348,13 @@ def render_shadow(
 
 
 def with_shadow(points: Floats, up: Floats) -> Floats:
-    """Points (2 n, 3) of a body that stands on a table, and of its shadow; up: (3,) unit vector."""
+    """Points (2 n, 3) of a body on a table and of its shadow; up: (3,) unit vector."""
     heights = points @ up
     return np.concatenate([points, points - (heights - heights.min())[:, None] * up])
 
 
 def render_on_table(surface: RenderMesh, up: Floats, camera: Camera, size: int) -> Picture:
-    """Picture of a body that stands on a table; up: (3,) unit vector."""
+    """Picture of a body on a table; up: (3,) unit vector."""
     points, heights = surface.points, surface.points @ up
     heights -= heights.min()
     reach = camera.half_width

@@ -1,6 +1,6 @@
-"""Sheets to draw on by matplotlib, with lengths in pixels, and the one style of all figures.
+"""Sheets to draw on with matplotlib, in pixels, and the style of all figures.
 
-Only modules that draw import this one: matplotlib takes half a second.
+This module is imported only by modules that draw, as importing matplotlib takes half a second.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ BODY: Final = 21
 SMALL: Final = 19
 NOTE: Final = 17
 TINY: Final = 15
-"""Sizes of letters in pixels."""
+"""Font sizes in pixels."""
 
 DPI: Final = 72
-"""A pixel is a point, so that sizes of letters and widths of lines are in pixels too."""
+"""Pixels per inch: a pixel is a point, so that font sizes and line widths are in pixels too."""
 
 TICKS: Final = {"color": DARK, "labelsize": SMALL, "major.size": 7.0, "major.width": 2.0}
 
@@ -75,7 +75,10 @@ R = TypeVar("R")
 
 
 def with_style(draw: Callable[P, R]) -> Callable[P, R]:
-    """Make a function draw in the style of all figures; letters that the font lacks are boxes."""
+    """Decorate a function so that it draws in the style of all figures.
+
+    Characters that the font lacks are drawn as boxes, without a warning.
+    """
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -87,13 +90,14 @@ def with_style(draw: Callable[P, R]) -> Callable[P, R]:
 
 
 class Sheet:
-    """A white sheet; x runs to the right and y downward, both from its upper left corner.
+    """White sheet; x runs to the right and y downward, both from the upper left corner.
 
     Attributes
     ----------
-    width, height: in pixels. grows: whether the picture is cut, or grows, to what is drawn.
-    figure: of matplotlib.
-    pictures: what is pasted on it, in the order of pasting.
+    width, height: size in pixels.
+    grows: whether the picture is fitted to what is drawn.
+    figure: the figure of matplotlib.
+    pictures: pasted pictures, in the order of pasting.
     """
 
     def __init__(self, width: float, height: float, *, grows: bool = False) -> None:
@@ -103,15 +107,13 @@ class Sheet:
         self.pictures: list[Picture] = []
 
     def axes(self, left: float, top: float, right: float, bottom: float) -> Axes:
-        """Axes around an upright rectangle."""
-        size = np.array([self.width, self.height] * 2)
-        return self.figure.add_axes(
-            tuple([left, self.height - bottom, right - left, bottom - top] / size)
-        )
+        """Add axes that fill a rectangle."""
+        box = np.array([left, self.height - bottom, right - left, bottom - top])
+        return self.figure.add_axes(tuple(box / ([self.width, self.height] * 2)))
 
     @cached_property
     def drawing(self) -> Axes:
-        """Axes without lines over all of it, whose coordinates are pixels."""
+        """Axes without lines over the whole sheet, whose coordinates are pixels."""
         axes = self.axes(0.0, 0.0, self.width, self.height)
         axes.set(xlim=(0.0, self.width), ylim=(self.height, 0.0))
         axes.axis("off")
@@ -121,7 +123,8 @@ class Sheet:
     def text(self, text: str, place: ArrayLike, *, size: float = BODY, **style: Any) -> None:
         """Write one or more lines of text above all shapes.
 
-        place: (2,) of its middle, or of what `ha` and `va` name; style: of matplotlib's texts.
+        place: (2,) position of the middle of the text, or of the anchor that `ha` and `va` name;
+        style: attributes of a text of matplotlib.
         """
         x, y = np.asarray(place, dtype=np.float64) / [self.width, self.height]
         style = {"ha": "center", "va": "center", **style}
@@ -135,13 +138,13 @@ class Sheet:
 
     @property
     def texts(self) -> list[str]:
-        """Texts on the sheet, without tick labels."""
+        """Visible texts on the sheet, without tick labels."""
         texts = [one for one in self.figure.findobj(Text) if isinstance(one, Text)]
         return [text.get_text() for text in texts if text.get_text() and text.get_visible()]
 
     @with_style
     def save_as(self, format: str, dpi: int = DPI, **more: Any) -> bytes:
-        """The sheet in a file format of matplotlib's."""
+        """Content of a file in a format that matplotlib writes."""
         buffer = BytesIO()
         if self.grows:
             more |= {"bbox_inches": "tight", "pad_inches": 18.0 / DPI}
@@ -149,13 +152,13 @@ class Sheet:
         return buffer.getvalue()
 
     def png(self, dpi: int = DPI) -> bytes:
-        """The sheet as a PNG, deterministic."""
-        # A fifth larger than by default, in a fourth of the time.
+        """Content of a PNG file, deterministic."""
+        # The file is a fifth larger than by default, and written in a fourth of the time.
         packing = {"compress_level": 1}
         return self.save_as("png", dpi, metadata={"Software": None}, pil_kwargs=packing)
 
     def pixels(self) -> Picture:
-        """The sheet as a picture."""
+        """Picture of the sheet."""
         return decode_png(self.png())
 
 
@@ -174,13 +177,15 @@ def picture_grid(
     above: float = 0.0,
     below: float = 0.0,
 ) -> Sheet:
-    """Pictures in rows with a title above each, without what is white above and below in all
-    pictures of a row.
+    """Sheet of pictures in rows, with a title above each.
 
-    pictures: (h, w, 3), at least one, all of one size; titles: one for each, empty where there is
-    none; columns: of the grid, at least 1; above, below: pixels of room left free for more.
+    Rows of pixels that are white in all pictures of a row are cut off above and below.
+
+    pictures: (h, w, 3), at least one, all of one size; titles: one or more lines for each, or an
+    empty text; columns: number of columns, at least 1; above, below: pixels left free for more.
     """
-    gap, title_room = 24.0, 42.0
+    gap = 24.0
+    title_room = 17.0 + 25.0 * max(title.count("\n") + 1 for title in titles)
     width = pictures[0].shape[1]
     rows = [trim(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]
     tall = sum(len(row[0]) + gap + title_room for row in rows) + gap

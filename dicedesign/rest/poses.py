@@ -143,7 +143,7 @@ class MorseComplex:
         return place[destined]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RestPoses:
     """All rests of a body, the most probable first. What is not stored is computed when asked for.
 

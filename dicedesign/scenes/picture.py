@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dicedesign.report.palette import BASINS, rgb
-from dicedesign.report.raster import Camera, encode_png, frame_cameras, rasterize, trim
+from dicedesign.report.raster import UP, Camera, encode_png, frame_cameras, rasterize, trim
 from dicedesign.report.renderer import RenderMesh, render, render_shadow
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.scenes.room import FLOOR_TRIANGLES, Room
@@ -27,11 +27,10 @@ FLOOR_BRIGHTNESS = 0.93
 
 def room_picture(room: Room) -> bytes:
     """PNG of the room from one side and above, with one color per mesh, and shadows."""
-    colors = rgb(BASINS)
     counts = np.bincount([body.model for body in room.bodies])
     points: list[Floats] = []
     triangles: list[Integers] = []
-    tints, start = [], 0
+    sizes: list[int] = []
     for body in room.bodies:
         model = room.models[body.model]
         corners, faces = model.body.points, model.body.triangles
@@ -43,20 +42,19 @@ def room_picture(room: Room) -> bytes:
             corners = corners[faces].reshape(-1, 3)
             faces = np.arange(len(corners)).reshape(-1, 3)
         points.append(body.to_room(corners))
-        triangles.append(faces + start)
-        tints.append(np.tile(colors[body.model % len(colors)], (len(corners), 1)))
-        start += len(corners)
+        triangles.append(faces + sum(sizes))
+        sizes.append(len(corners))
     all_points, all_triangles = np.concatenate(points), np.concatenate(triangles)
-    up = np.array([0.0, 0.0, 1.0])
+    colors = rgb(BASINS)[[body.model % len(BASINS) for body in room.bodies]].repeat(sizes, axis=0)
     level = np.array([np.sin(TURN), -np.cos(TURN), 0.0])
-    camera = Camera(np.cos(RISE) * level + np.sin(RISE) * up, up, np.zeros(3), 1.0)
+    camera = Camera(np.cos(RISE) * level + np.sin(RISE) * UP, UP)
     (camera,) = frame_cameras([camera], [np.concatenate([all_points, room.floor_corners])])
     heights = all_points[:, 2].clip(0.0)
     highest = float(max(heights.max(), 1e-300))
-    table = render_shadow(all_points, all_triangles, heights, up, camera, PIXELS, highest)
+    table = render_shadow(all_points, all_triangles, heights, UP, camera, PIXELS, highest)
     floor = camera.pixel_positions(room.floor_corners, PIXELS)
     on_floor, _ = rasterize(floor, FLOOR_TRIANGLES, PIXELS)
     table[on_floor >= 0] *= FLOOR_BRIGHTNESS
-    surface = RenderMesh(all_points, all_triangles, np.concatenate(tints))
+    surface = RenderMesh(all_points, all_triangles, colors)
     (picture,) = trim([render(surface, camera, PIXELS, backdrop=table)])
     return encode_png(picture)

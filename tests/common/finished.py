@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from dicedesign.fabricate.die import FinishedDie, Solid, assess_file
+from dicedesign.fabricate.file_formats import BODY_COLOR, Part
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.targets import Target
+from dicedesign.report.pages import die_page
 from dicedesign.results.parts import Concave, Displacement, HullOfSurface, SurfaceSize
 from dicedesign.results.result import Designed, Result, StageTime, Step
 
@@ -70,3 +72,10 @@ def finished_box(**changes: Any) -> FinishedDie:
     )
     upward = np.array([0.0, 0.0, 1.0])
     return FinishedDie(replace(result, **changes), verdict, engraved, 1e-6, upward)
+
+
+def page_text(die: FinishedDie, images: dict[str, bytes] | None = None) -> str:
+    """HTML of the report of a die whose printed solid is the plain one."""
+    body = die.plain.body
+    assert body.triangles is not None
+    return die_page(die, images or {}, [Part("die", BODY_COLOR, body.points, body.triangles)])

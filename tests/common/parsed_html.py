@@ -8,7 +8,7 @@ VOID = {"meta", "img", "br"}
 
 
 class Checker(HTMLParser):
-    """Check that tags are closed in order; collect text, cells and image sources."""
+    """Check that tags are closed in order; collect visible text, cells and image sources."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,8 +27,10 @@ class Checker(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        self.text += data
-        if self.open and self.open[-1] == "td":
+        tag = self.open[-1] if self.open else ""
+        if tag not in ("script", "style"):
+            self.text += data
+        if tag == "td":
             self.cells.append(data)
 
 

@@ -72,7 +72,7 @@ def test_it_is_thrown_at_its_printed_size(folder: Path) -> None:
 
 def test_pictures_and_report_are_there(folder: Path) -> None:
     files = json.loads((folder / "result.json").read_text())["files"]
-    for kind, name in (("table", "table.png"), ("film", "film.png"), ("throw", "throw.gif")):
+    for kind, name in (("table", "table.png"), ("throw", "throw.gif")):
         assert files[kind] == name
         assert (folder / name).stat().st_size > 5000
     assert not (folder / "rounds.png").exists()

@@ -1,4 +1,4 @@
-"""Charts: the values that their axes hold, and that nothing is cut off."""
+"""Charts hold their values, and nothing of them is cut off."""
 
 from __future__ import annotations
 
@@ -20,16 +20,13 @@ from dicedesign.report.bar_charts import (
     rolls_chart,
     table_chart,
 )
-from dicedesign.report.curve_charts import (
-    course_of,
-    rounds_of,
-    trade_off_of,
-)
+from dicedesign.report.curve_charts import course_chart, rounds_chart, trade_off_chart
 from dicedesign.report.palette import ACCENT, FAINT, PALE
 from dicedesign.report.sheet import Sheet
 from dicedesign.results.parts import (
     Draft,
     RoundOfThrows,
+    Search,
     SimulatedThrows,
     TableResult,
     TradeOff,
@@ -74,8 +71,8 @@ def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
         assert right.get_x() + right.get_width() < back.get_x() + back.get_width()
     np.testing.assert_allclose(limits(sheet)[0], 100.0 * np.array(INTERVALS))
     assert [text.get_text() for text in axes.get_xticklabels()] == ["a", "b", "$c$"]
-    told = ["20.00", "50.00", "30.00", "title", "x", "probability (%)", "target", "range"]
-    assert set(told) <= set(sheet.texts)
+    expected = ["20.00", "50.00", "30.00", "title", "x", "probability (%)", "target", "range"]
+    assert set(expected) <= set(sheet.texts)
 
 
 @pytest.mark.parametrize(("count", "values"), [(16, 16), (60, 0)])
@@ -109,7 +106,7 @@ def test_counts_of_throws_with_their_intervals() -> None:
     assert any(
         text.startswith("100 throws: p = 0.37, total variation 0.050") for text in sheet.texts
     )
-    with pytest.raises(InputError, match=r"rolls: expected 3 labels, one for each outcome, got 1"):
+    with pytest.raises(InputError, match=r"one probability of each kind each, got 1 labels and 3"):
         rolls_chart(["a"], verdict)
 
 
@@ -142,12 +139,12 @@ SIMULATED = SimulatedThrows(
 def thrown(rounds: int, simulated: bool = True, **changes: Any) -> TableResult:
     usual = {"elsewhere_drops": 0, "elsewhere": None, "requested": TARGET, "frequencies": TARGET}
     values = {**usual, **changes}
-    made = (
+    all_rounds = (
         RoundOfThrows(1000, 0.1, 0.02, 0.09, is_kept=False, **values),
         RoundOfThrows(1500, 0.04, 0.016, 0.03, is_kept=True, **values),
     )
     probabilities = (0.24, 0.5, 0.26)
-    return TableResult({}, probabilities, made[:rounds], SIMULATED if simulated else None)
+    return TableResult({}, probabilities, all_rounds[:rounds], SIMULATED if simulated else None)
 
 
 def test_dice_and_their_targets() -> None:
@@ -161,11 +158,11 @@ def test_dice_and_their_targets() -> None:
     np.testing.assert_allclose(drawn["without momentum"], 100.0 * np.array(PROBABILITIES))
     np.testing.assert_allclose(drawn["momentum model"], [24, 50, 26])
     np.testing.assert_allclose(drawn["simulated throws"], [26, 50, 24])
-    told = "12,345 throws: total variation 0.0100 (95 %: 0.0000 to 0.0256), a perfect die: 0.0123"
-    assert told in table_chart(table).texts
+    title = "12,345 throws: total variation 0.0100 (95 %: 0.0000 to 0.0256), a perfect die: 0.0123"
+    assert title in table_chart(table).texts
     table = replace(die, result=replace(die.result, thrown=thrown(0, False)))
-    told = "total variation to the target: without momentum 0.0500, momentum model 0.0100"
-    assert told in table_chart(table).texts
+    title = "total variation to the target: without momentum 0.0500, momentum model 0.0100"
+    assert title in table_chart(table).texts
 
 
 def test_bars_before_and_after_have_one_for_all_other_rests() -> None:
@@ -187,8 +184,12 @@ def history(count: int) -> list[Step]:
     ]
 
 
+def course_of(steps: list[Step], tolerance: float) -> Sheet:
+    return course_chart(replace(finished_box(history=tuple(steps)), tolerance=tolerance))
+
+
 def course(sheet: Sheet, column: int) -> list[np.ndarray]:
-    """Points of the curves of a chart but those of levels."""
+    """Points of the curves of a chart, without levels."""
     lines = sheet.figure.axes[column].lines
     return [np.asarray(one.get_xydata()) for one in lines if one.get_linestyle() != "--"]
 
@@ -250,17 +251,12 @@ def test_each_stage_has_its_stretch_and_its_curve() -> None:
     assert course(sheet, 0)[0][:, 0].tolist() == [0.0, 1.0, 3.0, 3.5]
     assert sheet.texts.count("hull") == 1
     assert is_whole(sheet)
-    for error, told in ((None, "not known"), (0.0, "0")):
-        assert told in course_of([replace(s, max_abs_error=error) for s in STAGES], 1e-4).texts
-
-
-def test_an_empty_history_is_refused() -> None:
-    with pytest.raises(InputError, match="at least one step"):
-        course_of([], 0.1)
+    for error, text in ((None, "not known"), (0.0, "0")):
+        assert text in course_of([replace(s, max_abs_error=error) for s in STAGES], 1e-4).texts
 
 
 def test_rounds_against_all_throws_so_far() -> None:
-    sheet = rounds_of(thrown(2))
+    sheet = rounds_chart(finished_box(thrown=thrown(2)))
     drawn = curves(sheet.figure.axes[0])
     np.testing.assert_allclose(drawn["its throws"], [[1000, 0.1], [2500, 0.04]])
     np.testing.assert_allclose(drawn["expected"], [[1000, 0.09], [2500, 0.03]])
@@ -270,12 +266,11 @@ def test_rounds_against_all_throws_so_far() -> None:
     )
     np.testing.assert_allclose(limits(sheet)[0], [(0.0, 0.0256)])
     assert is_whole(sheet)
-    drawn = curves(rounds_of(thrown(2, elsewhere_drops=500, elsewhere=0.3)).figure.axes[0])
+    spread = thrown(2, elsewhere_drops=500, elsewhere=0.3)
+    drawn = curves(rounds_chart(finished_box(thrown=spread)).figure.axes[0])
     np.testing.assert_allclose(drawn["expected on nine of ten tables"], [[1500, 0.3], [3500, 0.3]])
-    drawn = curves(rounds_of(thrown(1, False)).figure.axes[0])
+    drawn = curves(rounds_chart(finished_box(thrown=thrown(1, False))).figure.axes[0])
     assert set(drawn) == {"its throws", "a perfect die", "expected", "kept"}
-    with pytest.raises(InputError, match="rounds: expected at least one, got none"):
-        rounds_of(thrown(0))
 
 
 GOOD = Draft(3, 1.0, 1e-4, 0.02, 60.0, 15.0, 0)
@@ -289,8 +284,15 @@ DRAFTS = (
 )
 
 
-def test_every_draft_is_drawn_once_by_what_is_worst_of_it() -> None:
-    sheet = trade_off_of(TradeOff(0.005, 45.0, 10.0, DRAFTS), 7, 0.42)
+def trade_off(drafts: tuple[Draft, ...], attempt: int | None, elsewhere: float) -> Sheet:
+    """Chart of a search; the surface as it came has an error of `elsewhere`."""
+    concave = replace(CONCAVE, probabilities_before=(1 / 6,) * 6, elsewhere_before=elsewhere)
+    search = Search(9, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
+    return trade_off_chart(finished_box(concave=concave, search=search))
+
+
+def test_every_draft_is_drawn_once_by_its_worst_flaw() -> None:
+    sheet = trade_off(DRAFTS, 7, 0.42)
     (axes,) = sheet.figure.axes
     drawn = {label: points for label, points in curves(axes).items() if label.endswith(")")}
     assert [int(label.rsplit("(", 1)[1][:-1]) for label in drawn] == [2, 1, 1, 1, 1]
@@ -307,4 +309,4 @@ def test_every_draft_is_drawn_once_by_what_is_worst_of_it() -> None:
 
 @pytest.mark.parametrize("drafts", [(), (GOOD,), (Draft(1, None, 0.0, 0.0, 0.0, 0.0, 0),)])
 def test_few_drafts_of_any_kind_are_drawn(drafts: tuple[Draft, ...]) -> None:
-    assert is_whole(trade_off_of(TradeOff(0.005, 45.0, 10.0, drafts), None, 0.0))
+    assert is_whole(trade_off(drafts, None, 0.0))

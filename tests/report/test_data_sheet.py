@@ -1,4 +1,4 @@
-"""Data sheets: what is on the page, where, and whether a PDF reader finds it."""
+"""Data sheets have their texts and pictures in place, also for a PDF reader."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def facts(count: int) -> SheetFacts:
     )
 
 
-def draw(found: SheetFacts, figures: tuple[np.ndarray, ...] = ()) -> Sheet:
-    return data_sheet(found, [(f"side {k}", BLANK) for k in range(4)], figures)
+def draw(texts: SheetFacts, figures: tuple[np.ndarray, ...] = ()) -> Sheet:
+    return data_sheet(texts, [(f"side {k}", BLANK) for k in range(4)], figures)
 
 
 def bases(sheet: Sheet) -> dict[str, float]:
@@ -54,13 +54,13 @@ def bases(sheet: Sheet) -> dict[str, float]:
 
 @pytest.mark.parametrize("count", [1, 40, 400])
 def test_rows_of_a_table_are_on_the_page_or_counted(count: int) -> None:
-    found = bases(draw(facts(count), (FIGURE,)))
-    rows = [base for text, base in found.items() if text.startswith("label ")]
+    places = bases(draw(facts(count), (FIGURE,)))
+    rows = [base for text, base in places.items() if text.startswith("label ")]
     assert (np.diff(rows) > 9.5).all()
-    assert rows[-1] < found["Largest error: none."] < HEIGHT - 48.0
+    assert rows[-1] < places["Largest error: none."] < HEIGHT - 48.0
     left_out = count - len(rows)
     assert left_out == 0 or len(rows) >= 40
-    assert (f"and {left_out} more: see result.json" in found) == (left_out > 0)
+    assert (f"and {left_out} more: see result.json" in places) == (left_out > 0)
 
 
 def test_a_figure_is_shown_where_there_is_room() -> None:
@@ -97,8 +97,8 @@ def test_the_pdf_is_one_page_of_a4_with_text_and_the_png_the_same() -> None:
     die = finished_box()
     body = die.plain.body
     surface = RenderMesh(body.points, body.triangles, smooth=False)
-    found = sheet_facts(die, "die.stl", "ab" * 32)
-    sheet = data_sheet(found, four_views(surface, die.upward))
+    texts = sheet_facts(die, "die.stl", "ab" * 32)
+    sheet = data_sheet(texts, four_views(surface, die.upward))
     data = sheet_pdf(sheet, "box")
     assert data == sheet_pdf(sheet, "box")
     reader = pypdf.PdfReader(BytesIO(data))
@@ -122,8 +122,8 @@ def test_probabilities_are_those_of_the_printed_file() -> None:
     probabilities = np.array(die.result.probabilities)[::-1]
     engraved = Engraved(tuple(probabilities), 0.0, 0.25)
     labeled = replace(die, result=replace(die.result, engraved=engraved))
-    found = sheet_facts(labeled, "die.stl", "ab")
-    assert [row[2] for row in found.rows] == [f"{100.0 * value:.3f}" for value in probabilities]
-    for row in found.rows:
+    texts = sheet_facts(labeled, "die.stl", "ab")
+    assert [row[2] for row in texts.rows] == [f"{100.0 * value:.3f}" for value in probabilities]
+    for row in texts.rows:
         assert float(row[3]) == pytest.approx(float(row[2]) - float(row[1]), abs=0.0011)
-    assert "25 %" in found.remark
+    assert "25 %" in texts.remark

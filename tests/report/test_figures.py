@@ -8,11 +8,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from common.finished import finished_box
+from common.finished import finished_box, page_text
 from common.parsed_html import parse_page
 
 from dicedesign.report.figures import FIGURES, Figure, figure_files
-from dicedesign.report.pages import die_page
 from dicedesign.report.raster import decode_png, encode_png
 from dicedesign.report.sheet import Sheet, picture_grid
 
@@ -64,7 +63,7 @@ def test_a_figure_from_outside_is_drawn_and_shown(toy: Figure) -> None:
     die = finished_box()
     files = figure_files(die)
     assert files["toy"] == b"GIF89aa < box"
-    page = parse_page(die_page(die.result, files))
+    page = parse_page(page_text(die, files))
     places = [page.text.index(FIGURES[name].title) for name in ("bars", "convergence", "toy")]
     assert places == sorted(places)
     assert "What it shows." in page.text

@@ -1,4 +1,4 @@
-"""The Gauss map: areas of basins, their outlines, and what is drawn over them."""
+"""Gauss map: areas of basins, their outlines, and the texts and lines over them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,14 @@ from common.drawings import color_mask, is_whole
 from matplotlib.path import Path
 
 from dicedesign.errors import InputError
-from dicedesign.report.discs import (
-    basin_of_directions,
-    basin_outlines,
-)
+from dicedesign.report.discs import basin_of_directions, basin_outlines
 from dicedesign.report.gauss_map import (
     gauss_map_figure,
     heights_figure,
     paths_figure,
     place_texts,
 )
-from dicedesign.report.palette import BASINS, LOW_TO_HIGH
+from dicedesign.report.palette import BASINS
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.prior import SampledDirections
 
@@ -111,7 +108,8 @@ def test_heights_are_drawn_from_the_lowest_to_the_highest():
     reach = np.linalg.norm(poses.hull.vertices - poses.center_of_mass, axis=1).max()
     standing = poses.hull.heights(poses.center_of_mass).min()
     assert {f"{standing:.4g}", f"{reach:.4g}"} <= set(figure.texts)
-    for color in (LOW_TO_HIGH[0], LOW_TO_HIGH[-1]):
+    # The ends of the color map.
+    for color in ("#440154", "#fde725"):
         assert color_mask(figure, color).any()
 
 
@@ -136,13 +134,13 @@ def test_each_direction_is_in_the_outline_of_its_rest_alone(name: str) -> None:
     poses = body(name)
     directions = random_directions(1500, 4)
     rests = basin_of_directions(poses, directions)
-    found = np.zeros((len(directions), len(poses.facets)), dtype=bool)
+    is_within = np.zeros((len(directions), len(poses.facets)), dtype=bool)
     for disc, outlines in basin_outlines(poses):
-        here = disc.heights(directions) >= 0.0
-        points = disc.to_paper(disc.project(directions[here]))
+        on_disc = disc.heights(directions) >= 0.0
+        points = disc.to_paper(disc.project(directions[on_disc]))
         for rest, rings in enumerate(outlines):
             for ring in rings:
-                found[here, rest] ^= Path(ring).contains_points(points)
+                is_within[on_disc, rest] ^= Path(ring).contains_points(points)
     # Pieces of borders are straight on paper, so that a few directions are on the wrong side.
-    wrong = (found != (np.arange(len(poses.facets)) == rests[:, None])).any(axis=1)
+    wrong = (is_within != (np.arange(len(poses.facets)) == rests[:, None])).any(axis=1)
     assert wrong.mean() < 0.01

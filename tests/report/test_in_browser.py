@@ -1,23 +1,20 @@
-"""The page in a browser: what is pointed at in one place is shown in all."""
+"""In a browser, the facet under the pointer in one place is shown in all."""
 
 from __future__ import annotations
 
 import io
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from common.finished import finished_box
+from common.finished import CONCAVE, finished_box, page_text
 from PIL import Image
 
-from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.report.discs import MAP_SIZE, place_discs
-from dicedesign.report.pages import die_page, live_die
 from dicedesign.rest.poses import rest_poses
 
 SHOWN = "() => [...document.querySelectorAll('.shown')].map((x) => [x.tagName, x.dataset.facet])"
@@ -25,26 +22,26 @@ ACCENT = np.array([194, 87, 26])
 
 
 class Opened:
-    """A page with all that it asked for and complained about."""
+    """Page with its requests and its messages."""
 
     def __init__(self, page: Any, file: Path) -> None:
         self.page = page
-        self.asked: list[str] = []
-        self.said: list[str] = []
-        page.on("request", lambda request: self.asked.append(request.url))
-        page.on("console", lambda message: self.said.append(message.text))
-        page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.requests: list[str] = []
+        self.messages: list[str] = []
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("console", lambda message: self.messages.append(message.text))
+        page.on("pageerror", lambda error: self.messages.append(str(error)))
         page.goto(file.as_uri())
 
     def shown(self) -> set[tuple[str, str]]:
-        """Tags and facets of what is marked."""
+        """Tags and facets of marked elements."""
         return {(tag.lower(), facet) for tag, facet in self.page.evaluate(SHOWN)}
 
     def facet_in_view(self) -> str:
         return str(self.page.evaluate("document.getElementById('view').dataset.shown || ''"))
 
     def marked_pixels(self) -> float:
-        """Share of the view that has the color of what is pointed at."""
+        """Share of the view that has the color of the facet under the pointer."""
         return float((np.abs(self.pixels() - ACCENT).max(axis=2) < 40.0).mean())
 
     def pixels(self) -> np.ndarray:
@@ -64,17 +61,17 @@ class Opened:
 def opened(browser: Any, fair_d3: Path) -> Iterator[Opened]:
     size = {"width": 1100, "height": 1500}
     page = browser.new_page(viewport=size, reduced_motion="reduce")
-    found = Opened(page, fair_d3 / "report.html")
+    view = Opened(page, fair_d3 / "report.html")
     page.wait_for_selector("#view:not([hidden])")
-    yield found
-    assert found.asked == [(fair_d3 / "report.html").as_uri()]
-    assert found.said == []
+    yield view
+    assert view.requests == [(fair_d3 / "report.html").as_uri()]
+    assert view.messages == []
     page.close()
 
 
 def facets(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((folder / "result.json").read_text())["facets"]
-    return found
+    sections: list[dict[str, Any]] = json.loads((folder / "result.json").read_text())["facets"]
+    return sections
 
 
 def test_a_row_shows_its_facet_in_view_and_map(opened: Opened, fair_d3: Path) -> None:
@@ -111,8 +108,8 @@ def test_the_map_shows_its_basin_in_view_and_table(opened: Opened, fair_d3: Path
     poses = rest_poses(read_body(fair_d3 / "die_plain.stl"))
     box = opened.page.locator(".covered img").bounding_box()
     scale = box["width"] / MAP_SIZE[0]
-    for facet, found in enumerate(facets(fair_d3)):
-        normal = np.array(found["normal"])
+    for facet, section in enumerate(facets(fair_d3)):
+        normal = np.array(section["normal"])
         disc = max(place_discs(poses), key=lambda disc: float(disc.heights(normal)))
         # A little aside of its middle, where the figure has a dot.
         x, y = scale * disc.to_paper(disc.project(normal)) + [4.0, 4.0]
@@ -170,18 +167,15 @@ def test_a_finger_taps(browser: Any, fair_d3: Path) -> None:
     box = page.locator("canvas").bounding_box()
     page.tap("canvas", position={"x": box["width"] / 2.0, "y": box["height"] / 2.0})
     assert opened.shown() == {("tr", "0"), ("path", "0")}
-    assert opened.said == []
+    assert opened.messages == []
     page.close()
 
 
 def test_a_shape_stands_on_the_rest_that_is_pointed_at(browser: Any, tmp_path: Path) -> None:
     """Of a box of 14 x 16 x 20 mm more is seen on its smallest side than on its largest."""
-    die = finished_box()
-    body = die.plain.body
-    assert body.triangles is not None
-    live = live_die(die, [Part("die", "#e8e3d8", body.points, body.triangles)])
+    die = finished_box(concave=CONCAVE)
     file = tmp_path / "box.html"
-    file.write_text(die_page(die.result, {}, replace(live, stands=True)), "utf-8")
+    file.write_text(page_text(die), "utf-8")
     page = browser.new_page(viewport={"width": 1100, "height": 900}, reduced_motion="reduce")
     opened = Opened(page, file)
     page.wait_for_selector("#view:not([hidden])")
@@ -194,7 +188,7 @@ def test_a_shape_stands_on_the_rest_that_is_pointed_at(browser: Any, tmp_path: P
         colored = np.ptp(opened.pixels(), axis=2) > 40.0
         rows[int(np.abs(facet.normal).argmax())].append(int(colored.any(axis=1).sum()))
     assert 0 < max(rows[0]) < min(rows[2])
-    assert opened.said == []
+    assert opened.messages == []
     page.close()
 
 
@@ -233,7 +227,7 @@ def test_without_webgl_table_and_map_are_linked(browser: Any, fair_d3: Path) -> 
     page.hover("tr[data-facet='1']")
     assert opened.shown() == {("tr", "1"), ("path", "1")}
     assert not page.locator("#view").is_visible()
-    assert opened.said == []
+    assert opened.messages == []
     page.close()
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from common.finished import finished_box
+from common.finished import finished_box, page_text
 from common.parsed_html import parse_page
 from manifold3d import Manifold
 from pygltflib import GLTF2
@@ -27,14 +27,8 @@ from scipy.spatial import KDTree
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
 from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.report import pages as live_module
-from dicedesign.report.pages import (
-    die_page,
-    facet_parts,
-    live_die,
-    rests_of_triangles,
-    three_script,
-)
+from dicedesign.report import pages
+from dicedesign.report.pages import facet_parts, rests_of_triangles, three_script
 from dicedesign.report.palette import BASINS
 
 EXTENTS = np.array([14.0, 16.0, 20.0])
@@ -133,7 +127,7 @@ def test_of_a_shape_only_what_touches_the_table_belongs_to_a_rest() -> None:
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The archive of a trimesh that is to be made."""
     spec = ModuleSpec("trimesh", None, origin=str(tmp_path / "__init__.py"))
-    monkeypatch.setattr(live_module, "find_spec", lambda name: spec)
+    monkeypatch.setattr(pages, "find_spec", lambda name: spec)
     archive = tmp_path / "resources" / "templates" / "viewer.zip"
     archive.parent.mkdir(parents=True)
     three_script.cache_clear()
@@ -161,7 +155,7 @@ def test_a_trimesh_without_one(installed: Path, content: bytes | str | None) -> 
 
 
 def test_no_trimesh_at_all(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_module, "find_spec", lambda name: None)
+    monkeypatch.setattr(pages, "find_spec", lambda name: None)
     assert three_script() is None
 
 
@@ -245,7 +239,7 @@ def test_its_policy_allows_its_own_scripts_alone(page: Taken) -> None:
         base64.b64encode(hashlib.sha256(content).digest()).decode()
         for content in (*inline, page.held("three"))
     ]
-    assert rules["script-src"].split() == [f"'sha256-{found}'" for found in sums]
+    assert rules["script-src"].split() == [f"'sha256-{each}'" for each in sums]
 
 
 def test_its_solid_is_the_file_s(page: Taken, fair_d3: Path) -> None:
@@ -285,26 +279,17 @@ def test_table_map_and_solid_name_the_same_facets(page: Taken, fair_d3: Path) ->
         assert 0.7 * facet["polygon_area_mm2"] < area <= 1.001 * facet["polygon_area_mm2"]
 
 
-def box_part() -> Part:
-    body = finished_box().plain.body
-    assert body.triangles is not None
-    return Part("die", "#e8e3d8", body.points, body.triangles)
-
-
 @pytest.mark.parametrize("fault", ["viewer", "triangles"])
 def test_without_a_view_table_and_map_are_linked(
     fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if fault == "viewer":
-        monkeypatch.setattr(live_module, "three_script", lambda: None)
+        monkeypatch.setattr(pages, "three_script", lambda: None)
     else:
-        monkeypatch.setattr(live_module, "MOST_TRIANGLES", 10)
-    die = finished_box()
-    live = live_die(die, [box_part()])
-    assert live.solid is None
-    text = die_page(die.result, {"gauss_map": b"\x89PNG"}, live)
+        monkeypatch.setattr(pages, "MAX_TRIANGLES", 10)
+    text = page_text(finished_box(), {"gauss_map": b"\x89PNG"})
     page = Taken(text)
-    assert live.left_out in parse_page(text).text
+    assert "The die cannot be turned here" in parse_page(text).text
     assert page.tagged("canvas") == []
     numbers = [str(k) for k in range(6)]
     assert page.facets("tr") == numbers

@@ -12,8 +12,8 @@ from common.kernels import without_kernels
 from dicedesign.report.raster import Camera, rasterize
 from dicedesign.report.renderer import (
     RenderMesh,
-    Shell,
     brightness,
+    color_triangles,
     render,
     render_shadow,
 )
@@ -159,14 +159,14 @@ def test_silhouettes_and_steps_are_outlined_and_sharp_edges_are_not() -> None:
     assert smooth[45, 45].max() > 85
 
 
-def glass(tinted: tuple[int, ...]) -> Shell:
-    """A cube; facet 0 is toward -x, by trimesh's order of triangles."""
+def glass(tinted: tuple[int, ...]) -> RenderMesh:
+    """Cube with tinted sides, toward -z or z."""
     box = cube(1.2)
     tints = np.full((len(box.faces), 3), np.nan)
     for axis in tinted:
         facing = box.face_normals[:, 2] == axis
         tints[facing] = [0.0, 0.8, 0.0]
-    return Shell(np.asarray(box.vertices), np.asarray(box.faces), tints)
+    return color_triangles(np.asarray(box.vertices), np.asarray(box.faces), tints)
 
 
 def test_a_shell_tints_what_is_behind_it() -> None:

@@ -7,14 +7,15 @@ from math import pi
 from typing import Any
 
 import pytest
-from common.finished import CONCAVE, LABELS, finished_box
+from common.finished import CONCAVE, LABELS, finished_box, page_text
 from common.made_up_die import SIDES, box, checked
 from common.parsed_html import Checker, parse_page
 
 from dicedesign.errors import InputError
+from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.report.figures import FIGURES
-from dicedesign.report.pages import die_page, throwing_advice
+from dicedesign.report.pages import throwing_advice
 from dicedesign.results.parts import (
     Draft,
     PrintedLabel,
@@ -23,7 +24,7 @@ from dicedesign.results.parts import (
     TableResult,
     TradeOff,
 )
-from dicedesign.results.result import Designed, InfillProbabilities, PrintTolerances, Result
+from dicedesign.results.result import Designed, InfillProbabilities, PrintTolerances
 from dicedesign.throws.tables import load_table
 
 PNG = b"\x89PNG"
@@ -54,12 +55,8 @@ THROWN = TableResult(
 )
 
 
-def result(**changes: Any) -> Result:
-    return finished_box(**changes).result
-
-
 def page_of(images: dict[str, bytes] | None = None, **changes: Any) -> Checker:
-    return parse_page(die_page(result(**changes), images or {}))
+    return parse_page(page_text(finished_box(**changes), images))
 
 
 def test_a_convex_die() -> None:
@@ -114,10 +111,10 @@ def test_a_die_that_keeps_a_shape() -> None:
 
 
 def test_a_die_to_be_thrown() -> None:
-    images = dict.fromkeys(("bars", "table", "rounds", "film", "views"), PNG) | {"throw": b"GIF89a"}
+    images = dict.fromkeys(("bars", "table", "rounds", "views"), PNG) | {"throw": b"GIF89a"}
     page = page_of(images, thrown=THROWN)
     # Without the bars of probabilities that the die is not meant to have.
-    assert len(page.sources) == 5
+    assert len(page.sources) == 4
     assert FIGURES["bars"].title not in page.text
     assert sum(source.startswith("data:image/gif;") for source in page.sources) == 1
     assert "158" not in page.text
@@ -169,13 +166,13 @@ def test_throws_of_many_heights_and_spins() -> None:
 @pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])
 def test_pages_need_nothing_else_and_escape(changes: dict[str, Any]) -> None:
     images = {figure.name: PNG for figure in FIGURES}
-    text = die_page(result(**changes), images)
-    for part in ("http:", "https:", "<script", "<link", "<6>", "<cross>", "<table>:"):
+    text = page_text(finished_box(**changes), images)
+    for part in ("http:", "https:", "<link", "<6>", "<cross>", "<table>:"):
         assert part not in text
     assert "<title>a &lt; box</title>" in text
     assert 'name="viewport"' in text
     assert all(source.startswith("data:image/") for source in parse_page(text).sources)
-    assert text == die_page(result(**changes), images)
+    assert text == page_text(finished_box(**changes), images)
 
 
 def test_figures_that_are_absent_leave_their_section_out() -> None:
@@ -191,20 +188,20 @@ HEADER = 8
 
 def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) -> list[str]:
     search = Search(attempts, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
-    result = finished_box(concave=CONCAVE, search=search).result
-    assert result.error_before == 0.25
-    return parse_page(die_page(result, {})).cells
+    die = finished_box(concave=CONCAVE, search=search)
+    assert die.result.error_before == 0.25
+    return parse_page(page_text(die)).cells
 
 
 def test_what_was_wanted_stands_beside_what_was_reached() -> None:
-    told = cells((), attempts=4)
+    listed = cells((), attempts=4)
     for name, values in (
         ("error of the probabilities, rests elsewhere included", ["at most 0.005", "0.25", "0.05"]),
         ("angle between outcomes", ["at least 45°", "-", "90.0°"]),
         ("angle at which an outcome is left", ["at least 10°", "-", "45.0°"]),
     ):
-        at = told.index(name)
-        assert told[at + 1 : at + 4] == values
+        at = listed.index(name)
+        assert listed[at + 1 : at + 4] == values
 
 
 def test_the_best_attempts_are_listed_and_the_die_first() -> None:
@@ -214,21 +211,20 @@ def test_the_best_attempts_are_listed_and_the_die_first() -> None:
         Draft(k, None if k == 2 else 1.5, 0.001 if k % 2 == 0 else 0.1, 0.01 * k, 50.0, 12.0, 0)
         for k in range(1, 31)
     )
-    told = cells(drafts, attempts=40, attempt=3)
-    at = told.index("3, this die")
-    rows = [told[at + HEADER * k : at + HEADER * (k + 1)] for k in range(12)]
+    listed = cells(drafts, attempts=40, attempt=3)
+    at = listed.index("3, this die")
+    rows = [listed[at + HEADER * k : at + HEADER * (k + 1)] for k in range(12)]
     assert [row[0] for row in rows[1:]] == [str(2 * k) for k in range(1, 12)]
     assert rows[0][1:7] == ["3.00", "1.0e-01", "50.0", "12.0", "0", "1.5"]
     assert rows[1][1:7] == ["2.00", "1.0e-03", "50.0", "12.0", "0", "-"]
     assert {row[7] for row in rows[1:]} == {"nothing"} != {rows[0][7]}
-    assert "24" not in told
+    assert "24" not in listed
 
 
 def test_dice_of_no_surface_have_none() -> None:
-    result = finished_box().result
-    assert "Attempts" not in parse_page(die_page(result, {})).text
+    assert "Attempts" not in page_of().text
     with pytest.raises(InputError, match="concave"):
-        result.error_before  # noqa: B018
+        finished_box().result.error_before  # noqa: B018
 
 
 ERRORS = {"dimensional_mm": 0.07, "shrinkage": 0.002, "density_gradient": 0.01, "bubble_mm3": 1.0}
@@ -258,7 +254,7 @@ INFILL = InfillProbabilities(
 
 
 def test_every_error_of_every_outcome_is_told() -> None:
-    page = parse_page(die_page(finished_box(tolerances=TOLERANCES).result, {}))
+    page = page_of(tolerances=TOLERANCES)
     assert TOLERANCES.answer in page.text
     assert {"0.203", "0.224", "0.244", "0.282", "0.276", "0.142"} <= set(page.cells)
     for column in ("0.100", "0.200", "0.300", "0.400"):
@@ -268,8 +264,8 @@ def test_every_error_of_every_outcome_is_told() -> None:
 
 
 def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
-    solid = parse_page(die_page(finished_box().result, {})).text
-    page = parse_page(die_page(finished_box(infill=INFILL).result, {}))
+    solid = page_of().text
+    page = page_of(infill=INFILL)
     assert "hold for a solid of one material" in solid
     assert "hold for a solid of one material" not in page.text
     assert page.text.count(INFILL.advice) == 2
@@ -280,37 +276,40 @@ def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
 def test_a_page_has_the_measures_of_the_print() -> None:
     work = checked(box(1.0, 1.0, 1.0), SIDES, entries={"engrave": True, "print": "sla"})
     run_stages(work, after="check", last="printing")
-    result = work.result()
-    found = result.printability
-    assert found is not None
-    page = parse_page(die_page(result, {}))
+    die = make_finished_die(work)
+    facts = die.result.printability
+    assert facts is not None
+    page = parse_page(page_text(die))
     for cell in (
         "SLA, 0.05 mm, layers of 0.05 mm",
-        f"{found.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
+        f"{facts.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
         "17.3 × 17.3 × 17.3 mm",
         "nothing",
         "one closed solid without a flaw",
     ):
         assert cell in page.cells
-    for label in found.labels:
+    for label in facts.labels:
         assert label.text in page.cells
         assert f"{label.wall_mm:.2g}" in page.cells
-    assert "Printing" not in parse_page(die_page(replace(result, printability=None), {})).text
+    bare = replace(die, result=replace(die.result, printability=None))
+    assert "Printing" not in parse_page(page_text(bare)).text
 
 
 def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
     work = checked(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
     run_stages(work, after="check", last="printing")
-    found = work.result().printability
-    assert found is not None
+    die = make_finished_die(work)
+    facts = die.result.printability
+    assert facts is not None
     concave = replace(
-        found,
+        facts,
         smallest_facet=None,
         labels=(PrintedLabel("<7>", None, None, None),),
-        best=replace(found.best, overhang_mm2=12.34, support_mm3=3.14, label="<7>"),
-        file=replace(found.file, open_edges=3),
+        best=replace(facts.best, overhang_mm2=12.34, support_mm3=3.14, label="<7>"),
+        file=replace(facts.file, open_edges=3),
     )
-    page = parse_page(die_page(replace(work.result(), printability=concave), {}))
+    result = replace(die.result, printability=concave)
+    page = parse_page(page_text(replace(die, result=result)))
     at = page.cells.index("<7>")
     assert page.cells[at + 1 : at + 4] == ["-"] * 3
     assert "<7>" in page.cells

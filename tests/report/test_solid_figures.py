@@ -6,123 +6,113 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.drawings import color_mask, is_whole
-from common.made_up_die import SIDES, box, designed
+from common.drawings import is_whole
+from common.finished import finished_box
+from common.made_up_die import SIDES, box, checked, designed
+from matplotlib.patches import Patch
 
-from dicedesign.errors import InputError
+from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import Placement, die_readings, place_labels
-from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
-from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import Work, run_stages
+from dicedesign.report import solid_figures
 from dicedesign.report.palette import ACCENT, DARK, rgb
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.solid_figures import (
     Ablation,
-    Face,
     ablation_figure,
-    faces_figure,
-    faces_of,
+    faces,
     paint_labels,
-    print_orientation_figure,
-    reading_figure,
-    views_figure,
+    print_orientation,
+    reading,
+    views,
 )
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 from tests.reference.solids import PLATONIC
 
-BOX = np.array([(x, y, z) for x in (-9, 9) for y in (-6, 6) for z in (-4, 4)], dtype=float)
 
-
-def labeled(texts: list[str], facets: list[int]):
-    hull = convex_hull(BOX)
+def labeled_box(texts: list[str], facets: list[int]) -> FinishedDie:
+    """Box of 14 x 16 x 20 mm with labels, each read from below, on facets."""
+    die = finished_box()
+    assert die.engraved is not None
+    hull = die.plain.poses.hull
     places = die_readings(hull, np.array(facets), texts, "down")[0].places
-    return hull, place_labels(places, EngravingOptions(), hull.diameter)
+    placements = place_labels(places, EngravingOptions(), hull.diameter)
+    return replace(die, engraved=replace(die.engraved, placements=placements))
 
 
-def test_faces_are_those_of_the_hull_with_the_areas_of_their_labels() -> None:
-    hull, placements = labeled(["8", "16"], [3, 1])
-    faces = faces_of(hull, placements, {3: "8: 50 %"})
-    assert [face.title for face in faces] == ["8: 50 %", "", "", "", "", ""]
-    areas = sorted(signed_area(face.outline) for face in faces)
-    np.testing.assert_allclose(areas, sorted(hull.areas), rtol=1e-9)
-    for face, placement in zip(faces, placements, strict=False):
-        cut = sum(signed_area(contour) for contour in face.cuts)
+def rings(patch: Patch) -> list[np.ndarray]:
+    """Contours (n, 2) of a patch, y upward."""
+    return [ring * [1.0, -1.0] for ring in patch.get_path().to_polygons(closed_only=False)]
+
+
+def test_faces_and_labels_are_true_to_scale() -> None:
+    die = labeled_box(["2", "<6>"], [3, 1])
+    assert die.engraved is not None
+    hull, placements = die.plain.poses.hull, die.engraved.placements
+    sheet = faces(die)
+    assert is_whole(sheet)
+    _, second, _, _, _, sixth = die.result.probabilities
+    assert sheet.texts == [f"2: {100 * second:.0f} %", f"<6>: {100 * sixth:.0f} %", "20 mm"]
+    (bar,) = sheet.drawing.lines
+    scale = float(np.ptp(bar.get_xdata())) / 20.0
+    outlines, cuts = sheet.drawing.patches[::2], sheet.drawing.patches[1::2]
+    areas = [signed_area(rings(patch)[0]) / scale**2 for patch in outlines]
+    np.testing.assert_allclose(sorted(areas), sorted(hull.areas), rtol=1e-9)
+    for area, patch, placement in zip(areas, cuts, placements, strict=False):
+        assert area == pytest.approx(hull.areas[placement.facet])
+        cut = sum(signed_area(ring) for ring in rings(patch)) / scale**2
         assert cut == pytest.approx(placement.section().area(), rel=1e-5)
-        assert signed_area(face.outline) == pytest.approx(hull.areas[placement.facet])
-        inside = np.concatenate(face.cuts)
-        assert (inside >= face.outline.min(axis=0)).all()
-        assert (inside <= face.outline.max(axis=0)).all()
-    assert all(len(face.cuts) == 0 for face in faces[2:])
+    for outline, patch in zip(outlines, cuts[:2], strict=False):
+        box, inner = outline.get_extents(), patch.get_extents()
+        assert (box.min <= inner.min).all()
+        assert (inner.max <= box.max).all()
+    # Holes are not filled: the ink of a label has its area.
+    face, dark = 255.0 * rgb([solid_figures.FACE_COLOR, DARK])[:, 0]
+    red = sheet.pixels()[::-1, :, 0]
+    for patch, placement in zip(cuts, placements, strict=False):
+        low, high = patch.get_extents().get_points()
+        (left, bottom), (right, top) = low.astype(int) - 2, high.astype(int) + 3
+        ink = ((face - red[bottom:top, left:right]) / (face - dark)).clip(0.0).sum()
+        assert ink == pytest.approx(placement.section().area() * scale**2, rel=0.03)
 
 
-def test_of_many_faces_only_those_with_labels_are_drawn() -> None:
-    points = np.random.default_rng(0).normal(size=(60, 3))
-    hull = convex_hull(40.0 * points / np.linalg.norm(points, axis=1, keepdims=True))
-    facet = int(hull.areas.argmax())
-    options = EngravingOptions(min_height_mm=0.1)
-    places = die_readings(hull, np.array([facet]), ["1"], "down")[0].places
-    placements = place_labels(places, options, hull.diameter)
-    assert len(hull.normals) > 60
-    (face,) = faces_of(hull, placements, {facet: "1"})
-    assert face.title == "1"
+def test_of_many_faces_only_those_with_labels_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solid_figures, "MAX_FACES", 5)
+    sheet = faces(labeled_box(["3"], [2]))
+    assert len(sheet.drawing.patches) == 2
+    assert sheet.texts[0].startswith("3: ")
 
 
-def test_ink_is_true_to_scale() -> None:
-    """Dark pixels against the area of a square hole in a square, beside a larger face."""
-    small = 10.0 * np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)
-    hole = small[::-1] * 0.5 + 2.5
-    faces = [
-        Face(2.0 * small, (), ""),
-        Face(small * 1.5, (small, hole), "7"),
-    ]
-    figure = faces_figure(faces)
-    assert figure.texts == ["7", "20 mm"]
-    dark = color_mask(figure, DARK)[: round(figure.height) - 60, round(figure.width) // 2 :]
-    scale = 210.0 / 20.0  # pixels of the larger face
-    letters = 60.0
-    assert dark.sum() == pytest.approx(75.0 * scale**2, rel=0.03, abs=letters)
-
-
-def test_no_faces_are_refused() -> None:
-    with pytest.raises(InputError, match="faces: expected at least one"):
-        faces_figure([])
-
-
-@pytest.mark.parametrize("limit", [19.0, 45.0])
-def test_colors_cover_what_touches_and_what_hangs(limit: float) -> None:
+@pytest.mark.parametrize(("printer", "ratio"), [("fdm", np.sqrt(5.0)), ("sla", 0.0)])
+def test_colors_cover_what_touches_and_what_hangs(printer: str, ratio: float) -> None:
     """From beneath an icosahedron's face on the bed is seen whole, and its neighbors at 41.8
-    degrees, which need supports up to a larger angle."""
-    hull = convex_hull(PLATONIC["icosahedron"])
-    solid = PrintedSolid(hull.vertices, hull.triangles, hull, (), np.zeros((0, 3)))
-    down = hull.normals[:1]
-    placement = placement_on_bed(hull.vertices, down[0])
-    points = hull.vertices @ placement[:3, :3].T + placement[:3, 3]
-    touching = points[hull.triangles][:, :, 2].max(axis=1) < 1e-3
-    hanging = solid.overhanging(down, replace(PRINTERS["fdm"], overhang_deg=limit))[:, 0]
-    figure = print_orientation_figure(points, hull.triangles, hanging, touching)
+    degrees, which need supports only by filament."""
+    points = PLATONIC["icosahedron"]
+    work = checked(points, convex_hull(points).normals, entries={"print": printer})
+    run_stages(work, after="check", last="printing")
+    figure = print_orientation(make_finished_die(work))
     counts = []
     for picture in figure.pictures:
         red, green, blue = np.asarray(picture, dtype=float).transpose(2, 0, 1)
         counts.append((int((blue > red + 25).sum()), int((red > green + 60).sum())))
     (blue, red), (blue_beneath, red_beneath) = counts
     assert blue == 0
-    assert (red > 0) == bool(hanging.any())
-    shadow = np.sqrt(5.0) if limit > 41.8 else 0.0
-    assert red_beneath / blue_beneath == pytest.approx(shadow, abs=0.1)
+    assert (red > 0) == (ratio > 0.0)
+    assert red_beneath / blue_beneath == pytest.approx(ratio, abs=0.1)
 
 
 def test_views_show_all_sides() -> None:
-    hull = convex_hull(BOX)
-    figure = views_figure(hull.vertices, hull.triangles)
+    figure = views(finished_box())
     sizes = [(picture < 255).any(axis=2).sum() for picture in figure.pictures]
     assert len(sizes) == len(figure.texts) == 8
-    # Pictures of the sides are as large as these: 12 x 8, 18 x 8 and 18 x 12 mm.
-    np.testing.assert_allclose(np.array(sizes[:3]) / sizes[2], [96 / 216, 144 / 216, 1], rtol=0.05)
+    # Sides of 16 x 20, 14 x 20 and 14 x 16 mm.
+    np.testing.assert_allclose(np.array(sizes[:3]) / sizes[2], [20 / 14, 20 / 16, 1], rtol=0.05)
 
 
 def engraved(points: Floats, directions: Floats, read: str, style: str = "engraved") -> Work:
@@ -159,9 +149,7 @@ def area_of_color(surface: RenderMesh, color: Floats) -> float:
         (PLATONIC["tetrahedron"], "up", 3, "raised"),
     ],
 )
-def test_what_is_in_color_is_the_label_that_is_read(
-    points: Floats, read: str, places: int, style: str
-) -> None:
+def test_the_label_to_read_is_in_color(points: Floats, read: str, places: int, style: str) -> None:
     """Its floor, or its top where it stands with others in a field."""
     work = engraved(points, convex_hull(points).normals, read, style)
     assert work.engraved is not None
@@ -178,27 +166,19 @@ def test_what_is_in_color_is_the_label_that_is_read(
 
 
 def test_the_straight_view_shows_the_label() -> None:
-    """As large a part of the picture of the facet is in its color as of the facet itself."""
+    """The label has the same part of the picture of its facet as of the facet itself."""
     work = engraved(box(1.0, 1.0, 1.0), SIDES, "up")
-    assert work.engraved is not None
-    mine = labels_of(work, 2)
-    (placement,) = mine
-    surface = paint_labels(work.engraved.points, work.engraved.triangles, mine)
-    sheet = reading_figure(
-        surface,
-        SIDES[2],
-        placement.frame[:3, 1],
-        [("from above", -SIDES[2], placement.frame[:3, 1])],
-        "Read it.",
-    )
-    assert sheet.texts == ["as it lies", "from above", "Read it."]
+    (placement,) = labels_of(work, 0)
+    sheet = reading(make_finished_die(work))
+    assert sheet.texts[:2] == ["as it lies", "from above: 1"]
+    assert len(sheet.texts) == 3
     picture = sheet.pictures[1].astype(np.int64)
     red, green, blue = np.moveaxis(picture, -1, 0)
-    seen = (picture < 255).any(axis=-1)
-    part = (seen & (red > 2 * green)).sum() / seen.sum()
+    drawn = (picture < 255).any(axis=-1)
+    part = (drawn & (red > 2 * green)).sum() / drawn.sum()
     area = placement.section().area()
     assert part == pytest.approx(area / work.solid.poses.hull.areas[placement.facet], rel=0.1)
-    assert (blue[seen] < red[seen]).all()
+    assert (blue[drawn] < red[drawn]).all()
 
 
 def share_like_accent(picture: np.ndarray) -> float:
@@ -210,7 +190,7 @@ def share_like_accent(picture: np.ndarray) -> float:
     return float((cosines > 0.995).mean())
 
 
-def test_further_rests_are_told_and_shown() -> None:
+def test_further_rests_are_counted_and_shown() -> None:
     poses = rest_poses(box(1.0, 1.0, 1.0))
     clean = Ablation("all terms", 1e-3, poses, np.arange(6))
     # Opposite facets for one outcome: three of the six rests are further ones.

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
 from common.drawings import color_mask, is_whole
+from common.finished import finished_box
 
-from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.fabricate.die import FinishedDie, assess_file
+from dicedesign.geometry.meshes.reading import stl_bytes
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.triangles import Surface
+from dicedesign.optimize.targets import Target
+from dicedesign.report import surface_figures
 from dicedesign.report.palette import BASINS, repeat, rgb
 from dicedesign.report.raster import Camera, three_cameras
-from dicedesign.report.renderer import RenderMesh, Shell
+from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.sheet import Sheet
 from dicedesign.report.surface_figures import (
     before_after_figure,
-    crossings_figure,
-    displacement_figure,
-    hull_figure,
-    outcome_tints,
-    rests_figure,
+    crossings,
+    displacement,
+    hull,
+    rests,
     rows_of_views,
+    surface_of,
 )
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -83,20 +92,27 @@ def test_before_and_after_are_drawn_at_one_scale() -> None:
     assert figure.png() == before_after_figure(*both, UP).png()
 
 
-def hull_of(mesh: trimesh.Trimesh, downs: np.ndarray) -> Shell:
-    """The convex hull, its facets toward directions tinted as outcomes 0, 1, ..."""
-    hull = convex_hull(mesh.vertices)
-    corners = hull.vertices[hull.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    near = normals @ downs.T > 0.999
-    return Shell(
-        hull.vertices, hull.triangles, outcome_tints(np.where(near.any(1), near.argmax(1), -1))
-    )
+def reshaped(points: Any, triangles: Any, downs: np.ndarray, before: Any = None) -> FinishedDie:
+    """Die of a surface, with an outcome for each direction (k, 3) that points down."""
+    surface = Surface(np.asarray(points, float), np.asarray(triangles, np.int64))
+    start = surface if before is None else Surface(np.asarray(before), surface.triangles)
+    target = Target([f"${k}$" for k in range(len(downs))], np.full(len(downs), 1.0 / len(downs)))
+    data = stl_bytes(surface.points, surface.triangles)
+    die = finished_box(labels=target.labels)
+    concave: Any = SimpleNamespace(before=start, after=surface, directions=downs)
+    plain = assess_file(data, downs / norms(downs)[:, None], target)
+    return replace(die, plain=plain, reshaped=concave, upward=UP)
 
 
-def clear(shell: Shell) -> Shell:
-    return Shell(shell.vertices, shell.triangles, np.full_like(shell.tints, np.nan))
+def clear(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw shells without tints."""
+    shell_of = surface_figures.shell_of
+
+    def clear_shell(die: FinishedDie) -> RenderMesh:
+        shell = shell_of(die)
+        return replace(shell, colors=np.full_like(shell.points, np.nan))
+
+    monkeypatch.setattr(surface_figures, "shell_of", clear_shell)
 
 
 def share_tinted(tinted: np.ndarray, plain: np.ndarray, color: np.ndarray) -> float:
@@ -109,25 +125,25 @@ def share_tinted(tinted: np.ndarray, plain: np.ndarray, color: np.ndarray) -> fl
     return float(((share > 0.4) & (aside < 0.05)).mean())
 
 
-def test_the_overlay_shows_the_hull_and_its_rests() -> None:
+def test_the_overlay_shows_the_hull_and_its_rests(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = dumbbell()
-    downs = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    shell = hull_of(mesh, downs)
-    surface = RenderMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    die = reshaped(mesh.vertices, mesh.faces, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
     # One camera at each outcome's facet.
-    cameras = [Camera(down, np.array([1.0, 0, 0]), np.zeros(3), 1.5) for down in downs]
-    figure = hull_figure(surface, shell, ["$heads$", "tails"], cameras)
-    assert figure.texts[-2:] == ["$heads$", "tails"]
+    cameras = [Camera(down, np.array([1.0, 0, 0]), np.zeros(3), 1.5) for down in np.eye(3)[1:]]
+    monkeypatch.setattr(surface_figures, "three_cameras", lambda *_: cameras)
+    figure = hull(die)
+    assert figure.texts[-2:] == ["$0$", "$1$"]
     colors = rgb(BASINS[:2])
     for color in BASINS[:2]:
         assert color_mask(figure, color)[-45:].sum() > 300
     first, second = figure.pictures
-    plain = hull_figure(surface, clear(shell), ["a", "b"], cameras).pictures
+    clear(monkeypatch)
+    plain = hull(die).pictures
     assert share_tinted(first, plain[0], colors[0]) > 0.9
     assert share_tinted(first, plain[0], colors[1]) == 0.0
     assert share_tinted(second, plain[1], colors[1]) > 0.2
     # The hull covers more than the surface alone.
-    bare = rows_of_views({"": surface}, cameras[1:]).pictures[0]
+    bare = rows_of_views({"": surface_of(die)}, cameras[1:]).pictures[0]
     assert (second < 255).any(axis=2).sum() > 1.1 * (bare < 255).any(axis=2).sum()
     assert is_whole(figure)
 
@@ -135,12 +151,11 @@ def test_the_overlay_shows_the_hull_and_its_rests() -> None:
 def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=4)
     before = np.asarray(mesh.vertices)
-    after = before + np.where(before[:, :1] > 0.0, [[0.1, 0.0, 0.0]], 0.0)
-    cameras = [Camera(np.array([x, 0.0, 0.0]), UP, np.zeros(3), 1.3) for x in (1.0, -1.0)]
-    figure = displacement_figure(before, after, mesh.faces, cameras)
-    diagonal = np.linalg.norm(np.ptp(before, axis=0))
-    largest = 100.0 * 0.1 / diagonal
-    mean = largest * (before[:, 0] > 0.0).mean()
+    # The first camera looks at the side that moves, the second one from behind.
+    after = before + np.where(before[:, 1:2] < 0.0, [[0.0, -0.1, 0.0]], 0.0)
+    figure = displacement(reshaped(after, mesh.faces, np.eye(3), before))
+    largest = 100.0 * 0.1 / np.linalg.norm(np.ptp(before, axis=0))
+    mean = largest * (before[:, 1] < 0.0).mean()
     expected = f"mean {mean:.2g} %, largest {largest:.2g} % of the diagonal"
     assert f"displacement: {expected}" in figure.texts
     assert "displacement (% of the diagonal)" in figure.texts
@@ -149,33 +164,27 @@ def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> Non
         picture[len(picture) // 2, picture.shape[1] // 2] for picture in figure.pictures[:2]
     )
     assert still.astype(int).sum() > moved.astype(int).sum() + 200
-
-
-def test_a_surface_that_was_not_moved_has_a_displacement_figure() -> None:
-    mesh = trimesh.creation.icosphere(subdivisions=1)
-    points = np.asarray(mesh.vertices)
-    figure = displacement_figure(points, points, mesh.faces, three_cameras(points, UP))
+    figure = displacement(reshaped(before, mesh.faces, np.eye(3)))
     assert "mean 0 %, largest 0 %" in " ".join(figure.texts)
     assert is_whole(figure)
 
 
 @pytest.mark.parametrize("count", [1, 6])
-def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
+def test_each_outcome_is_shown_lying_and_from_below(
+    count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mesh = dumbbell()
-    downs = np.concatenate([np.eye(3), -np.eye(3)])[:count] * 7.0
-    shell = hull_of(mesh, downs / 7.0)
-    surface = RenderMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    labels = [f"no. {k}" for k in range(count)]
-    probabilities = np.arange(1, count + 1) / 100.0
-    front = np.array([1.0, 2.0, 3.0])
-    figure = rests_figure(surface, shell, downs, labels, probabilities, front)
+    downs = np.concatenate([np.eye(3)[1:], -np.eye(3), np.eye(3)[:1]])[:count] * 7.0
+    die = reshaped(mesh.vertices, mesh.faces, downs)
+    figure = rests(die)
     shown = titled(figure)
-    plain = titled(rests_figure(surface, clear(shell), downs, labels, probabilities, front))
-    for k, label in enumerate(labels):
-        assert f"{label}: {k + 1}.00 %" in shown
+    clear(monkeypatch)
+    plain = titled(rests(die))
+    colors = rgb(repeat(BASINS, count))
+    for k, p in enumerate(die.plain.outcomes.probabilities):
+        assert f"${k}$: {100.0 * p:.2f} %" in shown
         # The facet that it rests on is seen straight from below.
-        below = f"{label}: underside"
-        colors = rgb(repeat(BASINS, count))
+        below = f"${k}$: underside"
         shares = [share_tinted(shown[below], plain[below], color) for color in colors]
         assert int(np.argmax(shares)) == k
         assert shares[k] > 0.15
@@ -184,27 +193,15 @@ def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
     assert len({picture.shape[0] for picture in figure.pictures[: min(count, 4)]}) == 1
 
 
-def test_resting_views_need_matching_arguments() -> None:
-    mesh = dumbbell()
-    surface = RenderMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    shell = hull_of(mesh, np.eye(3))
-    with pytest.raises(InputError, match="got 2 directions, 1 labels and 2 probabilities"):
-        rests_figure(surface, shell, np.eye(3)[:2], ["a"], np.ones(2), UP)
-    with pytest.raises(InputError, match="at least one"):
-        rests_figure(surface, shell, np.zeros((0, 3)), [], np.ones(0), UP)
-
-
 def test_triangles_that_meet_are_red() -> None:
     mesh = dumbbell()
-    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
-    cameras = three_cameras(points, UP)
+    die = reshaped(mesh.vertices, mesh.faces, np.eye(3))
 
     def red(pairs: list[list[int]]) -> int:
-        found = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-        drawn = np.concatenate(crossings_figure(points, triangles, found, cameras).pictures)
+        quality: Any = SimpleNamespace(intersections=np.reshape(pairs, (-1, 2)).astype(int))
+        drawn = np.concatenate(crossings(replace(die, quality=quality)).pictures)
         channels = drawn[..., :3].astype(int)
         return int((channels[..., 0] > channels[..., 1] + 60).sum())
 
-    assert red([]) == 0
-    few, all_of_them = red([[0, 1]]), red([[2 * k, 2 * k + 1] for k in range(len(triangles) // 2)])
-    assert 0 < few < all_of_them
+    few, everything = red([[0, 1]]), red([[2 * k, 2 * k + 1] for k in range(len(mesh.faces) // 2)])
+    assert red([]) == 0 < few < everything

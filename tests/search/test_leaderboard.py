@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-from io import BytesIO
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,10 @@ import numpy as np
 import pytest
 from common.drawings import is_whole
 from common.parsed_html import parse_page
-from PIL import Image
 
-from dicedesign import rest_poses
 from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.report.curve_charts import pareto_chart
-from dicedesign.report.pages import lying_die_png
 from dicedesign.search.leaderboard import leaders, pareto_front, rank_trials, write_results
 from dicedesign.search.trials import run_trial
 
@@ -165,17 +161,6 @@ def test_best_is_what_was_found(tmp_path: Path, recipe: Recipe) -> None:
     again = run_trial(read_recipe(tmp_path / "best.yaml").as_dict())
     assert again["vertices"] == result["vertices"]
     assert again["margin_deg"] == result["margin_deg"]
-
-
-def test_a_lying_die_is_seen_whole() -> None:
-    """White on all borders, and in the middle."""
-    points = np.random.default_rng(0).normal(size=(12, 3)) * [1.0, 0.3, 3.0]
-    data = lying_die_png(points, rest_poses(points).normals[0])
-    dark = (np.asarray(Image.open(BytesIO(data))).astype(int) < 250).any(-1)
-    for covered in (dark.any(axis=0), dark.any(axis=1)):
-        first, *_, last = np.flatnonzero(covered)
-        assert 0 < first <= last < len(covered) - 1
-        assert abs((first + last) / 2.0 - (len(covered) - 1) / 2.0) <= 1.5
 
 
 def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:

@@ -1,14 +1,14 @@
-// Links the 3D view of a die, the table of its facets and its Gauss map: what is pointed at in one
-// is shown in all. Without WebGL table and map are linked alone; without scripts the page is as it
-// is printed.
+// Link the 3D view of a die, the table of its facets and its Gauss map: the facet under the pointer
+// in one is shown in all. Without WebGL the table and the map are linked; without scripts the page
+// looks as in print.
 "use strict";
 (() => {
-  const ACCENT = [0.539, 0.095, 0.0103]; // #c2571a in amounts of light
-  const LIFT = 0.35; // of the camera above a table, in radians
-  const LEAN = [0.22, -0.3]; // of a facet that is shown, about the axes to the right and upward
+  const ACCENT = [0.539, 0.095, 0.0103]; // #c2571a in linear light
+  const LIFT = 0.35; // elevation of the camera above a table, in radians
+  const LEAN = [0.22, -0.3]; // turn of a shown facet about the axes to the right and upward, in radians
   const TURN_MS = 350;
-  const KEY_TURN = 0.15;
-  const FIELD = 30;
+  const KEY_TURN = 0.15; // radians
+  const FIELD = 30; // degrees
 
   const linked = document.querySelectorAll("[data-facet]");
   const rows = new Map();
@@ -24,8 +24,12 @@
       part.addEventListener("blur", () => show(null));
     }
     part.addEventListener("pointerenter", () => show(facet, true));
-    // A finger leaves what it has tapped at once.
-    part.addEventListener("pointerleave", (event) => event.pointerType === "touch" || show(null));
+    part.addEventListener("pointerleave", leave);
+  }
+
+  // A finger leaves an element as soon as it has tapped it.
+  function leave(event) {
+    if (event.pointerType !== "touch") show(null);
   }
 
   function show(facet, turns = false) {
@@ -50,7 +54,7 @@
     return new Response(whole);
   }
 
-  // Vectors in the page are in the body's frame, in mm; in a GLB y is upward, in meters.
+  // Vectors in the page are in the frame of the body, in mm; a GLB is in meters, and y is upward.
   function vector(text) {
     const [x, y, z] = text.split(" ").map(Number);
     return new THREE.Vector3(x, z, -y);
@@ -98,6 +102,8 @@
         });
       }
       this.radius = this.reach(solid.position);
+      this.camera.near = 0.05 * this.radius;
+      this.camera.far = 100 * this.radius;
       this.nearness = 1;
       if (this.stands) this.addTable();
       const tilt = new THREE.Euler(0.4, -0.6, 0);
@@ -108,7 +114,7 @@
       this.resize();
     }
 
-    // Largest distance of a corner from the center of mass, about which the die turns.
+    // Largest distance of a vertex from the center of mass, about which the die turns.
     reach(shift) {
       let far = 0;
       const corner = new THREE.Vector3();
@@ -136,7 +142,7 @@
         else mesh.material.color.copy(color);
       }
       const row = rows.get(facet);
-      this.tell(row);
+      this.describe(row);
       if (this.table) this.table.visible = Boolean(row);
       if (row) {
         const down = vector(row.dataset.down).normalize();
@@ -151,32 +157,30 @@
       this.draw();
     }
 
-    tell(row) {
+    describe(row) {
       const heads = row ? [...row.closest("table").tHead.rows[0].cells] : [];
       const texts = heads.map((head, k) => `${head.textContent} ${row.cells[k].textContent}`);
       view.querySelector("output").textContent = texts.slice(0, 3).join(", ");
     }
 
-    // The turn after which a direction of the body points to the viewer, nearly, and another upward.
+    // Orientation in which a direction of the body points nearly to the viewer, and another upward.
     facing(outward, up) {
       const lean = new THREE.Quaternion().setFromEuler(new THREE.Euler(LEAN[0], LEAN[1], 0));
-      if (!up) return lean.multiply(this.brought(outward, new THREE.Vector3(0, 0, 1)));
-      const right = new THREE.Vector3().crossVectors(vector(up), outward).normalize();
-      const upward = new THREE.Vector3().crossVectors(outward, right);
-      const frame = new THREE.Matrix4().makeBasis(right, upward, outward);
+      if (!up) return lean.multiply(this.bring(outward, new THREE.Vector3(0, 0, 1)));
+      const frame = new THREE.Matrix4().lookAt(outward, new THREE.Vector3(), vector(up));
       return lean.multiply(new THREE.Quaternion().setFromRotationMatrix(frame).conjugate());
     }
 
-    // The turn after which the body stands on its rest, seen a little from above.
+    // Orientation in which the body stands on its rest, seen slightly from above.
     standing(down) {
-      return this.brought(down, new THREE.Vector3(0, -Math.cos(LIFT), -Math.sin(LIFT)));
+      return this.bring(down, new THREE.Vector3(0, -Math.cos(LIFT), -Math.sin(LIFT)));
     }
 
-    // The least further turn that brings a direction of the body to one of the view.
-    brought(direction, place) {
+    // Orientation after the smallest turn that brings a direction of the body to one of the view.
+    bring(direction, place) {
       const now = this.body.quaternion;
-      const seen = direction.clone().applyQuaternion(now);
-      return new THREE.Quaternion().setFromUnitVectors(seen, place).multiply(now);
+      const current = direction.clone().applyQuaternion(now);
+      return new THREE.Quaternion().setFromUnitVectors(current, place).multiply(now);
     }
 
     turnTo(goal) {
@@ -231,9 +235,9 @@
         from = event;
       });
       for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => (from = null));
-      canvas.addEventListener("pointerleave", (event) => event.pointerType === "touch" || show(null));
+      canvas.addEventListener("pointerleave", leave);
       canvas.addEventListener("wheel", (event) => {
-        // Else the page scrolls, until the view has been clicked.
+        // Until the view has been clicked, the wheel scrolls the page.
         if (document.activeElement !== canvas) return;
         event.preventDefault();
         this.approach(Math.exp(-0.001 * event.deltaY));
@@ -259,8 +263,6 @@
       const half = Math.sin((Math.PI * FIELD) / 360) * Math.min(1, width / height);
       this.camera.position.z = (1.03 * this.radius) / half / this.nearness;
       this.camera.aspect = width / height;
-      this.camera.near = Math.max(0.05 * this.radius, this.camera.position.z - 1.1 * this.radius);
-      this.camera.far = this.camera.position.z + 1.1 * this.radius;
       this.camera.updateProjectionMatrix();
       this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
       this.renderer.setSize(width, height, false);
