@@ -145,23 +145,19 @@ def _limit(printer: Printer) -> float:
     return math.cos(math.radians(max(printer.overhang_deg - ALMOST_DEG, 0.0))) + LEVEL
 
 
-def beds(hull: ConvexHull, rests: Integers, is_convex: bool) -> Floats:
-    """Unit directions (d, 3) that can point to the bed: normals of the facets that are large enough
-    to hold the die, or if there are none, of those that it rests on.
-
-    hull: of the die; rests: (r,) facets that it rests on; is_convex: whether facets of the hull are
-    facets of the die, else only its rests are candidates.
-    """
-    facets = np.arange(len(hull.normals)) if is_convex else rests
-    tall = np.ptp(hull.vertices @ hull.normals[facets].T, axis=0)
+def beds(poses: RestPoses) -> Floats:
+    """Unit directions (d, 3) that can point to the bed of a convex die: normals of the facets that
+    are large enough to hold it, or if there are none, of those that it rests on."""
+    hull = poses.hull
+    tall = np.ptp(hull.vertices @ hull.normals.T, axis=0)
     # The area of a facet bounds that of its circle, which takes longer.
-    wide = np.pi * (FOOTING * tall / 2.0) ** 2 <= hull.areas[facets]
-    large_parts = [
+    wide = np.pi * (FOOTING * tall / 2.0) ** 2 <= hull.areas
+    large = [
         facet
-        for facet, height in zip(facets[wide].tolist(), tall[wide], strict=True)
-        if 2.0 * facet_inradius(hull, facet) >= FOOTING * height
+        for facet in np.flatnonzero(wide).tolist()
+        if 2.0 * facet_inradius(hull, facet) >= FOOTING * tall[facet]
     ]
-    return hull.normals[large_parts if large_parts else rests]
+    return hull.normals[large] if large else poses.normals
 
 
 def placement_on_bed(points: Floats, down: Floats) -> Floats:
@@ -371,7 +367,7 @@ def printability(
     # The fewest labels spoiled, then the least area to support, then the largest area on the bed,
     # to a tenth of a mm2.
     best = min(
-        die.poses(beds(rests.hull, rests.facets, designed is not None), printer),
+        die.poses(rests.normals if designed is None else beds(rests), printer),
         key=lambda pose: (
             len(pose.spoiled),
             round(pose.overhang_mm2, 1),

@@ -17,13 +17,13 @@ from dicedesign.fabricate.print_tolerances import (
     weigh_print,
 )
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.triangles import solid_properties
+from dicedesign.geometry.triangles import Surface, solid_properties
 
 PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.0, 70.0]])
 
 
-def printed(hull: ConvexHull, infill: float, walls: float) -> tuple[float, np.ndarray]:
-    """Mass over that of the solid body, and center of mass."""
+def weigh(hull: ConvexHull, infill: float, walls: float) -> tuple[float, np.ndarray]:
+    """Mass relative to a solid print, and center of mass."""
     volume, centroid = solid_properties(hull.vertices, hull.triangles)
     return weigh_print(volume, centroid, inside_walls(hull, walls), infill)
 
@@ -32,14 +32,14 @@ def test_infill_of_a_box() -> None:
     hull = convex_hull(box(20.0, 24.0, 30.0) + np.array([1.0, 2.0, 3.0]))
     inside = inside_walls(hull, 1.5)
     assert inside[0] == pytest.approx(17.0 * 21.0 * 27.0)
-    mass, center = printed(hull, 0.2, 1.5)
+    mass, center = weigh(hull, 0.2, 1.5)
     assert mass == pytest.approx(1.0 - 0.8 * 17.0 * 21.0 * 27.0 / (20.0 * 24.0 * 30.0))
     np.testing.assert_allclose(center, [1.0, 2.0, 3.0], atol=1e-12)
 
 
 def test_infill_of_a_pyramid_against_random_points() -> None:
     hull, infill, walls = convex_hull(PYRAMID), 0.2, 3.0
-    mass, center = printed(hull, infill, walls)
+    mass, center = weigh(hull, infill, walls)
     points = drawn(hull, 400_000)
     depth = depths(hull, points).min(axis=1)
     density = np.where(depth > walls, infill, 1.0)
@@ -67,7 +67,7 @@ def test_pockets_have_walls(text: str, style: str) -> None:
     places = die_readings(hull, np.array([facet]), [text], "down")[0].places
     margins = [edge_margins(hull, facet, options)]
     placements = place_labels(places, options, hull.diameter, margins)
-    surface = engrave(hull.vertices, hull.triangles, placements, options)
+    surface = engrave(Surface(hull.vertices, hull.triangles), placements, options)
     sections = cut_sections(hull, placements, options)
     inside = inside_walls(hull, walls, pocket_walls(sections, options.depth_mm, walls))
     plain = inside_walls(hull, walls)
