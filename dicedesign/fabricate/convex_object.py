@@ -119,7 +119,7 @@ class ConvexObject:
         return np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
 
     def place_labels(self, placements: Sequence[Placement]) -> tuple[Placement, ...]:
-        """Move labels from the facets of the core outward onto those of the object."""
+        """Move labels from the facets of the core outward onto the object."""
         lift = 0.0 if self.edges is None else self.edges.radius_mm
         return tuple(each.shift(lift * each.frame[:3, 2]) for each in placements)
 
@@ -127,7 +127,7 @@ class ConvexObject:
 def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
     """Core of a convex die: the shape inside the rounded edges, with the die's facet numbers.
 
-    Raises EngravingError if the radius exceeds that of the circle in a facet to rest on.
+    Raises EngravingError if the radius exceeds the inradius of a facet to rest on.
     """
     hull = poses.hull
     if edges is None:

@@ -167,7 +167,7 @@ class Assessment:
 @dataclass(frozen=True, eq=False)
 class Solid:
     """Die in mm, plain or with labels and rounded edges, with its center of mass at the origin,
-    before its coordinates are rounded to those of a file.
+    before its coordinates are rounded for a file.
 
     Attributes
     ----------

@@ -135,12 +135,12 @@ def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingO
     ----------
     plain: the convex solid in mm.
     placements: labels on its flat facets, from `place_labels`.
-    options: style and depth; sizes and places are those of the placements.
+    options: style and depth; sizes and places come from the placements.
 
     Returns
     -------
     Surface in mm that passed the checks: no boolean error, the pieces and handles of the plain
-    solid, and its volume less that of the labels to `ENGRAVED_VOLUME_TOLERANCE`.
+    solid, and its volume less the labels' to `ENGRAVED_VOLUME_TOLERANCE`.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingO
 def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
     """Bodies that fill the pockets of `engrave`, up to the facets of the plain solid.
 
-    Parameters are those of `engrave`, which checks them.
+    Parameters as for `engrave`, which checks them.
     """
     cuts = _cuts(convex_hull(plain.points), placements, options)
     cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)

@@ -144,8 +144,8 @@ class EdgeOptions:
 
     radius_mm: float = 1.0
     """Radius of a fillet, or of the ball whose chords are the chamfers, above 0: at most a fifth of
-    the die's size, and of the smallest facet's circle; that of a fillet at least a hundredth of the
-    size."""
+    the die's size, and the radius of the smallest facet's circle; for a fillet at least a hundredth
+    of the size."""
     shape: Literal["fillet", "chamfer"] = "fillet"
     """`fillet` rounds off, `chamfer` cuts flat."""
 

@@ -51,8 +51,7 @@ def text_contours(text: str, font: str = BUNDLED_FONT) -> list[Floats]:
 
 def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
     """Yield a text in one line, in two and so on, broken at spaces so that the widest line is
-    narrowest. Parameters and errors are those of `text_contours`.
-    """
+    narrowest. Parameters and errors as for `text_contours`."""
     words, opened = text.split(" "), open_font(font)
     widths = [opened.line(word)[1] for word in words]
     space = opened.line(" ")[1] if len(words) > 1 else 0.0
@@ -69,7 +68,7 @@ def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
 def text_section(text: str, font: str = BUNDLED_FONT) -> CrossSection:
     """Plane section of a text, in digit heights.
 
-    Parameters and errors are those of `text_contours`; also raises EngravingError if the text draws
+    Parameters and errors as for `text_contours`; also raises EngravingError if the text draws
     nothing.
     """
     # Contours of TrueType fonts are clockwise, others are not, and those of variable fonts overlap.

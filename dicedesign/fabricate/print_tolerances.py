@@ -56,7 +56,7 @@ ROLLS: Final = 1000
 """Number of rolls of the test."""
 
 NOTICED: Final = 0.1
-"""Largest share of prints that the test may notice: twice that of perfect dice."""
+"""Largest share of prints that the test may notice: twice the share for perfect dice."""
 
 FINENESS: Final = 1e-6
 """Tolerance of the allowed offset, over the die's size."""
@@ -72,7 +72,7 @@ NEVER: Final = 1.0
 
 
 AXES: Final = np.eye(3)
-"""Axes of a printer that are those of the die."""
+"""Axes of a printer aligned with the die."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ class ProbabilitySpread:
 
     @property
     def is_uniform(self) -> bool:
-        """Whether the center of mass is that of the solid, which moves with added material."""
+        """Whether the body is a uniform solid, whose center of mass moves with added material."""
         return self.poses.center_of_mass_source != "given"
 
     @cached_property
@@ -358,7 +358,7 @@ def pocket_walls(
     sections: Sequence[tuple[Placement, CrossSection]], depth_mm: float, walls_mm: float
 ) -> list[Manifold]:
     """Walls around pockets, as solids that reach from outside of the facet to below the pocket's
-    floor. Their lower rims are square, those of slicers may be round.
+    floor. Their lower rims are square; slicers may round them.
 
     sections: of the pockets, from `cut_sections`; depth_mm: of the pockets.
     """
@@ -377,7 +377,7 @@ def pocket_walls(
 def weigh_print(
     volume: float, centroid: Floats, inside: Inside, infill: float
 ) -> tuple[float, Floats]:
-    """Ratio of a print's mass to that of a solid print, and its center of mass (3,).
+    """Mass of a print over the mass of a solid print, and its center of mass (3,).
 
     volume, centroid: of the solid, with its labels cut in; infill: 0 to 1.
     """

@@ -260,7 +260,7 @@ def walls_under(
     to a facet beneath, which faces the other way, or from the pocket to another one.
 
     Both are exact: in a convex solid the distance from the facets is a concave function, least at a
-    corner of the floor, and the distance of two pockets is that of their triangles.
+    corner of the floor, and the distance of two pockets is the least between their triangles.
 
     placements: k labels on facets of the die; depth: of their pockets, above 0; hull: of the die in
     mm. Returns k numbers, 0 where a pocket meets another one or breaks through.
