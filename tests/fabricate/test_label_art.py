@@ -104,14 +104,6 @@ def test_areas_equal_those_of_fonttools() -> None:
         assert text_section(text).area() == pytest.approx(expected, rel=3e-3)
 
 
-def test_digits_are_equally_wide_and_not_kerned() -> None:
-    starts = [text_contours(digit + "1")[-1][:, 0].min() for digit in "0123456789"]
-    np.testing.assert_allclose(starts, starts[0])
-    step = starts[0] - text_contours("1")[0][:, 0].min()
-    third = text_contours("111")[2][:, 0].min() - text_contours("1")[0][:, 0].min()
-    assert third == pytest.approx(2 * step)
-
-
 def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
     """Compared with all line breaks, by the bounds of the sections."""
     words = ["a", "critical", "hit", "or", "a", "miss"]
