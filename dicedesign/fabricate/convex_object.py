@@ -1,9 +1,9 @@
-"""The object that is made of a plain convex shape: edges rounded or chamfered, labels cut in that
-go along with their facets, and a hidden hollow that balances them.
+"""Finished object of a plain convex shape: rounded or chamfered edges, labels that move with their
+facets, and a hidden hollow that balances them.
 
 A ball is rolled over a core: the rounded solid is the hull of points at the radius from the core's
-corners. Height over the table is then that of the core plus the radius, so that a perfectly round
-solid has the probabilities of its core. Lengths are in millimeters.
+corners. Its height over the table is the core's plus the radius, so a perfectly round solid has the
+probabilities of its core. Lengths are in millimeters.
 """
 
 from __future__ import annotations
@@ -40,14 +40,12 @@ from dicedesign.throws.tables import Table
 
 @dataclass(frozen=True)
 class ConvexObject:
-    """Recipe of an object from its core, the shape inside the rounded edges.
+    """Maker of a finished object from its core, the shape inside the rounded edges.
 
     Attributes
     ----------
-    labels: how they are cut, or None for no labels. edges: how they are rounded, or None for sharp
-        ones.
-    offset: (3,) from the centroid of the core to a center of mass that was given; None where it is
-        that of the solid.
+    labels: options, or None for no labels. edges: options, or None for sharp ones.
+    offset: (3,) from the centroid of the core to a given center of mass; None for the solid's.
     """
 
     labels: EngravingOptions | None
@@ -55,7 +53,7 @@ class ConvexObject:
     offset: Floats | None = None
 
     def make_unlabeled(self, core: ConvexHull) -> Surface:
-        """The solid without labels."""
+        """Make the solid without labels."""
         hull = core
         if self.edges is not None:
             center = core.centroid if self.offset is None else core.centroid + self.offset
@@ -63,25 +61,24 @@ class ConvexObject:
         return Surface(hull.vertices, hull.triangles)
 
     def make_balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
-        """The solid by which the object is judged: engraved, with a hidden hollow where that is to
-        balance it; whole where the labels are filled. Raises EngravingError."""
-        if self.labels is None or self.labels.balance == "fill":
-            return self.make_unlabeled(core)
-        return self.make_engraved(core, placements)
+        """Make the solid that has the object's probabilities: engraved, or whole if labels are
+        filled. Raises EngravingError."""
+        is_filled = self.labels is not None and self.labels.balance == "fill"
+        return self.make_engraved(core, () if is_filled else placements)
 
     def make_engraved(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
-        """Solid with its labels cut in, without fillings. Raises EngravingError."""
+        """Make the solid with its labels cut in, and a hidden hollow to balance them if the options
+        say so. Raises EngravingError."""
         plain = self.make_unlabeled(core)
         if self.labels is None or not placements:
             return plain
-        marked = engrave(plain.points, plain.triangles, self.place_labels(placements), self.labels)
+        marked = engrave(plain, self.place_labels(placements), self.labels)
         return hollow_out(marked, plain.centroid) if self.labels.balance == "opposite" else marked
 
     def inlay(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
-        """The bodies that fill the labels."""
+        """Make the bodies that fill the labels."""
         assert self.labels is not None
-        plain = self.make_unlabeled(core)
-        return inlay(plain.points, plain.triangles, self.place_labels(placements), self.labels)
+        return inlay(self.make_unlabeled(core), self.place_labels(placements), self.labels)
 
     @staticmethod
     def carry_labels(
@@ -92,13 +89,11 @@ class ConvexObject:
     ) -> tuple[Placement, ...]:
         """Move labels from the facets of one hull onto those of a nearly equal one.
 
-        A label keeps its size and its place from the centroid of its facet, and turns no more than
-        the facet does: so a small change of the shape is a small change of what the labels take
-        away.
+        A label keeps its size and its offset from the centroid of its facet, and turns no more than
+        the facet, so a small change of the shape is a small change of the removed material.
 
-        moved_normals: (m, 3) unit normals that the facets of the first hull have in the second one.
-            The nearest of the second hull's may be another facet's, where two lie almost in one
-            plane.
+        moved_normals: (m, 3) unit normals of the facets of the first hull in the second one. The
+            nearest normal may be another facet's if two are almost coplanar.
         """
 
         def middle(hull: ConvexHull, facet: int, frame: Floats) -> Floats:
@@ -124,15 +119,15 @@ class ConvexObject:
         return np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
 
     def place_labels(self, placements: Sequence[Placement]) -> tuple[Placement, ...]:
-        """Move labels from the facets of the core outward onto those of the object."""
+        """Move labels from the facets of the core outward onto the object."""
         lift = 0.0 if self.edges is None else self.edges.radius_mm
         return tuple(each.shift(lift * each.frame[:3, 2]) for each in placements)
 
 
 def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
-    """Core of a convex die: the shape inside the rounded edges, with the facet numbers of the die.
+    """Core of a convex die: the shape inside the rounded edges, with the die's facet numbers.
 
-    Raises EngravingError where the radius is larger than the circle of a facet to rest on.
+    Raises EngravingError if the radius exceeds the inradius of a facet to rest on.
     """
     hull = poses.hull
     if edges is None:
@@ -142,9 +137,8 @@ def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
         room = facet_inradius(core, facet)
         if edges.radius_mm > room:
             raise EngravingError(
-                f"edges.radius_mm: expected at most the radius of the circle that is left flat on "
-                f"facet {facet}, {room:.3g} mm, got {edges.radius_mm:g}; lower it, or take a "
-                "larger size_mm"
+                f"edges.radius_mm: expected at most {room:.3g}, the radius of the flat circle on "
+                f"facet {facet}, got {edges.radius_mm:g}; lower it, or take a larger size_mm"
             )
     return core
 
@@ -152,11 +146,10 @@ def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
 def measure_resting(
     prior: Prior | None, offset: Floats | None = None
 ) -> Callable[[Surface, Floats], Measured]:
-    """Probabilities without momentum, under a prior if there is one, of a solid whose outcomes have
-    directions (k, 3).
+    """Measure of a solid's probabilities without momentum, under a prior if any, for directions
+    (k, 3) of its outcomes.
 
-    offset: (3,) of a center of mass that was given, from the centroid of the hull; None for that of
-        the solid.
+    offset: (3,) from the centroid of the hull to a given center of mass; None for the solid's.
     """
 
     def measure(surface: Surface, directions: Floats) -> Measured:
@@ -174,8 +167,7 @@ def measure_resting(
 def measure_thrown(
     table: Table, model: MomentumModel | None
 ) -> Callable[[Surface, Floats], Measured]:
-    """Measure of an object's probabilities by the momentum model of a table, which needs the
-    solid's inertia."""
+    """Measure of a solid's probabilities by the momentum model of a table."""
 
     def measure(surface: Surface, directions: Floats) -> Measured:
         body = make_body(surface.points, surface.triangles)
@@ -186,36 +178,31 @@ def measure_thrown(
 
 
 LEAST_RADIUS: Final = 1.0
-"""Of a hollow, in mm: printers lose smaller ones."""
+"""Least radius of a hollow in mm: printers lose smaller ones."""
 
 WALL: Final = 1.0
 """Least thickness of the body around the hollow, in mm."""
 
 SEGMENTS: Final = 32
-"""Of the hollow's equator."""
+"""Number of segments of the hollow's equator."""
 
 PLACES: Final = 64
-"""Distances of the hollow from the center that are tried, the farthest, where it is smallest,
-first."""
+"""Number of candidate distances of the hollow from the center; at the largest it is smallest."""
 
 SHIFT: Final = 1e-12
-"""Distance of the centers of mass, over the size of the body, up to which there is nothing to
-balance."""
+"""Largest distance of the centers of mass that needs no balance, over the size of the body."""
 
 
 def hollow_out(surface: Surface, center: Floats) -> Surface:
-    """An engraved solid with a hollow ball inside, so that its center of mass is at a point.
+    """Hollow a ball inside an engraved solid to move its center of mass to a point.
 
-    The ball lies on the heavier side, opposite to the labels together, as small as it can be.
+    The ball is on the heavier side, opposite to the labels together, as small as possible.
 
-    surface: of the solid, convex but for its labels; center: (3,).
-
-    Raises
-    ------
-    EngravingError: there is no room for it.
+    surface: of the solid, convex but for its labels; center: (3,) the point. Raises EngravingError
+    if there is no room for the ball.
     """
     volume = surface.volume
-    # A hollow at x of volume v takes v (x - center) away.
+    # A hollow of volume v at x has the moment v (x - center).
     moment = volume * (surface.centroid - center)
     size = float(np.linalg.norm(moment))
     if size <= SHIFT * volume * surface.diagonal:
@@ -241,29 +228,29 @@ def hollow_out(surface: Surface, center: Floats) -> Surface:
 
 
 TURN: Final = math.radians(11.0)
-"""Largest angle between neighboring flat strips of a fillet: no part of the angles of the regular
-solids, so that a small change of a shape is a small change of its strips."""
+"""Largest angle between neighboring flat strips of a fillet, in radians. It divides no angle of the
+regular solids, so a small change of a shape is a small change of its strips."""
 
 CROWDED: Final = 0.02
 """Least distance between two points, over the radius."""
 
 SAME: Final = 2e-3
-"""The same between points that keep the solid from resting where it should not."""
+"""Least distance over the radius between points that prevent additional rests."""
 
 
 def round_edges(hull: ConvexHull, center: Floats, options: EdgeOptions) -> ConvexHull:
-    """The solid that a ball rolled over a core fills, with flat strips in place of round ones.
+    """Round the edges of a core: hull of the volume of a ball rolled over it, with flat strips.
 
-    A flat strip could be rested on where the ideal round one is passed over: at a saddle, or at the
-    top of a corner. So these directions are always edges or corners between strips, and a chamfer
-    that has such a direction in its middle is made of two.
+    A flat strip would add a rest where the ideal round one has none: at a saddle, or at the top of
+    a corner. So these directions are always edges or corners between strips, and a chamfer with
+    such a direction in its middle consists of two.
 
-    hull: the core. center: (3,) the center of mass. Returns the hull of the solid.
+    hull: the core. center: (3,) the center of mass.
     """
     turn = TURN if options.shape == "fillet" else math.pi
     saddles, arcs = _arcs(hull, center, turn)
     start, outgoing = hull.outgoing
-    # Corners of facets, then what must not be rested on, then the rest.
+    # Corners of facets, then points at directions that must not become rests, then the others.
     kinds: tuple[list[Floats], ...] = ([], [], [])
     for vertex, place in enumerate(hull.vertices):
         own = outgoing[start[vertex] : start[vertex + 1]]
@@ -285,9 +272,8 @@ def round_edges(hull: ConvexHull, center: Floats, options: EdgeOptions) -> Conve
 
 
 def _spread(points: Floats, others: Floats, least: float) -> Floats:
-    """Points (n, 3), and of others (m, 3) those that are farther than a distance from them and from
-    each other: slivers between crowded points would be all that a file in single precision tells.
-    """
+    """Points (n, 3), and those of the others (m, 3) that are farther than a distance from them and
+    from each other: single precision would spoil slivers between crowded points."""
     together = np.concatenate([points, others])
     is_outer = np.ones(len(together), dtype=bool)
     pairs = cKDTree(together).query_pairs(least, output_type="ndarray")
@@ -300,9 +286,8 @@ def _spread(points: Floats, others: Floats, least: float) -> Floats:
 def _arcs(
     hull: ConvexHull, center: Floats, turn: float
 ) -> tuple[list[Floats], list[tuple[Floats, Integers]]]:
-    """For each half-edge directions between the normals of the facets beside it: (0 or 1, 3) that
-    of the saddle; and (a, 3) all, the normals included, with their numbers (a,), 0 for the saddle.
-    """
+    """Directions between the normals of the two facets of each half-edge: (0 or 1, 3) of the
+    saddle; and (a, 3) of all strips and the normals, with their numbers (a,), 0 at the saddle."""
     none = np.empty((0, 3))
     saddles = [none] * len(hull.tail)
     arcs = [(none, np.empty(0, dtype=np.int64))] * len(hull.tail)
@@ -314,8 +299,8 @@ def _arcs(
         tail, head = radii[hull.tail[edge]], radii[hull.head[edge]]
         saddle = unit_vectors(foot_on_line(tail, head, head - tail, np))
         directions, first = _along(ends[0], ends[1], turn), 0
-        # On their great circle between the two normals, and near to neither: beside a normal
-        # nothing can be rested on but the facet.
+        # Between the normals on their great circle, and near neither: beside a normal only the
+        # facet is a rest.
         is_between = float((ends @ saddle).min()) > float(ends[0] @ ends[1])
         if is_between and float(norms(ends - saddle).min()) > SAME:
             saddles[edge] = saddles[twin] = saddle[None]
@@ -328,17 +313,16 @@ def _arcs(
 def _along(one: Floats, other: Floats, turn: float) -> Floats:
     """Directions (a, 3) from one to another, at equal angles of at most a turn."""
     angle = math.acos(min(max(float(one @ other), -1.0), 1.0))
-    count = max(1, math.ceil(angle / turn))
     if angle < SAME:
         return np.stack([one, other])
-    parts = np.linspace(0.0, 1.0, count + 1)[:, None]
+    parts = np.linspace(0.0, 1.0, math.ceil(angle / turn) + 1)[:, None]
     directions = np.sin((1.0 - parts) * angle) * one + np.sin(parts * angle) * other
     return np.asarray(directions / math.sin(angle), dtype=np.float64)
 
 
 def _inside(middle: Floats, border: Sequence[tuple[Floats, Integers]], turn: float) -> Floats:
-    """Directions (a, 3) of strips at a corner: those of the arcs on the border of the cone of its
-    normals, and some between these and its middle, about as far apart."""
+    """Directions (a, 3) of strips at a corner: the arcs on the border of its normal cone, and some
+    between these and its middle, about as far apart."""
     directions = [arc for arc, _ in border]
     if turn >= math.pi:
         return np.concatenate(directions)
@@ -346,8 +330,8 @@ def _inside(middle: Floats, border: Sequence[tuple[Floats, Integers]], turn: flo
     for arc, numbers in border:
         for number, direction in zip(numbers.tolist(), arc, strict=True):
             path = _along(middle, direction, turn)
-            # Every second, fourth, ... of the paths goes on where they come together, that from
-            # the saddle to the end.
+            # Where paths converge only every second, fourth, ... continues; the one from the
+            # saddle always does.
             parts = np.arange(1, len(path) - 1) / (len(path) - 1)
             strides = 2.0 ** np.floor(-np.log2(parts))
             directions.append(path[1:-1][number % strides == 0])

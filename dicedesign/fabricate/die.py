@@ -1,4 +1,4 @@
-"""A die on its way: as designed, as a solid in millimeters, and what its file does."""
+"""A die as designed, as a solid in millimeters, and as assessed from its file."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ class Design:
     status: why the method stopped.
     hull: the designed convex hull.
     directions: (k, 3) down in the outcomes, in the order of the target.
-    error: largest |p - q| by the probabilities that the method is about.
-    steps: every accepted one, the first being the start.
-    center_of_mass: (3,) that was given, or None for the uniform solid.
+    error: largest |p - q| of the method's own probabilities.
+    steps: accepted ones, the first being the start.
+    center_of_mass: (3,) if given, or None for the uniform solid.
     terms: of the energy at the end, by name.
-    starts: starting shapes that were tried; evaluations: dice; hulls: computed for them.
+    starts: number of starting shapes; evaluations: of dice; hulls: computed for them.
     rounds: of throws and new designs.
-    reshaped: the surface before and after, of a die that keeps the shape of one; else None.
-    prior: that the probabilities are under, or None for uniform start orientations.
+    reshaped: surfaces before and after of a concave die, else None.
+    prior: of start orientations, or None for the uniform one.
     """
 
     status: Status
@@ -74,37 +74,32 @@ class Design:
     def reorder(self, order: Integers) -> Design:
         """Design whose outcome k is outcome `order[k]` of this one, (k,)."""
 
-        def place(values: Numbers) -> Numbers:
+        def permute(values: Numbers) -> Numbers:
             return tuple(np.array(values)[order].tolist())
 
         rounds = tuple(
-            replace(done, requested=place(done.requested), frequencies=place(done.frequencies))
-            for done in self.rounds
+            replace(each, requested=permute(each.requested), frequencies=permute(each.frequencies))
+            for each in self.rounds
         )
         return replace(self, directions=self.directions[order], rounds=rounds)
 
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
-    """Rests and outcomes of a file as it was read back.
+    """Rests and outcomes of a file that was read back.
 
     Attributes
     ----------
-    body: the solid in mm as it was read back.
+    body: the solid in mm.
     poses: its rests.
-    outcomes: what they count for.
-    target: what is wanted.
+    outcomes: of the rests.
+    target: wanted probabilities.
     """
 
     body: Body
     poses: RestPoses
     outcomes: OutcomeProbabilities
     target: Target
-
-    @property
-    def probabilities(self) -> Floats:
-        """(k,) of the outcomes; what is missing to 1 lies on rests of no outcome."""
-        return self.outcomes.probabilities
 
     @property
     def max_abs_error(self) -> float:
@@ -122,10 +117,10 @@ class Assessment:
         return asymmetry(self.poses)
 
     def flaws(self, tolerance: float | None) -> Iterator[Status]:
-        """Statuses of everything wrong with the die, the worst first.
+        """Yield the flaws of the die, the worst first.
 
-        tolerance: largest |p - q| and probabilities elsewhere; None for a die whose probabilities
-            without momentum are not meant to be the target.
+        tolerance: largest |p - q| and probability elsewhere; None for a thrown die, whose
+            probabilities without momentum differ from the target.
         """
         if tolerance is not None:
             most = max(tolerance, FILE_PROBABILITIES)
@@ -140,8 +135,8 @@ class Assessment:
 
     @cached_property
     def facets(self) -> tuple[FacetOfDie, ...]:
-        """Each facet that the die can rest on, the most probable first; an outcome's own bears its
-        label."""
+        """Facets that the die can rest on, the most probable first, with the label of each outcome
+        on its main facet."""
         labels = self.target.labels
         poses, of_rest = self.poses, self.outcomes.outcome_of_rest.tolist()
         own = {int(rest): labels[k] for k, rest in enumerate(self.outcomes.main) if rest >= 0}
@@ -171,22 +166,22 @@ class Assessment:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A die in mm, ready to print, plain or with its labels cut in and its edges rounded, with its
-    center of mass at the origin, before coordinates are rounded to those of a file.
+    """Die in mm, plain or with labels and rounded edges, with its center of mass at the origin,
+    before its coordinates are rounded for a file.
 
     Attributes
     ----------
     points: (n, 3); triangles: (t, 3) counter-clockwise seen from outside.
-    poses: rests of the plain solid; outcomes: what they count for.
-    center_of_mass: (3,) zeros where it was given, or None for the uniform solid.
-    hull_points: (v, 3) corners of the designed hull there.
+    poses: rests of the plain solid; outcomes: of the rests.
+    center_of_mass: (3,) zeros if it was given, or None for the uniform solid.
+    hull_points: (v, 3) corners of the designed hull.
     changes: made for printing, one sentence each.
     is_printable: whether the surface could be cleaned for printing.
-    assessment: of an engraved one, what its file does; None where the center of mass was given, as
-        nobody knows how labels and edges move it.
-    placements: where labels are, of a die that has them on its facets.
+    assessment: of the file of a finished die; None if the center of mass was given, as its shift by
+        labels and edges is unknown.
+    placements: of labels on facets.
     inlay: bodies of another color that fill the labels, or None.
-    core: of a convex die, what is within its rounded edges, whose facets are its flat ones.
+    core: hull of a convex die inside its rounded edges, with the flat facets of the die.
     """
 
     points: Floats
@@ -205,20 +200,18 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class FinishedDie:
-    """All that a run knows of its die.
+    """Data of a finished run for figures and reports.
 
     Attributes
     ----------
-    result: the content of result.json.
-    plain: what die_plain.stl does; engraved: the solid of die.stl, or None.
-    tolerance: largest |p - q| that was allowed.
-    upward: (3,) direction that is up in pictures.
-    reshaped: the surface before and after, of a die that keeps the shape of one; quality: of the
-        surface after.
-    repaired: the mesh that the surface before is of, where it was repaired.
-    thrown: what the die does on its table, of one that is to be thrown.
-    reading: how a die with labels is read; its places are those of `engraved.placements`, in the
-        same order.
+    result: content of result.json.
+    plain: assessment of die_plain.stl; engraved: the solid of die.stl, or None.
+    tolerance: largest allowed |p - q|.
+    upward: (3,) up direction in pictures.
+    reshaped: surfaces before and after of a concave die; quality: of the surface after.
+    repaired: the mesh that was repaired to the surface before, if any.
+    thrown: results of a thrown die on its table.
+    reading: way to read a die with labels; its places are in the order of `engraved.placements`.
     """
 
     result: Result
@@ -234,15 +227,18 @@ class FinishedDie:
 
 
 def make_solid(die: Design, size_mm: float) -> Solid:
-    """The plain solid of a convex die, with a largest distance `size_mm`, positive, between its
-    points."""
+    """Make the plain solid of a convex die.
+
+    size_mm: largest distance between two of its points, above 0.
+    """
     given = die.center_of_mass
     center = die.hull.centroid if given is None else given
     hull = convex_hull((die.hull.vertices - center) * (size_mm / die.hull.diameter))
     if given is None:
-        poses = analyze(hull, hull.centroid, "uniform solid").under(die.prior)
+        poses = analyze(hull, hull.centroid, "uniform solid")
     else:
-        poses = analyze(hull, np.zeros(3), "given").under(die.prior)
+        poses = analyze(hull, np.zeros(3), "given")
+    poses = poses.under(die.prior)
     return Solid(
         points=hull.vertices,
         triangles=hull.triangles,
@@ -260,23 +256,21 @@ def assess_file(
     center_of_mass: Floats | None = None,
     prior: Prior | None = None,
 ) -> Assessment:
-    """Read a file back and find what it does.
+    """Read a file back and compute its rests and outcomes.
 
     Parameters
     ----------
     data: content of the STL file.
     directions: (k, 3) unit, down in the outcomes, in the order of the target.
-    target: what is wanted.
-    center_of_mass: (3,) in the file's coordinates, or None for that of the uniform solid.
-    prior: that its probabilities are under, in the file's coordinates, or None for uniform start
-        orientations.
+    target: wanted probabilities.
+    center_of_mass: (3,) in the file's coordinates, or None for the uniform solid.
+    prior: of start orientations in the file's coordinates, or None for the uniform one.
 
     Raises
     ------
     DegenerateBodyError, OutsideHullError: as `rest_poses`.
     """
     points, triangles = parse_stl(data, Path("die.stl"))
-    # The coordinates are those of the file, float32.
     body = make_body(points, triangles, "die.stl", single_precision=True)
     poses = rest_poses(body, center_of_mass).under(prior)
     return Assessment(body, poses, outcome_probabilities(poses, directions), target)

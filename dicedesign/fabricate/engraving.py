@@ -1,11 +1,12 @@
-"""Labels on their places on a die, cut into it as pockets or left standing in sunk fields, and what
-fills them; with checks of what comes out, and which of its triangles belong to labels.
+"""Labels of a convex die, cut in as pockets or standing in sunk fields, bodies that fill them,
+checks of the engraved solid, and the triangles of its labels.
 
 Lengths are in millimeters, volumes in cubic millimeters.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -31,23 +32,23 @@ from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, edge_neighbors, find_parts
 from dicedesign.rest.poses import RestPoses
-from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 JOINED: Final = 0.02
-"""Part of a raised label that may run into the border: facets that are moved a little afterwards
-take their border along."""
+"""Largest share of a raised label that may overlap the border, which moves when facets are moved
+slightly."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabelCut:
-    """The material that a label takes away.
+    """Material to remove for a label.
 
     Attributes
     ----------
-    where: the label, or labels, and what they are on, as messages call them.
+    where: label or labels and their place, in messages.
     cutter: solid to subtract.
-    volume: of that part of it that lies in the body, in mm3, where it is as it should be.
+    volume: expected volume of its part inside the body, in mm3.
     """
 
     where: str
@@ -58,10 +59,10 @@ class LabelCut:
 def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[LabelCut]:
-    """Material that all labels take away from the solid with this hull."""
+    """Material that all labels remove from the solid with this hull."""
     depth, cuts = options.depth_mm, []
     for placement, section in cut_sections(hull, placements, options):
-        # It reaches as far above the facet as below, so that no face of it lies in the facet.
+        # The cutter extends above the facet, so that none of its faces is coplanar with it.
         cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
         cutter = cutter.transform(placement.frame[:3])
         cuts.append(LabelCut(placement.where, cutter, section.area() * depth))
@@ -74,21 +75,21 @@ def cut_sections(
     options: EngravingOptions,
     joined: float = JOINED,
 ) -> list[tuple[Placement, CrossSection]]:
-    """The plane sections that are cut into the facets of a solid with this hull, in mm, each in the
-    frame of the placement beside it: labels, or fields without them where labels are raised.
+    """Plane sections to cut into the facets of a solid with this hull, in mm, each with the
+    placement in whose frame it is: labels, or for raised labels fields without them.
 
-    joined: part of a raised label that may run into the border.
+    joined: largest share of a raised label that may overlap the border.
 
-    Raises EngravingError where more of it does, or where strokes cannot be as wide as asked for.
+    Raises EngravingError if more of a label overlaps, or its strokes cannot be widened.
     """
     labels = [(placement, placement.section()) for placement in placements]
     if options.style != "raised":
         return labels
-    together: dict[int, list[tuple[Placement, CrossSection]]] = {}
+    by_facet = defaultdict(list)
     for placement, section in labels:
         facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
-        together.setdefault(facet, []).append((placement, section))
-    return [_field(hull, facet, on_it, options, joined) for facet, on_it in together.items()]
+        by_facet[facet].append((placement, section))
+    return [_field(hull, facet, own, options, joined) for facet, own in by_facet.items()]
 
 
 def _field(
@@ -98,19 +99,19 @@ def _field(
     options: EngravingOptions,
     joined: float,
 ) -> tuple[Placement, CrossSection]:
-    """A facet within its border, without its labels, in the plane of the first of them."""
+    """Field of a facet within its border, without its labels, in the frame of the first label."""
     first, _ = labels[0]
     frame = first.frame
     corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
     field = CrossSection([corners])
-    # All other planes, as a corner may be so sharp that one without a common edge is as near.
+    # All other planes, as at a sharp corner one without a common edge may be as near.
     for distance, inward in zip(*border_lines(hull, facet, frame, options), strict=True):
-        # What lies nearer along the direction, as far as a facet of this body reaches.
+        # The rectangle on the near side of the line covers the rest of the facet.
         far, near = 4.0 * hull.diameter, distance * inward
         along = far * np.array([inward[1], -inward[0]])
         ends = [near + along, near - along]
         field -= CrossSection([np.stack([*ends, *(end - far * inward for end in ends[::-1])])])
-    standing = CrossSection()
+    raised = CrossSection()
     for placement, section in labels:
         turn = frame[:3, :2].T @ placement.frame[:3, :2]
         shift = (placement.frame[:3, 3] - frame[:3, 3]) @ frame[:3, :2]
@@ -121,65 +122,55 @@ def _field(
                 f"{options.border_mm:g} mm, got a label that reaches into it; reduce border_mm or "
                 "depth_mm, or increase margin_mm or size_mm"
             )
-        standing += label
+        raised += label
     named = replace(first, text=", ".join(placement.text for placement, _ in labels))
-    return named, field - standing
+    return named, field - raised
 
 
-def engrave(
-    vertices: Floats,
-    triangles: Integers,
-    placements: Sequence[Placement],
-    options: EngravingOptions,
-) -> Surface:
-    """Cut labels into a solid, `options.depth_mm` deep below their facets, or what is around them.
+def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
+    """Cut labels into a solid, `options.depth_mm` deep below their facets, or the fields around
+    them.
 
     Parameters
     ----------
-    vertices, triangles: the plain convex solid, as `solid` takes it.
-    placements: labels on flat facets of it, from `place_labels`.
-    options: style and depth; sizes and places are those of the placements.
+    plain: the convex solid in mm.
+    placements: labels on its flat facets, from `place_labels`.
+    options: style and depth; sizes and places come from the placements.
 
     Returns
     -------
-    Surface in mm that passed the checks: no boolean error, one piece, as many handles as the plain
-    solid, and the volume of the plain solid less the labels to `ENGRAVED_VOLUME_TOLERANCE`.
+    Surface in mm that passed the checks: no boolean error, the pieces and handles of the plain
+    solid, and its volume less the labels' to `ENGRAVED_VOLUME_TOLERANCE`.
 
     Raises
     ------
     InputError: the plain mesh is no solid.
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
-    cuts = _cuts(convex_hull(vertices), placements, options)
-    return cut_out(solid(vertices, triangles), cuts, options)
+    cuts = _cuts(convex_hull(plain.points), placements, options)
+    return cut_out(solid(plain.points, plain.triangles), cuts, options)
 
 
-def inlay(
-    vertices: Floats,
-    triangles: Integers,
-    placements: Sequence[Placement],
-    options: EngravingOptions,
-) -> Surface:
-    """The bodies that fill what `engrave` takes away, up to the facets of the plain solid.
+def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
+    """Bodies that fill the pockets of `engrave`, up to the facets of the plain solid.
 
-    The parameters are those of `engrave`, which is to be called first as it checks them.
+    Parameters as for `engrave`, which checks them.
     """
-    cuts = _cuts(convex_hull(vertices), placements, options)
+    cuts = _cuts(convex_hull(plain.points), placements, options)
     cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
-    return Surface(*mesh_of(solid(vertices, triangles) ^ cutters))
+    return Surface(*mesh_of(solid(plain.points, plain.triangles) ^ cutters))
 
 
 def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions) -> Surface:
-    """Subtract cuts from a solid, all at once.
+    """Subtract the cuts of labels from a solid. Returns and raises as `engrave`.
 
-    plain: the solid; cuts: of labels; options: named in the message of an error. Returns and raises
-    what `engrave` does.
+    options: for the message of an error.
     """
     body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
     failure = _find_failed_check(plain, body, sum(cut.volume for cut in cuts))
     if not failure:
         return Surface(*mesh_of(body))
-    # Pockets that break through, or meet others.
+    # Pockets that break through or overlap.
     at_fault = {
         cut.where for cut in cuts if _find_failed_check(plain, plain - cut.cutter, cut.volume)
     }
@@ -194,17 +185,16 @@ def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions
 
 
 def _find_failed_check(plain: Manifold, body: Manifold, expected: float) -> str | None:
-    """The first check that the engraved solid fails, in words, or None."""
+    """Description of the first failed check of an engraved solid, or None."""
     if body.status() != Error.NoError:
         return f"expected a boolean subtraction without error, got {body.status().name}"
-    # Cavities are closed surfaces of their own.
-    pieces, wanted = len(body.decompose()), len(plain.decompose())
-    if pieces != wanted:
-        return f"expected {'one piece' if wanted == 1 else f'{wanted} surfaces'}, got {pieces}"
+    # Cavities are separate closed surfaces.
+    pieces, expected_pieces = len(body.decompose()), len(plain.decompose())
+    if pieces != expected_pieces:
+        what = "one piece" if expected_pieces == 1 else f"{expected_pieces} surfaces"
+        return f"expected {what}, got {pieces}"
     if body.genus() != plain.genus():
         return f"expected {plain.genus()} handles (genus), got {body.genus()}"
-    if not body.volume() > 0:
-        return f"expected a positive volume, got {body.volume():g} mm3"
     removed = plain.volume() - body.volume()
     if abs(removed - expected) > ENGRAVED_VOLUME_TOLERANCE * expected:
         return f"expected pockets of {expected:.6g} mm3, got {removed:.6g} mm3"
@@ -218,40 +208,38 @@ def place_on_facets(
     labels: Sequence[str],
     options: EngravingOptions,
 ) -> tuple[Reading, list[Placement]]:
-    """Reading of a die, and its labels on the facets of its hull or core (`core_of`), in the order
-    of the reading's places.
+    """Choose the reading of a die, and place its labels on the facets of its hull or core
+    (`core_of`), in the order of the reading's places.
 
     poses: rests of the die in mm; main: (k,) the rest of each outcome, or -1.
 
-    Raises EngravingError where an outcome has no facet to rest on, the die cannot be read as the
+    Raises EngravingError if an outcome has no facet to rest on, the die cannot be read as the
     options say, or a label does not fit.
     """
     require_rests(labels, main, "a facet")
     *better, last = die_readings(hull, poses.facets[main], labels, options.read)
 
-    def placed(reading: Reading) -> list[Placement]:
-        places, whole = reading.places, reading.way != "corner"
-        return place_labels(
-            places,
-            # Around a corner labels stand upright toward it.
-            options if whole else replace(options, upright="edge"),
-            poses.hull.diameter,
-            [edge_margins(hull, place.facet, options) for place in places] if whole else None,
-        )
+    def place(reading: Reading) -> list[Placement]:
+        places, size_mm = reading.places, poses.hull.diameter
+        if reading.way == "corner":
+            # Labels are upright toward the corner.
+            return place_labels(places, replace(options, upright="edge"), size_mm)
+        margins = [edge_margins(hull, each.facet, options) for each in places]
+        return place_labels(places, options, size_mm, margins)
 
     for reading in better:
         with suppress(EngravingError):
-            placements = placed(reading)
+            placements = place(reading)
             if options.style == "raised":
                 cut_sections(hull, placements, options)
             return reading, placements
-    return last, placed(last)
+    return last, place(last)
 
 
 def require_rests(labels: Sequence[str], main: Integers, what: str) -> None:
-    """Raise EngravingError where an outcome, by the number (k,) of its own rest or -1, has none.
+    """Raise EngravingError if an outcome has no rest.
 
-    what: it is to have, in words.
+    main: (k,) the rest of each outcome, or -1; what: is missing, in words.
     """
     if (main < 0).any():
         raise EngravingError(
@@ -261,19 +249,19 @@ def require_rests(labels: Sequence[str], main: Integers, what: str) -> None:
 
 
 OFF: Final = 0.1
-"""Distance of the middle of a triangle from the plain surface, over the depth of labels. That of a
-wall with two corners on the surface is a third of the depth away, less where the surface slopes."""
+"""Least distance of the middle of a label's triangle from the plain surface, over the depth of
+labels. The middle of a wall triangle is a third of the depth away, less on a slope."""
 
 MATCHINGS: Final = 8
-"""Rounds in which the plain surface is brought onto the other; three are usual."""
+"""Number of rounds of matching the engraved surface to the plain one; three are usual."""
 
 MATCHED: Final = 3.0
-"""Corners nearer than this many times the median count as one."""
+"""Largest distance of corners that match, over the median distance."""
 
 
 def labels_below_hull(marked: Surface, depth: float) -> Booleans:
-    """(t,) which triangles of a die that is convex but for its labels belong to these: those below
-    its hull, but for a hollow inside.
+    """(t,) whether a triangle of a convex die belongs to a label: it is below the hull and not in a
+    hollow inside.
 
     depth: of labels, above 0, in the unit of the surface.
     """
@@ -286,23 +274,23 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
 
 
 def labels_off_surface(marked: Surface, plain: Surface, depth: float) -> Booleans:
-    """(t,) which triangles of a die with labels belong to these: those off the surface of the plain
-    die, of which it is an image under an affine map near the identity.
+    """(t,) whether a triangle of an engraved die belongs to a label: it is off the surface of the
+    plain die, after an affine map near the identity between the two.
 
     marked, plain: the die with labels and without; depth: of labels, above 0; all in one unit.
     """
-    # The affine map that brings some corners onto most of the plain surface's.
+    # Fit the affine map to the corners that match.
     homogeneous = np.column_stack([marked.points, np.ones(len(marked.points))])
     points = marked.points
     for _ in range(MATCHINGS):
-        apart, nearest = KDTree(points).query(plain.points)
-        same = apart <= MATCHED * np.median(apart)
-        matrix, *_ = np.linalg.lstsq(homogeneous[nearest[same]], plain.points[same])
+        distances, nearest = KDTree(points).query(plain.points)
+        matches = distances <= MATCHED * np.median(distances)
+        matrix, *_ = np.linalg.lstsq(homogeneous[nearest[matches]], plain.points[matches])
         points = homogeneous @ matrix
     middles = points[marked.triangles].mean(axis=1)
-    # Most triangles of a surface of many are as they were.
-    apart, _ = KDTree(plain.points[plain.triangles].mean(axis=1)).query(middles)
-    new = np.flatnonzero(apart > OFF * OFF * depth)
+    # Most triangles are unchanged, which a query of middles shows faster.
+    distances, _ = KDTree(plain.points[plain.triangles].mean(axis=1)).query(middles)
+    new = np.flatnonzero(distances > OFF * OFF * depth)
     labels = np.zeros(len(middles), dtype=bool)
     labels[new] = distances_from_surface(plain, middles[new]) > OFF * depth
     return labels

@@ -1,4 +1,4 @@
-"""A solid as a file for printing and for other programs, in the format of its ending."""
+"""Files of solids for printing and for other programs; the ending says the format."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.registry import Extension, Registry
 
 BODY_COLOR: Final = "#e8e3d8"
+"""Color of a die."""
+
 LABEL_COLOR: Final = "#1f2933"
-"""Of a die, and of its labels."""
+"""Color of labels."""
 
 
 def _read(path: Path) -> tuple[Floats, Integers]:
@@ -35,13 +37,13 @@ def _read(path: Path) -> tuple[Floats, Integers]:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A body in one material, perhaps with labels in another color.
+    """Body in one material, with or without labels in another color.
 
     Attributes
     ----------
     name: such as "die"; color: "#rrggbb".
     points: (n, 3) in mm, z upward; triangles: (t, 3) counter-clockwise seen from outside.
-    labels: (t,) which triangles belong to labels, or None where it has none.
+    labels: (t,) whether a triangle belongs to a label, or None without labels.
     """
 
     name: str
@@ -51,7 +53,7 @@ class Part:
     labels: Booleans | None = None
 
     def groups(self) -> list[tuple[str, str, Integers]]:
-        """Name, color and triangles (s, 3) of each color that the part has."""
+        """Name, color and triangles (s, 3) of each color of the part."""
         if self.labels is None or not self.labels.any():
             return [(self.name, self.color, self.triangles)]
         return [
@@ -62,14 +64,14 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """Content of a file: parts and facts.
+    """Content of a file.
 
     Attributes
     ----------
     title: name of the die.
     parts: at least one, all in the same coordinates.
-    facts: texts by a word each, such as Target, for formats that can hold them.
-    unit: what lengths are in, for formats with room for a remark.
+    facts: texts by name, such as Target, for formats that can hold them.
+    unit: of lengths, for formats with comments.
     """
 
     title: str
@@ -78,24 +80,24 @@ class Contents:
     unit: str = "millimeters"
 
     def materials(self) -> list[tuple[str, str]]:
-        """Names and colors of all groups of the parts, each once."""
+        """Unique names and colors of the groups of all parts."""
         groups = (group for part in self.parts for group in part.groups())
         return list(dict.fromkeys((name, color) for name, color, _ in groups))
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileFormat(Extension):
-    """A format; `name` is the ending of its files without the point.
+    """File format; `name` is the ending of its files without the point.
 
     Attributes
     ----------
     unit: of lengths, "mm" or "m"; upward: axis of the file along the die's z, "z" or "y".
     precision: of coordinates, "float32" or "float64".
-    carries: what a file holds beside the solid, in words.
-    write: the content of a file; the same for the same contents.
-    read: points (n, 3) and triangles (t, 3) of a file, in its own unit and axes, by other code than
-        what wrote it where there is some.
-    require: raises InputError where a library that it needs is not installed.
+    carries: content of a file beside the solid, in words.
+    write: returns the content of a file, deterministically.
+    read: returns points (n, 3) and triangles (t, 3) of a file, in its own unit and axes, if
+        possible by other code than that which wrote it.
+    require: raises InputError if a library is missing.
     """
 
     write: Callable[[Contents], bytes]
@@ -108,7 +110,7 @@ class FileFormat(Extension):
 
     @property
     def frame(self) -> Floats:
-        """(3, 3) from mm with z upward to what the file has: a turn and a scale."""
+        """(3, 3) from mm with z upward to the unit and axes of the file."""
         scale = {"mm": 1.0, "m": 1e-3}[self.unit]
         turn = {"z": np.eye(3), "y": [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]}
         return scale * np.array(turn[self.upward])
@@ -125,16 +127,16 @@ class FileFormat(Extension):
 
 
 def join_parts(parts: Sequence[Part]) -> tuple[Floats, Integers]:
-    """Points (n, 3) and triangles (t, 3) of parts as one mesh of several shells."""
+    """Join parts to one mesh: points (n, 3) and triangles (t, 3)."""
     starts = np.cumsum([0, *(len(part.points) for part in parts)])
     triangles = [part.triangles + start for part, start in zip(parts, starts, strict=False)]
     return np.concatenate([part.points for part in parts]), np.concatenate(triangles)
 
 
 def rows(form: str, values: Floats | Integers) -> str:
-    """A text for each row (n, k) of numbers, with all their digits.
+    """Format each row (n, k) of numbers, with all digits.
 
-    form: such as "v {!r} {!r} {!r}\\n", with a place for each of the k numbers.
+    form: such as "v {!r} {!r} {!r}\\n", with k places.
     """
     return "".join(form.format(*row) for row in values.tolist())
 
@@ -147,27 +149,17 @@ STL: Final = FileFormat(
 )
 
 
-EARLIEST: Final = (1980, 1, 1, 0, 0, 0)
-"""Time of all parts of a ZIP archive, the first that it can hold: the same solid is the same file
-at any time."""
-
 PACKAGES: Final = "http://schemas.openxmlformats.org/package/2006"
-"""Start of the namespaces of the packages that 3MF files are."""
+"""Prefix of the namespaces of the Open Packaging Conventions."""
 
 PRINTING: Final = "http://schemas.microsoft.com/3dmanufacturing"
-"""Start of the namespaces of 3MF."""
+"""Prefix of the namespaces of 3MF."""
 
-OWN: Final = "urn:dicedesign:die"
-"""Namespace of facts that 3MF has no name for."""
-
-KNOWN_FACTS: Final = frozenset({"Title", "Application", "Description"})
-"""Facts that it has a name for."""
-
-MATERIALS: Final = 1
-"""Number of the list of materials; objects are counted from the next on."""
+KNOWN_FACTS: Final = ("Title", "Application", "Description")
+"""Names of facts that 3MF defines; others are in a namespace of this package."""
 
 MODEL: Final = "3D/3dmodel.model"
-"""Part of a 3MF file that holds the solid."""
+"""Path of the solid in a 3MF file."""
 
 TYPES: Final = (
     f'<Types xmlns="{PACKAGES}/content-types">'
@@ -184,25 +176,25 @@ RELATIONS: Final = (
 
 
 def three_mf(contents: Contents) -> bytes:
-    """Contents as a 3MF file: an object for each part, the colors of its triangles, and one thing
-    to print that holds them all."""
+    """Write 3MF: an object for each part, colors of triangles, and one item to print that holds all
+    parts."""
     import zipfile
 
+    # Number 1 is the list of materials.
     materials, objects = contents.materials(), ""
-    for number, part in enumerate(contents.parts, MATERIALS + 1):
+    for number, part in enumerate(contents.parts, 2):
         corners, faces = rows('<vertex x="{!r}" y="{!r}" z="{!r}"/>', part.points), ""
         for name, color, triangles in part.groups():
-            paint = f'pid="{MATERIALS}" p1="{materials.index((name, color))}"'
+            paint = f'pid="1" p1="{materials.index((name, color))}"'
             faces += rows(f'<triangle v1="{{}}" v2="{{}}" v3="{{}}" {paint}/>', triangles)
-        own = f'pid="{MATERIALS}" pindex="{materials.index((part.name, part.color))}"'
+        own = f'pid="1" pindex="{materials.index((part.name, part.color))}"'
         objects += (
             f'<object id="{number}" type="model" name="{_escape(part.name)}" {own}><mesh>'
             f"<vertices>{corners}</vertices><triangles>{faces}</triangles></mesh></object>"
         )
     if len(contents.parts) > 1:
-        numbers = range(MATERIALS + 1, number + 1)
+        components = "".join(f'<component objectid="{k}"/>' for k in range(2, number + 1))
         number += 1
-        components = "".join(f'<component objectid="{each}"/>' for each in numbers)
         objects += (
             f'<object id="{number}" type="model" name="{_escape(contents.title)}"><components>'
             f"{components}</components></object>"
@@ -218,7 +210,7 @@ def three_mf(contents: Contents) -> bytes:
     )
     model = (
         f'<model unit="millimeter" xml:lang="en-US" xmlns="{PRINTING}/core/2015/02" '
-        f'xmlns:die="{OWN}">{facts}<resources><basematerials id="{MATERIALS}">{bases}'
+        f'xmlns:die="urn:dicedesign:die">{facts}<resources><basematerials id="1">{bases}'
         f'</basematerials>{objects}</resources><build><item objectid="{number}"/></build></model>'
     )
     file = io.BytesIO()
@@ -229,12 +221,13 @@ def three_mf(contents: Contents) -> bytes:
             (MODEL, model),
         ):
             text = f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
-            archive.writestr(zipfile.ZipInfo(name, EARLIEST), text, zipfile.ZIP_DEFLATED)
+            # The default time, 1980, makes files reproducible.
+            archive.writestr(zipfile.ZipInfo(name), text, zipfile.ZIP_DEFLATED)
     return file.getvalue()
 
 
 def _escape(text: str) -> str:
-    """A text within XML. References by numbers, as of an apostrophe, are more than lib3mf reads."""
+    """Escape a text for XML. lib3mf reads no numeric references, such as that of an apostrophe."""
     return escaped(text, quote=False).replace('"', "&quot;")
 
 
@@ -246,23 +239,13 @@ THREE_MF: Final = FileFormat(
 )
 
 
-MAGIC: Final = b"glTF"
-
-VERSION: Final = 2
-
-FLOAT: Final = 5126
-"""Number of the type float32."""
-
-VERTICES: Final = 34962
-"""Number of buffers of vertices."""
-
 ROUGHNESS: Final = 0.6
-"""Of the surface of a die: between a mirror, 0, and chalk, 1."""
+"""Roughness of a die's surface: between a mirror, 0, and chalk, 1."""
 
 
 def glb(contents: Contents) -> bytes:
-    """Contents as GLB: a node for each part, a material for each color of one. Faces are flat, as
-    programs have to show those without normals."""
+    """Write GLB: a node for each part, a material for each of its colors. Viewers must show faces
+    without normals flat."""
     data, materials = b"", contents.materials()
     views: list[dict[str, Any]] = []
     accessors: list[dict[str, Any]] = []
@@ -276,11 +259,18 @@ def glb(contents: Contents) -> bytes:
                 {"attributes": {"POSITION": number}, "material": materials.index((name, color))}
             )
             corners = places[triangles].reshape(-1, 3)
-            place = {"buffer": 0, "byteOffset": len(data), "byteLength": corners.nbytes}
-            views.append({**place, "target": VERTICES})
-            bounds = {"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()}
-            kind = {"componentType": FLOAT, "type": "VEC3", "count": len(corners)}
-            accessors.append({"bufferView": number, **kind, **bounds})
+            view = {"buffer": 0, "byteOffset": len(data), "byteLength": corners.nbytes}
+            views.append(view | {"target": 34962})  # vertices
+            accessors.append(
+                {
+                    "bufferView": number,
+                    "componentType": 5126,  # float32
+                    "type": "VEC3",
+                    "count": len(corners),
+                    "min": corners.min(axis=0).tolist(),
+                    "max": corners.max(axis=0).tolist(),
+                }
+            )
             data += corners.tobytes()
         meshes.append({"name": part.name, "primitives": primitives})
     scene = {
@@ -299,14 +289,14 @@ def glb(contents: Contents) -> bytes:
         (b"JSON", json.dumps(scene, separators=(",", ":")).encode()),
         (b"BIN\0", data),
     ):
-        # Filled up to a multiple of four bytes, of which positions are.
+        # Chunks are multiples of four bytes, as positions are.
         chunk += b" " * (-len(chunk) % 4)
         body += struct.pack("<I", len(chunk)) + mark + chunk
-    return MAGIC + struct.pack("<II", VERSION, 12 + len(body)) + body
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
 def _material(name: str, color: str) -> dict[str, Any]:
-    """A material; `color`, in sRGB, becomes one in amounts of light."""
+    """Material of a color, converted from sRGB to linear light."""
     shown = np.array([int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
     light = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
     factors = {
@@ -329,7 +319,7 @@ GLB: Final = FileFormat(
 
 
 def obj(contents: Contents) -> bytes:
-    """Contents as Wavefront OBJ: an object for each part, and a group for each color of one."""
+    """Write Wavefront OBJ: an object for each part, a group for each of its colors."""
     text, first = f"# {contents.title}, lengths in {contents.unit}, z upward\n", 1
     for part in contents.parts:
         text += f"o {part.name}\n" + rows("v {!r} {!r} {!r}\n", part.points)
@@ -348,7 +338,7 @@ OBJ: Final = FileFormat(
 
 
 def ply(contents: Contents) -> bytes:
-    """Contents as little-endian binary PLY."""
+    """Write little-endian binary PLY."""
     points, triangles = join_parts(contents.parts)
     header = f"ply\nformat binary_little_endian 1.0\ncomment lengths in {contents.unit}\n"
     header += f"element vertex {len(points)}\n"
@@ -367,7 +357,7 @@ PLY: Final = FileFormat(
 
 
 def off(contents: Contents) -> bytes:
-    """Contents as ASCII OFF."""
+    """Write ASCII OFF."""
     points, triangles = join_parts(contents.parts)
     text = rows("{!r} {!r} {!r}\n", points) + rows("3 {} {} {}\n", triangles)
     return f"OFF\n{len(points)} {len(triangles)} 0\n{text}".encode()
@@ -383,12 +373,7 @@ FILE_FORMATS: Final = Registry(
     "file format",
     FileFormat,
     builtin=(
-        "dicedesign.fabricate.file_formats:STL",
-        "dicedesign.fabricate.file_formats:THREE_MF",
-        "dicedesign.fabricate.file_formats:OBJ",
-        "dicedesign.fabricate.file_formats:GLB",
-        "dicedesign.fabricate.file_formats:PLY",
-        "dicedesign.fabricate.file_formats:OFF",
+        *(STL, THREE_MF, OBJ, GLB, PLY, OFF),
         "dicedesign.fabricate.step_file:STEP",
     ),
     group="dicedesign.file_formats",
@@ -396,22 +381,12 @@ FILE_FORMATS: Final = Registry(
 """All formats of solids."""
 
 
-def save_mesh(path: Path, points: Floats, triangles: Integers) -> None:
-    """Write a closed triangle mesh to a file, whole or not at all.
-
-    path: the file, in an existing folder; its ending says the format, see `mesh_bytes`.
-    points: (n, 3) in mm; triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
-
-    Raises
-    ------
-    InputError: no format has that ending, or coordinates that the format cannot hold.
-    OutputError: the file cannot be written.
-    """
-    save_contents(path, _of_mesh(points, triangles))
-
-
 def save_contents(path: Path, contents: Contents) -> None:
-    """Write a file, whole or not at all; its ending says the format. Raises as `save_mesh`."""
+    """Write a file, whole or not at all; its ending says the format.
+
+    path: in an existing folder. Raises OutputError if the file cannot be written, else as
+    `mesh_bytes`.
+    """
     kind = format_of_ending(path.suffix, str(path))
     atomic_write(path, file_bytes(contents, kind, str(path)))
 
@@ -424,20 +399,21 @@ def mesh_bytes(points: Floats, triangles: Integers, ending: str, name: str = "me
     points: (n, 3) in mm.
     triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
     ending: "." and the name of a format of `FILE_FORMATS`, in upper or lower case.
-    name: what messages call the file.
+    name: of the file in messages.
 
     Raises
     ------
-    InputError: another ending; a coordinate is not finite, or not in the format's precision; a
-        library that the format needs is missing.
+    InputError: an unknown ending; a coordinate that is not finite in the format's precision; a
+        missing library.
     """
-    return file_bytes(_of_mesh(points, triangles), format_of_ending(ending, name), name)
+    contents = Contents("die", [Part("die", BODY_COLOR, points, triangles)])
+    return file_bytes(contents, format_of_ending(ending, name), name)
 
 
 def format_of_ending(ending: str, name: str = "mesh file") -> FileFormat:
-    """The format whose files end in "." and its name. Raises InputError where there is none.
+    """Format of an ending, "." and its name. Raises InputError if there is none.
 
-    name: what messages call the file.
+    name: of the file in messages.
     """
     if ending[:1] != "." or ending[1:].lower() not in FILE_FORMATS:
         endings = ", ".join(f".{known}" for known in FILE_FORMATS.names)
@@ -448,10 +424,10 @@ def format_of_ending(ending: str, name: str = "mesh file") -> FileFormat:
 
 
 def with_stl(names: Sequence[str], key: str = "files") -> list[str]:
-    """Names of formats, each once, with STL before the others. Raises InputError where there is no
-    such format, or a library that it needs is missing.
+    """Unique names of formats, STL first. Raises InputError for an unknown format or a missing
+    library.
 
-    key: what messages about an unknown format begin with.
+    key: option in messages.
     """
     for name in names:
         if name not in FILE_FORMATS:
@@ -466,15 +442,12 @@ def with_stl(names: Sequence[str], key: str = "files") -> list[str]:
 def file_bytes(contents: Contents, kind: FileFormat, name: str = "mesh file") -> bytes:
     """Content of a file in a format, deterministic. Raises as `mesh_bytes`.
 
-    name: what messages call the file.
+    name: of the file in messages.
     """
     kind.require()
     for part in contents.parts:
-        rounded = part.points
-        if kind.precision == "float32":
-            with np.errstate(over="ignore"):
-                rounded = rounded.astype(np.float32)
-        finite = np.isfinite(rounded).all(axis=1)
+        with np.errstate(over="ignore"):
+            finite = np.isfinite(part.points.astype(kind.precision)).all(axis=1)
         if not finite.all():
             row = int(np.argmin(finite))
             raise InputError(
@@ -482,9 +455,3 @@ def file_bytes(contents: Contents, kind: FileFormat, name: str = "mesh file") ->
                 f"{part.points[row].tolist()} in row {row}; repair or scale the solid"
             )
     return kind.write(contents)
-
-
-def _of_mesh(points: Floats, triangles: Integers) -> Contents:
-    places = np.asarray(points, dtype=np.float64)
-    faces = np.asarray(triangles, dtype=np.int64)
-    return Contents("die", [Part("die", BODY_COLOR, places, faces)])

@@ -1,8 +1,8 @@
-"""Options of edges; apart from the rounding, so that a recipe loads no hulls."""
+"""Options of labels and edges, apart from the code, so that a recipe loads no hulls."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, get_args
 
 from dicedesign.errors import InputError, is_finite_number
@@ -11,8 +11,7 @@ from dicedesign.runtime.registry import STRICT
 from dicedesign.tolerances import MOST_MM
 
 BUNDLED_FONT: Final = "DejaVu Sans Bold"
-"""Name of the font that labels are set in unless another is asked for. It comes with matplotlib;
-its digits are all equally wide."""
+"""Name of the default font of labels. It comes with matplotlib; its digits are equally wide."""
 
 FONT_FILES: Final = (".ttf", ".otf", ".ttc")
 
@@ -34,7 +33,7 @@ UPRIGHTS: Final = ("edge", "largest")
 
 
 def is_font_file(font: str) -> bool:
-    """Whether a font is given by the path of its file, and not by its name."""
+    """Whether a font is the path of a file rather than a name."""
     return font.lower().endswith(FONT_FILES)
 
 
@@ -90,25 +89,14 @@ class EngravingOptions:
     labels fit there, and down elsewhere."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "depth_mm",
-            "margin_mm",
-            "min_height_mm",
-            "max_height_mm",
-            "stroke_mm",
-            "border_mm",
-        ):
-            value = getattr(self, name)
-            if not is_finite_number(value):
-                raise InputError(f"{name}: expected a finite number, got {value!r}; correct it")
-            may_be_zero = name in ("margin_mm", "stroke_mm")
-            if value < 0 or (value == 0 and not may_be_zero):
+        for name in [each.name for each in fields(self) if each.name.endswith("_mm")]:
+            value, may_be_zero = getattr(self, name), name in ("margin_mm", "stroke_mm")
+            is_valid = is_finite_number(value) and 0.0 <= value <= MOST_MM
+            if not is_valid or (value == 0.0 and not may_be_zero):
                 least = "of at least 0" if may_be_zero else "above 0"
-                raise InputError(f"{name}: expected a number {least}, got {value}; enlarge it")
-            if value > MOST_MM:
                 raise InputError(
-                    f"{name}: expected at most {MOST_MM:g}, the largest size of a die, got "
-                    f"{value:g}; lower it"
+                    f"{name}: expected a number {least} and at most {MOST_MM:g}, got {value!r}; "
+                    "correct it"
                 )
         if self.max_height_mm < self.min_height_mm:
             raise InputError(
@@ -138,16 +126,16 @@ MOST_OF_SIZE: Final = 0.2
 """Largest radius, over the size of the die."""
 
 LEAST_OF_SIZE: Final = 0.01
-"""Smallest radius of a fillet, over the same: the strips of a finer one are of the size of what
-files in single precision round."""
+"""Smallest radius of a fillet, over the size of the die: the strips of a finer one are as small as
+the rounding errors of files in single precision."""
 
 ROUNDING: Final = 1e-9
-"""By how much a size that is measured may differ from the one that was asked for."""
+"""Relative tolerance of a measured size."""
 
 
 @dataclass(frozen=True)
 class EdgeOptions:
-    """Edges and corners of a convex die.
+    """Options of the edges and corners of a convex die.
 
     Raises InputError for a value out of its range.
     """
@@ -156,8 +144,8 @@ class EdgeOptions:
 
     radius_mm: float = 1.0
     """Radius of a fillet, or of the ball whose chords are the chamfers, above 0: at most a fifth of
-    the die's size, and of the smallest facet's circle; that of a fillet at least a hundredth of the
-    size."""
+    the die's size, and the radius of the smallest facet's circle; for a fillet at least a hundredth
+    of the size."""
     shape: Literal["fillet", "chamfer"] = "fillet"
     """`fillet` rounds off, `chamfer` cuts flat."""
 
@@ -171,9 +159,9 @@ class EdgeOptions:
 
 
 def core_scale(options: EdgeOptions | None, size_mm: float) -> float:
-    """Ratio of the size of a die's core to that of the die.
+    """Ratio of the size of a die's core to the size of the die.
 
-    Raises InputError where the radius is too large or too small for the size.
+    Raises InputError if the radius is too large or too small for the size.
     """
     if options is None:
         return 1.0

@@ -1,7 +1,7 @@
-"""Outlines of curves as polylines, fonts by name or file, and lines of text set in them.
+"""Fonts by name or file, lines of text set in them, and curves as polylines.
 
-HarfBuzz reads the files, TrueType as well as OpenType, and sets the text: with kerning, ligatures
-and whatever else a script needs. Lengths are in digit heights: the height of the font's digit 1.
+HarfBuzz reads TrueType and OpenType files and sets the text, with kerning, ligatures and whatever
+else a script needs. Lengths are in digit heights: the height of the font's digit 1.
 """
 
 from __future__ import annotations
@@ -24,18 +24,16 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import read_file
 
 CHORD_TOLERANCE: Final = 1e-3
-"""Largest distance between a curve and the polyline drawn for it, in digit heights."""
+"""Largest distance between a curve and its polyline, in digit heights."""
 
 MOST_PIECES: Final = 10_000
-"""Of the polyline of a curve."""
+"""Largest number of segments of the polyline of a curve."""
 
 _Point: TypeAlias = tuple[float, float]
 
 
 class PolylinePen:
-    """Collects contours as lists of points, with quadratic and cubic curves flattened.
-
-    It has the methods that fontTools and HarfBuzz draw outlines with.
+    """Pen for fontTools and HarfBuzz that collects contours, with curves as polylines.
 
     tolerance: largest distance between a curve and its polyline, above 0, in the unit of the
     points.
@@ -50,72 +48,60 @@ class PolylinePen:
         self._contours.append([point])
 
     def lineTo(self, point: _Point) -> None:
-        """Go straight to a point."""
+        """Draw a line to a point."""
         self._contours[-1].append(point)
 
-    def qCurveTo(self, control: _Point, end: _Point) -> None:
-        """Go along a parabola to a point."""
-        self._bend(np.array([self._contours[-1][-1], control, end], dtype=np.float64))
-
-    def curveTo(self, first: _Point, second: _Point, end: _Point) -> None:
-        """Go along a cubic curve to a point."""
-        self._bend(np.array([self._contours[-1][-1], first, second, end], dtype=np.float64))
-
-    def closePath(self) -> None:
-        """All contours are closed anyway."""
-
-    def endPath(self) -> None:
-        """All contours are closed anyway."""
-
-    def _bend(self, corners: Floats) -> None:
-        degree = len(corners) - 1
+    def curveTo(self, *points: _Point) -> None:
+        """Draw a Bezier curve: control points, then its end."""
+        corners = np.array([self._contours[-1][-1], *points], dtype=np.float64)
+        degree = len(points)
         bends = corners[:-2] - 2.0 * corners[1:-1] + corners[2:]
-        # A curve cut at n equal parameters leaves its chords by |second derivative| / 8n^2 at most.
+        # Chords between n equal parameters leave the curve by |second derivative| / 8n^2 at most.
         turn = degree * (degree - 1) * float(np.linalg.norm(bends, axis=1).max(initial=0.0))
         pieces = min(max(1, math.ceil(math.sqrt(turn / (8.0 * self.tolerance)))), MOST_PIECES)
         t = (np.arange(1, pieces) / pieces)[:, None]
-        points: list[Floats] = [np.broadcast_to(corner, (len(t), 2)) for corner in corners]
-        while len(points) > 1:  # de Casteljau
-            points = [(1.0 - t) * a + t * b for a, b in pairwise(points)]
-        self._contours[-1] += [(float(x), float(y)) for x, y in points[0]]
-        self._contours[-1].append((float(corners[-1, 0]), float(corners[-1, 1])))
+        curve: list[Floats] = [np.broadcast_to(corner, (len(t), 2)) for corner in corners]
+        while len(curve) > 1:  # de Casteljau
+            curve = [(1.0 - t) * a + t * b for a, b in pairwise(curve)]
+        self._contours[-1] += map(tuple, [*curve[0].tolist(), corners[-1].tolist()])
+
+    qCurveTo = curveTo
+
+    def closePath(self) -> None:
+        """Do nothing, as all contours are closed."""
 
     def contours(self) -> list[Floats]:
-        """The contours (n, 2) so far, n at least 3, without a repeated last point."""
-        matches = []
-        for points in self._contours:
-            if points[0] == points[-1]:
-                points = points[:-1]
-            if len(points) > 2:  # lone points and lines bound nothing
-                matches.append(np.array(points, dtype=np.float64))
-        return matches
+        """Contours (n, 2), n at least 3, without a repeated last point."""
+        outlines = (points[: -1 if points[0] == points[-1] else None] for points in self._contours)
+        # Points and lines bound nothing.
+        return [np.array(points, dtype=np.float64) for points in outlines if len(points) > 2]
 
 
 BUNDLED_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
-"""Of the bundled font, in the folder of matplotlib."""
+"""Path of the bundled font in the folder of matplotlib."""
 
 MOST_BYTES: Final = 1 << 26
-"""Of a font file: 64 MiB."""
+"""Largest size of a font file: 64 MiB."""
 
 OUTLINE_TABLES: Final = ("glyf", "CFF ", "CFF2")
 
 UNIT_LETTERS: Final = "1H"
-"""The first of these that a font has is a digit height tall."""
+"""Letters that may define the digit height; the first one in the font does."""
 
 LEAST_UNIT: Final = 0.1
-"""Smallest height of that letter, over the em; where it is smaller or there is none, a digit height
-is `USUAL_UNIT` of the em."""
+"""Least height of that letter, over the em."""
 
 USUAL_UNIT: Final = 0.7
+"""Digit height of a font without such a letter, over the em."""
 
 
 @dataclass(frozen=True, eq=False)
 class Font:
-    """A font.
+    """Font of labels.
 
     Attributes
     ----------
-    name: as options call it.
+    name: in options.
     unit: digit height in units of the font.
     """
 
@@ -126,8 +112,7 @@ class Font:
     def line(self, text: str) -> tuple[list[Floats], float]:
         """Outlines of one line of text that starts at x = 0, and its advance width.
 
-        Contours (n, 2) without a repeated last point, that wind about their inside in one sense or
-        the other.
+        Contours (n, 2) have no repeated last point, and any orientation.
 
         Raises EngravingError: the font lacks a character.
         """
@@ -145,8 +130,8 @@ class Font:
                 character = text[min(glyph.cluster, len(text) - 1)]
                 raise EngravingError(
                     f"label {text!r}: expected characters of the font {self.name}, got "
-                    f"{character!r} (U+{ord(character):04X}); use digits, letters or signs that "
-                    "it has, or another engrave.font"
+                    f"{character!r} (U+{ord(character):04X}); use characters that it has, or "
+                    "another engrave.font"
                 )
             pen = PolylinePen(CHORD_TOLERANCE * self.unit)
             self._shaped.draw_glyph_with_pen(glyph.codepoint, pen)
@@ -157,17 +142,12 @@ class Font:
 
 
 def open_font(name: str) -> Font:
-    """A font by the name of its family or by the path of its file.
+    """Open a font by the name of its family or the path of its file.
 
-    Parameters
-    ----------
-    name: "DejaVu Sans Bold", the bundled one; a family that the system or matplotlib has, which
-        gives its bold face where there is one; or a file that ends with .ttf, .otf or .ttc, of
-        which the first face is taken.
+    name: "DejaVu Sans Bold", the bundled one; a family of the system or matplotlib, for its bold
+        face if it has one; or a file that ends with .ttf, .otf or .ttc, for its first face.
 
-    Raises
-    ------
-    InputError: there is no such font, or the file is none.
+    Raises InputError if there is no such font, or the file is no font.
     """
     with named("engrave.font"):
         if is_font_file(name):
@@ -178,7 +158,7 @@ def open_font(name: str) -> Font:
             status = os.stat(path)
             stamp = (status.st_mtime_ns, status.st_size)
         except (OSError, ValueError):
-            stamp = (0, 0)  # reading it says why
+            stamp = (0, 0)  # reading it tells the reason
         return _read(name, path, stamp)
 
 
@@ -186,22 +166,16 @@ def open_font(name: str) -> Font:
 def _bundled_font() -> Path:
     spec = importlib.util.find_spec("matplotlib")
     folders = spec.submodule_search_locations if spec else None
-    path = Path(folders[0], BUNDLED_FILE) if folders else BUNDLED_FILE
-    if not path.is_file():
-        raise InputError(
-            f"expected {path} in the installed package matplotlib, got no such file; "
-            "reinstall matplotlib from its wheel"
-        )
-    return path
+    return Path(folders[0], BUNDLED_FILE) if folders else BUNDLED_FILE
 
 
 @cache
 def _find_installed(family: str) -> Path:
     """File of the bold face of an installed family."""
-    # Imported where it is needed: it lists all fonts of the system.
+    # This import lists all fonts of the system.
     from matplotlib import font_manager
 
-    # Generic names such as "serif" are read from settings of matplotlib; those of files are not.
+    # Generic names such as "serif" would depend on settings of matplotlib.
     known = {entry.name.lower(): entry.name for entry in font_manager.fontManager.ttflist}
     if family.lower() not in known:
         close = difflib.get_close_matches(family.lower(), list(known), n=3, cutoff=0.5)
@@ -216,7 +190,7 @@ def _find_installed(family: str) -> Path:
 
 @lru_cache(maxsize=8)
 def _read(name: str, path: Path, stamp: tuple[int, int]) -> Font:
-    """The font of a file that changes its stamp whenever it is written."""
+    """Read a font file; stamp: of the file, changed by each write."""
     import uharfbuzz
 
     data = read_file(path, "a TTF or OTF font", most=MOST_BYTES)
@@ -227,14 +201,11 @@ def _read(name: str, path: Path, stamp: tuple[int, int]) -> Font:
             f"{path}: expected a TTF or OTF font with outlines, got a file of {len(data)} bytes "
             "with none that can be read; convert it, or name another font"
         )
-    font = uharfbuzz.Font(face)
-    return Font(name, _digit_height(font, face.upem), font)
-
-
-def _digit_height(font: Any, upem: int) -> float:
+    font, height = uharfbuzz.Font(face), USUAL_UNIT * face.upem
     for letter in UNIT_LETTERS:
         glyph = font.get_nominal_glyph(ord(letter))
         extents = font.get_glyph_extents(glyph) if glyph else None
-        if extents is not None and extents.y_bearing >= LEAST_UNIT * upem:
-            return float(extents.y_bearing)
-    return USUAL_UNIT * upem
+        if extents is not None and extents.y_bearing >= LEAST_UNIT * face.upem:
+            height = float(extents.y_bearing)
+            break
+    return Font(name, height, font)

@@ -1,9 +1,8 @@
 """Icons from SVG files: paths, shapes and strokes as a plane section.
 
-The file is read as data of strangers: nothing is loaded, run or looked up, and what is neither a
-path nor a shape in a plain color is refused by name. picosvg reads shapes and transforms, and
-skia-pathops outlines strokes; its unions are not used, as paths that cross themselves often keep
-them busy for hours.
+Files are untrusted: nothing is loaded, run or looked up, and any element that is neither a path nor
+a shape in a plain color is refused by name. picosvg reads shapes and transforms, and skia-pathops
+outlines strokes; its unions are not used, as they can take hours for paths that cross themselves.
 """
 
 from __future__ import annotations
@@ -23,29 +22,30 @@ from dicedesign.fabricate.fonts import CHORD_TOLERANCE, PolylinePen
 from dicedesign.runtime.files import read_file
 
 MOST_BYTES: Final = 1 << 20
-"""Of an SVG file: 1 MiB."""
+"""Largest size of an SVG file: 1 MiB."""
 
 MOST_SHAPES: Final = 1000
 
 CORNERS: Final = (10_000, "corners", "simplify the paths")
-"""Most of an icon, with curves flattened; what takes longest takes the square of it."""
+"""Largest number of corners of an icon with flattened curves, and the words of its message; the
+time grows with its square."""
 
 MOST_CHARACTERS: Final = 2000
-"""Of an attribute that is no path, and in a row in one: searches in more would take minutes."""
+"""Largest length of an attribute, or of a number in a path: searches in more take minutes."""
 
 MOST_COORDINATE: Final = 1e6
 
 MOST_DEPTH: Final = 100
-"""Groups within each other."""
+"""Largest depth of nested groups."""
 
 STROKE_WIDTH: Final = 1000.0
-"""In units of Skia, whose tolerance is a quarter of one."""
+"""Width to which strokes are scaled for Skia, whose tolerance is a quarter."""
 
 DARK: Final = 0.5
-"""Luminance below which a color is cut; what is lighter covers what lies beneath."""
+"""Luminance below which a color is cut; lighter shapes cover those beneath."""
 
 LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
-"""Of red, green and blue, ITU-R BT.709."""
+"""Luminance of red, green and blue, ITU-R BT.709."""
 
 SPACE: Final = "{http://www.w3.org/2000/svg}"
 
@@ -54,7 +54,7 @@ LINK: Final = "{http://www.w3.org/1999/xlink}href"
 SHAPES: Final = {"path", "rect", "circle", "ellipse", "line", "polygon", "polyline"}
 
 SILENT: Final = {"title", "desc", "metadata", "defs"}
-"""Elements that show nothing by themselves."""
+"""Elements that are not drawn."""
 
 NEUTRAL: Final = {
     "clip-path": "none",
@@ -63,7 +63,7 @@ NEUTRAL: Final = {
     "stroke-dasharray": "none",
     "visibility": "visible",
 }
-"""Properties that change what a shape covers, each with the only value that is taken."""
+"""Properties that change the area of a shape, each with the only allowed value."""
 
 INHERITED: Final = re.compile(r"fill(-.+)?|stroke(-.+)?")
 
@@ -71,26 +71,23 @@ TRANSFORM: Final = re.compile(
     r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([^()]*\)\s*,?)*\s*"
 )
 
-TO_PATHS: Final = "convert everything to paths and save it as plain SVG"
-
 Outline: TypeAlias = tuple[Any, bool, bool]
-"""A path of Skia, whether the even-odd rule holds for it, and whether it is dark."""
+"""Path of Skia, whether it has the even-odd fill rule, and whether it is dark."""
 
 
 def icon_section(path: str, label: str) -> CrossSection:
-    """Plane section of the dark shapes of an SVG file, of height 1, from the origin to the right
-    and upward.
+    """Plane section of the dark shapes of an SVG file, of height 1, with its lower left corner at
+    the origin.
 
-    Shapes and their strokes count in the order of the file: dark ones are added, light ones taken
-    out.
+    Dark shapes and strokes are added and light ones subtracted, in the order of the file.
 
-    path: of the file; label: what it stands for, in messages.
+    path: of the file; label: of the icon, in messages.
 
     Raises
     ------
     InputError: the file cannot be read, is no SVG of at most `MOST_BYTES`, has scripts, entities,
-        text, pictures or whatever else is neither path nor shape, fills that are no plain colors,
-        too many shapes or corners, or shows nothing.
+        text, pictures or other elements, fills that are no plain colors, too many shapes or
+        corners, or shows nothing.
     """
     with named(f"engrave.icons: label {label!r}"):
         data = read_file(Path(path), "an SVG file", most=MOST_BYTES)
@@ -115,7 +112,7 @@ def _limit(number: int, most: int, what: str, remedy: str) -> None:
 
 
 def _root(data: bytes) -> Any:
-    """The root element; entities are neither looked up nor replaced."""
+    """Parse the root element; entities are neither looked up nor replaced."""
     from lxml import etree
 
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True)
@@ -135,7 +132,7 @@ def _root(data: bytes) -> Any:
 
 
 def _require_plain(root: Any) -> None:
-    """Raise InputError where a picture has scripts, style sheets or endless attributes."""
+    """Raise InputError for scripts, style sheets or very long attributes."""
     from lxml import etree
 
     for element in root.iter(etree.Element):
@@ -152,7 +149,7 @@ def _require_plain(root: Any) -> None:
 
 @contextmanager
 def _readable(name: str) -> Iterator[None]:
-    """Refuses an element that picosvg cannot read: of bad ones it raises what comes."""
+    """Refuse an element that picosvg cannot read, for which it raises any exception."""
     try:
         yield
     except InputError:
@@ -164,11 +161,10 @@ def _readable(name: str) -> Iterator[None]:
 def _outlines(
     element: Any, by_id: Mapping[str, Any], outer: Any = None, depth: int = 0, **style: str
 ) -> Iterator[Outline]:
-    """Filled shapes and strokes of an element and those within, in the order of drawing, in the
-    coordinates of the picture.
+    """Yield filled shapes and strokes of an element and its children, in the order of drawing, in
+    the coordinates of the picture.
 
-    by_id: elements by references to them; outer: transform of the elements around; style:
-    properties that are inherited.
+    by_id: elements by references; outer: transform of the parents; style: inherited properties.
     """
     from lxml import etree
     from picosvg.svg import from_element
@@ -206,17 +202,19 @@ def _outlines(
                 from_element(etree.Element(element.tag, own), **style), matrix
             )
             return
-        within = element
-        if name == "use":
-            within = [by_id[own.get(LINK) or own["href"]]]
+        children = [by_id[own.get(LINK) or own["href"]]] if name == "use" else element
     if name not in ("g", "use") and depth > 0:
-        _refuse("paths and shapes only", f"<{name}>", TO_PATHS)
-    for child in within:
+        _refuse(
+            "paths and shapes only",
+            f"<{name}>",
+            "convert everything to paths and save it as plain SVG",
+        )
+    for child in children:
         yield from _outlines(child, by_id, matrix, depth + 1, **style)
 
 
 def _shape_outlines(shape: Any, matrix: Any) -> Iterator[Outline]:
-    """Filled outlines of a picosvg shape and its stroke."""
+    """Yield the filled outlines of a picosvg shape and its stroke."""
     from pathops import LineCap, LineJoin
     from picosvg.svg_pathops import skia_path
 
@@ -227,7 +225,7 @@ def _shape_outlines(shape: Any, matrix: Any) -> Iterator[Outline]:
     light = _luminance(shape.stroke)
     if light is not None and shape.stroke_opacity > 0.0 and shape.stroke_width > 0.0:
         _limit(len(path), *CORNERS)
-        # Its tolerance is a part of the unit.
+        # Skia's tolerance is absolute.
         scale = STROKE_WIDTH / shape.stroke_width
         path = path.transform(scale, 0.0, 0.0, scale)
         path.stroke(
@@ -242,12 +240,12 @@ def _shape_outlines(shape: Any, matrix: Any) -> Iterator[Outline]:
 
 
 def _section(outlines: Sequence[Outline]) -> CrossSection:
-    """The union of the dark outlines less the light ones above them, of height 1."""
+    """Section of height 1: the union of the dark outlines less the light ones above them."""
     from pathops import PathVerb
 
     if not outlines:
         _refuse("at least one filled path or shape", "none", "fill one, or name another file")
-    # Of paths that are not finite there are none.
+    # Paths that are not finite have no bounds.
     boxes = [path.bounds or 4 * (math.inf,) for path, _, _ in outlines]
     if not all(abs(place) < MOST_COORDINATE for box in boxes for place in box):
         _refuse(f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture")
@@ -284,7 +282,7 @@ def _section(outlines: Sequence[Outline]) -> CrossSection:
 
 def _luminance(color: str) -> float | None:
     """Luminance in [0, 1] of a CSS color: a name, #rgb, #rrggbb, rgb(), or currentColor, which is
-    0. None for transparent ones. Raises InputError for others, such as url()."""
+    0; None if transparent. Raises InputError for others, such as url()."""
     from PIL import ImageColor
 
     plain = color.lower()

@@ -1,4 +1,4 @@
-"""What a label looks like: text, pips or an icon, as a plane section.
+"""Outlines of labels as plane sections: text, pips or an icon.
 
 Lengths are in digit heights.
 """
@@ -23,22 +23,16 @@ LINE_SPACING: Final = 1.45
 """Distance between the baselines of two lines."""
 
 MOST_LINES: Final = 4
-"""That a text is broken into."""
+"""Largest number of lines of a text."""
 
 
 def text_contours(text: str, font: str = BUNDLED_FONT) -> list[Floats]:
-    """Outlines of a text.
+    """Outlines (n, 2) of a text, in digit heights.
 
-    Parameters
-    ----------
-    text: the characters to draw, in one or more lines.
-    font: as `open_font` takes it.
+    Closed contours without a repeated last point, of any orientation, with curves flattened to
+    within `CHORD_TOLERANCE`. The widest line starts at x = 0.
 
-    Returns
-    -------
-    list of (n, 2), in digit heights: closed contours without a repeated last point, which wind
-    about the inside of the letters in either sense; curves are flattened to within
-    `CHORD_TOLERANCE`. The widest line starts at x = 0.
+    text: in one or more lines; font: see `open_font`.
 
     Raises
     ------
@@ -56,11 +50,8 @@ def text_contours(text: str, font: str = BUNDLED_FONT) -> list[Floats]:
 
 
 def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
-    """A text in one line, in two and so on: broken at its spaces, so that the widest line is as
-    narrow as it can be.
-
-    Parameters and errors are those of `text_contours`.
-    """
+    """Yield a text in one line, in two and so on, broken at spaces so that the widest line is
+    narrowest. Parameters and errors as for `text_contours`."""
     words, opened = text.split(" "), open_font(font)
     widths = [opened.line(word)[1] for word in words]
     space = opened.line(" ")[1] if len(words) > 1 else 0.0
@@ -69,21 +60,18 @@ def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
         return max(sum(widths[i:j]) + space * (j - i - 1) for i, j in spans)
 
     for lines in range(1, min(len(words), MOST_LINES) + 1):
-        ways = combinations(range(1, len(words)), lines - 1)
-        best = min((list(pairwise((0, *way, len(words)))) for way in ways), key=widest)
+        breaks = combinations(range(1, len(words)), lines - 1)
+        best = min((list(pairwise((0, *each, len(words)))) for each in breaks), key=widest)
         yield "\n".join(" ".join(words[i:j]) for i, j in best)
 
 
 def text_section(text: str, font: str = BUNDLED_FONT) -> CrossSection:
     """Plane section of a text, in digit heights.
 
-    Parameters and errors are those of `text_contours`; besides,
-
-    Raises
-    ------
-    EngravingError: the text draws nothing.
+    Parameters and errors as for `text_contours`; also raises EngravingError if the text draws
+    nothing.
     """
-    # Contours of TrueType fonts run clockwise, others do not, and those of variable fonts overlap.
+    # Contours of TrueType fonts are clockwise, others are not, and those of variable fonts overlap.
     section = CrossSection(text_contours(text, font), FillRule.NonZero)
     if section.area() <= 0.0:
         raise EngravingError(
@@ -97,24 +85,24 @@ BAR_GAP: Final = 0.16
 """Distance from the baseline down to the bar of an ambiguous label, in digit heights."""
 
 BAR_THICKNESS: Final = 0.16
-"""Thickness of that bar, in digit heights."""
+"""Thickness of the bar, in digit heights."""
 
 DOT_GAP: Final = 0.14
 """Distance from an ambiguous label to the dot after it, in digit heights."""
 
 DOT_DIAMETER: Final = 0.24
-"""Of that dot, in digit heights."""
+"""Diameter of the dot, in digit heights."""
 
 DOT_CORNERS: Final = 32
 
 TURNED: Final = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
-"""Digits that are digits when they are turned by 180 degrees, and which."""
+"""Digits that remain digits when turned by 180 degrees."""
 
 
 def reads_upside_down(text: str) -> bool:
-    """True if the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
+    """Whether the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
 
-    Turned texts that start with a zero ("10" gives "01") are no numbers and do not count.
+    Turned texts that start with a zero, such as "01" from "10", do not count.
     """
     if not text or not set(text) <= set(TURNED):
         return False
@@ -123,8 +111,8 @@ def reads_upside_down(text: str) -> bool:
 
 
 def add_mark(section: CrossSection, mark: str) -> CrossSection:
-    """A number with a bar beneath that is as wide ("bar"), or a dot on the baseline after it
-    ("dot"), or neither ("none").
+    """Add a bar beneath a number, as wide as it ("bar"), a dot on the baseline after it ("dot"), or
+    nothing ("none").
 
     section: of positive area, in digit heights, with the baseline at y = 0.
     """
@@ -140,7 +128,7 @@ def add_mark(section: CrossSection, mark: str) -> CrossSection:
 
 
 FULLNESS: Final = 0.64
-"""Diameter of a pip over the distance to the next."""
+"""Diameter of a pip, over the distance between pips."""
 
 PATTERNS: Final = {
     1: ("...", ".x.", "..."),
@@ -153,7 +141,7 @@ PATTERNS: Final = {
     8: ("xxx", "x.x", "xxx"),
     9: ("xxx", "xxx", "xxx"),
 }
-"""Rows of a square grid from the top, with a pip where there is an x."""
+"""Rows of a square grid from the top; each x is a pip."""
 
 ROWS: Final = {
     10: (3, 4, 3),
@@ -168,14 +156,14 @@ ROWS: Final = {
     19: (4, 4, 3, 4, 4),
     20: (4, 4, 4, 4, 4),
 }
-"""Pips in each row, from the top, of numbers without a usual pattern; rows are centerd."""
+"""Number of pips in each centered row, from the top, of numbers without a usual pattern."""
 
 MOST_PIPS: Final = max(ROWS)
 
 
 def pip_places(number: int) -> tuple[Floats, float]:
-    """Middles (n, 2) of the pips of a number from 1 to `MOST_PIPS`, in the unit square, and the
-    diameter of each."""
+    """Middles (n, 2) of the pips of a number from 1 to `MOST_PIPS`, in the unit square, and their
+    diameter."""
     rows: list[list[float]]
     if number in PATTERNS:
         rows = [
@@ -203,7 +191,7 @@ def pips_section(text: str) -> CrossSection:
         )
     places, diameter = pip_places(number)
     radius = 0.5 * diameter
-    # As many as the polygon needs to be within the tolerance of the circle.
+    # The polygon is within the tolerance of the circle.
     corners = int(np.ceil(np.pi / np.sqrt(2.0 * CHORD_TOLERANCE / radius)))
     corners += -corners % 8
     disc = CrossSection.circle(radius, corners)
@@ -211,26 +199,27 @@ def pips_section(text: str) -> CrossSection:
 
 
 MITER: Final = 2.0
-"""Corners stay sharp unless they stick out by more, over the distance of the offset."""
+"""Largest length of a sharp corner, over the distance of the offset."""
 
 CORNERS: Final = 0.1
-"""Part of a stroke's width that may stick out of the discs of that width which cover it."""
+"""Largest length of a corner outside the discs that cover a stroke, over their diameter."""
 
 HALVINGS: Final = 10
-"""Of the interval in which the least growth is looked for."""
+"""Number of bisections of the growth of strokes."""
 
 
 def holes_and_parts(section: CrossSection) -> tuple[int, int]:
-    """Number of holes in a section and of pieces that it falls into."""
+    """Numbers of holes and of separate parts of a section."""
     parts = len(section.decompose())
     return section.num_contour() - parts, parts
 
 
 def stroke_growth(section: CrossSection, width: float) -> float:
-    """The least distance by which the outlines of a section move outward so that its strokes are as
-    wide as `width`, in its unit; 0 where they are.
+    """Least outward offset of the outlines of a section at which its strokes have a width, in its
+    unit; 0 if they have it already.
 
-    A stroke is as wide where discs of that diameter in the grown section cover it, but for corners.
+    A stroke has a width if discs of that diameter inside the grown section cover it, except at
+    corners.
     """
     if width <= 0.0 or _covers(section, section, width):
         return 0.0
@@ -245,31 +234,31 @@ def stroke_growth(section: CrossSection, width: float) -> float:
 
 
 def grown(section: CrossSection, distance: float) -> CrossSection:
-    """A section with outlines moved outward by a distance, at least 0; corners stay sharp."""
+    """Offset a section outward by a distance of at least 0, with sharp corners."""
     if distance == 0.0:
         return section
     return section.offset(distance, JoinType.Miter, MITER)
 
 
 def _covers(section: CrossSection, whole: CrossSection, width: float) -> bool:
+    """Whether discs of a diameter inside the whole cover a section, except at corners."""
     opened = grown(whole.offset(-0.5 * width, JoinType.Miter, MITER), 0.5 * width)
     left = section - opened
     if left.is_empty():
         return True
-    # Corners are narrow, and near what the discs cover; hairlines lead away from it.
+    # Corners are narrow and near the discs; hairlines lead away from them.
     is_narrow = left.offset(-0.5 * CORNERS * width, JoinType.Miter, MITER).is_empty()
     return is_narrow and (left - grown(opened, width)).is_empty()
 
 
 @dataclass(frozen=True, eq=False)
 class LabelArt:
-    """The art of a label, of digit height 1.
+    """Outlines of a label of digit height 1.
 
     Attributes
     ----------
     section: of positive area; the baseline of text is y = 0.
-    box: left, bottom, right and top of the room that it takes: its bounds, or the square that the
-        pips of all numbers share.
+    box: left, bottom, right and top of the section, or of the square around the pips of any number.
     """
 
     section: CrossSection
@@ -282,15 +271,13 @@ class LabelArt:
         return right - left, top - bottom
 
     def growth(self, height: float, stroke: float) -> float:
-        """The distance, in mm, by which outlines of a digit height in mm have to move outward for
-        strokes of a width in mm; 0 where strokes are as wide."""
+        """Least outward offset in mm at a digit height in mm for strokes of a width in mm."""
         return height * stroke_growth(self.section, stroke / height)
 
 
 def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
-    """The arts that a label may have by the options: its icon where it has one, else pips or text,
-    with a mark where it is another number upside down; text with spaces in one line, in two and so
-    on.
+    """Possible outlines of a label: its icon if it has one, else pips or text, with a mark if it is
+    another number upside down; text with spaces in one line, in two and so on.
 
     Raises
     ------

@@ -1,14 +1,13 @@
-"""How a die is read, which part of a facet each label gets for that, and its place there: middle,
-size and upright.
+"""Ways to read a die, and the places of its labels: parts of facets, middles, sizes and uprights.
 
-A label lies on the facet that the die rests on, on the one that is level on top then, or around the
-corner that is on top, upright toward it, as on a tetrahedron. Lengths are in millimeters.
+Labels are on the facet that the die rests on, on the level facet on top, or around the corner on
+top, upright toward it, as on a tetrahedron. Lengths are in millimeters.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -25,29 +24,27 @@ from dicedesign.geometry.sphere import angle_between, norms, rotation_between
 from dicedesign.runtime.arrays import Floats, Integers
 
 PEAK: Final = 0.05
-"""A corner is on top where it is higher than all others by this part of the die's height."""
+"""Least height of a top corner above all others, over the die's height."""
 
 RISE: Final = 0.1
-"""Cosine of the angle to the upright up to which a facet's normal leans where the facet is read
-from above."""
+"""Least cosine between a facet's normal and up at which the facet is readable from above."""
 
 TAPER: Final = 0.85
-"""Longest side of a corner's part of a facet, over its base, which is below the label."""
+"""Longest side of a corner region of a facet, over its base, which is below the label."""
 
 ALL_AROUND: Final = 4
-"""Facets and outcomes of a tetrahedron."""
+"""Number of facets and outcomes of a tetrahedron."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabelPlace:
-    """A label and where on the hull it goes.
+    """Label and its region on the hull.
 
     Attributes
     ----------
     text: the label; outcome: its number.
-    facet: of the hull; region: (m, 3) corners of the part of it that is the label's, convex,
-        counter-clockwise seen from outside; where that is a part only, its longest edge is to be
-        below the label.
+    facet: of the hull; region: (m, 3) corners of the label's part of it, convex, counter-clockwise
+        seen from outside; the longest edge of a corner region is below the label.
     normal: (3,) outward unit normal of the facet.
     """
 
@@ -64,8 +61,8 @@ class Reading:
 
     Attributes
     ----------
-    way: "down", "up" or "both" with labels on facets below, on top or on both, "corner" around the
-        corner on top, or "marks" in the upper side of a die that keeps the shape of a surface.
+    way: "down", "up" or "both" for labels on facets below, on top or both, "corner" for those
+        around the corner on top, or "marks" for the upper side of a concave die.
     places: of the labels, in the order of the outcomes; none with "marks".
     """
 
@@ -90,7 +87,7 @@ SENTENCES: Final = {
 def die_readings(
     hull: ConvexHull, facets: Integers, labels: Sequence[str], read: str
 ) -> tuple[Reading, ...]:
-    """Ways to read a die with their label places, the best first; the next is tried if the labels
+    """Ways to read a die with their label places, the best first; the next one is for labels that
     do not fit.
 
     Parameters
@@ -99,25 +96,30 @@ def die_readings(
     facets: (k,) facet that it rests on in each outcome.
     labels: k texts.
     read: "down"; "up", on level facets on top, or else around corners on top; "both", below and on
-        level facets on top; or "auto": up where all facets on top are level or the die is a
+        level facets on top; or "auto": up if all facets on top are level or the die is a
         tetrahedron, and then down.
 
     Raises
     ------
-    EngravingError: the die cannot be read so; the message names an outcome and what is above it.
+    EngravingError: the die cannot be read in this way; the message names an outcome and its top.
     """
     below = _on_facets("down", hull, labels, facets)
     if read == "down":
         return (below,)
     level, above = opposite_facets(hull, facets), None
-    flaw = _flaw(hull, facets, labels, level, "level facet", read)
+
+    def describe_top(outcome: int) -> str:
+        lean = angle_between(-hull.normals[facets[outcome]], hull.normals).min()
+        return f"one that leans by {np.degrees(lean):.0f} degrees"
+
+    flaw = _flaw(facets, labels, level, "level facet", read, describe_top)
     if not flaw:
         above = _on_facets("up", hull, labels, level)
         if read == "both":
             above = _on_facets("both", hull, labels, facets, level)
     elif read == "up" or (read == "auto" and len(facets) == len(hull.normals) == ALL_AROUND):
         corners = np.array([_top_corner(hull, facet) for facet in facets.tolist()])
-        other = _flaw(hull, facets, labels, corners, "corner", read)
+        other = _flaw(facets, labels, corners, "corner", read, lambda _: "none seen from above")
         if not other:
             above = _around_corners(hull, labels, corners, facets)
         elif (corners >= 0).sum() > (level >= 0).sum():
@@ -129,22 +131,24 @@ def die_readings(
 
 
 def _flaw(
-    hull: ConvexHull,
     facets: Integers,
     labels: Sequence[str],
     on_top: Integers,
     what: str,
     read: str,
+    absent: Callable[[int], str],
 ) -> str:
-    """Which outcome has nothing (k,) on top of it, or what another has too, in a sentence; "" where
-    each has its own."""
+    """Sentence about the first outcome with nothing (k,) of its own on top of it, or "".
+
+    what: is expected on top; absent: describes its absence from an outcome.
+    """
     for outcome, top in enumerate(on_top.tolist()):
         is_same = on_top == top
         if read == "both":
             is_same |= facets == top
         is_same[outcome] = False
         if top < 0:
-            got = _what_is_above(hull, int(facets[outcome]))
+            got = absent(outcome)
         elif is_same.any():
             got = f"one that {labels[int(is_same.argmax())]!r} has too"
         else:
@@ -157,7 +161,7 @@ def _flaw(
 
 
 def _on_facets(way: str, hull: ConvexHull, labels: Sequence[str], *sides: Integers) -> Reading:
-    """Labels on whole facets, one of each of some sides (k,) for each outcome."""
+    """Labels on whole facets; sides: (k,) facets of the outcomes."""
     places = tuple(
         LabelPlace(text, outcome, facet, hull.polygon(facet), hull.normals[facet])
         for outcome, (text, mine) in enumerate(zip(labels, np.stack(sides, axis=1), strict=True))
@@ -169,8 +173,7 @@ def _on_facets(way: str, hull: ConvexHull, labels: Sequence[str], *sides: Intege
 def _around_corners(
     hull: ConvexHull, labels: Sequence[str], corners: Integers, facets: Integers
 ) -> Reading:
-    """Labels on all facets around the corner (k,) that is on top while the die rests on a facet
-    (k,)."""
+    """Labels on all facets around the top corner (k,) of a die that rests on a facet (k,)."""
     places = []
     for outcome, (corner, below) in enumerate(zip(corners.tolist(), facets.tolist(), strict=True)):
         for half_edge in _leaving(hull, corner):
@@ -189,16 +192,16 @@ def _leaving(hull: ConvexHull, corner: int) -> list[int]:
 
 
 def _corner_region(hull: ConvexHull, half_edge: int) -> Floats:
-    """Part (m, 3) of a facet at the corner that a half-edge of it leaves: as wide as half of the
-    way to the nearest other corner, without so much of the tip that its base is its longest edge.
-    Those of a facet's corners do not meet."""
+    """Region (m, 3) of a facet at the corner that its half-edge leaves: as wide as half of the
+    distance to the nearest corner, with its tip cut off so that its base is its longest edge. The
+    regions of a facet are disjoint."""
     corner = hull.vertices[hull.tail[half_edge]]
     others = hull.polygon(int(hull.facet[half_edge])) - corner
     reach = 0.5 * float(np.sort(norms(others))[1])
     ends = [hull.head[half_edge], hull.tail[hull.previous[half_edge]]]
     sides = hull.vertices[ends] - corner
     right, left = reach * sides / norms(sides)[:, None]
-    # A side less the tip over the base, whose length over that of a whole side is twice this sine.
+    # The base is twice this sine times a whole side.
     sine = float(norms(right - left)) / (2.0 * reach)
     tip = 1.0 - 2.0 * TAPER * sine
     if tip <= 0.0:
@@ -207,8 +210,8 @@ def _corner_region(hull: ConvexHull, half_edge: int) -> Floats:
 
 
 def _top_corner(hull: ConvexHull, facet: int) -> int:
-    """The corner on top while a die rests on a facet, or -1 where there is none that is seen from
-    above on all facets around it."""
+    """Top corner of a die that rests on a facet, or -1 if there is none whose facets are all
+    readable from above."""
     up = -hull.normals[facet]
     heights = hull.vertices @ up
     *_, second, top = np.argsort(heights, kind="stable").tolist()
@@ -218,37 +221,24 @@ def _top_corner(hull: ConvexHull, facet: int) -> int:
     return top if (hull.normals[around] @ up >= RISE).all() else -1
 
 
-def _what_is_above(hull: ConvexHull, facet: int) -> str:
-    """Top of a die that rests on a facet, in words."""
-    up = -hull.normals[facet]
-    heights = hull.vertices @ up
-    near = int((heights > heights.max() - PEAK * np.ptp(heights)).sum())
-    if near == 1:
-        hidden = " with facets that are not seen from above"
-        return "a corner" if _top_corner(hull, facet) >= 0 else f"a corner{hidden}"
-    lean = math.degrees(float(angle_between(up, hull.normals).min()))
-    what = "an edge" if near == 2 else "no level facet"
-    return f"{what}, the nearest facet leaning by {lean:.0f} degrees,"
-
-
 WALL: Final = 0.5
-"""Distance along the facet, over the least one, that a pocket keeps from the plane which halves the
-angle at an edge; the wall between it and a pocket beyond is twice as thick."""
+"""Distance along the facet between a pocket and the plane that bisects the angle at an edge, over
+the least margin; the wall to a pocket beyond the edge is twice as thick."""
 
 LEAST_SINE: Final = 1e-3
-"""Sine of the angle between two planes below which they count as parallel."""
+"""Sine of the largest angle between planes that count as parallel."""
 
 SHARPEST: Final = 1e-12
-"""One plus the cosine of the angle between the normals of two facets is taken for at least that."""
+"""Lower bound of one plus the cosine between the normals of two facets."""
 
 
 def edge_margins(hull: ConvexHull, facet: int, options: EngravingOptions) -> Floats:
-    """Distances (m,) in mm that labels keep from the edges of a facet, in the order of its corners:
-    the margin, and more along a sharp edge; from the border, where they are raised.
+    """Distances (m,) in mm of labels from the edges of a facet, in the order of its corners: the
+    margin, larger along a sharp edge; the border is added for raised labels.
 
     hull: the die in mm; options: style, depth, margin and border.
     """
-    edges = slice(int(hull.facet_start[facet]), int(hull.facet_start[facet + 1]))
+    edges = slice(*hull.facet_start[facet : facet + 2].tolist())
     cosines = hull.normals[hull.facet[hull.twin[edges]]] @ hull.normals[facet]
     if options.style == "raised":
         return _walls(cosines, options.depth_mm, options.border_mm) + options.margin_mm
@@ -258,10 +248,10 @@ def edge_margins(hull: ConvexHull, facet: int, options: EngravingOptions) -> Flo
 def border_lines(
     hull: ConvexHull, facet: int, frame: Floats, options: EngravingOptions
 ) -> tuple[Floats, Floats]:
-    """Inner lines of the border of a sunk field, one for each plane that meets that of the facet.
+    """Inner lines of the border of a sunk field, one for each plane that intersects the facet's.
 
     frame: (4, 4) with the facet in its plane of x and y. Returns distances (n,) in mm from the
-    origin and unit directions (n, 2): the field lies beyond.
+    origin and unit directions (n, 2) toward the field, which is beyond the lines.
     """
     flat = -hull.normals @ frame[:3, :2]
     sines = norms(flat)
@@ -274,34 +264,34 @@ def border_lines(
 
 
 def _walls(cosines: Floats, depth: float, least: float) -> Floats:
-    """Distances (m,) of at least the least one from where two planes meet, at which pockets of a
-    depth leave a wall; cosines: (m,) of the angles between their normals.
+    """Distances (m,) from the edges between planes, at least the least one, at which pockets of a
+    depth leave a wall; cosines: (m,) between the normals of the planes.
 
-    A pocket of depth d reaches the plane that halves the angle between two facets where it comes as
-    near to their edge as d tan(a / 2), for an angle a between their normals.
+    A pocket of depth d reaches the bisecting plane of two facets at a distance d tan(a / 2) from
+    their edge, for an angle a between their normals.
     """
-    halves = np.sqrt((1.0 - cosines).clip(0.0) / (1.0 + cosines).clip(SHARPEST))
-    sharp: Floats = depth * halves + WALL * least
-    return np.maximum(least, sharp)
+    tangents = np.sqrt((1.0 - cosines).clip(0.0) / (1.0 + cosines).clip(SHARPEST))
+    return np.maximum(least, depth * tangents + WALL * least)
 
 
 CENTERING: Final = 0.12
-"""Part of the largest height given up to bring a label nearer to the middle of its facet."""
+"""Share of the largest height given up to center a label on its facet."""
 
 STEEPEST: Final = 1e-3
-"""Sine of the angle between a facet's normal and the direction toward which labels are upright
-below which that direction says nothing on this facet."""
+"""Least sine between a facet's normal and the upright direction at which the direction applies to
+the facet."""
 
 LONGER: Final = 1e-6
-"""Relative difference of two heights or lengths of edges that counts."""
+"""Relative tolerance of heights and lengths of edges."""
 
 MOST_ROUNDS: Final = 20
-"""Of fitting a label and the growth of its strokes to each other, which takes three."""
+"""Largest number of rounds that fit the height of a label and the growth of its strokes; three are
+usual."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A label in its place: the point (x, y) of its outlines, in digit heights, lies at
+    """Placed label: the point (x, y) of its outlines, in digit heights, is at
     `frame @ (height * x, height * y, 0, 1)` on the body.
 
     Attributes
@@ -310,9 +300,9 @@ class Placement:
     frame: (4, 4) rigid motion from local x (right), y (up), z (out of the facet, or from the table
         upward) to the body, in mm.
     height: digit height in mm.
-    art: what it looks like, in digit heights.
-    facet: index of the facet; None on the upper side of a die that keeps the shape of a surface.
-    growth: distance in mm by which its outlines move outward, for strokes wide enough.
+    art: outlines in digit heights.
+    facet: index of the facet; None on the upper side of a concave die.
+    growth: distance in mm by which outlines move outward to widen strokes.
     """
 
     text: str
@@ -324,13 +314,13 @@ class Placement:
 
     @property
     def where(self) -> str:
-        """The label and its facet, as messages call them."""
-        return f"{self.text!r}" if self.facet is None else f"{self.text!r} on facet {self.facet}"
+        """Label and facet in messages."""
+        return repr(self.text) if self.facet is None else f"{self.text!r} on facet {self.facet}"
 
     def section(self) -> CrossSection:
-        """The label in its own plane, in mm about the origin of the frame.
+        """Plane section of the label, in mm about the origin of the frame.
 
-        Raises EngravingError where wider strokes would close a hole or join parts.
+        Raises EngravingError if wider strokes would close a hole or join parts.
         """
         plain = self.art.section.scale((self.height, self.height))
         wider = grown(plain, self.growth)
@@ -367,9 +357,9 @@ def place_labels(
 ) -> list[Placement]:
     """Place labels on their facets, each as large as fits.
 
-    A label's bounding box, the mark of an ambiguous one included, is nearly the largest upright
-    rectangle of its proportions that keeps the margins from the edges of its region, and nearly in
-    the middle; of several lines and uprights that it may have, the largest.
+    The bounding box of a label, with the mark of an ambiguous one, is nearly the largest upright
+    rectangle of its proportions within the margins of its region, and nearly centered. Of its
+    possible line breaks and uprights it has the largest.
 
     Parameters
     ----------
@@ -377,39 +367,34 @@ def place_labels(
     options: looks, sizes, upright and margin.
     size_mm: present largest distance between two vertices of the die, above 0.
     margins: k arrays (m,) of distances in mm from the edges of a region, each from a corner to the
-        next, such as `edge_margins` gives; by default `options.margin_mm` from all.
-
-    Returns
-    -------
-    list of k placements.
+        next, such as from `edge_margins`; None for `options.margin_mm` everywhere.
 
     Raises
     ------
     InputError: a font or an icon cannot be read.
-    LabelRoomError: a label is too small to read. Of several the message is about that which needs
-        the largest die; the size it gives does for all.
+    LabelRoomError: a label is too small to read. The message is about the one that needs the
+        largest die; its size suffices for all.
     EngravingError: a label cannot be drawn.
     """
     gaps: Sequence[float | Floats] = margins or [options.margin_mm] * len(places)
-    placements, needed = [], []
+    fits = []
     for place, margin in zip(places, gaps, strict=True):
-        arts = label_arts(place.text, options)
-        best = None
         outward = place.normal / np.linalg.norm(place.normal)
-        for right in _rights(place.region, outward, options):
-            for art in arts:
-                fit = _fit(place, art, right, outward, options, margin)
-                if best is None or fit[0].height > (1.0 + LONGER) * best[0].height:
-                    best = fit
-        assert best is not None
-        placements.append(best[0])
-        needed.append(best[1])
-    require_room(placements, needed, size_mm, options)
+        rights, arts = _rights(place.region, outward, options), label_arts(place.text, options)
+        first, *others = (
+            _fit(place, art, right, outward, options, margin) for right in rights for art in arts
+        )
+        for fit in others:
+            if fit[0].height > (1.0 + LONGER) * first[0].height:
+                first = fit
+        fits.append(first)
+    placements = [placement for placement, _ in fits]
+    require_room(placements, [needed for _, needed in fits], size_mm, options)
     return placements
 
 
 def _rights(region: Floats, outward: Floats, options: EngravingOptions) -> list[Floats]:
-    """Directions (3,) that may be right on a label, the preferred ones first."""
+    """Candidates (3,) for the direction to the right on a label, in order of preference."""
     if not isinstance(options.upright, str):
         up = np.array(options.upright) / np.linalg.norm(options.upright)
         right = np.cross(up, outward)
@@ -434,8 +419,8 @@ def _fit(
     options: EngravingOptions,
     margins: float | Floats,
 ) -> tuple[Placement, float]:
-    """A label as large as it fits with directions (3,) to its right and out of the facet, and by
-    which factor the facet must grow, at least, for digits of `min_height_mm`, or 0."""
+    """Largest placement of a label with directions (3,) to its right and out of the facet, and the
+    least factor by which the facet must grow for digits of `min_height_mm`, or 0."""
     up = np.cross(outward, right)
     origin = place.region.mean(axis=0)
     flat = (place.region - origin) @ np.column_stack([right, up])
@@ -452,11 +437,11 @@ def _fit(
         wanted = art.growth(height, options.stroke_mm) if height > 0.0 else growth
         if wanted <= growth:
             break
-        # Smaller digits need to grow more.
+        # Smaller digits need more growth.
         growth = min(wanted + LONGER * options.stroke_mm, 0.5 * options.stroke_mm)
     needed = 0.0
     if height < least:
-        # A facet as many times as large has room for digits of the least height and the margin.
+        # A facet larger by this factor has room for digits of the least height and the margin.
         width, tall = art.size
         rim = margins + 0.5 * options.stroke_mm
         needed = 1.0 / inscribed_box(flat, (width * least, tall * least), rim=rim)[1]
@@ -473,10 +458,10 @@ def require_room(
     size_mm: float,
     options: EngravingOptions,
 ) -> None:
-    """Raise LabelRoomError if a label is too small to read: about that which needs the largest die,
-    with a size of the die at which all are large enough.
+    """Raise LabelRoomError if a label is too small to read, about the one that needs the largest
+    die, with a size of the die that suffices for all.
 
-    needed: k factors by which the die must grow for those that are too small; size_mm: present
+    needed: k factors by which the die must grow for labels that are too small; size_mm: present
     largest distance between two vertices of the die.
     """
     small = [k for k, each in enumerate(placements) if each.height < options.min_height_mm]

@@ -1,4 +1,4 @@
-"""Marks on a body of any shape: the outcome that it shows, on the side that is up when it lies so.
+"""Marks on a body of any shape: labels of its outcomes, on the side that is up in each.
 
 Lengths are in millimeters, volumes in cubic millimeters.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from manifold3d import Manifold
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from dicedesign.errors import EngravingError, InputError
+from dicedesign.errors import EngravingError
 from dicedesign.fabricate.engraving import LabelCut, cut_out
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import LabelArt, label_arts
@@ -26,39 +26,38 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 STEEPEST: Final = 1.0
-"""Slope of the surface beneath a mark, as rise over run."""
+"""Largest slope of the surface beneath a mark, as rise over run."""
 
 FLOOR: Final = 2.0
-"""Thickness of the body beneath a mark before it is cut, in depths of the mark."""
+"""Least thickness of the body beneath a mark before it is cut, over the depth of the mark."""
 
 SAMPLES: Final = 160
-"""Nodes of a relief along the larger of its extents."""
+"""Number of nodes of a relief along the larger of its extents."""
 
 SHRINKING: Final = 0.85
-"""Ratio of the digit heights tried one after the other."""
+"""Ratio of consecutive digit heights of the search."""
 
 SMALLEST: Final = 3.0
-"""Smallest digit height tried, in spacings of the relief."""
+"""Smallest digit height of the search, in spacings of the relief."""
 
 EVENNESS: Final = 2.0
-"""Millimeters of the height of its digits that a millimeter counts for by which the surface rises
-and falls beneath a mark."""
+"""Digit height that a mark gives up for a flatter place, per height difference beneath it."""
 
 PLACES: Final = 3
-"""Places tried of one digit height: one may have a flaw between the nodes of the relief."""
+"""Number of candidate places of a digit height: one may have a flaw between nodes of the relief."""
 
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """Samples at the nodes of a square grid in the plane of x and y.
+    """Heights of a body at the nodes of a square grid in the plane of x and y.
 
     Attributes
     ----------
     corner: (2,) x and y of the first node.
     spacing: between nodes.
-    height: (a, b) z of the highest point of the body above each node, along x and y; -inf beside
-        the body.
-    thickness: (a, b) depth of the body from there down to where it ends or is hollow; 0 beside it.
+    height: (a, b) z of the highest point of the body at each node, along x and y; -inf beside the
+        body.
+    thickness: (a, b) of the body from there down to its end or a hollow; 0 beside it.
     """
 
     corner: Floats
@@ -67,22 +66,22 @@ class Relief:
     thickness: Floats
 
     def nodes(self) -> Floats:
-        """(a, b, 3) the points of the surface."""
+        """(a, b, 3) points of the surface."""
         indices = np.moveaxis(np.indices(self.height.shape), 0, -1)
         places = self.corner + self.spacing * indices
         return np.concatenate([places, self.height[..., None]], axis=-1)
 
     def unevenness(self, depth: float, size: Floats) -> Floats:
-        """(a, b) how far the surface rises and falls within a box of a width and a height (2,)
-        about each node; inf where the box does not lie on the body or the body beneath it is
-        steeper than 45 degrees or not solid to twice a depth."""
+        """(a, b) height difference of the surface within a box of a width and a height (2,) about
+        each node; inf if the box extends beyond the body, or the body beneath it is steeper than 45
+        degrees or not solid to twice a depth."""
         good = self.thickness >= FLOOR * depth
         z = np.pad(np.where(good, self.height, np.nan), 1, constant_values=np.nan)
         reach = STEEPEST * self.spacing
         along_x = np.abs(np.diff(z, axis=0))[:, 1:-1] <= reach
         along_y = np.abs(np.diff(z, axis=1))[1:-1] <= reach
         gentle = along_x[1:] & along_x[:-1] & along_y[:, 1:] & along_y[:, :-1]
-        # Steep nodes are infinitely high, and so are those beyond the grid.
+        # Steep nodes and those beyond the grid are infinitely high.
         z = np.where(gentle, self.height, np.inf)
         box = tuple(2 * np.ceil(0.5 * size / self.spacing).astype(np.int64) + 1)
         high = maximum_filter(z, box, cval=np.inf, mode="constant")
@@ -91,11 +90,12 @@ class Relief:
 
 
 def relief(body: Manifold) -> Relief:
-    """The heights of a body, at `SAMPLES` nodes along the larger of its extents along x and y."""
+    """Sample the heights of a body at `SAMPLES` nodes along the larger of its extents in x and
+    y."""
     box = np.reshape(body.bounding_box(), (2, 3))
     extent = np.ptp(box[:, :2], axis=0)
     spacing = float(extent.max()) / SAMPLES
-    # Off the points' own coordinates, so that nodes seldom lie on edges.
+    # Nodes are off the coordinates of points, so that they seldom lie on edges.
     corner = box[0, :2] - (np.sqrt(0.5), np.sqrt(0.3)) * np.array([spacing, spacing])
     shape = tuple((np.ceil(extent / spacing).astype(np.int64) + 2).tolist())
     height, thickness = np.full(shape, -np.inf), np.zeros(shape)
@@ -115,13 +115,12 @@ def engrave_marks(
     texts: Sequence[str],
     options: EngravingOptions,
 ) -> tuple[Surface, list[Placement]]:
-    """Engrave a label for each outcome on the side that is up when the body lies on it.
+    """Engrave a label for each outcome on the side that is up.
 
-    Each label lies on a part of the surface that is seen straight from above, nowhere steeper than
-    45 degrees, solid to twice the depth, and away from the labels before it. Of all such places it
-    takes one where it is large (`options.max_height_mm` at most), high above the table and even.
-    The outlines are cut straight down, everywhere `options.depth_mm` below the surface. A label of
-    "●" is a dot.
+    Each label is on a part of the surface that is visible straight from above, nowhere steeper than
+    45 degrees, solid to twice the depth, and apart from earlier labels. Among such places it takes
+    one where it is large (`options.max_height_mm` at most), high above the table and on even
+    ground. The outlines are cut straight down, everywhere `options.depth_mm` below the surface.
 
     Parameters
     ----------
@@ -129,7 +128,7 @@ def engrave_marks(
     triangles: (t, 3) counter-clockwise seen from outside; closed.
     downs: (k, 3) directions in the body that point to the table, of any length above 0.
     texts: k labels.
-    options: looks, depth, sizes, and how much room a label keeps free; `upright` says nothing here.
+    options: look, depth, sizes and margin; `upright` does not apply.
 
     Returns
     -------
@@ -138,27 +137,19 @@ def engrave_marks(
 
     Raises
     ------
-    InputError: the plain mesh is no solid, or there is not one direction for each label.
+    InputError: the plain mesh is no solid.
     LabelRoomError: a label is too small to read; at the size it gives all are large enough.
     EngravingError: there is no place for a label at any size, or a check failed.
     """
-    downs = np.asarray(downs, dtype=np.float64)
-    lengths = np.linalg.norm(downs, axis=-1)
-    if downs.shape != (len(texts), 3) or not (np.isfinite(lengths) & (lengths > 0.0)).all():
-        raise InputError(
-            f"marks: expected a finite direction that is not zero for each of {len(texts)} labels, "
-            f"got {downs.tolist()}; pass one (3,) for each"
-        )
     plain = solid(vertices, triangles)
-    points = np.asarray(vertices, dtype=np.float64)
     marks: list[Placement] = []
     cuts: list[LabelCut] = []
     for text, down in zip(texts, downs, strict=True):
-        turn = _upright(points, -down / np.linalg.norm(down))
+        turn = _upright(vertices, -down / np.linalg.norm(down))
         turned = plain.transform(np.column_stack([turn, np.zeros(3)]))
-        view, z = relief(turned), points @ turn[2]
+        view, z = relief(turned), vertices @ turn[2]
         rise = (view.height - z.min()) / np.ptp(z)
-        # Of several lines, the shape that is nearest to a square.
+        # The line breaks whose shape is most nearly square.
         art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
         for middle, height in _places(view, turn, rise, art, marks, options):
             frame = np.eye(4)
@@ -177,13 +168,13 @@ def engrave_marks(
         marks.append(mark)
         cuts.append(cut)
     needed = [options.min_height_mm / mark.height for mark in marks]
-    require_room(marks, needed, convex_hull(points).diameter, options)
+    require_room(marks, needed, convex_hull(vertices).diameter, options)
     return cut_out(plain, cuts, options), marks
 
 
 def _upright(points: Floats, up: Floats) -> Floats:
-    """(3, 3) rows right, up on the mark, and up from the table, a unit direction (3,), in a body of
-    points (n, 3). Right is where the body is longest as seen from above."""
+    """(3, 3) frame of a mark on a body of points (n, 3), with rows right, up on the mark, and up
+    from the table, a unit direction (3,). Seen from above the body is longest to the right."""
     flat = points - points.mean(axis=0)
     flat -= np.outer(flat @ up, up)
     right = np.linalg.eigh(flat.T @ flat)[1][:, -1]
@@ -201,10 +192,10 @@ def _places(
     others: Sequence[Placement],
     options: EngravingOptions,
 ) -> Iterator[tuple[Floats, float]]:
-    """Middles (3,), turned, and digit heights of places for a label, the best first: from the
-    largest height down to `min_height_mm`, then those below from the first that has a place.
+    """Yield turned middles (3,) and digit heights of places for a label, the best first: all
+    heights down to `min_height_mm`, then the largest smaller one that has a place.
 
-    turn: of the body; rise: (a, b) height of the surface above the table, over that of the body.
+    turn: of the body; rise: (a, b) height of the surface above the table, over the body's height.
     """
     nodes = view.nodes()
     clear = [
@@ -213,9 +204,9 @@ def _places(
         for other in others
     ]
     least = options.min_height_mm
-    for heights, is_legible in (
-        (_digit_heights(options.max_height_mm, least), True),
-        (_digit_heights(SHRINKING * least, SMALLEST * view.spacing), False),
+    for heights in (
+        _digit_heights(options.max_height_mm, least),
+        _digit_heights(SHRINKING * least, SMALLEST * view.spacing),
     ):
         places = []
         for height in heights:
@@ -232,14 +223,14 @@ def _places(
                 best = np.unravel_index(np.argmax(score), score.shape)
                 places.append((float(score[best]), nodes[best], height))
                 good &= np.linalg.norm((nodes - nodes[best])[..., :2], axis=-1) > 0.5 * height
-            if places and not is_legible:
+            if places and height < least:
                 break
         for _, middle, height in sorted(places, key=lambda place: -place[0]):
             yield middle, height
 
 
 def _digit_heights(largest: float, least: float) -> list[float]:
-    """The digit heights to try, falling."""
+    """Digit heights of the search, in descending order."""
     if largest < least:
         return []
     steps = math.ceil(math.log(least / largest) / math.log(SHRINKING))
@@ -247,22 +238,22 @@ def _digit_heights(largest: float, least: float) -> list[float]:
 
 
 def _room(art: LabelArt, height: float, growth: float, options: EngravingOptions) -> Floats:
-    """(2,) width and height of a label of a digit height and of what it keeps free around it: the
-    margin, or for one too small to read what the margin would be on a die as large as it needs."""
+    """(2,) width and height of a label of a digit height with its margin, which shrinks with a
+    label that is too small to read."""
     rim = growth + options.margin_mm * min(1.0, height / options.min_height_mm)
     return height * np.array(art.size) + 2.0 * rim
 
 
 def _cut(body: Manifold, mark: Placement, middle: Floats, depth: float) -> LabelCut | None:
-    """The outlines of a mark cut out of the surface of a turned body; None where that is no whole
-    sheet there. The cut ends where the body does that is moved down by the depth of the mark."""
+    """Cut of the outlines of a mark into a turned body, down to a copy of the body that is lower by
+    the depth of the mark; None if that is no whole sheet."""
     section = mark.section()
     left, bottom, right, top = mark.height * np.array(mark.art.box)
     x, y = middle[0] - 0.5 * (left + right), middle[1] - 0.5 * (bottom + top)
     low, high = body.bounding_box()[2] - 2.0 * depth, body.bounding_box()[5] + depth
     prism = section.extrude(high - low).translate((x, y, low))
     left_over = (prism - body.translate((0.0, 0.0, -depth))).decompose()
-    # Other parts are below the body or in its hollows.
+    # Lower parts are below the body or in its hollows.
     cutter = Manifold.compose([part for part in left_over if part.bounding_box()[5] > high - depth])
     volume = section.area() * depth
     if abs((cutter ^ body).volume() - volume) > ENGRAVED_VOLUME_TOLERANCE * volume:

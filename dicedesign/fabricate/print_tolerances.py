@@ -1,10 +1,9 @@
-"""How far the probabilities of prints are from those that were designed, to first order; and the
-probabilities of a print with infill, and how much of it is enough.
+"""Effect of print errors on the probabilities of a die, to first order, and of infill.
 
 A print differs from its file in the place of each facet, in its length along each axis of the
-printer, in its density from bottom to top and by a bubble. With the derivatives of the
-probabilities these give the covariance of the probabilities among prints; and Pearson's test says
-how large it may be.
+printer, in its density from bottom to top, and by a bubble. With the derivatives of the
+probabilities these give the covariance of the probabilities among prints. Pearson's test bounds the
+covariance that goes unnoticed.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 import torch
@@ -51,45 +50,48 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
 
 PRINTS: Final = 32
-"""Number of prints that estimates the noticed part to some hundredths."""
+"""Number of simulated prints: it estimates the noticed share to some hundredths."""
 
 ROLLS: Final = 1000
-"""Of the test that is not to notice."""
+"""Number of rolls of the test."""
 
 NOTICED: Final = 0.1
-"""Part of the prints that the test may notice: twice as many as of perfect dice."""
+"""Largest share of prints that the test may notice: twice the share for perfect dice."""
 
 FINENESS: Final = 1e-6
-"""Part of the die's size to which the allowed offset is found."""
+"""Tolerance of the allowed offset, over the die's size."""
 
 DOUBT: Final = 0.03
-"""Part that may be noticed beyond that of the prints that are made: their own chance."""
+"""Tolerance of the noticed share of `PRINTS` prints: their statistical error."""
 
 HALVINGS: Final = 10
-"""Of the range of offsets where those of the derivatives are too large."""
+"""Number of bisections of the allowed offset where derivatives overestimate it."""
 
 NEVER: Final = 1.0
-"""Offset, over the die's size, beyond which nobody asks whether a test notices."""
+"""Largest offset of interest, over the die's size."""
+
+
+AXES: Final = np.eye(3)
+"""Axes of a printer aligned with the die."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProbabilitySpread:
-    """Derivatives of the probabilities of k outcomes at a body with n corners and m facets, and
-    covariances of the probabilities among its prints.
+    """Covariance of the probabilities of k outcomes among prints of a body with n corners and m
+    facets, from their derivatives.
 
     Attributes
     ----------
     poses: the rests of the body; directions: (k, 3) down in the outcomes.
-    errors: what differs from print to print.
-    model: of the probabilities, or None without momentum and under uniform start
-        orientations.
-    has_planes: whether the places of whole facets differ; else, on a surface whose hull spans
-        corners that have nothing to do with each other, those of the corners in all directions.
-    axes: (3, 3) orthonormal axes of the printer in the die's coordinates, one a row, the last up.
-    volume: of the body, or where its surface is open of its hull; inside: (3, 3) mean of the
-        products of two coordinates over it, about the center of mass.
-    by_corners: (k, n, 3) in the corners, the center of mass staying where it is.
-    by_planes: (k, m) in the offsets of the facets, likewise.
+    errors: standard deviations of print errors.
+    model: of the probabilities, or None without momentum and under uniform start orientations.
+    has_planes: whether whole facets are off; else corners are off in all directions, independently,
+        as on a concave die, whose hull spans unrelated corners.
+    axes: (3, 3) orthonormal axes of the printer in the die's coordinates, one per row, the last up.
+    volume: of the body, or of its hull if its surface is open; inside: (3, 3) mean over it of the
+        products of two coordinates, about the center of mass.
+    by_corners: (k, n, 3) derivatives in the corners at a fixed center of mass.
+    by_planes: (k, m) derivatives in the offsets of the facets at a fixed center of mass.
     """
 
     poses: RestPoses
@@ -113,9 +115,9 @@ class ProbabilitySpread:
         model: ProbabilityModel | None = None,
         *,
         has_planes: bool = True,
-        axes: Floats | None = None,
+        axes: Floats = AXES,
     ) -> ProbabilitySpread:
-        """Spread of a body's probabilities; for a tied body the mean over the bodies beside it."""
+        """Spread of a body's probabilities; for a tied body the mean over its two perturbations."""
         place = np.full(len(poses.hull.normals), -1)
         place[poses.facets] = outcome_probabilities(poses, directions).outcome_of_rest
         rows, planes = [], []
@@ -139,7 +141,7 @@ class ProbabilitySpread:
             errors=errors,
             model=model,
             has_planes=has_planes,
-            axes=np.eye(3) if axes is None else axes,
+            axes=axes,
             volume=float(volume),
             inside=np.asarray(moments / volume),
             by_corners=np.mean(rows, axis=0).reshape(len(directions), -1, 3),
@@ -148,18 +150,19 @@ class ProbabilitySpread:
 
     @property
     def is_uniform(self) -> bool:
-        """Whether the center of mass is that of the solid, and so moves with added material."""
+        """Whether the body is a uniform solid, whose center of mass moves with added material."""
         return self.poses.center_of_mass_source != "given"
 
     @cached_property
     def by_center(self) -> Floats:
-        """(k, 3) in the center of mass: a body that moves as a whole keeps its probabilities."""
+        """(k, 3) derivatives in the center of mass: a body that moves as a whole keeps its
+        probabilities."""
         return -self.by_corners.sum(axis=1)
 
     @cached_property
     def by_offsets(self) -> Floats:
-        """(k, m) in the offsets of the facets, with which the center of mass moves by the material
-        that comes on."""
+        """(k, m) derivatives in the offsets of the facets, with the center of mass moved by the
+        added material."""
         if not self.is_uniform:
             return self.by_planes
         hull = self.poses.hull
@@ -171,45 +174,47 @@ class ProbabilitySpread:
 
     @cached_property
     def by_stretches(self) -> Floats:
-        """(k, 3) in the relative lengths along the axes."""
+        """(k, 3) derivatives in the relative lengths along the axes."""
         radii = (self.poses.hull.vertices - self.poses.center_of_mass) @ self.axes.T
         return np.asarray((self.by_corners @ self.axes.T * radii).sum(axis=1))
 
     @cached_property
     def by_gradient(self) -> Floats:
-        """(k,) in the relative change of the density from the bottom of the body to its top."""
+        """(k,) derivatives in the relative change of the density from the bottom of the body to its
+        top."""
         up = self.axes[2]
         tall = np.ptp(self.poses.hull.vertices @ up)
         return np.asarray(self.by_center @ (self.inside @ up) / tall)
 
     @cached_property
     def by_unit_offset(self) -> Floats:
-        """(k, k) for a standard deviation of 1 of the places of facets, or of corners."""
+        """(k, k) covariance for a standard deviation of 1 of the places of facets, or of
+        corners."""
         parts = self.by_offsets if self.has_planes else self.by_corners
         rows = parts.reshape(len(parts), -1)
         return rows @ rows.T
 
     @cached_property
     def by_error(self) -> dict[str, Floats]:
-        """(k, k) from each error, by the names of its fields."""
+        """(k, k) covariance from each error, by the names of `PrintErrors`."""
         unit = {
             "dimensional_mm": self.by_unit_offset,
             "shrinkage": self.by_stretches @ self.by_stretches.T,
             "density_gradient": np.outer(self.by_gradient, self.by_gradient),
-            # The center of mass moves away from a bubble by its part of the volume.
+            # A bubble shifts the center of mass away from it in proportion to its volume.
             "bubble_mm3": self.by_center @ self.inside @ self.by_center.T / self.volume**2,
         }
         return {name: deviation**2 * unit[name] for name, deviation in asdict(self.errors).items()}
 
     @cached_property
     def covariance(self) -> Floats:
-        """(k, k) from all errors together."""
+        """(k, k) covariance from all errors."""
         return np.asarray(sum(self.by_error.values()))
 
     def allowed_offset(self, target: Floats, bias: Floats) -> float | None:
-        """Standard deviation in mm of the places of facets, or corners, with which a test of
-        `ROLLS` rolls at 5 % notices `NOTICED` of the prints, if there is no other error; 0 where it
-        notices as many or more of prints without an error, None where fewer at any size of error.
+        """Standard deviation in mm of the places of facets, or corners, at which a test of `ROLLS`
+        rolls at 5 % notices a share `NOTICED` of prints without other errors; 0 if it notices as
+        many exact prints, None if it notices fewer at any size of error.
 
         target, bias: (k,) as for `print_tolerances`.
         """
@@ -225,30 +230,28 @@ class ProbabilitySpread:
         return float(brentq(excess, 0.0, NEVER * size, xtol=FINENESS * size))
 
     def share_noticed(self, offset: float, target: Floats, bias: Floats) -> float:
-        """Part of prints, made one by one with facets or corners off by a standard deviation in mm,
-        that a test of `ROLLS` rolls notices; target, bias: (k,) as for `print_tolerances`. The same
-        prints for all offsets; those that are no body are noticed."""
+        """Share of simulated prints, with facets or corners off by a standard deviation in mm, that
+        a test of `ROLLS` rolls notices; target, bias: (k,) as for `print_tolerances`. All offsets
+        share their random numbers; prints that are no body count as noticed."""
         hull, random = self.poses.hull, np.random.default_rng(0)
-        middle, right = hull.centroid, self._probabilities(hull.vertices)
+        middle, designed = hull.centroid, self._probabilities(hull.vertices)
         biases = []
         for _ in range(PRINTS):
             with suppress(DiceError):
                 if self.has_planes:
-                    off = offset * random.normal(size=len(hull.normals))
-                    depths = hull.heights(middle) + off
+                    depths = hull.heights(middle) + offset * random.normal(size=len(hull.normals))
                     corners = middle + polyhedron_corners(hull.normals, depths)
                 else:
                     corners = hull.vertices + offset * random.normal(size=hull.vertices.shape)
-                biases.append(bias + self._probabilities(corners) - right)
-        lost = PRINTS - len(biases)
+                biases.append(bias + self._probabilities(corners) - designed)
         chances = chances_noticed(target, ROLLS, np.reshape(biases, (-1, len(target))))
-        return float(chances.sum() + lost) / PRINTS
+        return float(chances.sum() + (PRINTS - len(biases))) / PRINTS
 
     def _probabilities(self, corners: Floats) -> Floats:
-        """(k,) of the outcomes of a body with these corners."""
+        """(k,) probabilities of the outcomes of a body with other corners."""
         center = self.poses.center_of_mass
         if self.has_planes and self.is_uniform:
-            # What labels take away stays as it is.
+            # The offset that labels cause stays.
             center = center + convex_hull(corners).centroid - self.poses.hull.centroid
         rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
         probabilities = (
@@ -264,22 +267,21 @@ def print_tolerances(
 ) -> PrintTolerances:
     """Effect of print errors on a die's probabilities.
 
-    target: (k,) wanted probabilities; bias: (k,) probabilities of the die that is printed without
-        an error, less
-    those; is_checked: whether the allowed offset is held against prints that are made one by one,
-    else the derivatives are trusted.
+    target: (k,) wanted probabilities; bias: (k,) probabilities of an exact print less the target;
+    is_checked: whether to check the allowed offset by simulated prints.
     """
     allowed = spread.allowed_offset(target, bias)
     if allowed and is_checked and spread.share_noticed(allowed, target, bias) > NOTICED + DOUBT:
-        # The largest with which they are not.
+        # The largest offset that goes unnoticed.
         least, most = 0.0, allowed
         for _ in range(HALVINGS):
             middle = (least + most) / 2.0
-            is_hidden = spread.share_noticed(middle, target, bias) < NOTICED
-            least, most = (middle, most) if is_hidden else (least, middle)
-        # A die at the verge of tipping: the smallest that was tried.
+            if spread.share_noticed(middle, target, bias) < NOTICED:
+                least = middle
+            else:
+                most = middle
+        # A die at the verge of tipping gets the smallest one.
         allowed = least or most
-    by_error = {name: np.sqrt(np.diag(each)) for name, each in spread.by_error.items()}
     deviations = np.sqrt(np.diag(spread.covariance))
     what = "facet's place" if spread.has_planes else "corner's place, in every direction"
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
@@ -306,40 +308,30 @@ def print_tolerances(
         noticed=chance_noticed(target, ROLLS, spread.covariance, bias),
         assumed=asdict(spread.errors),
         deviations=tuple(deviations.tolist()),
-        by_error={name: tuple(each.tolist()) for name, each in by_error.items()},
-        # Half the sum of the mean absolute values of normal numbers.
+        by_error={
+            name: tuple(np.sqrt(np.diag(each)).tolist()) for name, each in spread.by_error.items()
+        },
+        # Half the sum of the mean absolute values of normal variables.
         total_variation=float(deviations.sum() / np.sqrt(2.0 * np.pi)),
     )
 
 
 STEPS: Final = 20
-"""Infills that are tried, up to 100 %."""
+"""Number of infills up to 100 % among which the least one is searched."""
 
 LEAST_MASS: Final = 1e-3
-"""Part of the solid's mass below which none is tried: little is known of where the center of mass
-of next to nothing is."""
+"""Least mass of a print in that search, over the solid's: the center of mass of hardly any material
+is uncertain."""
+
+Inside: TypeAlias = tuple[float, Floats]
+"""Volume in mm3 and centroid (3,) of the part of a print that is infill. Where walls leave none the
+volume is 0 and the centroid arbitrary."""
 
 
-@dataclass(frozen=True, eq=False)
-class InfillRegion:
-    """The part of a print that is infill.
-
-    Attributes
-    ----------
-    volume: in mm3, 0 where the walls meet.
-    centroid: (3,), anything then.
-    """
-
-    volume: float
-    centroid: Floats
-
-
-def inside_walls(
-    hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] = ()
-) -> InfillRegion:
+def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] = ()) -> Inside:
     """Inside of the walls of a convex body: its half-spaces, moved inward.
 
-    walls_mm: above 0; pockets: solids that are not infill either, from `pocket_walls`.
+    walls_mm: above 0; pockets: solids without infill, from `pocket_walls`.
     """
     middle = hull.centroid
     depths = hull.heights(middle)
@@ -347,7 +339,7 @@ def inside_walls(
         move, _ = deepest_point(hull.normals, depths)
         depths, middle = depths - hull.normals @ move, middle + move
     if depths.min() <= walls_mm:
-        return InfillRegion(0.0, middle)
+        return 0.0, middle
     inner = convex_hull(middle + polyhedron_corners(hull.normals, depths - walls_mm))
     points, triangles = inner.vertices, inner.triangles
     if pockets:
@@ -357,18 +349,18 @@ def inside_walls(
 
         left = Manifold.batch_boolean([solid(points, triangles), *pockets], OpType.Subtract)
         if not left.volume() > 0.0:
-            return InfillRegion(0.0, middle)
+            return 0.0, middle
         points, triangles = mesh_of(left)
-    return InfillRegion(*solid_properties(points, triangles))
+    return solid_properties(points, triangles)
 
 
 def pocket_walls(
     sections: Sequence[tuple[Placement, CrossSection]], depth_mm: float, walls_mm: float
 ) -> list[Manifold]:
-    """The walls around pockets, as solids that reach from outside of the facet to below the
-    pocket's floor. Their lower rims are square where those of slicers may be round.
+    """Walls around pockets, as solids that reach from outside of the facet to below the pocket's
+    floor. Their lower rims are square; slicers may round them.
 
-    sections: of the pockets, from `cut_sections`; depth_mm: of them.
+    sections: of the pockets, from `cut_sections`; depth_mm: of the pockets.
     """
     from manifold3d import JoinType
 
@@ -383,22 +375,22 @@ def pocket_walls(
 
 
 def weigh_print(
-    volume: float, centroid: Floats, inside: InfillRegion, infill: float
+    volume: float, centroid: Floats, inside: Inside, infill: float
 ) -> tuple[float, Floats]:
-    """Ratio of a print's mass to the solid one's, and its center of mass (3,).
+    """Mass of a print over the mass of a solid print, and its center of mass (3,).
 
-    volume, centroid: of the outer body, labels cut in where it has them; infill: 0 to 1.
+    volume, centroid: of the solid, with its labels cut in; infill: 0 to 1.
     """
-    missing = (1.0 - infill) * inside.volume
+    missing = (1.0 - infill) * inside[0]
     mass = volume - missing
-    return mass / volume, (volume * centroid - missing * inside.centroid) / mass
+    return mass / volume, (volume * centroid - missing * inside[1]) / mass
 
 
 def infill_probabilities(
     verdict: Assessment,
     directions: Floats,
     volume: float,
-    inside: InfillRegion,
+    inside: Inside,
     infill: float,
     walls_mm: float,
 ) -> InfillProbabilities:
@@ -406,18 +398,18 @@ def infill_probabilities(
 
     Parameters
     ----------
-    verdict: on the file of the uniform solid.
+    verdict: assessment of the file of the uniform solid.
     directions: (k, 3) down in the outcomes.
-    volume: of that solid in mm3.
-    inside: what the walls leave of it.
-    infill: part of the inside that is material, 0 to 1; walls_mm: thickness of the walls.
+    volume: of the solid in mm3.
+    inside: of its walls.
+    infill: share of the inside that is material, 0 to 1; walls_mm: thickness of the walls.
     """
     poses, solid = verdict.poses, verdict.outcomes.probabilities
     shown = solid > 0.0
 
-    def printed(part: float) -> tuple[float, Floats, OutcomeProbabilities, bool]:
+    def assess(share: float) -> tuple[float, Floats, OutcomeProbabilities, bool]:
         """Mass, center of mass, probabilities, and whether the test notices them."""
-        mass, center = weigh_print(volume, poses.center_of_mass, inside, part)
+        mass, center = weigh_print(volume, poses.center_of_mass, inside, share)
         outcomes = outcome_probabilities(analyze(poses.hull, center).under(poses.prior), directions)
         change = outcomes.probabilities[shown] - solid[shown]
         chances = chances_noticed(solid[shown] / solid[shown].sum(), ROLLS, change[None])
@@ -425,20 +417,18 @@ def infill_probabilities(
 
     least = STEPS
     while least > 0:
-        part = (least - 1) / STEPS
-        if volume - (1.0 - part) * inside.volume < LEAST_MASS * volume or printed(part)[3]:
+        share = (least - 1) / STEPS
+        if volume - (1.0 - share) * inside[0] < LEAST_MASS * volume or assess(share)[3]:
             break
         least -= 1
-    mass, center, outcomes, is_noticed = printed(infill)
+    mass, center, outcomes, is_noticed = assess(infill)
     shift = center - poses.center_of_mass
     changes = np.abs(outcomes.probabilities - solid)
     advice = (
         f"At {100.0 * infill:.0f} % infill with walls of {walls_mm:g} mm the die has "
-        f"{100.0 * mass:.0f} % of its mass, its center of mass moves by "
-        f"{norms(shift):.2g} mm, and the probabilities of "
-        f"{verdict.target.labels[int(changes.argmax())]} "
-        f"change most, by {changes.max():.2g}: a chi-square test at {100.0 * LEVEL:.0f} % of "
-        f"{ROLLS:,} rolls "
+        f"{100.0 * mass:.0f} % of its mass, its center of mass moves by {norms(shift):.2g} mm, and "
+        f"the probabilities of {verdict.target.labels[int(changes.argmax())]} change most, by "
+        f"{changes.max():.2g}: a chi-square test at {100.0 * LEVEL:.0f} % of {ROLLS:,} rolls "
     )
     if is_noticed:
         enough = "" if least == STEPS else f", or with {100.0 * least / STEPS:.0f} % or more"

@@ -1,4 +1,5 @@
-"""How a die is printed: what its printer will not make, and how it lies best on the bed.
+"""Printability of a die: features that its printer cannot make, and its best orientation on the
+bed.
 
 Lengths are in millimeters.
 """
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.printers import Printer, PrintOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import facet_inradius
@@ -43,31 +45,31 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
 
 ON_BED: Final = 1e-3
-"""Height in mm up to which a triangle lies on the bed: less than a hundredth of a layer."""
+"""Height in mm up to which a triangle touches the bed: less than a hundredth of a layer."""
 
 LOW: Final = 2.0
-"""Layers above the bed that need no supports: the feet of rounded edges."""
+"""Number of layers above the bed that need no supports: the feet of rounded edges."""
 
 LEVEL: Final = 1e-6
-"""By how much the cosine of an angle is to exceed that of a limit."""
+"""Tolerance of cosines of angles."""
 
 ALMOST_DEG: Final = 0.5
-"""Angle by which a printer's limit may be missed: facets that were meant to be at 45 degrees are a
-little off where they were moved."""
+"""Tolerance of a printer's angle limit: facets designed at 45 degrees are slightly off after they
+were moved."""
 
 FOOTING: Final = 0.2
-"""Diameter of the largest circle in a facet, over the height of the die on it, from which on the
-die holds to the bed: a rule of thumb."""
+"""Least diameter of the largest circle in a facet, over the height of the die on it, for the die to
+hold to the bed: a rule of thumb."""
 
 SURFACE: Final = 1e-3
-"""Depth in mm below the plain die's hull from which on a triangle is a part of a pocket."""
+"""Least depth in mm below the hull of the plain die at which a triangle belongs to a pocket."""
 
 THIN: Final = 1e-4
 """Width in mm below which a triangle is a line to any printer. Single precision may fold it onto
-its neighbors, and what it meets is not counted."""
+its neighbors, so its intersections are not counted."""
 
 MOST_LARGER: Final = 3.0
-"""Factor by which a die is made larger for the sake of its thin parts."""
+"""Largest factor of the size that a warning about thin parts recommends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +79,10 @@ class PrintedSolid:
     Attributes
     ----------
     points: (n, 3); triangles: (t, 3) counter-clockwise seen from outside.
-    hull: of the die without labels where it is convex, else None: what lies deeper is a pocket.
-        Pockets need no supports: their ledges are no longer than they are deep, and their floors
-        are bridged.
-    labels: k texts; normals: (k, 3) outward where they are.
+    hull: of a convex die without labels, else None: triangles deeper than it belong to pockets,
+        which need no supports: their ledges are no longer than they are deep, and their floors are
+        bridged.
+    labels: k texts; normals: (k, 3) outward normals of the surface at them.
     """
 
     points: Floats
@@ -90,7 +92,7 @@ class PrintedSolid:
     normals: Floats
 
     def poses(self, downs: Floats, printer: Printer) -> list[PrintPose]:
-        """The die on the bed for each direction (d, 3), unit, that points to the bed."""
+        """Measures of the die on the bed for unit directions (d, 3) that point to the bed."""
         heights = self._heights(downs)
         hangs, areas = self.overhanging(downs, printer), norms(self._doubled_areas) / 2.0
         contacts = areas @ (heights.max(axis=1) < ON_BED)
@@ -113,14 +115,17 @@ class PrintedSolid:
 
     def overhanging(self, downs: Floats, printer: Printer) -> Booleans:
         """(t, d) whether a triangle needs supports when a unit direction (d, 3) points to the bed:
-        it looks down too nearly level, and is no part of a pocket nor of the lowest `LOW`
+        it faces down too nearly level, and belongs neither to a pocket nor to the lowest `LOW`
         layers."""
         above = self._heights(downs).max(axis=1) >= LOW * printer.layer_mm
-        level = self._units @ downs.T > _limit(printer)
-        return np.asarray(level & above & self._outside[:, None])
+        hangs = (self._units @ downs.T > _limit(printer)) & above
+        if self.hull is not None:
+            middles = self.points[self.triangles].mean(axis=1)
+            hangs &= (self.hull.least_depths(middles) < SURFACE)[:, None]
+        return np.asarray(hangs)
 
     def _heights(self, downs: Floats) -> Floats:
-        """(t, 3, d) of the triangles' corners above the bed."""
+        """(t, 3, d) heights of the triangles' corners above the bed."""
         depths = self.points @ downs.T
         return np.asarray((depths.max(axis=0) - depths)[self.triangles])
 
@@ -130,44 +135,33 @@ class PrintedSolid:
 
     @cached_property
     def _units(self) -> Floats:
-        """(t, 3) normals of the triangles, 0 for those without area."""
+        """(t, 3) unit normals of the triangles, 0 for those without area."""
         doubled = norms(self._doubled_areas)[:, None]
         return np.asarray(self._doubled_areas / np.where(doubled > 0.0, doubled, 1.0))
 
-    @cached_property
-    def _outside(self) -> Booleans:
-        """(t,) whether a triangle is no part of a pocket."""
-        if self.hull is None:
-            return np.ones(len(self.triangles), dtype=bool)
-        return self.hull.least_depths(self.points[self.triangles].mean(axis=1)) < SURFACE
-
 
 def _limit(printer: Printer) -> float:
-    """Cosine of the angle to level that a surface which looks down is not to exceed."""
+    """Largest cosine between the normal of a surface and down that needs no supports."""
     return math.cos(math.radians(max(printer.overhang_deg - ALMOST_DEG, 0.0))) + LEVEL
 
 
-def beds(hull: ConvexHull, rests: Integers, is_convex: bool) -> Floats:
-    """Directions (d, 3), unit, that can point to the bed: normals of the facets that are large
-    enough for the die to hold on, or where there are none, of those that it rests on.
-
-    hull: of the die; rests: (r,) facets that it rests on; is_convex: whether facets of the hull are
-    facets of the die, else only its rests are tried.
-    """
-    facets = np.arange(len(hull.normals)) if is_convex else rests
-    tall = np.ptp(hull.vertices @ hull.normals[facets].T, axis=0)
-    # A circle has no more area than the facet that it is in.
-    wide = np.pi * (FOOTING * tall / 2.0) ** 2 <= hull.areas[facets]
-    large_parts = [
+def beds(poses: RestPoses) -> Floats:
+    """Unit directions (d, 3) that can point to the bed of a convex die: normals of the facets that
+    are large enough to hold it, or if there are none, of those that it rests on."""
+    hull = poses.hull
+    tall = np.ptp(hull.vertices @ hull.normals.T, axis=0)
+    # The area of a facet bounds that of its circle, which takes longer.
+    wide = np.pi * (FOOTING * tall / 2.0) ** 2 <= hull.areas
+    large = [
         facet
-        for facet, height in zip(facets[wide].tolist(), tall[wide], strict=True)
-        if 2.0 * facet_inradius(hull, facet) >= FOOTING * height
+        for facet in np.flatnonzero(wide).tolist()
+        if 2.0 * facet_inradius(hull, facet) >= FOOTING * tall[facet]
     ]
-    return hull.normals[large_parts if large_parts else rests]
+    return hull.normals[large] if large else poses.normals
 
 
 def placement_on_bed(points: Floats, down: Floats) -> Floats:
-    """(4, 4) rigid motion that turns a unit direction (3,) down by the smallest rotation, and puts
+    """(4, 4) rigid motion that turns a unit direction (3,) down by the smallest rotation, and moves
     points (n, 3) onto the bed z = 0 with the middle of their box above its origin."""
     transform = np.eye(4)
     transform[:3, :3] = rotation_between(down, np.array([0.0, 0.0, -1.0]))
@@ -179,20 +173,20 @@ def placement_on_bed(points: Floats, down: Floats) -> Floats:
 
 
 PARALLEL_COSINE: Final = math.cos(math.radians(15.0))
-"""Sides that run together at more than 15 degrees are a corner, and no stroke."""
+"""Cosine of the largest angle between the two sides of a stroke; wider ones are a corner."""
 
 SAMPLES: Final = 24
-"""Samples along the extent of a label, at least; every edge of its outline has one."""
+"""Least number of samples along the extent of a label; every edge of its outline has one."""
 
 NEAR: Final = 1e-9
-"""Over the extent: nearer than this along a ray is where the ray begins."""
+"""Distance from its origin at which a ray begins, over the extent."""
 
 BENEATH: Final = -1e-2
 """Cosine between the normals of two facets below which one is beneath the other."""
 
 OPPOSITE: Final = math.cos(math.radians(45.0))
-"""Two sides are those of one wall where their outward normals are opposite to within the angle of
-this cosine: what is between others is an edge, which is not weak."""
+"""Cosine of the largest angle between the normal of one side of a wall and the opposite of the
+other's; material between other sides is an edge, which is not weak."""
 
 FINENESS: Final = 0.25
 """Distance between samples, over the least thickness of a wall."""
@@ -200,20 +194,20 @@ FINENESS: Final = 0.25
 MOST_SAMPLES: Final = 200_000
 
 SPOT: Final = 8
-"""Samples, half a wall's square, whose median is the thickness of a place: every edge is thin where
-it ends. Thin parts of fewer samples are not told."""
+"""Number of samples, half a wall's square, whose median is the thickness of a place: every edge is
+thin where it ends. Thin parts of fewer samples are not reported."""
 
 SEED: Final = 20
 
 
 def narrowest_stroke(section: CrossSection, side: float = -1.0) -> float | None:
-    """Least width of the strokes within a plane section.
+    """Least width of the strokes of a plane section.
 
-    From points of the outline a ray goes straight inward to the other side. Its length is a width
-    where that side runs along the first to 15 degrees, which leaves out corners and ends; and where
-    both sides, as far as they are no farther apart, are as long as that, which leaves out joints.
+    Rays from points of the outline go straight inward to the other side. The length of a ray is a
+    width if the two sides are parallel to 15 degrees, which excludes corners and ends, and if the
+    sides that are no farther apart are together twice as long, which excludes joints.
 
-    side: -1 for strokes, 1 for what lies between them. Returns None where there is no such ray.
+    side: -1 for strokes, 1 for the ridges between them. Returns None if there is no such ray.
     Source: the stroke width transform of Epshtein, Ofek and Wexler, CVPR 2010, on outlines.
     """
     contours = section.to_polygons()
@@ -241,11 +235,11 @@ def narrowest_stroke(section: CrossSection, side: float = -1.0) -> float | None:
 def _opposite_sides(
     body: Manifold, starts: Floats, normals: Floats, ends: Floats, cosine: float
 ) -> tuple[Integers, Floats, Floats]:
-    """Where rays from points (n, 3) of a surface meet it again, where it looks the other way: the
-    numbers (r,) of these rays, the places (r, 3), and how far (r,) they are from the points.
+    """Points where rays from points (n, 3) of a surface meet its opposite side: the numbers (r,) of
+    these rays, the places (r, 3), and their distances (r,) from the points.
 
     normals: (n, 3) outward at the points; ends: (2,) of a ray, as distances along these; cosine:
-    between a normal and the opposite one, at least.
+    least one between a normal and the opposite of the other side's.
     """
     rays, places = [], []
     begins, stops = (starts + end * normals for end in ends)
@@ -262,15 +256,14 @@ def _opposite_sides(
 def walls_under(
     placements: Sequence[Placement], depth: float, hull: ConvexHull
 ) -> tuple[float, ...]:
-    """Thickness of a convex die under each of its labels: the least distance of the floor of the
-    label's pocket from a facet beneath, i.e. one that looks the other way, or of the pocket from
-    another.
+    """Thickness of a convex die under each label: the least distance from the floor of its pocket
+    to a facet beneath, which faces the other way, or from the pocket to another one.
 
-    Both are exact: in a convex solid the distance from its facets is a concave function, least at a
-    corner of the floor; that of two pockets is that of their triangles.
+    Both are exact: in a convex solid the distance from the facets is a concave function, least at a
+    corner of the floor, and the distance of two pockets is the least between their triangles.
 
-    placements: k labels on facets of the die; depth: of their pockets, above 0; hull: the die, in
-    mm. Returns k numbers; 0 where a pocket meets another, or comes out beneath.
+    placements: k labels on facets of the die; depth: of their pockets, above 0; hull: of the die in
+    mm. Returns k numbers, 0 where a pocket meets another one or breaks through.
     """
     pockets, walls = [], []
     for placement in placements:
@@ -288,15 +281,12 @@ def walls_under(
 
 
 def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
-    """Parts thinner than a wall, by rays straight inward from points sampled uniformly on a
-    surface.
+    """Find parts thinner than a wall, by inward rays from points sampled uniformly on a surface.
 
-    surface: closed, of positive volume; wall: least thickness, above 0. Returns None where nothing
-    is thinner.
-
-    Raises InputError: the surface bounds no solid.
+    surface: closed, of positive volume; wall: least thickness, above 0. Returns None if nothing is
+    thinner. Raises InputError if the surface bounds no solid.
     """
-    # Imported late: convex dice do without.
+    # Convex dice need neither.
     from scipy.spatial import cKDTree
 
     from dicedesign.geometry.meshes.manifold import solid
@@ -311,7 +301,7 @@ def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
     weights = random.dirichlet(np.ones(3), count)
     starts = np.einsum("nkx,nk->nx", surface.points[surface.triangles[chosen]], weights)
     normals = doubled[chosen] / lengths[chosen, None]
-    # A ray begins a little inside, so that it does not meet the triangle that it starts from.
+    # Rays begin inside, so that they do not meet the triangle that they start from.
     ends = wall * np.array([-1e-6, -1.0])
     rays, exits, thicknesses = _opposite_sides(body, starts, normals, ends, OPPOSITE)
     if len(rays) < SPOT:
@@ -329,8 +319,8 @@ def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
 
 
 def check_file(points: Floats, triangles: Integers) -> FileCheck:
-    """The flaws of a file of points (n, 3) and triangles (t, 3), t at least 1, that was read back,
-    its equal positions joined."""
+    """Count the flaws of a file that was read back with equal positions joined: points (n, 3) and
+    triangles (t, 3), t at least 1."""
     neighbors = edge_neighbors(triangles)
     one, edge = np.nonzero(neighbors >= 0)
     parts = find_parts(one, neighbors[one, edge], len(triangles))
@@ -351,37 +341,33 @@ def check_file(points: Floats, triangles: Integers) -> FileCheck:
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PrintedDie(PrintedSolid):
-    """A die and its labels, as they are to be printed, with the points and triangles of the file.
+def printability(
+    die: PrintedSolid,
+    rests: RestPoses,
+    designed: ConvexHull | None,
+    shape: Surface | None,
+    placements: Sequence[Placement],
+    options: PrintOptions,
+    engraving: EngravingOptions | None,
+    filling_mm3: float,
+) -> Printability:
+    """Printability of a die: weak labels, walls, weight, best orientation.
 
-    Attributes
+    Parameters
     ----------
+    die: with the points and triangles of its file.
     rests: of the file.
-    designed: the hull before edges were rounded, of a convex die; None of one that keeps the shape
-        of a surface.
-    shape: such a surface without its labels, where it bounds a solid; None of a convex die.
-    placements: of the labels that lie on facets.
-    depth: of labels in mm; raised: whether they stand in sunk fields.
+    designed: hull of a convex die before its edges were rounded, else None.
+    shape: surface of a concave die without its labels if it bounds a solid, else None.
+    placements: of labels on facets.
+    options: of printing; engraving: of labels, None for a die without any.
     filling_mm3: volume of bodies of another color that fill the labels.
     """
-
-    rests: RestPoses
-    designed: ConvexHull | None
-    shape: Surface | None
-    placements: Sequence[Placement]
-    depth: float
-    raised: bool
-    filling_mm3: float
-
-
-def printability(die: PrintedDie, options: PrintOptions) -> Printability:
-    """Printability of a die on a printer: weak labels, walls, weight, best orientation."""
-    printer, rests, designed = options.selected_printer, die.rests, die.designed
-    # The fewest labels spoiled, then the least area to support, then the largest on the bed.
-    # Hundredths of mm2 decide nothing.
+    printer = options.selected_printer
+    # The fewest labels spoiled, then the least area to support, then the largest area on the bed,
+    # to a tenth of a mm2.
     best = min(
-        die.poses(beds(rests.hull, rests.facets, designed is not None), printer),
+        die.poses(rests.normals if designed is None else beds(rests), printer),
         key=lambda pose: (
             len(pose.spoiled),
             round(pose.overhang_mm2, 1),
@@ -394,12 +380,12 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         least = int(np.argmin(radii))
         smallest = SmallestFacet(float(designed.areas[least]), radii[least])
     check = check_file(die.points, die.triangles)
-    thin = None if die.shape is None else thin_parts(die.shape, printer.wall_mm)
-    walls: Sequence[float | None] = [None] * len(die.placements)
-    if not die.raised:
-        walls = walls_under(die.placements, die.depth, rests.hull)
+    thin = None if shape is None else thin_parts(shape, printer.wall_mm)
+    walls: Sequence[float | None] = [None] * len(placements)
+    if engraving is not None and engraving.style != "raised":
+        walls = walls_under(placements, engraving.depth_mm, rests.hull)
     labels = []
-    for placement, wall in zip(die.placements, walls, strict=True):
+    for placement, wall in zip(placements, walls, strict=True):
         section = placement.section()
         stroke, gap = narrowest_stroke(section), narrowest_stroke(section, 1.0)
         labels.append(PrintedLabel(placement.text, stroke, gap, wall))
@@ -409,7 +395,7 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         layer_mm=printer.layer_mm,
         material=options.substance,
         density_g_cm3=options.density,
-        weight_g=1e-3 * options.density * (check.volume_mm3 + die.filling_mm3),
+        weight_g=1e-3 * options.density * (check.volume_mm3 + filling_mm3),
         bounding_box_mm=tuple(np.ptp(die.points, axis=0).tolist()),
         file=check,
         smallest_facet=smallest,
@@ -418,18 +404,22 @@ def printability(die: PrintedDie, options: PrintOptions) -> Printability:
         poses=tuple(die.poses(rests.normals, printer)),
         best=best,
         placement=tuple(map(tuple, placement_on_bed(die.points, np.array(best.normal)).tolist())),
-        warnings=tuple(_warnings(die, printer, thin, labels, check)),
+        warnings=tuple(
+            _warnings(printer, engraving, thin, labels, check, is_convex=designed is not None)
+        ),
     )
 
 
 def _warnings(
-    die: PrintedDie,
     printer: Printer,
+    engraving: EngravingOptions | None,
     thin: ThinParts | None,
     labels: Sequence[PrintedLabel],
     check: FileCheck,
+    *,
+    is_convex: bool,
 ) -> Iterator[str]:
-    """Features the printer cannot make, one sentence each with a remedy."""
+    """Yield a sentence with a remedy for each feature that the printer cannot make."""
     called = printer.name
     if printer.has_nozzle:
         called += f" with a nozzle of {printer.spot_mm:.2g} mm"
@@ -443,7 +433,7 @@ def _warnings(
             f"at ({x}, {y}, {z}) of die_plain.stl: {larger}thicken the model there"
         )
     stroke, ridge = printer.groove_mm, printer.ridge_mm
-    if die.raised:
+    if engraving is not None and engraving.style == "raised":
         stroke, ridge = printer.raised_mm, printer.groove_mm
     larger = "raise size_mm or engrave.min_height_mm, or shorten the label"
     deeper = "reduce engrave.depth_mm or raise size_mm"
@@ -461,26 +451,25 @@ def _warnings(
                 f"{what} of label {text}{others} measure {width:.2g} mm, {called} makes "
                 f"{least:.2g} mm or more: {remedy}"
             )
-    if labels and die.depth < printer.groove_depth_mm:
+    if labels and engraving is not None and engraving.depth_mm < printer.groove_depth_mm:
         yield (
-            f"labels are {die.depth:.2g} mm deep, {called} shows them from "
+            f"labels are {engraving.depth_mm:.2g} mm deep, {called} shows them from "
             f"{printer.groove_depth_mm:.2g} mm on: raise engrave.depth_mm"
         )
     if check.cavities and not printer.has_nozzle:
-        # A ball opposite to the labels of a convex die, or the cavity of one that keeps a shape.
+        # A ball opposite to the labels of a convex die, or the cavity of a concave one.
         remedy = (
             "engrave.balance: shape, or drain it with inside.drain_mm"
-            if die.shape is None
+            if is_convex
             else "fdm, or no method.concave.hollow"
         )
         yield (
-            f"the hidden hollow stays full of what {printer.name} prints with, and the "
-            "probabilities are "
-            f"others: take {remedy}"
+            f"the hidden hollow stays full of the material of {printer.name}, which changes the "
+            f"probabilities: take {remedy}"
         )
     if not check.is_solid:
         yield (
-            f"the file is no sound solid: {check.open_edges} open edges, {check.pieces} pieces, "
-            f"{check.self_intersections} pairs of triangles that meet, {check.flat_triangles} "
-            "without area; let the program of the printer repair it"
+            f"the file is no watertight solid: {check.open_edges} open edges, {check.pieces} "
+            f"pieces, {check.self_intersections} pairs of triangles that meet, "
+            f"{check.flat_triangles} without area; let the program of the printer repair it"
         )

@@ -1,4 +1,4 @@
-"""What kinds of printers can make, what they print with, and what a recipe says of printing."""
+"""Kinds of printers with their limits and materials, and the options of printing."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _SLICER: Final = "Prusa Research, filament profiles of PrusaSlicer 2.5, 2022"
 
 @dataclass(frozen=True)
 class Material:
-    """A material.
+    """Material of a print.
 
     Attributes
     ----------
-    title: how people write it.
+    title: name in reports.
     density_g_cm3: of the printed solid.
     source: of the density: author, title, year.
     """
@@ -37,7 +37,7 @@ MATERIALS: Final = MappingProxyType(
         "abs": Material("ABS", 1.04, _SLICER),
         "asa": Material("ASA", 1.07, _SLICER),
         "pc": Material("PC", 1.22, _SLICER),
-        "resin": Material("resin", 1.15, "the middle of what makers of resins give, 1.1 to 1.2"),
+        "resin": Material("resin", 1.15, "middle of the manufacturers' figures, 1.1 to 1.2"),
         "pa12": Material("PA12", 0.93, "EOS, material data sheet PA 2200, 2010"),
     }
 )
@@ -45,27 +45,27 @@ MATERIALS: Final = MappingProxyType(
 
 
 STANDARD_NOZZLE: Final = 0.4
-"""Diameter in mm of the nozzle that the limits of printers with a nozzle are given for."""
+"""Diameter in mm of the nozzle for which printers' limits are given."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Printer(Extension):
-    """A kind of printer. Lengths are in millimeters.
+    """Kind of printer. Lengths are in millimeters.
 
     Attributes
     ----------
-    spot_mm: the finest that it draws: width of the nozzle, the pixel or the laser's spot.
-    has_nozzle: whether that is a nozzle, which its owner may change.
+    spot_mm: width of the nozzle, the pixel or the laser's spot.
+    has_nozzle: whether it has a nozzle, which can be changed.
     layer_mm: usual height of a layer.
     wall_mm: least thickness of a wall.
-    groove_mm: least width of what is engraved; groove_depth_mm: its least depth.
-    ridge_mm: least width of what stands between two grooves.
-    raised_mm: least width of what is raised.
-    overhang_deg: surfaces that look down and are nearer than this to level need supports; 0 where
-        none do.
-    dimensional_error_mm: by how much a dimension of a die's size is off at most, either way.
-    shrinkage: linear, left after the printer's own compensation, as a share.
-    materials: names of those it takes, the usual one first, see `MATERIALS`.
+    groove_mm: least width of engraved strokes; groove_depth_mm: least depth of engraved strokes.
+    ridge_mm: least width of a ridge between two grooves.
+    raised_mm: least width of raised strokes.
+    overhang_deg: angle to level below which surfaces that face down need supports; 0 for a printer
+        without supports.
+    dimensional_error_mm: largest error of a dimension of a die's size, either way.
+    shrinkage: linear, after the printer's own compensation, as a share.
+    materials: names from `MATERIALS`, the usual one first.
     sources: of these numbers: author, title, year.
     """
 
@@ -84,7 +84,7 @@ class Printer(Extension):
     sources: tuple[str, ...]
 
     def with_nozzle(self, diameter: float) -> Printer:
-        """Printer with a nozzle of another diameter above 0; widths and layers scale with it.
+        """Printer with a nozzle of another diameter above 0, with which widths and layers scale.
         Raises InputError if it has no nozzle."""
         if not self.has_nozzle:
             raise InputError(
@@ -187,17 +187,17 @@ BELOW: Final = {
     "density_gradient": 0.5,
     "bubble_mm3": MOST_MM**3,
 }
-"""What each error is below: those in millimeters are beyond the largest die."""
+"""Upper bounds, not included, of print errors; those in millimeters are beyond the largest die."""
 
 
 @dataclass(frozen=True)
 class PrintErrors:
-    """Standard deviations of what differs from print to print, each normal and on its own.
+    """Standard deviations of print errors, each normal and independent.
 
-    Those of an ordinary desktop printer for filament, unless given: ±0.2 mm between two faces, as
-    two standard deviations of the difference of two planes, and shrinkage of 0.2 % that slicers do
-    not make up for. Resin keeps to about half of that distance. How much density drifts, and what
-    bubbles there are, nobody promises: these are guesses on the large side.
+    Defaults are of an ordinary desktop printer for filament: ±0.2 mm between two faces, as two
+    standard deviations of the difference of two planes, and shrinkage of 0.2 % that slicers do not
+    compensate. Resin has about half of that distance. Density drift and bubbles are guesses on the
+    large side, as no source specifies them.
 
     Raises InputError for a value out of its range.
     Source: Layer X, 3D printing tolerances and dimensional accuracy, 2026, with ±0.2 to ±0.3 mm for
@@ -207,7 +207,7 @@ class PrintErrors:
     __pydantic_config__ = STRICT
 
     dimensional_mm: float = 0.07
-    """Place of the plane of each facet, along its normal; at least 0, below 1000."""
+    """Offset of the plane of each facet along its normal; at least 0, below 1000."""
     shrinkage: float = 0.002
     """Relative length along each axis of the printer; at least 0, below 0.2."""
     density_gradient: float = 0.01
@@ -227,21 +227,16 @@ class PrintErrors:
 
 
 THINNEST: Final = 0.05
-"""Walls in mm, thinner than any printer's."""
+"""Least thickness of walls in mm, below any printer's."""
 
 LIMITS: Final = {
     "nozzle_mm": (math.ulp(0.0), 2.0, "above 0 and at most", "correct it"),
     "density_g_cm3": (math.ulp(0.0), 25.0, "above 0 and at most", "correct it"),
     "infill": (0.0, 1.0, "from 0 to", "0.2 is 20 %"),
-    "walls_mm": (
-        THINNEST,
-        MOST_MM,
-        f"from {THINNEST:g} to",
-        "two lines of a 0.4 mm nozzle are 0.8",
-    ),
+    "walls_mm": (THINNEST, MOST_MM, f"from {THINNEST:g} to", "0.8 is two lines of a 0.4 mm nozzle"),
 }
-"""Least and most of options, in words what comes before the most, and what to do else. No metal is
-as dense as the most."""
+"""Range of each option, the words before the upper bound, and a remedy. No metal is denser than the
+bound."""
 
 
 @dataclass(frozen=True)
@@ -273,21 +268,18 @@ class PrintOptions:
     """Standard deviations of print errors, see `PrintErrors`; None for the printer's."""
 
     def __post_init__(self) -> None:
-        if self.printer not in PRINTERS:
-            raise InputError(
-                f"printer: expected {', '.join(PRINTERS.names)}, got {self.printer!r}; take one of "
-                "them"
-            )
+        printer = PRINTERS[self.printer]
         for name, (least, most, expected, remedy) in LIMITS.items():
             value = getattr(self, name)
             if value is not None and not (is_finite_number(value) and least <= value <= most):
                 raise InputError(
                     f"{name}: expected a number {expected} {most:g}, got {value!r}; {remedy}"
                 )
-        fitting = self.selected_printer.materials
-        if self.material is not None and self.material not in fitting:
+        if self.nozzle_mm is not None:
+            printer.with_nozzle(self.nozzle_mm)  # raises if it has none
+        if self.material is not None and self.material not in printer.materials:
             raise InputError(
-                f"material: expected {', '.join(fitting)} for {self.printer}, got "
+                f"material: expected {', '.join(printer.materials)} for {self.printer}, got "
                 f"{self.material!r}; take one of them, or leave it out and give density_g_cm3"
             )
 

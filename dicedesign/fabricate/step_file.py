@@ -1,4 +1,4 @@
-"""STEP, which programs for construction read: flat faces as they are, by Open CASCADE.
+"""STEP files with flat faces, for CAD programs, by Open CASCADE.
 
 Source: ISO 10303-214, solids bounded by planar faces.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
+from itertools import compress
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,26 +18,18 @@ from dicedesign.fabricate.file_formats import Contents, FileFormat, Part
 from dicedesign.geometry.triangles import edge_neighbors, find_parts, solid_properties
 from dicedesign.runtime.arrays import Floats, Integers
 
-JOINT_MM: Final = 1e-7
-"""Largest distance between edges that are one, and from the plane of a face, in mm."""
-
-FLAT_ANGLE: Final = 1e-7
-"""Largest angle between parts of one face, in radians."""
+TOLERANCE: Final = 1e-7
+"""Largest distance in mm between equal edges, and from the plane of a face; and largest angle in
+radians between parts of one face."""
 
 MOST_TRIANGLES: Final = 50_000
-"""Of a solid: every face costs a kilobyte and a millisecond."""
-
-TIME: Final = "1970-01-01T00:00:00"
-"""In the header of all files: the same solid is the same file at any time."""
-
-DEFLECTION: Final = 1.0
-"""Any number: of flat faces there is nothing to approximate."""
+"""Largest number of triangles of a part: every face costs a kilobyte and a millisecond."""
 
 
 def step(contents: Contents) -> bytes:
-    """Contents as STEP: solids, with the triangles in one plane joined to one face.
+    """Write STEP: solids, with connected triangles in one plane joined to one face.
 
-    Raises InputError for a part of more triangles than `MOST_TRIANGLES`, or that is not closed.
+    Raises InputError for a part that is not closed or has more than `MOST_TRIANGLES`.
     """
     import tempfile
 
@@ -48,7 +41,7 @@ def step(contents: Contents) -> bytes:
     from OCP.TDocStd import TDocStd_Document
     from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
-    _be_quiet()
+    _silence()
     document = TDocStd_Document(TCollection_ExtendedString("dicedesign"))
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     for part in contents.parts:
@@ -59,7 +52,8 @@ def step(contents: Contents) -> bytes:
     Interface_Static.SetCVal_s("write.step.unit", "MM")
     writer.Transfer(document)
     header = APIHeaderSection_MakeHeader(writer.ChangeWriter().Model())
-    header.SetTimeStamp(TCollection_HAsciiString(TIME))
+    # A fixed time makes files reproducible.
+    header.SetTimeStamp(TCollection_HAsciiString("1970-01-01T00:00:00"))
     header.SetName(TCollection_HAsciiString(contents.title))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "die.step")
@@ -68,9 +62,9 @@ def step(contents: Contents) -> bytes:
 
 
 def read_step(path: Path) -> tuple[Floats, Integers]:
-    """Points (n, 3) in mm and triangles (t, 3) of the flat faces of a STEP file.
+    """Read points (n, 3) in mm and triangles (t, 3) of the flat faces of a STEP file.
 
-    Raises MeshFileError where it cannot be read.
+    Raises MeshFileError if it cannot be read.
     """
     from OCP.BRep import BRep_Tool
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -81,20 +75,21 @@ def read_step(path: Path) -> tuple[Floats, Integers]:
     from OCP.TopoDS import TopoDS
     from scipy.spatial import KDTree
 
-    _be_quiet()
+    _silence()
     reader = STEPControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise MeshFileError(f"{path}: expected a STEP file, got another; export it again")
     reader.TransferRoots()
     shape = reader.OneShape()
-    BRepMesh_IncrementalMesh(shape, DEFLECTION)
+    # The second argument, a deflection, does not matter for flat faces.
+    BRepMesh_IncrementalMesh(shape, 1.0)
     vertices = [BRep_Tool.Pnt_s(TopoDS.Vertex(vertex)) for vertex in _within(shape, "VERTEX")]
     points = np.unique(_places(vertices), axis=0)
     tree = KDTree(points)
     triangles = []
     for face in _within(shape, "FACE"):
         mesh = BRep_Tool.Triangulation_s(TopoDS.Face(face), TopLoc_Location())
-        # Each face has nodes of its own, at the solid's corners.
+        # Each face has its own nodes at the solid's corners.
         nodes = _places([mesh.Node(k) for k in range(1, mesh.NbNodes() + 1)])
         _, corner = tree.query(nodes)
         own = corner[np.array([mesh.Triangle(k + 1).Get() for k in range(mesh.NbTriangles())]) - 1]
@@ -104,7 +99,7 @@ def read_step(path: Path) -> tuple[Floats, Integers]:
 
 
 def _within(shape: Any, kind: str) -> Iterator[Any]:
-    """The faces, vertices or other parts of a shape, with those that it has several times."""
+    """Yield the faces, vertices or other parts of a shape, shared ones repeatedly."""
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 
@@ -115,13 +110,12 @@ def _within(shape: Any, kind: str) -> Iterator[Any]:
 
 
 def _places(points: list[Any]) -> Floats:
-    """(n, 3) the coordinates of points."""
+    """(n, 3) coordinates of points."""
     return np.array([(point.X(), point.Y(), point.Z()) for point in points])
 
 
 def _solids(part: Part) -> list[Any]:
-    """A solid for each outer shell of a part; where it has one alone, those inside it are hollows
-    of it."""
+    """Solids of a part, one for each outer shell; a single outer shell may have hollows."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid
 
     if len(part.triangles) > MOST_TRIANGLES:
@@ -139,20 +133,16 @@ def _solids(part: Part) -> list[Any]:
             f"step: expected a solid of one outer shell about its hollows, got {sum(is_outer)}; "
             "take another format"
         )
-    makers, hollows = [], []
-    for mesh, outer in zip(meshes, is_outer, strict=True):
-        shell = _shell(part.points, mesh)
-        if outer:
-            makers.append(BRepBuilderAPI_MakeSolid(shell))
-        else:
-            hollows.append(shell)
-    for hollow in hollows:
-        makers[0].Add(hollow)
-    return [_with_whole_faces(maker.Solid()) for maker in makers]
+    shells = [_shell(part.points, mesh) for mesh in meshes]
+    makers = [BRepBuilderAPI_MakeSolid(shell) for shell in compress(shells, is_outer)]
+    for shell, outer in zip(shells, is_outer, strict=True):
+        if not outer:
+            makers[0].Add(shell)
+    return [_join_faces(maker.Solid()) for maker in makers]
 
 
 def _shell(points: Floats, triangles: Integers) -> Any:
-    """A closed surface of triangles (t, 3) between points (n, 3)."""
+    """Sew triangles (t, 3) between points (n, 3) to a closed surface."""
     from OCP.BRepBuilderAPI import (
         BRepBuilderAPI_MakeFace,
         BRepBuilderAPI_MakePolygon,
@@ -161,7 +151,7 @@ def _shell(points: Floats, triangles: Integers) -> Any:
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
 
-    sewing = BRepBuilderAPI_Sewing(JOINT_MM)
+    sewing = BRepBuilderAPI_Sewing(TOLERANCE)
     corners = [gp_Pnt(*point) for point in points.tolist()]
     for triangle in triangles.tolist():
         outline = BRepBuilderAPI_MakePolygon(*(corners[k] for k in triangle), True)
@@ -178,19 +168,19 @@ def _shell(points: Floats, triangles: Integers) -> Any:
     return TopoDS.Shell(shells[0])
 
 
-def _with_whole_faces(solid: Any) -> Any:
-    """A solid with one face for all that lies in one plane and hangs together."""
+def _join_faces(solid: Any) -> Any:
+    """Join connected coplanar faces of a solid."""
     from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 
     union = ShapeUpgrade_UnifySameDomain(solid, True, True, False)
-    union.SetLinearTolerance(JOINT_MM)
-    union.SetAngularTolerance(FLAT_ANGLE)
+    union.SetLinearTolerance(TOLERANCE)
+    union.SetAngularTolerance(TOLERANCE)
     union.Build()
     return union.Shape()
 
 
-def _be_quiet() -> None:
-    """Keep Open CASCADE from printing what it does."""
+def _silence() -> None:
+    """Keep Open CASCADE from printing."""
     from OCP.Message import Message
 
     Message.DefaultMessenger_s().ChangePrinters().Clear()

@@ -1,5 +1,5 @@
-"""A die that keeps the shape of a surface: its solid made fit to print, and what its file is like
-beside its probabilities: quality, how far it was changed, what is wrong and what would help."""
+"""Printable solid of a concave die, which keeps the shape of a surface, and the assessment of its
+file: quality, displacement, flaws and remedies."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from manifold3d import Error, Manifold, OpType
+from manifold3d import Error
 
 from dicedesign.balance.cavity import measure_cavities, with_cavity
 from dicedesign.concave.options import ConcaveOptions
@@ -21,15 +21,11 @@ from dicedesign.geometry.sphere import angle_between, norms
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.surfaces.quality import SurfaceQuality, surface_quality
 from dicedesign.geometry.surfaces.repair import RepairedMesh
-from dicedesign.geometry.surfaces.self_intersections import (
-    intersecting_triangles,
-    intersection_groups,
-)
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Concave, Displacement, HullOfSurface, Status, SurfaceSize
-from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import (
     FILE_ANGLE,
     FILE_WALL,
@@ -39,39 +35,35 @@ from dicedesign.tolerances import (
     SAME_REST_ANGLE,
 )
 
-MARGINS: Final = (0.005, 0.02)
-"""Distances that the box that is cut out reaches beyond the triangles that meet, relative to the
-diagonal of the body's box, tried in turn."""
-
 RELAXED: Final = {
     Status.OFF_TARGET: "tolerance",
     Status.STRAY: "tolerance",
     Status.TOO_NEAR: "apart_deg",
     Status.TIPPY: "margin_deg",
 }
-"""Options of `ConcaveOptions` that ask for less where a die has a flaw."""
+"""Options of `ConcaveOptions` to relax for a flaw."""
 
 
 def solid_of_surface(die: Design, design_result: ConcaveDie, size_mm: float) -> Solid:
-    """The plain solid of a die that keeps the shape of a surface, with a largest distance
-    `size_mm`, positive, between its points."""
-    hollow = design_result.hollow
-    center = design_result.after.centroid if hollow is None else hollow.center_of_mass
-    scale = size_mm / convex_hull(design_result.after.points).diameter
-    placed = design_result.after.with_points((design_result.after.points - center) * scale)
-    points, triangles, is_printable = placed.points, placed.triangles, True
+    """Make the plain solid of a concave die.
+
+    size_mm: largest distance between two of its points, above 0.
+    """
+    hollow, after = design_result.hollow, design_result.after
+    center = after.centroid if hollow is None else hollow.center_of_mass
+    scale = size_mm / convex_hull(after.points).diameter
+    surface, is_printable = after.with_points((after.points - center) * scale), True
     try:
-        points, triangles, changes = printable_solid(placed)
+        surface, changes = printable_solid(surface)
         if hollow is not None:
-            whole = with_cavity(Surface(points, triangles), hollow.wall * size_mm, np.zeros(3))
-            points, triangles = whole.points, whole.triangles
+            surface = with_cavity(surface, hollow.wall * size_mm, np.zeros(3))
     except InputError as error:
         # Then the die is written as it is, and says so.
         is_printable, changes = False, (str(error),)
-    poses = rest_poses(make_body(points, triangles))
+    poses = rest_poses(make_body(surface.points, surface.triangles))
     return Solid(
-        points=points,
-        triangles=triangles,
+        points=surface.points,
+        triangles=surface.triangles,
         poses=poses,
         outcomes=outcome_probabilities(poses, die.directions),
         center_of_mass=None,
@@ -81,26 +73,23 @@ def solid_of_surface(die: Design, design_result: ConcaveDie, size_mm: float) -> 
     )
 
 
-def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]]:
-    """The solid that a surface bounds, cleaned by manifold3d.
+def printable_solid(surface: Surface) -> tuple[Surface, tuple[str, ...]]:
+    """Clean the solid that a surface bounds by manifold3d.
 
     Edges and slivers thinner than `PRINT_TOLERANCE` are collapsed, and points in the middle of flat
-    parts with them, so that no point of the surface moves by more. Parts that overlap are joined
-    where `_with_overlaps_joined` can.
+    parts with them, so that no point of the surface moves by more.
 
     Returns
     -------
-    (n, 3) points in the unit of the surface and (t, 3) triangles, counter-clockwise seen from
-    outside, and what was changed and what is left, one sentence each; no sentence for a surface
-    that came through as it was.
+    Surface of the solid, and a sentence for each change and for what is left; none for a surface
+    that did not change.
 
     Raises
     ------
     InputError: the surface bounds no solid of positive volume, or falls apart when it is cleaned.
     """
     body = solid(surface.points, surface.triangles)
-    joined = _with_overlaps_joined(body, surface.diagonal)
-    cleaned = joined.simplify(PRINT_TOLERANCE * surface.diagonal)
+    cleaned = body.simplify(PRINT_TOLERANCE * surface.diagonal)
     pieces = len(cleaned.decompose()) if cleaned.status() == Error.NoError else 0
     if pieces != 1 or not cleaned.volume() > 0.0:
         raise InputError(
@@ -108,68 +97,21 @@ def printable_solid(surface: Surface) -> tuple[Floats, Integers, tuple[str, ...]
             f"{cleaned.volume():.3g} from {body.num_tri()} triangles; remesh the surface or deform "
             "it less"
         )
-    points, triangles = mesh_of(cleaned)
-
-    def change(before: Manifold, after: Manifold) -> str:
-        return f"volume {100.0 * (after.volume() / before.volume() - 1.0):+.2g} %"
-
-    notes = []
-    if joined is not body:
-        notes.append(
-            f"parts that overlap were joined: {joined.num_tri()} triangles from {body.num_tri()}, "
-            f"{change(body, joined)}, {body.genus()} handles before and {joined.genus()} after"
-        )
-    if cleaned.num_tri() != joined.num_tri():
+    clean, notes = Surface(*mesh_of(cleaned)), []
+    if cleaned.num_tri() != body.num_tri():
         notes.append(
             f"edges and slivers were taken out: {cleaned.num_tri()} triangles are left of "
-            f"{joined.num_tri()}, {change(joined, cleaned)}"
+            f"{body.num_tri()}, volume {100.0 * (cleaned.volume() / body.volume() - 1.0):+.2g} %"
         )
-    if cleaned.genus() != joined.genus():
-        notes.append(f"handles were closed: {cleaned.genus()} are left of {joined.genus()}")
-    crossings = len(intersecting_triangles(points, triangles))
+    if cleaned.genus() != body.genus():
+        notes.append(f"handles were closed: {cleaned.genus()} are left of {body.genus()}")
+    crossings = len(intersecting_triangles(clean.points, clean.triangles))
     if crossings:
         notes.append(
             f"the solid still meets itself in {crossings} pairs of triangles: look at it in the "
             "slicer before printing"
         )
-    return points, triangles, tuple(notes)
-
-
-def _with_overlaps_joined(body: Manifold, diagonal: float) -> Manifold:
-    """A solid without the places where two parts of it overlap and can be joined.
-
-    No boolean operation of a solid with itself joins its overlapping parts: the result is a
-    polynomial of the winding number with integer coefficients, which is even where that is 2. So a
-    box around the place is cut out. What is inside it falls into the parts that overlap, where they
-    hang together outside it only, and their union with the rest is the solid without the overlap.
-    A surface that is pushed through itself from the inside stays as it is.
-
-    diagonal: of the body's box. Returns the solid, the same if nothing was joined.
-    """
-    points, triangles = mesh_of(body)
-    for group in intersection_groups(triangles, intersecting_triangles(points, triangles)):
-        corners = points[triangles[group]].reshape(-1, 3)
-        for margin in MARGINS:
-            lower = corners.min(axis=0) - margin * diagonal
-            upper = corners.max(axis=0) + margin * diagonal
-            box = Manifold.cube(tuple(upper - lower)).translate(tuple(lower))
-            joined = _join(body, box)
-            if joined is not None:
-                body = joined
-                break
-    return body
-
-
-def _join(body: Manifold, box: Manifold) -> Manifold | None:
-    """The body with the parts that it has inside a box joined; None if that is of no use."""
-    parts = (body ^ box).decompose()
-    if len(parts) < 2:
-        return None
-    inside = Manifold.batch_boolean(parts, OpType.Add)
-    if len(intersecting_triangles(*mesh_of(inside))) > 0:
-        return None
-    joined = body - box + inside
-    return joined if joined.status() == Error.NoError and len(joined.decompose()) == 1 else None
+    return clean, tuple(notes)
 
 
 def assess_surface(
@@ -179,42 +121,37 @@ def assess_surface(
     wanted: ConcaveOptions,
     repaired: RepairedMesh | None,
 ) -> tuple[Concave, SurfaceQuality, list[Status]]:
-    """The solid of a die that keeps the shape of a surface, and what its file does, against what
-    was wanted: a record for the result, its quality, and its flaws, the worst first.
+    """Assess the file of a concave die: its record for the result, the quality of the designed
+    surface, and its flaws, the worst first.
 
-    repaired: the mesh that the surface was made from, where it was repaired.
+    plain: rests and outcomes of the file; repaired: the mesh that the surface was made from, if it
+    was repaired.
     """
     body = plain.body
     assert body.triangles is not None
     surface = Surface(body.points, body.triangles)
-    # How far corners of the designed hull are from the surface, or the surface is outside of it.
+    # Distance of corners of the designed hull from the surface, and of the surface outside of it.
     designed = convex_hull(solid.hull_points)
-    middle = designed.vertices.mean(axis=0)
-    heights = (plain.poses.hull.vertices - middle) @ designed.normals.T
-    outside = float((heights - designed.heights(middle)).max())
+    outside = -float(designed.least_depths(plain.poses.hull.vertices).min())
     inside = float(distances_from_surface(surface, solid.hull_points).max())
     gap = max(inside, outside, 0.0) / surface.diagonal
     crossings = len(intersecting_triangles(surface.points, surface.triangles))
+    start, after = design_result.before, design_result.after
     before = outcome_probabilities(
-        rest_poses(make_body(design_result.before.points, design_result.before.triangles)),
-        design_result.directions,
+        rest_poses(make_body(start.points, start.triangles)), design_result.directions
     )
-    moved = (
-        norms(design_result.after.points - design_result.before.points)
-        / design_result.before.diagonal
-    )
-    quality = surface_quality(design_result.after, design_result.before)
+    moved = norms(after.points - start.points) / start.diagonal
+    quality = surface_quality(after, start)
     sentences = list(quality.sentences()) or [
         "no triangle meets another, is folded onto its neighbor, turned over or a sliver"
     ]
     sentences.append(
         f"{crossings or 'no'} pairs of triangles of the printable file meet that should not"
     )
-    stretched = quality.distortion
-    if stretched is not None:
+    if quality.distortion is not None:
         sentences.append(
-            "95 % of the surface is distorted in shape by a factor of at most "
-            f"{stretched['shape_most']:.3g}, and in size by {stretched['size_most']:.3g}"
+            "95 % of the surface is distorted in shape by a factor of at most {shape_most:.3g}, "
+            "and in size by {size_most:.3g}".format_map(quality.distortion)
         )
     cavities = None
     if design_result.hollow is not None and solid.is_printable:
@@ -235,7 +172,7 @@ def assess_surface(
     if cavities is not None:
         assert wanted.hollow is not None
         is_thin = cavities.wall_mm < wanted.hollow.wall_mm * (1.0 - FILE_WALL)
-    # What is nearer, or left earlier, is crowded or unsteady, as of any die.
+    # Outcomes that are nearer, or left earlier, are crowded or unsteady, as of any die.
     apart, margin = plain.outcomes.least_angle, plain.margins.min()
     flaws = {
         Status.LOOSE: gap > FILLED_GAP,
@@ -255,7 +192,7 @@ def advise_on_surface(
     plain: Assessment,
     method: ConcaveOptions,
 ) -> Iterator[str]:
-    """Flaws of a surface, their sizes and remedies."""
+    """Yield the flaws of a concave die, their sizes and remedies."""
     labels, gap, crossings = plain.target.labels, record.hull.gap, record.self_intersections
     if gap > FILLED_GAP:
         yield f"the hull is off by {gap:.2g} of the diagonal"

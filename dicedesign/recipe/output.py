@@ -30,7 +30,7 @@ from dicedesign.fabricate.print_tolerances import (
     pocket_walls,
     print_tolerances,
 )
-from dicedesign.fabricate.printability import PrintedDie, printability
+from dicedesign.fabricate.printability import PrintedSolid, printability
 from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
@@ -74,21 +74,17 @@ def prepare_print(work: Work) -> None:
             assert plain.body.triangles is not None
             shape = Surface(plain.body.points, plain.body.triangles)
     assert body.triangles is not None
-    die = PrintedDie(
-        points=body.points,
-        triangles=body.triangles,
-        hull=None if designed is None else poses.hull,
+    hull = None if designed is None else poses.hull
+    work.printability = printability(
+        PrintedSolid(body.points, body.triangles, hull, labels, normals),
         rests=poses,
         designed=designed,
         shape=shape,
-        labels=labels,
-        normals=normals,
         placements=placements,
-        depth=0.0 if engraving is None else engraving.depth_mm,
-        raised=engraving is not None and engraving.style == "raised",
+        options=options,
+        engraving=engraving,
         filling_mm3=0.0 if engraved is None or engraved.inlay is None else engraved.inlay.volume,
     )
-    work.printability = printability(die, options)
     work.notes += work.printability.warnings
     if options.oriented:
         placement = np.array(work.printability.placement)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 import trimesh
 from common.boxes import box
+from common.write_mesh import write_mesh
 from PIL import Image
 
 from dicedesign.cli.main import main
-from dicedesign.fabricate.file_formats import save_mesh
 
 
 @pytest.fixture
 def leaning(tmp_path: Path) -> Path:
     surface = box((30.0, 36.0, 48.0), (14.0, 8.0, 0.0))
-    save_mesh(tmp_path / "leaning.stl", surface.points, surface.triangles)
+    write_mesh(tmp_path / "leaning.stl", surface.points, surface.triangles)
     return tmp_path / "leaning.stl"
 
 

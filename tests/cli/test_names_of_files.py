@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.parsed_html import parse_page
+from common.write_mesh import write_mesh
 
 from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError, printable
-from dicedesign.fabricate.file_formats import save_mesh
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.recipe.reading import parse_recipe, read_recipe
 
@@ -24,7 +24,7 @@ NAMES = [os.fsdecode(b"m\xff.stl"), "m\n<b>&.stl", "\x1b[31m.stl"]
 def tetrahedron(path: Path) -> Path:
     hull = convex_hull(np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float))
     plain = path.with_name("plain.stl")
-    save_mesh(plain, hull.vertices, hull.triangles)
+    write_mesh(plain, hull.vertices, hull.triangles)
     plain.rename(path)
     return path
 

@@ -12,6 +12,7 @@ from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents,
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import LabelPlace, place_labels
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
+from dicedesign.geometry.triangles import Surface
 
 
 @dataclass
@@ -25,6 +26,10 @@ class Box:
     @property
     def triangles(self) -> np.ndarray:
         return np.concatenate([self.facets[:, [0, 1, 2]], self.facets[:, [0, 2, 3]]])
+
+    @property
+    def surface(self) -> Surface:
+        return Surface(self.vertices, self.triangles)
 
     @property
     def polygons(self) -> list[np.ndarray]:
@@ -78,7 +83,7 @@ def placements(box):
 def contents(box, placements) -> Contents:
     """A box of 14, 16 and 20 mm with three labels."""
     body, options = box(14.0, 16.0, 20.0), EngravingOptions()
-    marked = engrave(body.vertices, body.triangles, placements, options)
+    marked = engrave(body.surface, placements, options)
     labels = labels_below_hull(marked, options.depth_mm)
     part = Part("die", BODY_COLOR, marked.points, marked.triangles, labels)
     return Contents("box & co", [part], FACTS)

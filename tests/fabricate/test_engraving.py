@@ -23,7 +23,7 @@ OPTIONS = EngravingOptions()
 
 def engraved(body, texts, options=OPTIONS):
     placements = place_labels(body.places(texts), options, body.size_mm)
-    return engrave(body.vertices, body.triangles, placements, options), placements
+    return engrave(body.surface, placements, options), placements
 
 
 def outline_area(text: str) -> float:
@@ -40,7 +40,7 @@ def volume(die) -> float:
     return solid_properties(die.points, die.triangles)[0]
 
 
-def test_a_cube_loses_outline_area_times_depth_and_is_one_watertight_piece(box):
+def test_a_cube_loses_outline_area_times_depth(box):
     body = box(20.0, 20.0, 20.0).with_points(Rotation.from_rotvec((0.3, 1.1, -0.7)).as_matrix())
     die, placements = engraved(body, list("123456"))
     removed = sum(outline_area(p.text) * p.height**2 * OPTIONS.depth_mm for p in placements)
@@ -59,7 +59,7 @@ def empty_at(section: CrossSection, x: float, y: float) -> bool:
     return (section ^ probe).area() == 0.0
 
 
-def test_the_pocket_is_as_deep_as_asked_and_no_deeper(box):
+def test_pockets_have_the_depth(box):
     die, placements = engraved(box(20.0, 12.0, 10.0), ["8"])
     area = outline_area("8") * placements[0].height ** 2
     body = solid(die.points, die.triangles)
@@ -90,7 +90,7 @@ def test_the_labels_at_fault_are_named(box):
         EngravingError,
         match="break through another facet, at '8' on facet 0, '7' on facet 1: reduce",
     ):
-        engrave(plate.vertices, plate.triangles, placements, EngravingOptions(depth_mm=2.5))
+        engrave(plate.surface, placements, EngravingOptions(depth_mm=2.5))
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_labels_that_pierce_a_thin_plate_are_reported(box, text, expected):
         engraved(box(20.0, 20.0, 0.5), [text])
 
 
-def test_a_solid_refuses_open_inward_and_malformed_meshes(box):
+def test_open_inward_and_malformed_meshes_are_refused(box):
     body = box(20.0, 20.0, 20.0)
     with pytest.raises(InputError, match="got NotManifold for 11 triangles; repair"):
         solid(body.vertices, body.triangles[1:])
@@ -158,13 +158,13 @@ def test_a_hollow_inside_is_no_label(marked, placements) -> None:
     assert area(with_hollow, labels) == pytest.approx(sum(floors_and_walls(placements)), rel=1e-6)
 
 
-def test_labels_of_a_surface_that_was_stretched_and_moved(box, marked, placements) -> None:
-    """As many triangles as before that, of a body that is plain but for its labels."""
+def test_labels_of_a_stretched_surface(box, marked, placements) -> None:
+    """The same triangles as before the stretch."""
     body = box(14.0, 16.0, 20.0)
     ball = Manifold.sphere(30.0, 60).translate((0.0, -34.0, 0.0))
     dented = solid(body.vertices, body.triangles) - ball
     plain = Surface(*mesh_of(dented))
-    engraved = engrave(plain.points, plain.triangles, placements, EngravingOptions())
+    engraved = engrave(plain, placements, EngravingOptions())
     expected = labels_off_surface(engraved, plain, DEPTH)
     assert area(engraved, expected) == pytest.approx(sum(floors_and_walls(placements)), rel=1e-6)
     matrix = np.eye(3) + 0.004 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.bumpy import bumpy_sphere
+from common.write_mesh import write_mesh
 from pygltflib import GLTF2
 
 from dicedesign.errors import InputError, OutputError
@@ -19,7 +20,7 @@ from dicedesign.fabricate.file_formats import (
     LABEL_COLOR,
     join_parts,
     mesh_bytes,
-    save_mesh,
+    save_contents,
 )
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.triangles import Surface, solid_properties
@@ -28,7 +29,7 @@ THREE_MF = FILE_FORMATS["3mf"]
 
 
 def read(data: bytes, path: Path):
-    """The model of a file that has nothing to warn of."""
+    """Model of a file that is read without warnings."""
     path.write_bytes(data)
     model = lib3mf.Wrapper().CreateModel()
     reader = model.QueryReader("3mf")
@@ -39,10 +40,8 @@ def read(data: bytes, path: Path):
 
 
 def objects(model) -> list:
-    found, step = [], model.GetMeshObjects()
-    while step.MoveNext():
-        found.append(step.GetCurrentMeshObject())
-    return found
+    iterator = model.GetMeshObjects()
+    return [iterator.GetCurrentMeshObject() for _ in iter(iterator.MoveNext, False)]
 
 
 def facts(model) -> dict[str, str]:
@@ -52,15 +51,15 @@ def facts(model) -> dict[str, str]:
 
 
 def materials(model) -> dict[tuple[int, int], tuple[str, str]]:
-    """Name and color by the numbers of list and entry."""
-    found, step = {}, model.GetBaseMaterialGroups()
-    while step.MoveNext():
-        group = step.GetCurrentBaseMaterialGroup()
+    """Names and colors by the numbers of list and entry."""
+    entries, iterator = {}, model.GetBaseMaterialGroups()
+    while iterator.MoveNext():
+        group = iterator.GetCurrentBaseMaterialGroup()
         for entry in group.GetAllPropertyIDs():
             color = group.GetDisplayColor(entry)
             shown = f"#{color.Red:02x}{color.Green:02x}{color.Blue:02x}"
-            found[group.GetResourceID(), entry] = group.GetName(entry), shown
-    return found
+            entries[group.GetResourceID(), entry] = group.GetName(entry), shown
+    return entries
 
 
 def test_names_units_and_facts_are_read(contents, tmp_path: Path) -> None:
@@ -72,7 +71,7 @@ def test_names_units_and_facts_are_read(contents, tmp_path: Path) -> None:
     assert thing.IsManifoldAndOriented()
 
 
-def test_labels_have_a_color_of_their_own(contents, tmp_path: Path) -> None:
+def test_labels_have_their_own_color(contents, tmp_path: Path) -> None:
     model = read(THREE_MF.write(contents), tmp_path / "box.3mf")
     (thing,), known, (part,) = objects(model), materials(model), contents.parts
     assert sorted(known.values()) == [("die", BODY_COLOR), ("labels", LABEL_COLOR)]
@@ -90,7 +89,7 @@ def test_labels_have_a_color_of_their_own(contents, tmp_path: Path) -> None:
         np.testing.assert_allclose(places, expected[part.labels == are_labels], atol=1e-5)
 
 
-def test_parts_are_one_thing_to_print(inlaid, tmp_path: Path) -> None:
+def test_parts_are_one_item_to_print(inlaid, tmp_path: Path) -> None:
     data = THREE_MF.write(inlaid)
     model = read(data, tmp_path / "inlaid.3mf")
     assert [thing.GetName() for thing in objects(model)] == ["die", "inlay"]
@@ -116,7 +115,7 @@ GLB = FILE_FORMATS["glb"]
 
 
 def light(color: str) -> np.ndarray:
-    """Amounts of light of a color in sRGB (IEC 61966-2-1)."""
+    """Linear light of a color in sRGB (IEC 61966-2-1)."""
     shown = [int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
     return np.array([s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in shown])
 
@@ -132,7 +131,7 @@ def test_colors_and_facts_are_read(contents) -> None:
     counts = [3 * (len(contents.parts[0].triangles) - labels), 3 * labels]
     assert [file.accessors[each.attributes.POSITION].count for each in primitives] == counts
     for primitive, color in zip(primitives, (BODY_COLOR, LABEL_COLOR), strict=True):
-        # Else programs need not show flat faces.
+        # Viewers must show faces without normals flat.
         assert primitive.attributes.NORMAL is None
         material = file.materials[primitive.material].pbrMetallicRoughness
         np.testing.assert_allclose(material.baseColorFactor[:3], light(color), atol=1e-6)
@@ -156,7 +155,7 @@ MESHES = [kind for kind in FILE_FORMATS if kind.name != "step"]
 
 
 def die() -> Surface:
-    """With coordinates of many sizes, some of them tiny."""
+    """Surface with coordinates of many magnitudes, some tiny."""
     surface = bumpy_sphere()
     points = 10.0 * (surface.points - surface.points[0])
     points[1] = [1e-7 / 3.0, -1e-13, 12.345678901234567]
@@ -164,7 +163,7 @@ def die() -> Surface:
 
 
 def by_trimesh(data: bytes, name: str) -> trimesh.Trimesh:
-    """The file in millimeters, z upward, with corners at one place joined."""
+    """Mesh of the file in millimeters, z upward, with equal corners merged."""
     mesh = trimesh.load(io.BytesIO(data), file_type=name, force="mesh", process=False)
     kind = FILE_FORMATS[name]
     scale = {"mm": 1.0, "m": 1000.0}[kind.unit]
@@ -174,9 +173,9 @@ def by_trimesh(data: bytes, name: str) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("kind", MESHES, ids=lambda kind: kind.name)
-def test_what_is_written_is_read_back(tmp_path: Path, kind) -> None:
+def test_files_are_read_back(tmp_path: Path, kind) -> None:
     surface, path = die(), tmp_path / f"die.{kind.name.upper()}"
-    save_mesh(path, surface.points, surface.triangles)
+    write_mesh(path, surface.points, surface.triangles)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
     assert path.read_bytes() == mesh_bytes(surface.points, surface.triangles, f".{kind.name}")
     body = read_body(path)
@@ -197,13 +196,13 @@ def test_what_is_written_is_read_back(tmp_path: Path, kind) -> None:
     np.testing.assert_allclose(mesh.bounds[0], surface.points.min(axis=0), rtol=1e-6, atol=1e-5)
 
 
-def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
+def test_unsuitable_files_are_refused(contents, tmp_path: Path) -> None:
     surface = die()
     for name in ("die.dxf", "die.stl.gz"):
         with pytest.raises(InputError, match=r"expected a file ending out of \.stl, \.3mf, \.obj"):
-            save_mesh(tmp_path / name, surface.points, surface.triangles)
+            write_mesh(tmp_path / name, surface.points, surface.triangles)
     with pytest.raises(OutputError, match="expected to write a file in an existing, writable fol"):
-        save_mesh(tmp_path / "none" / "die.stl", surface.points, surface.triangles)
+        save_contents(tmp_path / "none" / "die.stl", contents)
     surface.points[3, 1] = 1e39
     with pytest.raises(InputError, match=r"finite in float32, got \[.*1e\+39.* in row 3; repair"):
         mesh_bytes(surface.points, surface.triangles, ".stl")

@@ -29,7 +29,7 @@ def ring(radius: float, corners: int) -> np.ndarray:
 
 
 def widths(*contours: np.ndarray) -> tuple[float | None, float | None]:
-    """Of strokes, and of what is between them."""
+    """Narrowest stroke and narrowest gap between strokes."""
     section = CrossSection(list(contours))
     return narrowest_stroke(section), narrowest_stroke(section, 1.0)
 
@@ -43,30 +43,30 @@ def test_bars_are_as_wide_as_their_shorter_sides_and_a_triangle_has_no_strokes()
 
 
 def test_a_ring_is_as_wide_as_its_radii_differ() -> None:
-    """Between two polygons of as many sides it is the difference of their inscribed circles, to
-    the single precision that sections hold their corners in."""
+    """The width between two regular polygons is the difference of the radii of their inscribed
+    circles, in the single precision of sections."""
     inscribed = np.cos(np.pi / 40)
     expected = (0.6 * inscribed, 2.8 * inscribed)
     assert widths(ring(2.0, 40), ring(1.4, 40)[::-1]) == pytest.approx(expected, rel=2e-7)
 
 
 @pytest.mark.parametrize("text", ["3", "8", "10"])
-def test_what_is_opened_by_half_a_stroke_loses_it(text: str) -> None:
-    """By another way: a disc (with corners) that is thinner than the thinnest stroke can be rolled
-    everywhere within the label, and one that is thicker cannot."""
+def test_morphological_opening_removes_the_thinnest_stroke(text: str) -> None:
+    """A square-cornered disc thinner than the thinnest stroke fits everywhere in the label, a
+    thicker one does not."""
     section = text_section(text)
     stroke = narrowest_stroke(section)
 
-    def kept(width: float) -> float:
+    def covered(width: float) -> float:
         opened = section.offset(-width / 2, JoinType.Miter).offset(width / 2, JoinType.Miter)
         return (section ^ opened).area() / section.area()
 
-    assert kept(0.95 * stroke) > 0.995
-    assert kept(1.1 * stroke) < 0.97
+    assert covered(0.95 * stroke) > 0.995
+    assert covered(1.1 * stroke) < 0.97
 
 
 SPREAD = 0.01
-"""Of shares by some ten thousands of samples, five standard deviations."""
+"""Five standard deviations of a share estimated from some ten thousand samples."""
 
 
 def hull_of(points: Floats) -> Surface:
@@ -75,7 +75,7 @@ def hull_of(points: Floats) -> Surface:
 
 
 def revolved(profile: Sequence[tuple[float, float]]) -> Surface:
-    """Of a section given by radii and heights from bottom to top, or around it and back."""
+    """Solid of revolution of a section of radii and heights, open or closed."""
     mesh = trimesh.creation.revolve(np.array(profile), sections=128)
     return Surface(np.array(mesh.vertices), np.array(mesh.faces))
 
@@ -85,31 +85,31 @@ def test_a_tube_is_as_thin_as_its_wall() -> None:
     section = [(inner, 0.0), (outer, 0.0), (outer, height), (inner, height), (inner, 0.0)]
     tube = revolved(section)
     assert tube.volume == pytest.approx(np.pi * (outer**2 - inner**2) * height, rel=2e-3)
-    found = thin_parts(tube, 0.8)
-    assert found is not None
-    assert found.least_mm == pytest.approx(outer - inner, rel=2e-3)
+    thin = thin_parts(tube, 0.8)
+    assert thin is not None
+    assert thin.least_mm == pytest.approx(outer - inner, rel=2e-3)
     sides = 2.0 * np.pi * (outer + inner) * height
     rims = 2.0 * np.pi * (outer**2 - inner**2)
-    assert found.share == pytest.approx(sides / (sides + rims), abs=SPREAD)
-    assert np.hypot(*found.place[:2]) == pytest.approx((outer + inner) / 2.0, rel=2e-2)
+    assert thin.share == pytest.approx(sides / (sides + rims), abs=SPREAD)
+    assert np.hypot(*thin.place[:2]) == pytest.approx((outer + inner) / 2.0, rel=2e-2)
     assert thin_parts(tube, 0.55) is None
 
 
 @pytest.mark.parametrize(("degrees", "is_thin"), [(60.0, False), (25.0, True)])
-def test_an_edge_is_no_thin_wall_unless_it_is_a_knife(degrees: float, is_thin: bool) -> None:
-    """A prism whose section is a triangle with one angle of so many degrees."""
+def test_only_sharp_edges_are_thin_walls(degrees: float, is_thin: bool) -> None:
+    """A prism whose section is a triangle with an angle in degrees."""
     rise = 20.0 * np.tan(np.radians(degrees / 2.0))
     section = np.array([(0.0, 0.0), (20.0, rise), (20.0, -rise)])
     points = np.array([(x, y, z) for x, y in section for z in (0.0, 30.0)])
-    found = thin_parts(hull_of(points), 0.8)
-    assert (found is not None) == is_thin
-    if found is not None:
+    thin = thin_parts(hull_of(points), 0.8)
+    assert (thin is not None) == is_thin
+    if thin is not None:
         # A ray at a distance s along the side is s tan(angle) long.
-        assert found.place[0] < 0.8 / np.tan(np.radians(degrees))
+        assert thin.place[0] < 0.8 / np.tan(np.radians(degrees))
         reach = 0.8 / np.tan(np.radians(degrees)) * 30.0
         side = np.hypot(20.0, rise) * 30.0
         area = 2.0 * side + 2.0 * rise * 30.0 + 2.0 * 20.0 * rise
-        assert found.share == pytest.approx(2.0 * reach / area, rel=0.1)
+        assert thin.share == pytest.approx(2.0 * reach / area, rel=0.1)
 
 
 def test_thick_bodies_have_no_thin_parts_and_sheets_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""Fonts by name and by file, against fonts built here and fontTools' own reading."""
+"""Outlines of labels, against constructed fonts, fontTools and closed forms."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from dicedesign.fabricate.label_art import (
 )
 
 
-def test_one_of_two_numbers_is_the_other_turned_by_half_a_turn() -> None:
-    """Of all numbers up to 999, by turning the outlines themselves: those that are marked are those
-    whose turned digits are digits of another number without a leading zero."""
+def test_numbers_that_read_differently_upside_down_are_marked() -> None:
+    """Among all numbers up to 999, those whose turned digits are another number without a leading
+    zero."""
     turned = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
     for number in range(1000):
         text = str(number)
@@ -70,7 +70,7 @@ def test_a_dot_follows_the_number_on_its_baseline() -> None:
     assert dotted.area() == pytest.approx(plain.area() + dot.area())
 
 
-def test_pips_are_circles_apart_in_a_square_that_look_the_same_upside_down() -> None:
+def test_pips_are_separate_circles_symmetric_under_a_half_turn() -> None:
     for number in range(1, MOST_PIPS + 1):
         section = pips_section(str(number))
         places, diameter = pip_places(number)
@@ -97,23 +97,15 @@ def area_by_fonttools(font: TTFont, text: str) -> float:
     return total / unit**2
 
 
-def test_areas_are_those_that_fonttools_finds_for_the_curves() -> None:
+def test_areas_equal_those_of_fonttools() -> None:
     font = TTFont(_bundled_font())
     for text in ("0", "8", "16", "66", "3/6", "A & B", "2d6", "½", "ÄÖ"):
         expected = area_by_fonttools(font, text.replace(" ", ""))
         assert text_section(text).area() == pytest.approx(expected, rel=3e-3)
 
 
-def test_digits_are_equally_wide_and_not_kerned() -> None:
-    starts = [text_contours(digit + "1")[-1][:, 0].min() for digit in "0123456789"]
-    np.testing.assert_allclose(starts, starts[0])
-    step = starts[0] - text_contours("1")[0][:, 0].min()
-    third = text_contours("111")[2][:, 0].min() - text_contours("1")[0][:, 0].min()
-    assert third == pytest.approx(2 * step)
-
-
 def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
-    """Against all ways to break, by the bounds of what is drawn."""
+    """Compared with all line breaks, by the bounds of the sections."""
     words = ["a", "critical", "hit", "or", "a", "miss"]
     broken = list(line_breaks(" ".join(words)))
     assert [text.count("\n") for text in broken] == [0, 1, 2, 3]
@@ -128,8 +120,8 @@ def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
         assert widest == pytest.approx(min(widths), abs=0.1)
 
 
-def test_text_from_right_to_left_runs_that_way() -> None:
-    """The first letter, alef, is the rightmost: of three parts the bounds of the last in x."""
+def test_right_to_left_text() -> None:
+    """The first letter, alef, is the rightmost."""
     alef, both = text_section("א"), text_section("אב")
     rightmost = max(both.decompose(), key=lambda part: part.bounds()[2])
     assert rightmost.area() == pytest.approx(alef.area(), rel=1e-6)
@@ -165,9 +157,9 @@ def circle(pen, x: float, y: float, radius: float) -> None:
     pen.closePath()
 
 
-def test_cubic_curves_overlaps_and_kerning_of_an_otf_are_kept(tmp_path: Path) -> None:
-    """A digit 1 and a letter H of one outline, 700 units tall and 800 wide: a circle, and one
-    within it that winds about the same way, as the strokes of variable fonts overlap."""
+def test_cubic_curves_overlaps_and_kerning_of_an_otf(tmp_path: Path) -> None:
+    """The digit 1 and the letter H have one outline, 700 units tall and 800 wide: two concentric
+    circles of the same orientation, as the strokes of variable fonts overlap."""
     names, strings = [".notdef", "one", "H"], {}
     for name in names:
         pen = T2CharStringPen(800, None)
@@ -178,14 +170,14 @@ def test_cubic_curves_overlaps_and_kerning_of_an_otf_are_kept(tmp_path: Path) ->
     builder = FontBuilder(UPEM, isTTF=False)
     builder.setupGlyphOrder(names)
     builder.setupCharacterMap({ord("1"): "one", ord("H"): "H"})
-    builder.setupCFF("Made", {}, strings, {})
+    builder.setupCFF("Built", {}, strings, {})
     builder.setupHorizontalMetrics(dict.fromkeys(names, (800, 0)))
     builder.setupHorizontalHeader(ascent=800, descent=-200)
     builder.setupOS2()
-    builder.setupNameTable({"familyName": "Made", "styleName": "Regular"})
+    builder.setupNameTable({"familyName": "Built", "styleName": "Regular"})
     builder.setupPost()
     builder.addOpenTypeFeatures("feature kern { pos one H -300; } kern;")
-    path = tmp_path / "made.otf"
+    path = tmp_path / "built.otf"
     builder.save(path)
     section = text_section("1", str(path))
     assert section.num_contour() == 1
@@ -216,7 +208,7 @@ def test_a_file_that_is_no_font_is_refused(tmp_path: Path, content: bytes) -> No
         text_section("1", str(path))
 
 
-def test_damaged_fonts_give_a_label_or_an_error_of_ours(tmp_path: Path) -> None:
+def test_damaged_fonts_give_a_label_or_an_input_error(tmp_path: Path) -> None:
     """Bytes overwritten anywhere or in the list of tables, and files cut short."""
     data, chance = _bundled_font().read_bytes(), random.Random(0)
     path = tmp_path / "damaged.ttf"

@@ -1,4 +1,4 @@
-"""Margins at sharp edges, against the angle of wedges and against solids that are cut."""
+"""Places of labels: margins, uprights, line breaks and sizes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def wedge(degrees: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("degrees", [30.0, 90.0, 150.0])
-def test_a_pocket_as_deep_reaches_the_bisector_of_the_edge_but_for_the_wall(degrees: float) -> None:
+def test_pockets_keep_a_wall_from_the_bisector_of_an_edge(degrees: float) -> None:
     options = EngravingOptions(depth_mm=0.8, margin_mm=0.4)
     hull = convex_hull(wedge(degrees))
     facet = int(np.argmax(hull.normals[:, 1]))
@@ -91,7 +91,7 @@ def test_labels_are_upright_toward_a_direction(box):
         assert clearances(placement, polygon, normal).min() >= options.margin_mm - 1e-6
 
 
-def test_words_take_as_many_lines_as_make_them_largest():
+def test_line_breaks_make_words_largest():
     """In a square two lines, in a long rectangle one."""
     options = EngravingOptions(max_height_mm=20.0, min_height_mm=0.5)
     heights = {}
@@ -120,7 +120,7 @@ def test_strokes_grow_to_their_least_width_within_the_margin(box):
     assert clearances(wide, body.polygons[0], body.normals[0]).min() >= options.margin_mm - 1e-6
 
 
-def test_strokes_that_would_close_a_hole_are_refused_with_facet_numbers_and_remedy(box):
+def test_strokes_that_would_close_a_hole_are_refused(box):
     body = box(9.0, 9.0, 9.0)
     options = EngravingOptions(stroke_mm=2.0, max_height_mm=3.0)
     (placement,) = place_labels(body.places(["8"]), options, 15.0)
@@ -128,7 +128,7 @@ def test_strokes_that_would_close_a_hole_are_refused_with_facet_numbers_and_reme
         placement.section()
 
 
-def test_the_advised_size_does_for_all_labels_and_little_less_does_not(box):
+def test_the_advised_size_is_the_least(box):
     body = box(6.0, 5.0, 4.0)
     texts = ["1", "12", "123", "1234", "6", "3"]
     with pytest.raises(LabelRoomError) as caught:
@@ -148,11 +148,11 @@ def test_the_advised_size_does_for_all_labels_and_little_less_does_not(box):
         place_labels(smaller.places(texts), OPTIONS, smaller.size_mm)
 
 
-def test_options_say_what_is_wrong():
+def test_invalid_options_are_refused():
     for values, expected in (
-        ({"depth_mm": 0.0}, "depth_mm: expected a number above 0, got 0.0"),
-        ({"depth_mm": math.nan}, "depth_mm: expected a finite number, got nan"),
-        ({"margin_mm": -1.0}, "margin_mm: expected a number of at least 0, got -1.0"),
+        ({"depth_mm": 0.0}, "depth_mm: expected a number above 0 and at most 1000, got 0.0"),
+        ({"depth_mm": math.nan}, "depth_mm: .*, got nan"),
+        ({"margin_mm": -1.0}, "margin_mm: expected a number of at least 0 and .*, got -1.0"),
         ({"content": "dots"}, "content: expected text or pips, got 'dots'"),
         ({"font": " "}, "font: expected a name or a path, got ' '"),
         ({"upright": "down"}, "upright: expected edge or largest, .*, got 'down'"),

@@ -1,4 +1,4 @@
-"""Numbers among equally probable outcomes, held against all permutations."""
+"""Numbers among equally probable outcomes, compared with all permutations."""
 
 from __future__ import annotations
 
@@ -40,16 +40,19 @@ def groups(hull: ConvexHull) -> Floats:
     return np.array(rows, dtype=float)
 
 
-def evenness(sums: Floats, size: Floats, mean: float) -> tuple[Floats, Floats]:
-    """Largest and total absolute deviations of sums (..., g) over so many numbers each."""
-    off = np.abs(sums - size * mean)
-    return off.max(axis=-1), off.sum(axis=-1)
+def assert_best(sums: Floats, all_sums: Floats, member: Floats, mean: float) -> None:
+    """Assert that sums (g,) deviate least among all (n, g): in the largest deviation, then in
+    total."""
+    off, others = (np.abs(each - member.sum(axis=1) * mean) for each in (sums, all_sums))
+    largest, least = others.max(axis=1), others.max(axis=1).min()
+    assert off.max() == pytest.approx(least)
+    assert off.sum() == pytest.approx(others[largest < least + 1e-9].sum(axis=1).min())
 
 
 @pytest.mark.parametrize(
     ("name", "total"), [("cube", 7), ("octahedron", 9), ("dodecahedron", 13), ("icosahedron", 21)]
 )
-def test_opposite_sides_have_one_sum(name: str, total: int) -> None:
+def test_opposite_facets_have_one_sum(name: str, total: int) -> None:
     hull = convex_hull(PLATONIC[name])
     numbers = placed(hull, "standard")
     assert sorted(numbers) == list(range(1, len(numbers) + 1))
@@ -63,12 +66,7 @@ def test_balanced_numbers_are_the_best_of_all_permutations(name: str) -> None:
     hull = convex_hull(PLATONIC[name])
     member, count = groups(hull), len(hull.normals)
     everything = np.array(list(permutations(np.arange(1.0, count + 1.0))))
-    size, mean = member.sum(axis=1), (count + 1.0) / 2.0
-    largest, total = evenness(everything @ member.T, size, mean)
-    best = largest.min()
-    found = evenness(member @ placed(hull, "balanced"), size, mean)
-    assert found[0] == pytest.approx(best)
-    assert found[1] == pytest.approx(total[largest < best + 1e-9].min())
+    assert_best(member @ placed(hull, "balanced"), everything @ member.T, member, count / 2.0 + 0.5)
 
 
 def swaps_of_two_dice() -> Iterator[tuple[int, ...]]:
@@ -89,16 +87,12 @@ def test_of_unequal_probabilities_only_equal_ones_change_places() -> None:
     member = groups(hull)[:, facets]
     member = member[member.sum(axis=1) >= 2]
     orders = np.array(list(swaps_of_two_dice()))
-    size = member.sum(axis=1)
-    largest, total = evenness((2.0 + orders) @ member.T, size, 7.0)
     order, _ = number_die(hull, facets, target.labels, target.probabilities, "balanced")
     np.testing.assert_allclose(target.probabilities[order], target.probabilities, rtol=1e-12)
-    found = evenness(member @ (2.0 + order), size, 7.0)
-    assert found[0] == pytest.approx(largest.min())
-    assert found[1] == pytest.approx(total[largest < largest.min() + 1e-9].min())
+    assert_best(member @ (2.0 + order), (2.0 + orders) @ member.T, member, 7.0)
 
 
-def test_labels_that_are_no_numbers_stay() -> None:
+def test_labels_without_numbers_stay() -> None:
     hull = convex_hull(PLATONIC["cube"])
     labels = ["10", "star", "-2", "0.5", "1", "6.5"]
     order, _ = number_die(hull, np.arange(6), labels, np.full(6, 1.0 / 6.0), "standard")

@@ -1,4 +1,4 @@
-"""Spread of the probabilities of prints: the linear prediction against prints made one by one."""
+"""Spread of the probabilities of prints: linear prediction against simulated prints."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from common.made_up_die import box
 from scipy import stats
 
 from dicedesign.fabricate.print_tolerances import (
+    AXES,
     NOTICED,
     ROLLS,
     ProbabilitySpread,
@@ -29,14 +30,14 @@ FACES = np.concatenate([np.eye(3), -np.eye(3)])
 HALF = np.array([9.0, 10.0, 12.0])
 
 
-def spread(given: np.ndarray | None = None, axes: np.ndarray | None = None) -> ProbabilitySpread:
-    """That of a box, with one outcome for each face."""
+def spread(given: np.ndarray | None = None, axes: np.ndarray = AXES) -> ProbabilitySpread:
+    """Spread of a box with one outcome for each face."""
     body = make_body(np.array(list(product(*np.stack([-HALF, HALF], axis=1)))))
     return ProbabilitySpread.of(body, rest_poses(body, given), FACES, PrintErrors(), axes=axes)
 
 
 def rectangle(depth: float, sides: tuple[float, float], others: tuple[float, float]) -> float:
-    """Solid angle of a rectangle that far away, from distances of its sides from the foot on it."""
+    """Solid angle of a rectangle at a depth, from distances of its sides from the foot point."""
     return sum(
         float(np.arctan(x * y / (depth * np.sqrt(depth**2 + x * x + y * y))))
         for x, y in product(sides, others)
@@ -44,14 +45,14 @@ def rectangle(depth: float, sides: tuple[float, float], others: tuple[float, flo
 
 
 def box_probabilities(low: np.ndarray, high: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """(6,) by the closed form."""
+    """(6,) probabilities in closed form."""
     up, down = high - center, center - low
-    found = []
+    angles = []
     for depths in (up, down):
         for axis in range(3):
             b, c = (axis + 1) % 3, (axis + 2) % 3
-            found.append(rectangle(depths[axis], (down[b], up[b]), (down[c], up[c])))
-    return np.array(found) / (4.0 * np.pi)
+            angles.append(rectangle(depths[axis], (down[b], up[b]), (down[c], up[c])))
+    return np.array(angles) / (4.0 * np.pi)
 
 
 def difference(probabilities_at: Callable[[float], np.ndarray], step: float = 1e-3) -> np.ndarray:
@@ -64,9 +65,9 @@ def difference(probabilities_at: Callable[[float], np.ndarray], step: float = 1e
 
 
 @pytest.mark.parametrize("given", [None, np.array([0.5, 0.2, -0.3])], ids=["uniform", "given"])
-def test_faces_that_are_off(given: np.ndarray | None) -> None:
-    found = spread(given)
-    columns = np.argmax(found.poses.hull.normals @ FACES.T, axis=1)
+def test_derivatives_in_the_offsets_of_faces(given: np.ndarray | None) -> None:
+    box_spread = spread(given)
+    columns = np.argmax(box_spread.poses.hull.normals @ FACES.T, axis=1)
     for facet, face in enumerate(columns):
         axis = FACES[face]
 
@@ -76,10 +77,10 @@ def test_faces_that_are_off(given: np.ndarray | None) -> None:
             center = (low + high) / 2.0 if given is None else given
             return box_probabilities(low, high, center)
 
-        np.testing.assert_allclose(found.by_offsets[:, facet], difference(moved), atol=1e-10)
+        np.testing.assert_allclose(box_spread.by_offsets[:, facet], difference(moved), atol=1e-10)
 
 
-def test_axes_that_shrink() -> None:
+def test_derivatives_in_stretches() -> None:
     expected = [
         difference(
             lambda t, e=e: box_probabilities(-HALF * (1 + t * e), HALF * (1 + t * e), np.zeros(3))
@@ -95,21 +96,21 @@ def test_axes_that_shrink() -> None:
     np.testing.assert_allclose(other.by_stretches, stretches[:, [2, 0, 1]])
 
 
-def test_a_density_that_grows_to_the_top() -> None:
+def test_derivatives_in_a_density_gradient() -> None:
     """From 1 - g/2 at the bottom of a box 2 c high to 1 + g/2 at its top the center of mass is at
     g c / 6."""
-    found, up = spread().by_gradient, np.array([0.0, 0.0, 1.0])
+    slopes, up = spread().by_gradient, np.array([0.0, 0.0, 1.0])
     expected = difference(lambda g: box_probabilities(-HALF, HALF, g * HALF[2] / 6.0 * up))
-    np.testing.assert_allclose(found, expected, atol=1e-10)
-    assert found[2] > 0.0 > found[5]
+    np.testing.assert_allclose(slopes, expected, atol=1e-10)
+    assert slopes[2] > 0.0 > slopes[5]
 
 
 HOUSE = np.concatenate([box(20.0, 20.0, 20.0), [[0.0, 0.0, 21.0]]])
-"""A cube with a roof, on whose sides it only just rests."""
+"""Corners of a cube with a roof whose sides are barely rests."""
 
 
 def chance(points: np.ndarray, directions: np.ndarray, offset: float, prints: int) -> float:
-    """Part of prints that the test notices, by the noncentral chi-square of each."""
+    """Share of prints that the test notices, by the noncentral chi-square of each."""
     right = outcome_probabilities(rest_poses(points), directions).probabilities
     die = PrintedDie(convex_hull(points), directions)
     probabilities = die.probabilities(PrintErrors(offset, 0.0, 0.0, 0.0), prints, 11)
@@ -118,7 +119,7 @@ def chance(points: np.ndarray, directions: np.ndarray, offset: float, prints: in
     return float(stats.ncx2.sf(critical, len(right) - 1, noncentral + 1e-12).mean())
 
 
-def test_a_die_on_the_verge_of_losing_a_rest_must_be_printed_better_than_slopes_say() -> None:
+def test_a_die_about_to_lose_a_rest_gets_a_checked_offset() -> None:
     poses = rest_poses(HOUSE)
     sides = poses.normals
     probabilities, still = outcome_probabilities(poses, sides).probabilities, np.zeros(len(sides))
@@ -148,47 +149,47 @@ def die(seed: int) -> tuple[ConvexHull, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def designed() -> tuple[ProbabilitySpread, np.ndarray]:
-    """The spread of its probabilities, and the probabilities."""
+    """Spread of a die's probabilities, and the probabilities."""
     hull, directions = die(0)
     poses = rest_poses(hull.vertices)
-    found = ProbabilitySpread.of(make_body(hull.vertices), poses, directions, ERRORS)
-    return found, outcome_probabilities(poses, directions).probabilities
+    prints = ProbabilitySpread.of(make_body(hull.vertices), poses, directions, ERRORS)
+    return prints, outcome_probabilities(poses, directions).probabilities
 
 
 def test_prints_spread_as_predicted(designed: tuple[ProbabilitySpread, np.ndarray]) -> None:
     covariance = designed[0].covariance
     probabilities = PrintedDie(*die(0)).probabilities(ERRORS, PRINTS, 0)
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    # Of a sample covariance over the standard deviations: at most the root of 2 over the prints.
+    # The standard error of a sample correlation is at most the root of 2 over the prints.
     noise = 4.5 * np.sqrt(2.0 / PRINTS)
     np.testing.assert_allclose(
         np.cov(probabilities.T) / scale, covariance / scale, atol=noise + 0.05
     )
 
 
-def test_what_is_allowed_is_what_the_test_just_lets_through(
+def test_the_allowed_offset_is_noticed_in_a_tenth_of_prints(
     designed: tuple[ProbabilitySpread, np.ndarray],
 ) -> None:
-    found, target = designed
+    prints, target = designed
     still = np.zeros(len(target))
-    told = print_tolerances(found, target, still, is_checked=False)
-    assert told.allowed_mm is not None
-    covariance = told.allowed_mm**2 * found.by_unit_offset
+    result = print_tolerances(prints, target, still, is_checked=False)
+    assert result.allowed_mm is not None
+    covariance = result.allowed_mm**2 * prints.by_unit_offset
     assert chance_noticed(target, ROLLS, covariance, still) == pytest.approx(NOTICED, abs=1e-4)
-    assert told.noticed == chance_noticed(target, ROLLS, found.covariance, still)
-    assert f"±{told.allowed_mm:.2g} mm" in told.answer
-    np.testing.assert_allclose(told.deviations, np.sqrt(np.diag(found.covariance)))
-    drawn = np.random.default_rng(5).multivariate_normal(still, found.covariance, size=100_000)
+    assert result.noticed == chance_noticed(target, ROLLS, prints.covariance, still)
+    assert f"±{result.allowed_mm:.2g} mm" in result.answer
+    np.testing.assert_allclose(result.deviations, np.sqrt(np.diag(prints.covariance)))
+    drawn = np.random.default_rng(5).multivariate_normal(still, prints.covariance, size=100_000)
     expected = np.abs(drawn).sum(axis=1).mean() / 2.0
-    assert told.total_variation == pytest.approx(expected, rel=0.02)
+    assert result.total_variation == pytest.approx(expected, rel=0.02)
 
 
-def test_a_die_that_is_off_already_can_not_be_printed_well_enough(
+def test_a_biased_die_has_no_allowed_offset(
     designed: tuple[ProbabilitySpread, np.ndarray],
 ) -> None:
-    found, target = designed
+    prints, target = designed
     bias = np.zeros(len(target))
     bias[:2] = 0.05, -0.05
-    told = print_tolerances(found, target, bias, is_checked=False)
-    assert told.allowed_mm == 0.0
-    assert "however well" in told.answer
+    result = print_tolerances(prints, target, bias, is_checked=False)
+    assert result.allowed_mm == 0.0
+    assert "however well" in result.answer

@@ -1,4 +1,4 @@
-"""The printability of dice whose measures are known."""
+"""Printability of dice with known measures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from dicedesign.results.parts import Printability
 RECIPE = {"name": "d4", "target": {"fair": 4}}
 
 
-def test_options_say_what_is_wrong() -> None:
+def test_invalid_options_are_refused() -> None:
     for kind, entries, named in (
         (PrintOptions, {"printer": "cnc"}, "printer: expected fdm, sla, sls, got 'cnc'"),
         (PrintOptions, {"nozzle_mm": 0.0}, "nozzle_mm: expected a number above 0 and at most 2"),
@@ -41,7 +41,7 @@ def test_options_say_what_is_wrong() -> None:
             kind(**entries)
 
 
-def test_a_recipe_says_it_in_a_word_or_leaves_it_out() -> None:
+def test_recipes_abbreviate_or_omit_printing() -> None:
     assert PrintOptions(material="abs").density == MATERIALS["abs"].density_g_cm3
     assert PrintOptions(material="abs", density_g_cm3=1.5).density == 1.5
     assert parse_recipe(RECIPE).print == PrintOptions()
@@ -65,7 +65,7 @@ def printed(
     return work
 
 
-def found(work: Work) -> Printability:
+def measures_of(work: Work) -> Printability:
     measured = work.result().printability
     assert measured is not None
     return measured
@@ -73,7 +73,7 @@ def found(work: Work) -> Printability:
 
 @pytest.fixture(scope="module")
 def cube() -> Work:
-    """With a diagonal of 30 mm."""
+    """Cube with a diagonal of 30 mm."""
     engrave = {"depth_mm": 0.75, "balance": "none"}
     return printed(box(1.0, 1.0, 1.0), SIDES, engrave=engrave, print={"oriented": True})
 
@@ -81,9 +81,9 @@ def cube() -> Work:
 SIDE = 30.0 / np.sqrt(3.0)
 
 
-def test_walls_are_those_of_dense_samples() -> None:
-    """Of the engraved file: the least distance between points on two pockets, or on a floor and on
-    a facet that looks the other way."""
+def test_walls_equal_those_of_dense_samples() -> None:
+    """The least distance in the engraved file between points on two pockets, or on a floor and on a
+    facet that faces the other way."""
     deep = 0.9
     options = {"depth_mm": deep, "max_height_mm": 15.0}
     work = printed(box(1.0, 1.0, 0.2), SIDES[[2, 5]], engrave=options)
@@ -102,7 +102,7 @@ def test_walls_are_those_of_dense_samples() -> None:
         part = mesh.submesh([np.flatnonzero(chosen)], append=True)
         return trimesh.sample.sample_surface(part, 20000, seed=1)[0]
 
-    for n, label in enumerate(found(work).labels[:1]):
+    for n, label in enumerate(measures_of(work).labels[:1]):
         beneath = skin & (mesh.face_normals @ frames[n][:3, 2] < -0.01)
         others = sampled(np.any(inside[:n] + inside[n + 1 :], axis=0))
         distances = [cKDTree(others).query(sampled(inside[n]))[0].min()]
@@ -113,7 +113,7 @@ def test_walls_are_those_of_dense_samples() -> None:
 
 
 def test_a_cube_needs_no_supports_and_weighs_its_volume(cube: Work) -> None:
-    measured = found(cube)
+    measured = measures_of(cube)
     mesh = trimesh.load(trimesh.util.wrap_as_stream(cube.files["die.stl"]), file_type="stl")
     assert mesh.is_watertight
     assert measured.file.volume_mm3 == pytest.approx(mesh.volume, rel=1e-6)
@@ -138,23 +138,23 @@ def test_the_oriented_file_is_the_die_on_the_bed(cube: Work) -> None:
     plain, laid = (
         parse_stl(cube.files[name], Path(name)) for name in ("die.stl", "die_oriented.stl")
     )
-    placement = np.array(found(cube).placement)
+    placement = np.array(measures_of(cube).placement)
     moved = plain[0] @ placement[:3, :3].T + placement[:3, 3]
     np.testing.assert_allclose(laid[0], moved, atol=1e-5)
     np.testing.assert_array_equal(laid[1], plain[1])
     assert laid[0][:, 2].min() == pytest.approx(0.0, abs=1e-6)
     areas = trimesh.Trimesh(*laid, process=False).area_faces
     on_bed = (laid[0][laid[1]][:, :, 2] < 1e-4).all(axis=1)
-    assert areas[on_bed].sum() == pytest.approx(found(cube).best.contact_mm2, rel=1e-5)
+    assert areas[on_bed].sum() == pytest.approx(measures_of(cube).best.contact_mm2, rel=1e-5)
 
 
 def test_bare_facets_come_first() -> None:
-    """Of a prism of five sides, whose ends bear nothing."""
+    """A prism of five sides has no labels on its ends."""
     angles = 2.0 * np.pi * np.arange(5) / 5.0
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
     points = np.array([(x, y, z) for x, y in ring for z in (-0.9, 0.9)])
     downs = np.column_stack([np.cos(angles + np.pi / 5), np.sin(angles + np.pi / 5), 0.0 * angles])
-    measured = found(printed(points, downs))
+    measured = measures_of(printed(points, downs))
     assert measured.best.label is None
     assert abs(measured.best.normal[2]) == pytest.approx(1.0)
     assert measured.best.spoiled == ()
@@ -162,7 +162,7 @@ def test_bare_facets_come_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entries", "told"),
+    ("entries", "part"),
     [
         ({"print": {"nozzle_mm": 2.0}}, "strokes"),
         ({"print": "sls", "engrave": {"depth_mm": 0.3}}, "labels are 0.3 mm deep"),
@@ -170,12 +170,12 @@ def test_bare_facets_come_first() -> None:
         ({"engrave": {"depth_mm": 1.2, "margin_mm": 0.3, "max_height_mm": 20.0}}, "walls"),
     ],
 )
-def test_what_cannot_be_made_is_said_with_a_remedy(entries: dict, told: str) -> None:
+def test_warnings_have_remedies(entries: dict, part: str) -> None:
     work = printed(box(1.0, 1.0, 1.0), SIDES, **entries)
-    assert any(told in note and ":" in note for note in work.notes)
-    assert tuple(work.notes[-len(found(work).warnings) :]) == found(work).warnings
+    assert any(part in note and ":" in note for note in work.notes)
+    assert tuple(work.notes[-len(measures_of(work).warnings) :]) == measures_of(work).warnings
     is_raised = entries.get("engrave", {}).get("style") == "raised"
-    assert all((label.wall_mm is None) == is_raised for label in found(work).labels)
+    assert all((label.wall_mm is None) == is_raised for label in measures_of(work).labels)
 
 
 def test_flaws_of_a_file_are_counted() -> None:
@@ -201,13 +201,13 @@ def test_flaws_of_a_file_are_counted() -> None:
     assert hollow.volume_mm3 == pytest.approx(7.0)
 
 
-def test_a_hollow_that_keeps_its_powder_is_told() -> None:
+def test_a_hollow_full_of_powder_is_reported() -> None:
     entries = {"engrave": {"balance": "opposite"}}
     tetrahedron = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
     corners = tetrahedron * (1.0, 1.1, 1.3)
     downs = convex_hull(corners).normals
-    for printer, told in (("fdm", False), ("sls", True)):
+    for printer, is_trapped in (("fdm", False), ("sls", True)):
         work = printed(corners, downs, print=printer, **entries)
-        measured = found(work)
+        measured = measures_of(work)
         assert measured.file.cavities == 1
-        assert any("hollow" in warning for warning in measured.warnings) is told
+        assert any("hollow" in warning for warning in measured.warnings) is is_trapped

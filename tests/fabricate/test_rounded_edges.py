@@ -1,5 +1,4 @@
-"""Rounded edges by the laws of parallel bodies: probabilities of the core, volume by Steiner's
-formula."""
+"""Rounded edges, by laws of parallel bodies: probabilities of the core, Steiner's volume."""
 
 from __future__ import annotations
 
@@ -35,15 +34,15 @@ def random_hull(seed: int) -> ConvexHull:
 def test_a_rounded_body_has_the_probabilities_of_its_core(
     seed: int, radius: float, shape: str
 ) -> None:
-    """Its height over the table is that of the core and the radius, whatever is down; so there are
-    no rests on edges and corners either. The center of mass is the same."""
+    """Its height over the table is the core's plus the radius in every direction, so its edges and
+    corners have no rests either. The center of mass is the same."""
     core = random_hull(seed)
     body = round_edges(core, core.centroid, EdgeOptions(radius, shape))
     before, after = analyze(core, core.centroid), analyze(body, core.centroid)
     assert len(after.normals) == len(before.normals)
     pairs = np.argmax(before.normals @ after.normals.T, axis=1)
     np.testing.assert_allclose(after.normals[pairs], before.normals, atol=1e-9)
-    # Strips are flat, so that paths leave the round ones a little.
+    # Strips are flat, so paths deviate slightly from those of a round body.
     rough = {"fillet": 5e-4, "chamfer": 5e-3}[shape] * radius
     np.testing.assert_allclose(after.probabilities[pairs], before.probabilities, atol=rough)
 
@@ -57,7 +56,7 @@ def test_a_cube_keeps_its_faces_and_steiners_volume() -> None:
     np.testing.assert_allclose(np.ptp(body.vertices, axis=0), np.full(3, 14.0), rtol=1e-12)
     steiner = 1000.0 + 600.0 * radius + 3 * 10.0 * math.pi * radius**2 + 4 / 3 * math.pi * radius**3
     sharp = 14.0**3
-    # Flat strips lie inside the round ones.
+    # Flat strips are inside the round ones.
     assert (
         steiner - 0.02 * (sharp - steiner)
         < solid_properties(body.vertices, body.triangles)[0]
@@ -66,7 +65,7 @@ def test_a_cube_keeps_its_faces_and_steiners_volume() -> None:
 
 
 def test_chamfers_are_two_strips_over_a_saddle() -> None:
-    """Each edge of a cube is one, and its chamfer would be a place to rest on."""
+    """Each edge of a cube has a saddle, where one flat chamfer would be a rest."""
     body = round_edges(CUBE, np.zeros(3), EdgeOptions(1.0, "chamfer"))
     slopes = np.sort(np.abs(body.normals), axis=1)[:, 1:]
     edges = body.normals[(np.abs(body.normals).min(axis=1) < 1e-9) & (slopes[:, 0] > 1e-9)]
@@ -75,7 +74,7 @@ def test_chamfers_are_two_strips_over_a_saddle() -> None:
     assert len(analyze(body, np.zeros(3)).normals) == 6
 
 
-def test_radii_that_suit_no_size() -> None:
+def test_unsuitable_radii_are_refused() -> None:
     """Within a hundredth and a fifth of the size; chamfers may be finer."""
     for part in (0.01, 0.2):
         assert 0.0 < core_scale(EdgeOptions(part * 30.0), 30.0) < 1.0

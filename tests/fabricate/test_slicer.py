@@ -1,4 +1,4 @@
-"""A slicer opens what is written, and makes of it what was said."""
+"""Files in PrusaSlicer: sound, and with the predicted layers, volume and supports."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from common.dented_cube import write_cube
 from common.made_up_die import SIDES, box, checked
 from common.slicer import slice_file, slicer_info
+from common.write_mesh import write_mesh
 
-from dicedesign.fabricate.file_formats import save_mesh
 from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
 from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -27,30 +27,30 @@ SOUND = {"manifold": "yes", "number_of_parts": "1"}
 
 MEASURES = {f"{kind}_{axis}" for kind in ("size", "min", "max") for axis in "xyz"}
 MEASURES |= {"number_of_facets", "volume", *SOUND}
-"""Of a file without a defect the slicer says these and nothing else."""
+"""All facts that the slicer prints about a file without defects."""
 
 
 def check(result: Result) -> None:
-    """Raise AssertionError unless the slicer takes the file that lies as is best without repair,
-    and fills it in as many layers as it is high."""
+    """Assert that the slicer takes the oriented file without repair, and fills its height with
+    layers."""
     assert result.folder is not None
     assert result.printability is not None
     file, best = result.folder / result.files["die_oriented"], result.printability.best
-    told = slicer_info(file)
-    assert SOUND.items() <= told.items()
-    assert told.keys() == MEASURES
-    assert float(told["size_z"]) == pytest.approx(best.height_mm, rel=1e-5)
-    assert float(told["min_z"]) == pytest.approx(0.0, abs=1e-4)
+    facts = slicer_info(file)
+    assert SOUND.items() <= facts.items()
+    assert facts.keys() == MEASURES
+    assert float(facts["size_z"]) == pytest.approx(best.height_mm, rel=1e-5)
+    assert float(facts["min_z"]) == pytest.approx(0.0, abs=1e-4)
     body = read_body(file)
     assert body.triangles is not None
     volume = solid_properties(body.points, body.triangles)[0]
-    assert float(told["volume"]) == pytest.approx(volume, rel=1e-4)
+    assert float(facts["volume"]) == pytest.approx(volume, rel=1e-4)
     assert result.printability.file.volume_mm3 == pytest.approx(volume, rel=1e-5)
-    made = slice_file(file, LAYER)
-    assert made.layers[0] == pytest.approx(LAYER)
-    assert made.layers[-1] == pytest.approx(best.height_mm, abs=1.01 * LAYER)
-    assert len(made.layers) == pytest.approx(best.height_mm / LAYER, abs=2.0)
-    assert made.volume_mm3 == pytest.approx(volume, rel=0.06)
+    sliced = slice_file(file, LAYER)
+    assert sliced.layers[0] == pytest.approx(LAYER)
+    assert sliced.layers[-1] == pytest.approx(best.height_mm, abs=1.01 * LAYER)
+    assert len(sliced.layers) == pytest.approx(best.height_mm / LAYER, abs=2.0)
+    assert sliced.volume_mm3 == pytest.approx(volume, rel=0.06)
 
 
 @pytest.mark.parametrize("name", ["2d6_hendecahedron", "d20_half"])
@@ -77,27 +77,27 @@ def test_a_marked_concave_die_is_sliced_without_repair(tmp_path: Path) -> None:
     check(run(recipe, tmp_path / "die"))
 
 
-def test_other_files_of_the_same_die_are_sound_too(tmp_path: Path) -> None:
+def test_other_files_of_a_die_are_sound(tmp_path: Path) -> None:
     work = checked(box(1.0, 1.2, 1.4), SIDES, entries={"engrave": True})
     run_stages(work, after="check", last="engrave")
     assert work.engraved is not None
     for ending in (".3mf", ".obj", ".stl"):
         file = tmp_path / f"die{ending}"
-        save_mesh(file, work.engraved.points, work.engraved.triangles)
-        told = slicer_info(file)
-        assert SOUND.items() <= told.items()
-        assert told.keys() == MEASURES
-    # A triangle that is missing is noticed.
-    save_mesh(file, work.engraved.points, work.engraved.triangles[1:])
-    told = slicer_info(file)
-    assert told["manifold"] == "no"
-    assert "open_edges" in told
+        write_mesh(file, work.engraved.points, work.engraved.triangles)
+        facts = slicer_info(file)
+        assert SOUND.items() <= facts.items()
+        assert facts.keys() == MEASURES
+    # A missing triangle is reported.
+    write_mesh(file, work.engraved.points, work.engraved.triangles[1:])
+    facts = slicer_info(file)
+    assert facts["manifold"] == "no"
+    assert "open_edges" in facts
 
 
-def test_supports_are_where_an_overhang_is_and_nowhere_else(tmp_path: Path) -> None:
-    """Of some polyhedra on each of their facets, but where a facet that looks down is small or
-    hardly rises from the bed."""
-    seen = []
+def test_supports_are_at_overhangs_only(tmp_path: Path) -> None:
+    """Polyhedra on each of their facets, except where an overhang is small or hardly rises from the
+    bed."""
+    cases = set()
     for seed in range(3):
         points = np.random.default_rng(seed).normal(size=(9, 3)) * (6.0, 7.0, 8.0)
         hull = convex_hull(points)
@@ -108,9 +108,9 @@ def test_supports_are_where_an_overhang_is_and_nowhere_else(tmp_path: Path) -> N
             placement = placement_on_bed(hull.vertices, np.array(pose.normal))
             laid = hull.vertices @ placement[:3, :3].T + placement[:3, 3]
             file = tmp_path / "solid.stl"
-            save_mesh(file, laid, hull.triangles)
+            write_mesh(file, laid, hull.triangles)
             assert (slice_file(file, LAYER, supports=True).supports > 0) == (
                 pose.overhang_mm2 > 0.0
             )
-            seen.append(pose.overhang_mm2 > 0.0)
-    assert len(set(seen)) == 2
+            cases.add(pose.overhang_mm2 > 0.0)
+    assert len(cases) == 2

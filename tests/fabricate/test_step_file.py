@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common.write_mesh import write_mesh
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.file_formats import (
@@ -14,7 +15,6 @@ from dicedesign.fabricate.file_formats import (
     Contents,
     Part,
     file_bytes,
-    save_mesh,
 )
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_properties
@@ -50,7 +50,7 @@ def faces(data: bytes) -> int:
 def test_a_convex_die_has_a_face_for_each_facet(occ, tmp_path: Path) -> None:
     hull = convex_hull(10.0 * np.random.default_rng(3).normal(size=(12, 3)))
     path = tmp_path / "die.step"
-    save_mesh(path, hull.vertices, hull.triangles)
+    write_mesh(path, hull.vertices, hull.triangles)
     assert faces(path.read_bytes()) == len(hull.normals)
     volume, center = volume_and_center(path)
     expected, _ = solid_properties(hull.vertices, hull.triangles)
@@ -87,12 +87,12 @@ def test_parts_are_solids(occ, inlaid, tmp_path: Path) -> None:
     assert solid_properties(*STEP.read_back(path))[0] == pytest.approx(1000.0)
 
 
-def test_a_hollow_is_a_hollow(occ, box, tmp_path: Path) -> None:
+def test_hollows_are_voids(occ, box, tmp_path: Path) -> None:
     outer, inner = box(10.0, 10.0, 10.0), box(2.0, 4.0, 6.0)
     points = np.concatenate([outer.vertices, inner.vertices + np.array([1.0, 0.0, 0.0])])
     triangles = np.concatenate([outer.triangles, inner.triangles[:, ::-1] + 8])
     path = tmp_path / "hollow.step"
-    save_mesh(path, points, triangles)
+    write_mesh(path, points, triangles)
     assert len(re.findall(rb"\bBREP_WITH_VOIDS\b", path.read_bytes())) == 1
     assert faces(path.read_bytes()) == 12
     expected = (1000.0 - 48.0, [-48.0 / 952.0, 0.0, 0.0])
@@ -102,10 +102,10 @@ def test_a_hollow_is_a_hollow(occ, box, tmp_path: Path) -> None:
     both = [outer.triangles, outer.triangles + 16, inner.triangles[:, ::-1] + 8]
     points = np.concatenate([points, outer.vertices + np.array([20.0, 0.0, 0.0])])
     with pytest.raises(InputError, match="expected a solid of one outer shell about its"):
-        save_mesh(path, points, np.concatenate(both))
+        write_mesh(path, points, np.concatenate(both))
 
 
-def test_what_is_no_solid_of_flat_faces_is_refused(occ, box) -> None:
+def test_open_surfaces_are_refused(occ, box) -> None:
     body = box(1.0, 1.0, 1.0)
     points, triangles = body.vertices.astype(float), body.triangles
     opened = Contents("box", [Part("box", "#ffffff", points, triangles[1:])])

@@ -1,4 +1,4 @@
-"""The verdict on a die's file, on solids whose probabilities are known."""
+"""Assessments of files of solids with known probabilities."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CUBE = 10.0 * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
 
 
 def roofed(degrees: float) -> np.ndarray:
-    """Corners of a cube whose lower side is bent along its middle: two rests so far apart."""
+    """Corners of a cube whose lower side is bent along its middle into two rests at an angle."""
     rise = 10.0 * np.tan(np.radians(degrees / 2.0))
     raised = CUBE + np.array([0.0, 0.0, rise]) * (CUBE[:, 2:] < 0.0)
     return np.concatenate([raised, [[0.0, -10.0, -10.0], [0.0, 10.0, -10.0]]])
@@ -46,8 +46,8 @@ def test_a_cube_is_a_fair_die_in_its_file() -> None:
         assert facet.inradius_mm == pytest.approx(10.0, rel=1e-6)
 
 
-def test_angles_of_facets_are_those_of_the_box_in_degrees() -> None:
-    """It is tipped over the nearer edge; an edge's own direction is where two basins meet."""
+def test_margins_and_borders_of_a_box() -> None:
+    """A box tips over its nearest edge, whose direction is also where two basins meet."""
     half = np.array([10.0, 9.0, 7.0])
     for facet in verdict_on(CUBE * half / 10.0, AXES, np.full(6, 1 / 6)).facets:
         across = np.abs(facet.normal).argmax()
@@ -56,7 +56,7 @@ def test_angles_of_facets_are_those_of_the_box_in_degrees() -> None:
         assert facet.border_deg == pytest.approx(nearest, abs=1e-4)
 
 
-def test_facets_are_whole_though_the_file_rounds_their_corners() -> None:
+def test_facets_stay_whole_in_single_precision() -> None:
     corners = solids.platonic("dodecahedron").points @ Rotation.random(random_state=1).as_matrix()
     verdict = verdict_on(corners, convex_hull(corners).normals, np.full(12, 1 / 12))
     assert verdict.outcomes.rest_counts.tolist() == [1] * 12
@@ -66,8 +66,7 @@ def test_facets_are_whole_though_the_file_rounds_their_corners() -> None:
 
 
 def test_a_facet_in_two_parts_is_one_outcome() -> None:
-    """Which part bears the label is as good as the other; tipping over their ridge leaves
-    nothing."""
+    """Either part may have the label; tipping over their ridge does not leave the outcome."""
     whole = verdict_on(CUBE, AXES, np.full(6, 1 / 6))
     verdict = verdict_on(roofed(0.6), AXES, np.full(6, 1 / 6))
     assert verdict.outcomes.rest_counts.tolist() == [1, 1, 1, 1, 1, 2]
@@ -82,7 +81,7 @@ def test_a_facet_in_two_parts_is_one_outcome() -> None:
 
 @pytest.mark.parametrize(("degrees", "crowded"), [(4.9, True), (5.1, False)])
 def test_two_outcomes_nearer_than_five_degrees_are_not_converged(degrees, crowded) -> None:
-    """Their probabilities may be as exact as one likes."""
+    """Even with exact probabilities."""
     half = np.radians(degrees / 2.0)
     below = np.array([[np.sin(half), 0.0, -np.cos(half)], [-np.sin(half), 0.0, -np.cos(half)]])
     directions = np.concatenate([AXES[:5], below])
@@ -93,11 +92,11 @@ def test_two_outcomes_nearer_than_five_degrees_are_not_converged(degrees, crowde
     assert list(verdict.flaws(1e-12)) == ([Status.CROWDED] if crowded else [])
 
 
-def test_an_outcome_that_is_left_at_a_nudge_is_not_converged() -> None:
-    """A corner that was cut off so little that the new facet is hardly a rest."""
+def test_an_outcome_with_a_small_margin_is_not_converged() -> None:
+    """An edge was cut off so little that the new facet is barely a rest."""
     normal = unit_vectors(np.array([[1.0, 1.0, 0.0]]))[0]
     for depth, unsteady in ((0.03, True), (0.5, False)):
-        # An edge with a flat of this width, in mm: the die stands on it as on a narrow foot.
+        # An edge with a narrow flat, in mm.
         flat = np.array(
             [
                 [10.0, 10.0 - depth, -10.0],
