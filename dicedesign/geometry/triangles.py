@@ -199,22 +199,6 @@ def is_closed(triangles: Integers) -> bool:
     return not np.bincount(edges, weights=np.where(rising, 1.0, -1.0).ravel()).any()
 
 
-def centroid_derivatives(points: Floats, triangles: Integers, center: Floats) -> Floats:
-    """(3, n, 3) derivative of each coordinate of the centroid by each coordinate of the points
-    (eq. 34).
-
-    points: (n, 3); triangles: (m, 3) of a closed surface; center: (3,) its centroid.
-    """
-    corners = points[triangles] - center
-    lifts = np.linalg.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)) / 6.0
-    volumes = (corners[:, 0] * lifts[:, 0]).sum(-1)
-    means = corners.sum(axis=1) / 4.0
-    by_corner = means[:, None, :, None] * lifts[:, :, None, :]
-    by_corner += (volumes / 4.0)[:, None, None, None] * np.eye(3)
-    sums = sums_by_index(triangles.ravel(), by_corner.reshape(-1, 3, 3), len(points))
-    return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()
-
-
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A closed triangle surface, oriented outward, of one solid body.
@@ -248,8 +232,17 @@ class Surface:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def centroid_derivatives(self) -> Floats:
-        """(3, n, 3) of each coordinate of the centroid by each coordinate of the points."""
-        return centroid_derivatives(self.points, self.triangles, self.centroid)
+        """(3, n, 3) derivative of each coordinate of the centroid by each coordinate of the points
+        (eq. 34)."""
+        corners = self.points[self.triangles] - self.centroid
+        lifts = np.linalg.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)) / 6.0
+        volumes = (corners[:, 0] * lifts[:, 0]).sum(-1)
+        means = corners.sum(axis=1) / 4.0
+        by_corner = means[:, None, :, None] * lifts[:, :, None, :]
+        by_corner += (volumes / 4.0)[:, None, None, None] * np.eye(3)
+        by_corner = by_corner.reshape(-1, 3, 3)
+        sums = sums_by_index(self.triangles.ravel(), by_corner, len(self.points))
+        return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()
 
     def with_points(self, points: Floats) -> Surface:
         """Surface with the same triangles between other points (n, 3)."""

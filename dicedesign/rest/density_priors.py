@@ -38,7 +38,21 @@ LARGEST: Final = 1e12
 
 
 @dataclass(frozen=True)
-class VonMisesFisher(DensityPrior):
+class _AxialPrior(DensityPrior):
+    """A density that depends on the angle to an axis (3,) alone."""
+
+    axis: Sequence[float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", tuple(axis_of(self.axis).tolist()))
+
+    @cached_property
+    def _axis(self) -> Floats:
+        return np.array(self.axis)
+
+
+@dataclass(frozen=True)
+class VonMisesFisher(_AxialPrior):
     """Directions about an axis, with a density in proportion to exp(concentration * cosine).
 
     Attributes
@@ -50,12 +64,10 @@ class VonMisesFisher(DensityPrior):
     Raises InputError for others.
     """
 
-    axis: Sequence[float]
     concentration: float
 
     def __post_init__(self) -> None:
-        axis = axis_of(self.axis)
-        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        super().__post_init__()
         concentration = self.concentration
         if not (is_finite_number(concentration) and 0.0 <= concentration <= LARGEST):
             raise InputError(
@@ -87,10 +99,6 @@ class VonMisesFisher(DensityPrior):
         most = LARGEST if excess(LARGEST) <= 0.0 else brentq(excess, 0.0, LARGEST, xtol=1e-300)
         return cls(mean.tolist(), float(most))
 
-    @cached_property
-    def _axis(self) -> Floats:
-        return np.array(self.axis)
-
     def _drop(self, directions: Floats) -> Floats:
         """1 - cosine of the angle to the axis, exact for small ones."""
         apart = directions - self._axis
@@ -98,9 +106,7 @@ class VonMisesFisher(DensityPrior):
 
     def density(self, directions: Floats) -> Floats:
         """(n,) density per steradian in unit directions (n, 3)."""
-        return self._of_drop(self._drop(directions))
-
-    def _of_drop(self, drop: Floats) -> Floats:
+        drop = self._drop(directions)
         if self.concentration == 0.0:
             return np.full(drop.shape, 1.0 / (4.0 * math.pi))
         scale = self.concentration / -math.expm1(-2.0 * self.concentration) / (2.0 * math.pi)
@@ -154,12 +160,19 @@ class VonMisesFisher(DensityPrior):
 
     def fluxes(self, arcs: Arcs) -> Floats:
         """See `DensityPrior`."""
+        tolerance = TOLERANCE * max(self.concentration, 1.0)
+        return _integrate_fluxes(self, arcs, self._edges(arcs), tolerance)
 
-        def along(rows: Integers, distance: Floats) -> Floats:
-            density = self._of_drop(self._drop(arcs.at(rows, distance)))
-            return density[..., None] * arcs.speeds(rows, distance)
 
-        return integrals(along, self._edges(arcs), TOLERANCE * max(self.concentration, 1.0))[0]
+def _integrate_fluxes(prior: DensityPrior, arcs: Arcs, edges: Floats, tolerance: float) -> Floats:
+    """Fluxes (n, 2) of `DensityPrior` over arcs; edges, tolerance: see `integrals`."""
+
+    def along(rows: Integers, distance: Floats) -> Floats:
+        directions = arcs.at(rows, distance).reshape(-1, 3)
+        density = prior.density(directions).reshape(distance.shape)
+        return density[..., None] * arcs.speeds(rows, distance)
+
+    return integrals(along, edges, tolerance)[0]
 
 
 def _axis_and_number(text: str) -> tuple[list[float], float]:
@@ -181,7 +194,7 @@ LEAST_DEG = 1e-4
 
 
 @dataclass(frozen=True)
-class SphericalCap(DensityPrior):
+class SphericalCap(_AxialPrior):
     """All directions within an angle of an axis, equally likely.
 
     Attributes
@@ -192,22 +205,16 @@ class SphericalCap(DensityPrior):
     Raises InputError for others.
     """
 
-    axis: Sequence[float]
     angle_deg: float = 90.0
 
     def __post_init__(self) -> None:
-        axis = axis_of(self.axis)
-        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        super().__post_init__()
         angle = self.angle_deg
         if not (is_finite_number(angle) and LEAST_DEG <= angle <= 180.0):
             raise InputError(
                 f"prior: expected an angle from {LEAST_DEG:g} to 180 degrees, got "
                 f"{angle!r}; 90 is half of all directions"
             )
-
-    @cached_property
-    def _axis(self) -> Floats:
-        return np.array(self.axis)
 
     @property
     def _angle(self) -> float:
@@ -376,11 +383,5 @@ class DensityFunction(DensityPrior):
 
     def fluxes(self, arcs: Arcs) -> Floats:
         """See `DensityPrior`."""
-
-        def along(rows: Integers, distance: Floats) -> Floats:
-            directions = arcs.at(rows, distance).reshape(-1, 3)
-            density = self.density(directions).reshape(distance.shape)
-            return density[..., None] * arcs.speeds(rows, distance)
-
         edges = np.stack([np.zeros(len(arcs.length)), arcs.length], axis=1)
-        return integrals(along, edges, CUBATURE_TOLERANCE)[0]
+        return _integrate_fluxes(self, arcs, edges, CUBATURE_TOLERANCE)

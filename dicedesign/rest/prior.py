@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -123,22 +123,16 @@ def prior_of(given: Prior | str) -> Prior:
     return given
 
 
-def axis_of(given: ArrayLike) -> Floats:
-    """(3,) a given axis at length 1. Raises InputError unless it is three finite numbers, not all
-    zero."""
+def axis_of(given: Any) -> Floats:
+    """(3,) unit vector along an axis. Raises InputError unless that is three finite numbers, not
+    all zero."""
     try:
-        axis = np.asarray(given, dtype=np.float64)
-    except (ValueError, TypeError):
-        axis = np.zeros(0)
-    if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
+        return unit_directions([given])[0]
+    except InputError as error:
         raise InputError(
             f"prior: expected an axis of three finite numbers, not all zero, got {given!r}; give "
             "the direction that points down, in the body's frame"
-        )
-    # Scaled first, so that no square of a tiny or huge number is taken.
-    axis = axis / np.abs(axis).max()
-    unit: Floats = axis / np.linalg.norm(axis)
-    return unit
+        ) from error
 
 
 CONFIDENCE: Final = 0.95
@@ -230,6 +224,7 @@ def unit_directions(given: ArrayLike) -> Floats:
             f"prior: expected directions of finite numbers, not all zero, got "
             f"{directions[row].tolist()} in row {row}; leave it out"
         )
+    # Scaled first, so that no square of a tiny or huge number is taken.
     directions = directions / np.abs(directions).max(axis=1, keepdims=True)
     unit: Floats = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     return unit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import combinations
 from typing import Final
 
@@ -65,16 +66,13 @@ def inscribed_circle(polygon: Floats) -> tuple[Floats, float]:
     InputError: fewer than three corners, not finite, no area, or no circle (not convex).
     """
     sides = _Sides(polygon)
-    widest = sides.largest(np.ones(len(sides.offsets)), sides.offsets)
-    if widest is None or widest[2] <= 0:
+    center, radius = sides.place(np.ones(len(sides.offsets)), sides.offsets)
+    if radius <= 0.0:
         raise InputError(
             f"polygon: expected {len(polygon)} corners that run around a convex one, got none that "
             "a circle fits in; pass them in order"
         )
-    center = sides.nearest(sides.offsets - widest[2])
-    center = widest[:2] if center is None else center
-    radius = float((sides.offsets - sides.outward @ center).min())
-    return sides.middle + sides.scale * center, sides.scale * radius
+    return center, sides.scale * radius
 
 
 def inscribed_box(
@@ -110,20 +108,18 @@ def inscribed_box(
     InputError: as `inscribed_circle`, but for the circle.
     """
     sides = _Sides(polygon)
-    unit = sides.scale / max(size)
     reach = np.abs(sides.outward) @ (0.5 * np.asarray(size) / max(size))
     reach += sides.of_edges(rim) / max(size)
     offsets = sides.offsets - sides.of_edges(margin) / sides.scale
-    widest = sides.largest(reach, offsets)
-    if widest is None or widest[2] <= 0.0:
-        return sides.middle, 0.0
-    largest = unit * float(widest[2])
-    # A little more than the least, so that rounding takes nothing from it.
-    wanted = min(max((1.0 - slack) * largest, min((1.0 + ROUNDING) * least, largest)), most)
-    center = sides.nearest(offsets - wanted / unit * reach)
-    center = widest[:2] if center is None else center
-    factor = unit * float(((offsets - sides.outward @ center) / reach).min())
-    return sides.middle + sides.scale * center, min(factor, most)
+    unit = sides.scale / max(size)
+
+    def choose(largest: float) -> float:
+        """A little more than the least, so that rounding takes nothing from it."""
+        at_least = min((1.0 + ROUNDING) * least, unit * largest)
+        return min(max((1.0 - slack) * unit * largest, at_least), most) / unit
+
+    center, factor = sides.place(reach, offsets, choose)
+    return center, min(unit * factor, most)
 
 
 class _Sides:
@@ -161,22 +157,29 @@ class _Sides:
         """Values for all edges, or each, of those that have a length."""
         return np.broadcast_to(values, self.edges.shape)[self.edges]
 
-    def largest(self, reach: Floats, offsets: Floats) -> Floats | None:
-        """Center and factor (3,) of the largest shape that reaches `factor * reach` (m,) beyond its
-        center toward each side."""
-        return _least_third(-1.0, np.column_stack([self.outward, reach]), offsets)
+    def place(
+        self,
+        reach: Floats,
+        offsets: Floats,
+        choose: Callable[[float], float] = float,
+    ) -> tuple[Floats, float]:
+        """Center (2,) and factor of a shape within `outward @ x <= offsets` (m,) that reaches
+        `factor * reach` (m,) beyond its center toward each side; factor 0 where none fits.
 
-    def nearest(self, offsets: Floats) -> Floats | None:
-        """(2,) the point nearest to the centroid within `outward @ x <= offsets` (m,).
-
-        Between parallel edges a center is free to slide, and in a long facet nearly so."""
+        choose: the factor that has to be left, from the largest one. The center is the nearest to
+        the centroid that leaves it: between parallel edges a center is free to slide, and in a long
+        facet nearly so.
+        """
+        widest = _least_third(-1.0, np.column_stack([self.outward, reach]), offsets)
+        if widest is None or widest[2] <= 0.0:
+            return self.middle, 0.0
         along = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
-        point = _least_third(
-            1.0,
-            np.vstack([np.column_stack([self.outward, np.zeros(len(self.outward))]), along]),
-            np.concatenate([offsets, np.zeros(4)]),
-        )
-        return None if point is None else point[:2]
+        rows = np.vstack([np.column_stack([self.outward, np.zeros(len(reach))]), along])
+        inner = offsets - choose(float(widest[2])) * reach
+        nearest = _least_third(1.0, rows, np.concatenate([inner, np.zeros(4)]))
+        center = (widest if nearest is None else nearest)[:2]
+        factor = float(((offsets - self.outward @ center) / reach).min())
+        return self.middle + self.scale * center, factor
 
 
 def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:

@@ -113,19 +113,23 @@ def make_body(
         if not used.all():
             notes.append(f"ignored {np.count_nonzero(~used)} points that are on no triangle")
             positions, faces = positions[used], (np.cumsum(used) - 1)[faces]
-    welded, welded_faces = weld(positions, faces)
-    if len(welded) < len(positions):
-        notes.append(f"welded {len(positions) - len(welded)} points to others at equal positions")
-    if faces is not None and welded_faces is not None and len(welded_faces) < len(faces):
-        notes.append(f"dropped {len(faces) - len(welded_faces)} triangles with a repeated corner")
-        if len(welded_faces) == 0:
-            welded_faces = None
-    if len(welded) < 4:
+    # Texture and normal seams leave points at equal positions.
+    first, place = merge_positions(positions)
+    if len(first) < len(positions):
+        notes.append(f"welded {len(positions) - len(first)} points to others at equal positions")
+    if faces is not None:
+        faces = place[faces]
+        whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+        if not whole.all():
+            dropped = np.count_nonzero(~whole)
+            notes.append(f"dropped {dropped} triangles with a repeated corner")
+        faces = faces[whole] if whole.any() else None
+    if len(first) < 4:
         raise DegenerateBodyError(
-            f"{name}: expected at least 4 distinct points that span a solid, got {len(welded)}; "
+            f"{name}: expected at least 4 distinct points that span a solid, got {len(first)}; "
             "add points"
         )
-    return Body(welded, welded_faces, name, single, tuple(notes))
+    return Body(positions[first], faces, name, single, tuple(notes))
 
 
 def body_of(mesh: Any, name: str = "mesh") -> Body:
@@ -140,44 +144,16 @@ def body_of(mesh: Any, name: str = "mesh") -> Body:
     return make_body(vertices, faces, name=name, single_precision=is_rounded(vertices))
 
 
-def weld(points: Floats, triangles: Integers | None) -> tuple[Floats, Integers | None]:
-    """Merge points at exactly equal positions, as texture and normal seams leave them.
-
-    Parameters
-    ----------
-    points: (n, 3) finite coordinates.
-    triangles: (t, 3) indices into `points`, or None.
-
-    Returns
-    -------
-    (m, 3) the distinct positions, in the order in which they first occur, and (u, 3) the triangles
-    without those that lost a corner by the merging, or None.
-    """
-    first, group = merge_positions(points)
-    points, triangles = points[first], None if triangles is None else group[triangles]
-    if triangles is None:
-        return points, None
-    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return points, triangles[whole]
-
-
 def merge_positions(points: Floats) -> tuple[Integers, Integers]:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
     point's position there."""
     positions = kernels.merge_positions(points)
     if positions is not kernels.UNDECIDED:
         return positions
-    order = np.lexsort(points.T)
-    ranked = points[order]
-    is_new = np.ones(len(order), dtype=bool)
-    is_new[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
-    group = np.empty(len(order), dtype=np.int64)
-    group[order] = np.cumsum(is_new) - 1
-    first = order[is_new]  # lexsort is stable: the first of its group
+    # Without a sign of zero.
+    _, first, group = np.unique(points + 0.0, axis=0, return_index=True, return_inverse=True)
     by_occurrence = np.argsort(first)
-    place = np.empty_like(by_occurrence)
-    place[by_occurrence] = np.arange(len(first))
-    return first[by_occurrence], place[group]
+    return first[by_occurrence], np.argsort(by_occurrence)[group]
 
 
 def as_numbers(
@@ -308,14 +284,9 @@ def distinct_triangles(triangles: Integers) -> Integers:
     Of as many on either side none is left, as of the wall between two bodies, unless nearly all are
     such, as of a surface with two sides; else one on the side that has more.
     """
-    rising = np.sort(triangles, axis=1)
-    order = np.lexsort(rising.T)
-    is_new = np.ones(len(order), dtype=bool)
-    is_new[1:] = (rising[order[1:]] != rising[order[:-1]]).any(axis=1)
-    if is_new.all():
+    first, group = merge_positions(np.sort(triangles, axis=1).astype(np.float64))
+    if len(first) == len(triangles):
         return triangles
-    group = np.empty(len(order), dtype=np.int64)
-    group[order] = np.cumsum(is_new) - 1
     lowest = triangles.argmin(axis=1)
     after, before = (
         np.take_along_axis(triangles, ((lowest + k) % 3)[:, None], axis=1)[:, 0] for k in (1, 2)
@@ -323,11 +294,9 @@ def distinct_triangles(triangles: Integers) -> Integers:
     side = np.where(after < before, 1, -1)
     more = np.sign(np.bincount(group, side)).astype(np.int64)
     if np.mean(more == 0) >= _TWO_SIDED:
-        more = np.where(more == 0, side[order[is_new]], more)
-    first = np.full(len(more), len(triangles))
+        more = np.where(more == 0, side[first], more)
     major = np.flatnonzero(side == more[group])
-    np.minimum.at(first, group[major], major)
-    return triangles[np.sort(first[more != 0])]
+    return triangles[major[np.sort(np.unique(group[major], return_index=True)[1])]]
 
 
 def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
