@@ -132,7 +132,7 @@ class ConvexHull(kernels.Handled):
             corners = self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]
             longest = norms(points[corners] - points[np.roll(corners, 1)]).max()
             if norms(vectors[facet]) <= SLIVER * longest * longest:
-                vectors[facet] = exact.area_vector(corners.tolist())
+                vectors[facet] = exact.area_vector(corners)
         return vectors
 
     @cached_property
