@@ -51,7 +51,9 @@ CYCLIC_XYZ: Final = np.eye(3)[[2, 0, 1]]
 GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
 
 FIFTH_TURN: Final = (
-    np.array([(GOLDEN - 1.0, -GOLDEN, 1.0), (GOLDEN, 1.0, GOLDEN - 1.0), (-1.0, GOLDEN - 1.0, GOLDEN)])
+    np.array(
+        [(GOLDEN - 1.0, -GOLDEN, 1.0), (GOLDEN, 1.0, GOLDEN - 1.0), (-1.0, GOLDEN - 1.0, GOLDEN)]
+    )
     / 2.0
 )
 """The fifth of a turn about (0, 1, `GOLDEN`)."""

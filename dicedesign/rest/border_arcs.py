@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.rest.basins import Basins
 from dicedesign.rest.morse import Separatrices
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
@@ -92,33 +91,16 @@ class Borders:
         moving = norms(np.linalg.cross(a, b)) > 0.0
         return cls(paths, norms(points), moving, Arcs.between(a[moving], b[moving]))
 
-    @classmethod
-    def of_basins(cls, basins: Basins) -> Borders:
-        """Border arcs of a body's basins."""
-        return cls.of(basins.paths, basins.points)
-
-    def sums(self, values: Floats) -> Floats:
+    def sums(self, values: Floats, of_right: float = -1.0) -> Floats:
         """(k,) sums of values (n,) of the arcs over the borders of the basins, each arc with the
-        basin to its left, and with the other sign for the basin to its right."""
-        of_branch = self._by_branch(values)
-        across = of_branch[::2] - of_branch[1::2]
-        return self._by_basin(across, -across)
-
-    def totals(self, values: Floats) -> Floats:
-        """(k,) sums without signs."""
-        of_branch = self._by_branch(values)
-        across = of_branch[::2] + of_branch[1::2]
-        return self._by_basin(across, across)
-
-    def _by_branch(self, values: Floats) -> Floats:
+        basin to its left, and `of_right` times with the basin to its right."""
         filled = np.zeros(self.moving.shape)
         filled[self.moving] = values
-        return np.asarray(filled.sum(axis=1))
-
-    def _by_basin(self, left: Floats, right: Floats) -> Floats:
+        of_branch = filled.sum(axis=1)
+        across = of_branch[::2] + of_right * of_branch[1::2]
         sums = np.zeros(len(self.paths.rests))
-        np.add.at(sums, self.paths.basins[:, 0], left)
-        np.add.at(sums, self.paths.basins[:, 1], right)
+        np.add.at(sums, self.paths.basins[:, 0], across)
+        np.add.at(sums, self.paths.basins[:, 1], of_right * across)
         return sums
 
     def point_slopes(self, fluxes: Floats) -> Floats:

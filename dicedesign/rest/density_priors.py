@@ -120,7 +120,7 @@ class VonMisesFisher(_AxialPrior):
         its sine, is smooth everywhere, and Stokes' theorem makes its integral along the border of a
         basin that of the density over it (docs/method.md).
         """
-        borders = Borders.of_basins(basins)
+        borders = Borders.of(basins.paths, basins.points)
         arcs = borders.arcs
         height = arcs.pole @ self._axis
 
@@ -131,7 +131,9 @@ class VonMisesFisher(_AxialPrior):
         values, errors = integrals(along, self._edges(arcs), TOLERANCE)
         probabilities = basins.areas / (4.0 * math.pi) + borders.sums(values[:, 0])
         rounding = np.finfo(np.float64).eps
-        return PriorProbabilities(np.maximum(probabilities, 0.0), borders.totals(errors) + rounding)
+        return PriorProbabilities(
+            np.maximum(probabilities, 0.0), borders.sums(errors, 1.0) + rounding
+        )
 
     def _excess(self, drop: Floats) -> Floats:
         """What the cap up to a drop holds beyond its part of the sphere, over 2 pi and the square
@@ -233,7 +235,7 @@ class SphericalCap(_AxialPrior):
     def probabilities(self, basins: Basins) -> PriorProbabilities:
         """Probabilities of the rests, in closed form: borders are clipped at the cap's, and of each
         piece the triangle with the axis counts inside, and that with its antipode outside."""
-        borders = Borders.of_basins(basins)
+        borders = Borders.of(basins.paths, basins.points)
         arcs = borders.arcs
         ends, inside = self._pieces(arcs)
         points = arcs.at(np.arange(len(ends)), ends)
@@ -243,7 +245,7 @@ class SphericalCap(_AxialPrior):
         even = 1.0 / (4.0 * math.pi)
         pieces = np.where(inside, (self._inside - even) * near, -even * far)
         probabilities = basins.areas * even + borders.sums(pieces.sum(axis=1))
-        rounding = np.finfo(np.float64).eps * (1.0 + borders.totals(np.abs(pieces).sum(axis=1)))
+        rounding = np.finfo(np.float64).eps * (1.0 + borders.sums(np.abs(pieces).sum(axis=1), 1.0))
         return PriorProbabilities(np.maximum(probabilities, 0.0), rounding)
 
     def _pieces(self, arcs: Arcs) -> tuple[Floats, Booleans]:
@@ -351,7 +353,7 @@ class DensityFunction(DensityPrior):
         (whole, whole_error), paths = self._whole, basins.paths
         if len(paths.rests) == 1:
             return PriorProbabilities(np.ones(1), np.zeros(1))
-        borders = Borders.of_basins(basins)
+        borders = Borders.of(basins.paths, basins.points)
         normals = basins.equilibria.hull.normals[paths.rests]
         references = basin_references(paths, basins.points, normals)
         masses, errors = np.zeros(len(normals)), np.zeros(len(normals))

@@ -43,21 +43,6 @@ class SampledPoses(NamedTuple):
     rests: Integers
 
 
-def sample_poses(probabilities: Floats, transforms: Floats, n: int, rng: Seed) -> SampledPoses:
-    """Draw from the poses of transforms (k, 4, 4), which have probabilities (k,); see
-    `RestPoses.sample`."""
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 0 <= n <= MOST_COUNT:
-        raise InputError(
-            f"n: expected a whole number from 0 to {MOST_COUNT}, got {n!r}; ask for others"
-        )
-    chance = generator_of(rng)
-    # Searching the sums in the rests' own order, so that one draw is one number.
-    ends = np.cumsum(probabilities)
-    rests = np.searchsorted(ends, ends[-1] * chance.random(n), side="right")
-    rests = np.minimum(rests, len(ends) - 1).astype(np.int64)
-    return SampledPoses(turn_about_z(transforms[rests], 2.0 * math.pi * chance.random(n)), rests)
-
-
 def generator_of(rng: Seed) -> np.random.Generator:
     """The generator that a seed begins. Raises InputError for what is neither."""
     if isinstance(rng, bool) or (isinstance(rng, int | np.integer) and rng < 0):
@@ -68,16 +53,6 @@ def generator_of(rng: Seed) -> np.random.Generator:
             "pass numpy.random.default_rng(seed)"
         )
     return np.random.default_rng(rng)
-
-
-def turn_about_z(transforms: Floats, angles: Floats) -> Floats:
-    """Motions (n, 4, 4), followed by turns about the z axis by angles (n,) in radians."""
-    turns = np.zeros((len(angles), 4, 4))
-    cosines, sines = np.cos(angles), np.sin(angles)
-    turns[:, 0, 0], turns[:, 0, 1] = cosines, -sines
-    turns[:, 1, 0], turns[:, 1, 1] = sines, cosines
-    turns[:, 2, 2] = turns[:, 3, 3] = 1.0
-    return turns @ transforms
 
 
 TIED = (
@@ -278,7 +253,20 @@ class RestPoses:
         rng: a seed, a `numpy.random.Generator` to draw from, or None for other poses every time.
         Raises InputError: `n` is no whole number of at least 0, or `rng` is none of these.
         """
-        return sample_poses(self.probabilities, self.transforms, n, rng)
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 0 <= n <= MOST_COUNT:
+            raise InputError(
+                f"n: expected a whole number from 0 to {MOST_COUNT}, got {n!r}; ask for others"
+            )
+        chance = generator_of(rng)
+        # Searching the sums in the rests' own order, so that one draw is one number.
+        ends = np.cumsum(self.probabilities)
+        rests = np.searchsorted(ends, ends[-1] * chance.random(n), side="right")
+        rests = np.minimum(rests, len(ends) - 1).astype(np.int64)
+        angles = 2.0 * math.pi * chance.random(n)
+        cosines, sines = np.cos(angles), np.sin(angles)
+        turns = np.tile(np.eye(4), (n, 1, 1))
+        turns[:, :2, :2] = np.array([(cosines, -sines), (sines, cosines)]).transpose(2, 0, 1)
+        return SampledPoses(turns @ self.transforms[rests], rests)
 
 
 def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:

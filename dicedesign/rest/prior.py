@@ -172,7 +172,7 @@ class SampledDirections(Prior):
         rows = []
         for number, line in enumerate(read_text(path, "a CSV file of directions").splitlines()):
             row = [_number(cell) for cell in line.split(",")]
-            if not line.strip() or (number == 0 and not any(x is not None for x in row)):
+            if not line.strip() or (number == 0 and set(row) == {None}):
                 continue
             if len(row) != 3 or None in row:
                 raise InputError(

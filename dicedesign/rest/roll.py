@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,9 @@ SMALLEST_ANGLE = 1e-4
 """Smallest largest rotation per step, in radians: some 30,000 steps for a half turn."""
 
 Contact = Literal["vertex", "edge", "facet"]
+
+CONTACTS: Final[tuple[Contact, ...]] = ("vertex", "edge", "facet")
+"""What touches the table, by the number of its vertices; 3 or more are a facet."""
 
 
 @dataclass(frozen=True)
@@ -178,6 +181,6 @@ def _moments(equilibria: Equilibria, down: Floats) -> Iterator[_Moment]:
 def _step(
     equilibria: Equilibria, down: Floats, touching: tuple[int, ...], transform: Floats
 ) -> RollStep:
-    contact: Contact = {1: "vertex", 2: "edge"}.get(len(touching), "facet")  # type: ignore[assignment]
+    contact: Contact = CONTACTS[min(len(touching), 3) - 1]
     height = float(equilibria.radii[touching[0]] @ down)
     return RollStep(down, contact, touching, height, transform)

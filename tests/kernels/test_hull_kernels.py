@@ -14,6 +14,7 @@ from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.kernels import ops as kernels
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
+from tests.reference import solids
 
 pytestmark = compiled_only
 
@@ -30,11 +31,6 @@ def turned(points: np.ndarray, rng: Generator) -> np.ndarray:
 def sphere(rng: Generator, count: int) -> np.ndarray:
     points = rng.normal(size=(count, 3))
     return points / np.linalg.norm(points, axis=1)[:, None]
-
-
-def ring(sides: int, height: float = 0.0) -> np.ndarray:
-    angles = 2.0 * np.pi * np.arange(sides) / sides
-    return np.column_stack([np.cos(angles), np.sin(angles), np.full(sides, height)])
 
 
 def on_cube(rng: Generator, count: int) -> np.ndarray:
@@ -58,10 +54,10 @@ KINDS: dict[str, Callable[[Generator, int], np.ndarray]] = {
     "lattice": lambda rng, n: lattice(rng, n, 2),
     "fine lattice": lambda rng, n: lattice(rng, 3 * n, 6),
     "turned lattice": lambda rng, n: turned(lattice(rng, n, 2), rng),
-    "prism": lambda rng, n: np.concatenate([ring(n), ring(n, power(rng, -1, 1))]),
-    "turned prism": lambda rng, n: turned(np.concatenate([ring(n), ring(n, 0.7)]), rng),
-    "cone": lambda rng, n: np.concatenate([ring(n), [[0.0, 0.0, 2.0]]]),
-    "bipyramid": lambda rng, n: turned(np.concatenate([ring(n), [[0, 0, -1.0], [0, 0, 1.0]]]), rng),
+    "prism": lambda rng, n: solids.prism(n, power(rng, -1, 1)).points,
+    "turned prism": lambda rng, n: turned(solids.prism(n, 0.7).points, rng),
+    "cone": lambda rng, n: solids.bipyramid(n, 2.0).points[:-1],
+    "bipyramid": lambda rng, n: turned(solids.bipyramid(n).points, rng),
     "box": lambda rng, n: CUBE * 10.0 ** rng.uniform(-3, 0, size=3),
     "turned box": lambda rng, n: turned(CUBE * 10.0 ** rng.uniform(-3, 0, size=3), rng),
     "points on a box": on_cube,

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.roll import RollStep, roll_steps
 
 
@@ -53,40 +52,24 @@ def test_the_body_moves_rigidly_on_the_table(seed: int, max_angle: float | None)
 
 
 @pytest.mark.parametrize("seed", range(8))
-@pytest.mark.parametrize("max_angle", [None, 0.05])
-def test_it_rolls_downhill_without_slip(seed: int, max_angle: float | None) -> None:
+@pytest.mark.parametrize("max_angle", [None, 0.3, 0.05])
+def test_it_rolls_downhill_without_slip_by_no_more_than_the_largest_angle(
+    seed: int, max_angle: float | None
+) -> None:
     for equilibria, steps in rolls(seed, max_angle):
         heights = np.array([step.height for step in steps])
         assert (np.diff(heights) < 0).all()
         for before, after in pairwise(steps):
             pivots = sorted(set(before.vertices) & set(after.vertices))
             assert pivots
+            if max_angle is not None:
+                turn = after.transform[:3, :3] @ before.transform[:3, :3].T
+                angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
+                assert angle <= max_angle + 1e-7
             corners = equilibria.hull.vertices[pivots]
             np.testing.assert_allclose(
                 placed(after, corners), placed(before, corners), rtol=0, atol=1e-12
             )
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_no_step_turns_farther_than_asked(seed: int) -> None:
-    for max_angle in (0.3, 0.05):
-        for _, steps in rolls(seed, max_angle):
-            for before, after in pairwise(steps):
-                turn = after.transform[:3, :3] @ before.transform[:3, :3].T
-                angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
-                assert angle <= max_angle + 1e-7
-
-
-def test_rolls_from_everywhere_count_up_to_the_probabilities() -> None:
-    for seed in range(3):
-        equilibria = body(seed)
-        rests = rest_poses(equilibria.hull.vertices, equilibria.center_of_mass)
-        count = 600
-        downs = np.random.default_rng(seed).normal(size=(count, 3))
-        ends = np.array([roll_steps(equilibria, down)[-1].down for down in downs])
-        found = np.bincount(np.argmax(ends @ rests.normals.T, axis=1)) / count
-        p = rests.probabilities
-        assert (np.abs(found - p) <= 5 * np.sqrt(p * (1 - p) / count)).all()
 
 
 def test_a_body_at_rest_stays() -> None:

@@ -222,8 +222,10 @@ def _merge_half_edges(used: Integers, scaled: Floats, tolerance: float) -> HalfE
 def _find_repeats(
     points: Floats, used: Integers, half_edges: HalfEdges, distance: float
 ) -> Integers:
-    """Points in use within a distance of a vertex of lower number, which stands for them; only those
-    are looked for that make an edge so short."""
+    """Find points in use within a distance of a vertex of lower number, which stands for them.
+
+    Only vertices with an edge that short are searched around.
+    """
     source, _, tails, twins = half_edges
     tail, head = source[tails], source[tails[twins]]
     short = (norms(points[head] - points[tail]) <= distance) & (tail < head)
@@ -275,7 +277,7 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     # Far points first: they leave the others inside.
     order = np.argsort(-norms(scaled), kind="stable")
     arms = scaled - scaled[order[0]]
-    second = np.argmax(norms(arms))
+    second = int(np.argmax(norms(arms)))
     by_area = np.argsort(-norms(np.linalg.cross(arms, arms[second])), kind="stable")
     third = next((p for p in by_area if not sides.collinear(order[0], second, p)), None)
     if third is None:

@@ -16,26 +16,13 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.poses import rest_poses
+from tests.reference import solids
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
-GOLDEN = (1 + np.sqrt(5)) / 2
-DODECAHEDRON = np.concatenate(
-    [CUBE]
-    + [
-        np.roll([[0, s / GOLDEN, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)], k, axis=1)
-        for k in range(3)
-    ]
-)
 
 
 def turned(points: np.ndarray, seed: int) -> np.ndarray:
     return points @ Rotation.random(random_state=seed).as_matrix().T
-
-
-def prism(n: int, height: float = 1.0) -> np.ndarray:
-    angles = 2 * np.pi * np.arange(n) / n
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
-    return np.concatenate([np.column_stack([ring, np.full(n, z)]) for z in (0.0, height)])
 
 
 def volume(hull: ConvexHull) -> float:
@@ -93,7 +80,7 @@ def test_random_hulls_agree_with_scipy_and_trimesh(seed: int, count: int) -> Non
 
 @pytest.mark.parametrize("seed", range(5))
 def test_cubes_and_dodecahedra_have_flat_facets(seed: int) -> None:
-    for points, expected in ((CUBE, [4] * 6), (DODECAHEDRON, [5] * 12)):
+    for points, expected in ((CUBE, [4] * 6), (solids.platonic("dodecahedron").points, [5] * 12)):
         moved = turned(points, seed) + np.array([1.0, 2.0, 3.0])
         hull = convex_hull(moved)
         assert sizes(hull) == expected
@@ -105,7 +92,7 @@ def test_cubes_and_dodecahedra_have_flat_facets(seed: int) -> None:
 @pytest.mark.parametrize("n", range(3, 21))
 def test_prisms_have_two_polygons_and_n_quads(n: int) -> None:
     for seed in range(3):
-        points = turned(prism(n), seed)
+        points = turned(solids.prism(n).points, seed)
         hull = convex_hull(points)
         assert sizes(hull) == sorted([n, n] + [4] * n)
         assert_sound(hull, points)

@@ -50,34 +50,33 @@ def test_a_good_surface_is_taken_as_it_is() -> None:
     assert surface.volume > 4.0
 
 
-def test_an_inward_surface_is_turned() -> None:
-    mesh = sphere()
-    surface, notes = make_surface(make_body(mesh.vertices, mesh.faces[:, ::-1], name="thing"))
-    assert notes == ("turned the surface, which was oriented inward",)
-    assert surface.volume == pytest.approx(mesh.volume)
-
-
-def test_triangles_against_their_neighbors_are_reversed() -> None:
+@pytest.mark.parametrize(
+    ("reverse", "note"),
+    [
+        (slice(None), "turned the surface, which was oriented inward"),
+        (slice(7), "reversed 7 triangles that were wound against their neighbors"),
+    ],
+)
+def test_triangles_are_turned_outward_with_a_note(reverse: slice, note: str) -> None:
     mesh = sphere()
     faces = mesh.faces.copy()
-    faces[:7] = faces[:7, ::-1]
+    faces[reverse] = faces[reverse, ::-1]
     surface, notes = make_surface(make_body(mesh.vertices, faces, name="thing"))
-    assert notes == ("reversed 7 triangles that were wound against their neighbors",)
+    assert notes == (note,)
     assert surface.volume == pytest.approx(mesh.volume)
 
 
-def test_a_point_cloud_is_refused() -> None:
-    refused(make_body(sphere().vertices, name="thing"), "got a point cloud")
-
-
-def test_an_open_mesh_is_refused() -> None:
+def test_a_point_cloud_an_open_mesh_and_a_flat_one_are_refused() -> None:
     mesh = sphere()
+    refused(make_body(mesh.vertices, name="thing"), "got a point cloud")
     refused(
         make_body(mesh.vertices, mesh.faces[1:], name="thing"),
         "3 edges with one triangle (the mesh is open)",
         "start: {mesh: {path: FILE, repair: true}}",
         "dicedesign repair",
     )
+    flat = make_body(mesh.vertices * [1.0, 1.0, 1e-14], mesh.faces, name="thing")
+    refused(flat, "encloses a volume", error=DegenerateBodyError)
 
 
 def test_an_edge_of_four_triangles_is_refused() -> None:
@@ -134,16 +133,6 @@ def test_a_surface_that_meets_itself_is_refused() -> None:
     )
 
 
-def test_a_surface_without_volume_is_refused() -> None:
-    mesh = sphere()
-    flat = mesh.vertices * [1.0, 1.0, 1e-14] + [0, 0, 0]
-    refused(
-        make_body(flat, mesh.faces, name="thing"),
-        "encloses a volume",
-        error=DegenerateBodyError,
-    )
-
-
 def subdivided_cube() -> Surface:
     mesh = trimesh.creation.box()
     for _ in range(3):
@@ -181,8 +170,7 @@ def test_surfaces_with_dents_pass() -> None:
 
 
 def torus() -> Surface:
-    mesh = trimesh.creation.torus(2.0, 0.5, major_sections=48, minor_sections=24)
-    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64))
+    return surface_of(trimesh.creation.torus(2.0, 0.5, major_sections=48, minor_sections=24))
 
 
 def check(surface: Surface, genus: int) -> None:
