@@ -22,8 +22,8 @@ HIGHEST_ORDER: Final = 12
 """Largest n of the main axis in Cn, Cnv, Cnh, Dn, Dnh and Dnd; S2n goes up to twice that."""
 
 SAME_POLE: Final = 0.999
-"""Cosine of the angle between directions above which they are one pole; two are 15 degrees apart
-or more."""
+"""Cosine of an angle between directions above which they are one pole; poles are at least 15
+degrees apart."""
 
 KNOWN_GROUPS: Final = (
     f"C1, Cs, Ci, Cn, Cnv, Cnh, Dn, Dnh, Dnd with n from 2 to {HIGHEST_ORDER}, S4, S6, ... "

@@ -1,5 +1,5 @@
-"""Places where a triangle surface meets itself: boxes that overlap, then what a plane clearly
-parts, then signs without rounding."""
+"""Self-intersections of triangle surfaces: by overlapping boxes, separating planes, and then exact
+signs."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     touch, or overlap in one plane. Two that share one corner intersect when they have another
     point in common. Two that share an edge intersect when they are folded flat onto each other, to
     an angle of `FLAT_FOLD`; two with the same three corners always do. So triangles side by side in
-    one plane do not intersect, be they ever so many.
-    All but the folding is decided without rounding. Triangles without area are left out: what
-    crosses them crosses their neighbors.
+    one plane do not intersect. All but the folding is decided without rounding. Triangles without
+    area are left out: what crosses them crosses their neighbors.
 
     Parameters
     ----------
@@ -60,7 +59,7 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
 
 
 def intersection_groups(triangles: Integers, pairs: Integers) -> list[Integers]:
-    """Triangles that intersect others, in groups that hang together by intersections or corners.
+    """Triangles that intersect others, in groups connected by intersections or corners.
 
     triangles: (t, 3); pairs: (m, 2) as from `intersecting_triangles`. Returns the rising indices of
     the triangles of each group, largest group first.
@@ -82,8 +81,8 @@ def _rotate_corners(triangles: Integers, column: Integers) -> Integers:
 
 
 def _projection(triangles: Integers, points: Floats, signs: Orientation) -> Integers:
-    """(t,) the best coordinate to drop without making the triangle flat, to rounding; -1 for a
-    triangle without area."""
+    """(t,) the coordinate that leaves the projected triangle the largest area when dropped; -1 for
+    a triangle without area."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     ranked = np.argsort(-np.abs(np.cross(b - a, c - a)), axis=1, kind="stable")
     chosen = np.full(len(triangles), -1)
