@@ -23,7 +23,7 @@ MANTISSA = 53
 """Binary digits of a float."""
 
 WIDEST = 1000
-"""Binary digits of an integer, about, up to which it fits in a float."""
+"""Binary digits, about, of the largest integers that fit in a float."""
 
 
 class IntegerPoints:
@@ -64,8 +64,8 @@ def area_vector(corners: Exact) -> Exact:
 class Orientation:
     """Signs of orientations of points (n, 3), finite.
 
-    The value in floating point decides where it exceeds a bound of its rounding error, arithmetic
-    in integers elsewhere: so the signs never contradict each other.
+    The floating-point value decides where it exceeds its rounding error, integer arithmetic
+    elsewhere: so the signs never contradict each other.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Orientation:
         return self.in_space(others, *triangles.T)
 
     def collinear(self, a: int, b: int, other: int) -> bool:
-        """True if three points lie on one line."""
+        """Whether three points are on one line."""
         return not area_vector(self.integers[[a, b, other]]).any()
 
     def in_space(self, point: Integers, a: Integers, b: Integers, c: Integers) -> Integers:

@@ -28,13 +28,14 @@ from dicedesign.rest.prior import (
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 TOLERANCE: Final = 1e-15
-"""Of the integral along one arc."""
+"""Absolute error of the integral along one arc."""
 
 REACH: Final = 8.0
-"""Angle from the axis, over the width of the distribution, beyond which next to nothing lies."""
+"""Angle from the axis, over the width of the distribution, beyond which the density is
+negligible."""
 
 LARGEST: Final = 1e12
-"""Beyond it rounded directions are farther from the axis than the distribution is wide."""
+"""Largest concentration: beyond it the distribution is narrower than the rounding of directions."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class VonMisesFisher(_AxialPrior):
             length, over the wanted length."""
             return (k / 3.0 if k < 1e-3 else 1.0 / math.tanh(k) - 1.0 / k) - length
 
-        # Imported where it is needed: few fit a distribution.
+        # Imported late: rarely needed, and slow to load.
         from scipy.optimize import brentq
 
         most = LARGEST if excess(LARGEST) <= 0.0 else brentq(excess, 0.0, LARGEST, xtol=1e-300)
@@ -116,9 +117,9 @@ class VonMisesFisher(_AxialPrior):
         """Probabilities of the rests: the uniform ones plus the flux of the density over the
         borders.
 
-        With the axis as pole, what a cap holds beyond its part of the sphere, over the square of
-        its sine, is smooth everywhere, and Stokes' theorem makes its integral along the border of a
-        basin that of the density over it (docs/method.md).
+        With the axis as pole, the excess of a cap's probability over its share of the sphere,
+        divided by the square of its sine, is smooth everywhere. By Stokes' theorem its integral
+        along the border of a basin is the excess of the basin (docs/method.md).
         """
         borders = Borders.of(basins.paths, basins.points)
         arcs = borders.arcs
@@ -136,14 +137,14 @@ class VonMisesFisher(_AxialPrior):
         )
 
     def _excess(self, drop: Floats) -> Floats:
-        """What the cap up to a drop holds beyond its part of the sphere, over 2 pi and the square
-        of its sine."""
+        """Excess of the probability of the cap up to a drop over its share of the sphere, divided
+        by 2 pi and the square of its sine."""
         k = self.concentration
         if k == 0.0:
             return np.zeros(drop.shape)
         whole = -math.expm1(-2.0 * k)
         rest = 2.0 - drop
-        # Near the pole what the cap holds, near the antipode what it does not.
+        # Near the pole the probability of the cap, near the antipode of what is outside.
         with np.errstate(over="ignore"):
             held = -np.expm1(-k * drop) / whole - drop / 2.0
             left = rest / 2.0 + np.exp(-k * drop) * np.expm1(-k * rest) / whole
@@ -192,7 +193,7 @@ VON_MISES_FISHER = PriorKind(
 
 
 LEAST_DEG = 1e-4
-"""Below it a cap is no wider than rounding lets it be measured."""
+"""Least angle of a cap, in degrees, above its rounding."""
 
 
 @dataclass(frozen=True)
@@ -233,8 +234,9 @@ class SphericalCap(_AxialPrior):
         return np.where(apart <= 2.0 * math.sin(self._angle / 2.0), self._inside, 0.0)
 
     def probabilities(self, basins: Basins) -> PriorProbabilities:
-        """Probabilities of the rests, in closed form: borders are clipped at the cap's, and of each
-        piece the triangle with the axis counts inside, and that with its antipode outside."""
+        """Probabilities of the rests, in closed form: borders are cut at the cap's border; a piece
+        inside counts by its triangle with the axis, a piece outside by its triangle with the
+        antipode."""
         borders = Borders.of(basins.paths, basins.points)
         arcs = borders.arcs
         ends, inside = self._pieces(arcs)
@@ -249,8 +251,8 @@ class SphericalCap(_AxialPrior):
         return PriorProbabilities(np.maximum(probabilities, 0.0), rounding)
 
     def _pieces(self, arcs: Arcs) -> tuple[Floats, Booleans]:
-        """(n, 8) ascending distances between which arcs are in the cap or out of it, and (n, 7)
-        whether they are."""
+        """(n, 8) ascending distances that divide arcs into pieces inside and outside the cap, and
+        (n, 7) whether each is inside."""
         near = arcs.nearest(self._axis)
         height = arcs.pole @ self._axis
         # Angle of the axis from the plane of each arc, and from there to the cap's border.
@@ -286,21 +288,21 @@ HALF = PriorKind(
 )
 CAP = PriorKind(
     name="cap",
-    line="the same within another angle, in degrees",
+    line="uniform within an angle of the axis, in degrees",
     form="cap:x,y,z:ANGLE",
     read=lambda text: SphericalCap(*_axis_and_number(text)),
 )
 
 
 CUBATURE_TOLERANCE: Final = 1e-13
-"""Of all integrals together, over that of the sphere; rough densities end with a larger error,
-which is told."""
+"""Absolute error of all integrals together, relative to the integral over the sphere. Rough
+densities have a larger one, which is reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class DensityFunction(DensityPrior):
     """Any density of directions, by adaptive cubature over the basins. A peak far narrower than a
-    degree may be missed, as by all that looks at some directions only.
+    degree may be missed.
 
     Attributes
     ----------
@@ -375,10 +377,10 @@ class DensityFunction(DensityPrior):
         if total == 0.0:
             raise InputError(
                 "prior: expected a density that is above 0 on more than a speck of the sphere, got "
-                "one that is found on none of the basins; take VonMisesFisher or SphericalCap"
+                "one that is 0 on all basins; take VonMisesFisher or SphericalCap"
             )
         probabilities = masses / total
-        # What one of the two sums has missed.
+        # Error of one of the two sums.
         apart = abs(total - whole) / max(total, whole)
         errors = (errors + probabilities * whole_error) / max(total, whole) + apart
         return PriorProbabilities(probabilities, np.minimum(errors, 1.0))

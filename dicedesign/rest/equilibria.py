@@ -2,7 +2,7 @@
 
 Three signs decide everything: whether distance from the center of mass grows along a half-edge,
 on which side of a facet's edge the foot of the center of mass lies, and (in `tracing`) on which
-side of a facet normal a path passes. Where rounding could change one it is found in integers
+side of a facet normal a path passes. Where rounding could change a sign it is computed in integers
 (`ExactSigns`): every decision is the sign of a polynomial in coordinates."""
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Surroundings(NamedTuple):
 
     Attributes
     ----------
-    facet: the one whose plane lies lowest above the center of mass.
-    height: how far, negative where the center is outside.
+    facet: the facet whose plane is nearest to the center of mass, or farthest inside of it.
+    height: distance of the center from this plane, negative outside.
     offset: largest difference of a coordinate of a vertex from the mean of all vertices.
     far: largest coordinate of vertices and center of mass.
     extent: largest extent of the vertices along an axis.
@@ -194,7 +194,7 @@ class Equilibria:
 
     @cached_property
     def ascending(self) -> Booleans:
-        """(h,) True where an ascending path may leave the cell of p for that of q."""
+        """(h,) whether an ascending path may go from the cell of p to the cell of q."""
         return self.growth_sign > 0
 
     @cached_property
@@ -242,11 +242,11 @@ class Equilibria:
         return signs
 
     def remember(self, growth_sign: Integers, side_sign: Integers) -> None:
-        """Take the signs (h,) of half-edges that were found elsewhere."""
+        """Store the signs (h,) of half-edges that a kernel computed."""
         self.__dict__.update(growth_sign=growth_sign, side_sign=side_sign)
 
     def settle(self, certain: bool) -> None:
-        """Raise `Tie` unless certain or ties are not looked for."""
+        """Raise `Tie` unless certain or the tie distance is 0."""
         if not certain and self.tie_distance > 0.0:
             raise Tie
 
@@ -320,7 +320,7 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 
     Raises
     ------
     InputError: the center is not three finite numbers.
-    OutsideHullError: the center lies on the boundary or outside.
+    OutsideHullError: the center is on the boundary or outside.
     """
     center = np.require(center_of_mass, np.float64, ["C", "ALIGNED"])
     if center.shape != (3,) or not np.isfinite(center).all():

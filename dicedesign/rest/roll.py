@@ -20,7 +20,7 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ROUNDING
 
 SMALLEST_ANGLE = 1e-4
-"""Smallest largest rotation per step, in radians: some 30,000 steps for a half turn."""
+"""Least value of `max_angle`, in radians: about 30,000 steps for a half turn."""
 
 Contact = Literal["vertex", "edge", "facet"]
 
@@ -66,15 +66,15 @@ def roll(
     center_of_mass: ArrayLike | Literal["hull"] | None = None,
     coplanar_tolerance: float | None = None,
 ) -> tuple[RollStep, ...]:
-    """Let a body go at one orientation and follow it to rest.
+    """Steps of a body that rolls from one orientation to rest.
 
     Parameters
     ----------
     points_or_mesh, center_of_mass, coplanar_tolerance: as for `dicedesign.rest_poses`.
     down, max_angle: as for `roll_steps`.
 
-    Returns the steps, the first as it was let go and the last on a stable facet. Their vertices are
-    those of the hull of the points, `dicedesign.rest_poses(...).hull`.
+    Returns the steps, the first at the given orientation and the last on a stable facet. Vertex
+    numbers refer to the hull of the points, `dicedesign.rest_poses(...).hull`.
 
     Raises
     ------
@@ -112,8 +112,8 @@ def roll_steps(
             "larger one"
         )
     start = start / np.abs(start).max()
-    # Between moments the body turns: of several at one orientation the last counts, at which
-    # everything that touches the table has touched down.
+    # Between moments the body turns. Of several at one orientation the last counts, at which all
+    # vertices in contact have touched down.
     moments: list[_Moment] = []
     for moment in _moments(equilibria, start / np.linalg.norm(start)):
         if moments and angle_between(moments[-1].down, moment.down) <= ROUNDING:

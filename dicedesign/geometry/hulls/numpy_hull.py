@@ -64,7 +64,7 @@ def facet_labels(
     normals = doubled / np.maximum(area, np.finfo(np.float64).tiny)[:, None]
 
     def fits(base: Integers, other: Integers) -> NDArray[np.bool_]:
-        """Whether the corners of other triangles are near the planes of those of the base."""
+        """Whether the corners of other triangles are near the planes of base triangles."""
         offset = points[triangles[other]] - points[triangles[base, 0]][:, None, :]
         heights = np.abs((offset * normals[base][:, None, :]).sum(-1))
         return heights.max(axis=1) <= tolerance
@@ -77,13 +77,13 @@ def facet_labels(
         return largest
 
     left, right = np.repeat(np.arange(count), 3), neighbors.ravel()
-    # Measured from the larger triangle of each pair: a sliver has no normal worth the name.
+    # Measured from the larger triangle of each pair: the normal of a sliver is mostly rounding.
     base = np.where(area[left] >= area[right], left, right)
     joined = fits(base, left + right - base)
     while True:
         labels = find_parts(left[joined], right[joined], count)
-        # A chain of small bends is no facet: compare with the plane of each group's largest
-        # triangle, and split those that drift into regions grown from the largest outward.
+        # A chain of small bends is no facet: groups whose triangles drift from the plane of the
+        # largest one are split into regions grown from the largest outward.
         drifts = ~fits(largest_of(labels)[labels], np.arange(count))
         for group in np.unique(labels[drifts]):
             members = np.flatnonzero(labels == group)
@@ -98,7 +98,7 @@ def facet_labels(
                     labels[beside] = labels[seed]
                     front.extend(beside)
         labels = np.unique(labels, return_inverse=True)[1].astype(np.int64)
-        # A sliver among slivers finds no plane in its neighbors, but it does in their groups.
+        # A sliver among slivers may fit the plane of a neighbor's group.
         largest = largest_of(labels)
         base = largest[labels[right]]
         missed = (labels[left] != labels[right]) & (area[largest[labels[left]]] < area[base])
@@ -117,8 +117,8 @@ def facet_loops(
 ) -> HalfEdges | None:
     """Polygonal half-edge structure of labeled triangles, or None where it is no polyhedron.
 
-    points: how many there are; triangles: (t, 3) of them, a closed surface, counter-clockwise seen
-    from outside; neighbors: (t, 3) across the edge opposite to each corner; labels: (t,) facet of
+    points: their number; triangles: (t, 3) of a closed surface, counter-clockwise seen from
+    outside; neighbors: (t, 3) across the edge opposite to each corner; labels: (t,) facet of
     each triangle, from 0. Corners at which only two facets meet are left out.
     """
     triangle, corner = np.nonzero(labels[:, None] != labels[neighbors])
@@ -237,7 +237,7 @@ def _find_repeats(
 
 
 def flat_error(local: Floats) -> DegenerateBodyError:
-    """The error for points (n, 3) that span no solid, which says whether they span a plane."""
+    """Error about points (n, 3) that span no solid, which says whether they span a plane."""
     extents = np.linalg.svd(local - local.mean(axis=0), compute_uv=False)
     rank = int((extents > FLATNESS_TOLERANCE * extents[0]).sum())
     where = {1: "on one line", 2: "on one plane"}.get(rank, "too close to one plane")
@@ -253,7 +253,7 @@ most 1 and rounded: relative to the longest side of the triangle, with heights m
 doubled area."""
 
 BLOCK = 256
-"""Points whose sides of all triangles are found together: most turn out to be inside."""
+"""Points that are compared with all triangles at once: most are inside."""
 
 
 def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, Integers] | None:

@@ -15,16 +15,16 @@ from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
 MOST_TRIPLED: Final = 24
-"""Constraints up to which all triples of them are tried."""
+"""Most constraints for which all triples are tried; a linear program takes more."""
 
 PARALLEL: Final = 1e-12
 """Determinant of three unit constraints below which they meet in no point."""
 
 ROUNDING: Final = 1e-9
-"""Relative, well above what rounding changes of a factor."""
+"""Relative change of a factor, well above its rounding."""
 
 MET: Final = 1e-12
-"""By how much a constraint may be missed, relative to the root of the polygon's area."""
+"""Largest violation of a constraint, relative to the root of the polygon's area."""
 
 
 def signed_area(polygon: Floats) -> float:
@@ -94,10 +94,10 @@ def inscribed_box(
     size: width and height of the rectangle of factor 1, at least 0 and not both 0.
     margin: distance of the rectangle from the polygon's edges, at least 0; one, or (m,) for the
         edges from each corner to the next.
-    rim: such distances for the rectangle of factor 1, which grow with the factor.
-    slack: in [0, 1), the part of the largest factor that may be given up to come nearer to the
-        centroid, but for which a factor stays at `least` where it can.
-    most: factor that none exceeds, at least `least`; what is left is room to come nearer to it.
+    rim: further distances for the rectangle of factor 1, which grow with the factor.
+    slack: in [0, 1), the share of the largest factor that may be given up to come nearer to the
+        centroid, as long as the factor stays at `least` or above.
+    least, most: bounds of the factor, `most` at least `least`.
 
     Returns
     -------
@@ -154,7 +154,7 @@ class _Sides:
         self.offsets = np.einsum("ij,ij->i", self.outward, corners)
 
     def of_edges(self, values: float | Floats) -> Floats:
-        """Values for all edges, or each, of those that have a length."""
+        """(k,) values, one for all edges or one for each, of the edges that have a length."""
         return np.broadcast_to(values, self.edges.shape)[self.edges]
 
     def place(
@@ -183,10 +183,10 @@ class _Sides:
 
 
 def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
-    """The point (3,) of a polyhedron `rows @ x <= bounds` whose third coordinate times a sign is
-    least, where there is one: it is a corner, in which three constraints are met exactly."""
+    """Point (3,) of a polyhedron `rows @ x <= bounds` whose third coordinate times a sign is least,
+    or None: a corner, in which three constraints are active."""
     if len(rows) > MOST_TRIPLED:
-        # Imported where it is needed: it takes longer than most dice.
+        # Imported late: loading it takes longer than most dice.
         from scipy.optimize import linprog
 
         free = [(None, None), (None, None), (0, None)]
