@@ -188,10 +188,16 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
     used, scaled = np.arange(len(positions)), local / scale
     while True:
         try:
-            half_edges = _merge_half_edges(used, scaled, tolerance)
+            triangles, neighbors = hull_triangles(scaled[used])
         except QhullError as error:
             raise flat_error(scaled) from error
-        if half_edges is None:
+        triangles = used[triangles]
+        for factor in COPLANAR_WIDENINGS:
+            labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
+            half_edges = facet_loops(len(scaled), triangles, neighbors, labels)
+            if half_edges is not None:
+                break
+        else:
             break
         repeated = _find_repeats(scaled, used, half_edges, tolerance)
         if len(repeated) == 0:
@@ -205,18 +211,6 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
         f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "
         "points that nearly coincide"
     )
-
-
-def _merge_half_edges(used: Integers, scaled: Floats, tolerance: float) -> HalfEdges | None:
-    """Hull of the points in use, or None where its facets make no polyhedron at any tolerance."""
-    triangles, neighbors = hull_triangles(scaled[used])
-    triangles = used[triangles]
-    for factor in COPLANAR_WIDENINGS:
-        labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
-        half_edges = facet_loops(len(scaled), triangles, neighbors, labels)
-        if half_edges is not None:
-            return half_edges
-    return None
 
 
 def _find_repeats(

@@ -3,12 +3,17 @@ signs."""
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.triangles import find_parts
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import FLAT_FOLD, ROUNDING, UNDERFLOW
+
+EDGES: Final = ((0, 1), (1, 2), (2, 0))
+"""Corners at the ends of a triangle's edges."""
 
 
 def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
@@ -130,7 +135,7 @@ def _pierces(
     """
     meet = np.zeros(len(planes), dtype=bool)
     common = 3 - sides.shape[1]
-    for start, end in ((1, 2),) if common else ((0, 1), (1, 2), (2, 0)):
+    for start, end in EDGES[1:2] if common else EDGES:
         ends = sides[:, start - common], sides[:, end - common]
         chosen = np.flatnonzero((ends[0] * ends[1] <= 0) & (ends[0] != ends[1]) & ~meet)
         plane, tail, head = planes[chosen], triangles[chosen, start], triangles[chosen, end]
@@ -154,7 +159,7 @@ def _overlap(
     apart = np.zeros(len(first), dtype=bool)
     for one, other in ((first, second), (second, first)):
         turn = signs.in_plane(dropped, *one.T)
-        edges = ((0, 1), (2, 0)) if common else ((0, 1), (1, 2), (2, 0))
+        edges = EDGES[::2] if common else EDGES
         sides = np.array(
             [
                 [turn * signs.in_plane(dropped, one[:, a], one[:, b], corner) for a, b in edges]
