@@ -51,7 +51,7 @@ stand for it: the tolerance times the condition of most bodies."""
 def check(problem: Problem) -> None:
     """A body is refused for a reason, or its probabilities are right and stay so."""
     try:
-        found = judged(problem)
+        found = measure_body(problem)
     except (DegenerateBodyError, OutsideHullError):
         if not may_be_refused(problem):
             raise
@@ -83,7 +83,7 @@ def spread(found: Measurement, poses: RestPoses) -> float:
     return found.condition * uneven if uneven > rounding else 0.0
 
 
-def judged(problem: Problem) -> Measurement:
+def measure_body(problem: Problem) -> Measurement:
     """A body's measurement, without the oracle where its facets are too uneven for that."""
     try:
         return measure(problem)
@@ -94,8 +94,8 @@ def judged(problem: Problem) -> Measurement:
 
 
 def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
-    """The changed body's probabilities are those of the first, tied or not, to within both their
-    errors."""
+    """Assert that a changed body has the probabilities of the first, tied or not, to within the
+    errors of both."""
     try:
         changed = ask(law.problem)
     except OutsideHullError:

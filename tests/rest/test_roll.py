@@ -27,7 +27,7 @@ def rolls(seed: int, max_angle: float | None) -> list[tuple[Equilibria, tuple[Ro
     return [(equilibria, roll_steps(equilibria, down, max_angle)) for down in downs]
 
 
-def placed(step: RollStep, points: np.ndarray) -> np.ndarray:
+def place(step: RollStep, points: np.ndarray) -> np.ndarray:
     return points @ step.transform[:3, :3].T + step.transform[:3, 3]
 
 
@@ -41,14 +41,14 @@ def test_the_body_moves_rigidly_on_the_table(seed: int, max_angle: float | None)
             assert np.linalg.det(turn) == pytest.approx(1.0)
             np.testing.assert_array_equal(step.transform[3], [0, 0, 0, 1])
             np.testing.assert_allclose(turn @ step.down, [0, 0, -1], rtol=0, atol=1e-13)
-            heights = placed(step, equilibria.hull.vertices)[:, 2]
+            heights = place(step, equilibria.hull.vertices)[:, 2]
             assert heights.min() > -1e-12
             np.testing.assert_allclose(heights[list(step.vertices)], 0.0, atol=1e-12)
-            center = placed(step, equilibria.center_of_mass)
+            center = place(step, equilibria.center_of_mass)
             assert step.height == pytest.approx(center[2], abs=1e-12)
             names = {1: "vertex", 2: "edge"}
             assert step.contact == names.get(len(step.vertices), "facet")
-        np.testing.assert_allclose(placed(steps[0], equilibria.center_of_mass)[:2], 0.0, atol=1e-12)
+        np.testing.assert_allclose(place(steps[0], equilibria.center_of_mass)[:2], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -68,7 +68,7 @@ def test_it_rolls_downhill_without_slip_by_no_more_than_the_largest_angle(
                 assert angle <= max_angle + 1e-7
             corners = equilibria.hull.vertices[pivots]
             np.testing.assert_allclose(
-                placed(after, corners), placed(before, corners), rtol=0, atol=1e-12
+                place(after, corners), place(before, corners), rtol=0, atol=1e-12
             )
 
 

@@ -246,7 +246,7 @@ PLANE_ROUNDING = 16.0 * ROUNDING
 most 1 and rounded: relative to the longest side of the triangle, with heights multiplied by its
 doubled area."""
 
-BLOCK = 256
+BLOCK = 32
 """Points that are compared with all triangles at once: most are inside."""
 
 

@@ -1,4 +1,4 @@
-"""Triangles are wound alike and outward, told apart from repeated ones, and grouped in shells."""
+"""Triangles are oriented consistently and outward, freed of duplicates, and grouped in shells."""
 
 from __future__ import annotations
 
