@@ -1,4 +1,4 @@
-"""Functions of other libraries, by their names and with their returned values, but exact."""
+"""Exact functions with the names and results of functions of other libraries."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def compute_stable_poses(
         drawn is inside the hull.
     InputError: another argument is not as described.
     """
-    # Imported here, as the package's other floors are imported on first use.
+    # Imported late, as all public names are.
     from dicedesign.rest.poses import analyze, generator_of, rest_poses
 
     if not (is_finite_number(sigma) and sigma >= 0.0):
@@ -106,8 +106,8 @@ def _inside(poses: RestPoses, scatter: float, count: int, chance: np.random.Gene
 
 
 def _facets_in(hull: ConvexHull, sample: RestPoses) -> Integers:
-    """Facets (k,) of a hull that are those of a sample's rests, whose own hull may be made of the
-    same corners again where facets are uneven."""
+    """Facets (k,) of a hull on which a sample's rests are. The sample's own hull differs where
+    `find_basins` made it again."""
     if sample.hull is hull:
         return sample.facets
     return np.asarray((sample.normals @ hull.normals.T).argmax(axis=1))

@@ -1,9 +1,9 @@
-"""The exception tree, checks of numbers that people give, and texts of messages.
+"""The exception tree, checks of given numbers, and texts of messages.
 
 Every error a user can cause names the thing, what was expected, what came, and the remedy. The
-command line prints the message on one line and exits with 2. Besides it, the design takes an error
-as the failure of one trial step, and the pipeline takes labels that do not fit an unfinished die as
-one more remark on it.
+command line prints the message on one line and exits with 2. The design treats an error as the
+failure of one trial step, and the pipeline treats labels that do not fit an unfinished die as a
+remark.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class DiceError(Exception):
 
 
 class InputError(DiceError, ValueError):
-    """An input cannot be used; the message says what would do."""
+    """An input cannot be used; the message says what to give instead."""
 
 
 class MeshFileError(InputError):
@@ -79,12 +79,12 @@ class LabelRoomError(EngravingError):
 
 
 class OutputError(DiceError, OSError):
-    """A result cannot be written where it was asked for."""
+    """A result cannot be written to its path."""
 
 
 @contextmanager
 def named(key: str) -> Iterator[None]:
-    """Puts the option or the recipe's key that brought an input before what is said of it."""
+    """Prefix messages of InputError with the option or recipe key that the input came from."""
     try:
         yield
     except InputError as error:
@@ -92,7 +92,7 @@ def named(key: str) -> Iterator[None]:
 
 
 def missing_extra(extra: str, wanted: str, error: ImportError) -> InputError:
-    """The error about an extra of this package without which something wanted cannot be done."""
+    """Error about a missing extra of this package that something wanted needs."""
     return InputError(
         f"{wanted}: expected the optional extra {extra!r}, but {error}; "
         f"pip install 'dicedesign[{extra}]'"
@@ -100,14 +100,14 @@ def missing_extra(extra: str, wanted: str, error: ImportError) -> InputError:
 
 
 MOST_COUNT: Final = 10**9
-"""More of anything takes longer than anybody waits."""
+"""Largest count of anything."""
 
 MOST_SEED: Final = 2**96
-"""Recipes have seeds below 2^64; each of their series of throws has one of its own."""
+"""Upper bound of seeds. Recipes have seeds below 2^64, and derive one for each series of throws."""
 
 
 def check_whole(name: str, value: int, least: int = 1, most: int = MOST_COUNT) -> None:
-    """Raise InputError, naming what the number is, where it is out of the range that is allowed."""
+    """Raise InputError, with the name of a number, if it is out of a range."""
     if value < least:
         wanted = "above 0" if least == 1 else f"of at least {least}"
         raise InputError(f"{name}: expected a whole number {wanted}, got {value}; raise it")

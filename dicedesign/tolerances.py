@@ -1,10 +1,9 @@
 """Numerical tolerances by which the package decides about bodies, in one place.
 
 None depends on the unit of length: each says what it is relative to, or is an angle, a probability,
-a count or a limit of the number format. What a body's rests are, whether a surface is sound and
-whether a solid can be printed is decided by these alone. The constants of steps and stops, in
-solvers, searches, fills and simulated contacts, and those of drawing and of the benches' verdicts
-have names and a sentence each where they are used.
+a count or a limit of the number format. These alone decide what a body's rests are, whether a
+surface is valid and whether a solid can be printed. Constants of steps and stopping rules, of
+simulated contacts, of drawings and of benchmarks are where they are used.
 """
 
 from __future__ import annotations
@@ -18,15 +17,16 @@ relative to half the largest extent of the points, for coordinates that were com
 rotated cube has errors near 1e-16)."""
 
 COPLANAR_TOLERANCE_FLOAT32: Final = 2e-6
-"""The same for coordinates that were rounded to float32 (STL, most PLY): 2^-24 per coordinate,
-times the extrapolation from a facet's largest triangle to its far corners."""
+"""Coplanar tolerance, as `COPLANAR_TOLERANCE`, of coordinates rounded to float32 (STL, most PLY):
+2^-24 per coordinate, times the extrapolation from a facet's largest triangle to its far corners."""
 
 COPLANAR_WIDENINGS: Final = (1.0, 10.0, 100.0, 1000.0)
 """Factors of the coplanar tolerance, tried in turn until the merged facets make a polyhedron:
 clusters of points at one spacing can leave facets that a tolerance of that size cuts apart."""
 
 COPLANAR_COARSEST: Final = 0.5
-"""No coplanar tolerance is widened beyond this where facets are as uneven as they bend."""
+"""Largest coplanar tolerance of a hull that is made again because its facets are as uneven as they
+bend."""
 
 REUSE_FLATNESS: Final = 1e-14
 """A hull keeps its connectivity only if the corners of every facet are this near to its plane,
@@ -35,28 +35,30 @@ facet to COPLANAR_TOLERANCE. What is not above this counts as rounding."""
 
 REUSE_MARGIN: Final = 1e-7
 """A hull keeps its connectivity only if all corners of every facet's neighbors but those of the
-common edge are this far below its plane, relative to the same: four orders of magnitude above what
-counts as coplanar. Then no edge is shorter either."""
+common edge are this far below its plane, relative to half the largest extent: four orders of
+magnitude above what counts as coplanar. Then no edge is shorter either."""
 
 REUSE_LEVERAGE: Final = 100.0 * REUSE_FLATNESS
-"""The same depth times the length of the edge, and times the facet's area over its number of
-corners, relative to powers of the same: a short edge or a small facet fixes a plane less well."""
+"""A hull keeps its connectivity only if this depth times the length of the edge, and times the
+facet's area over its number of corners, is larger than this, relative to powers of half the largest
+extent: a short edge or a small facet fixes a plane less well."""
 
 REUSE_TURN: Final = 5e-3
 """A hull keeps its connectivity only if its facets turn at each corner by more than this, in
 radians: three corners almost on a line fix no plane."""
 
 REUSE_OFFSET: Final = 8.0
-"""A hull keeps its connectivity only if no coordinate is larger than this, relative to the same:
-farther from the origin, coordinates are rounded too coarsely."""
+"""A hull keeps its connectivity only if no coordinate is larger than this, relative to half the
+largest extent: farther from the origin, coordinates are rounded too coarsely."""
 
 FLATNESS_TOLERANCE: Final = 1e-12
-"""Where a hull is refused, singular values of the points below this part of the largest count as
-none: the error then says "on one plane" or "on one line". It decides about the wording only."""
+"""Where a hull is refused, singular values of the points below this part of the largest count as 0:
+the error then says "on one plane" or "on one line". This affects the wording only."""
 
 BALANCED_PROBABILITIES: Final = 1e-11
-"""An object is led to its target until its probabilities differ by no more than this: files of all
-digits hold a hundred times as much, those of single precision a hundred thousand times."""
+"""Largest error of probabilities at which reshaping an object stops. The rounding of files in
+double precision changes them by a hundred times as much, in single precision by a hundred thousand
+times."""
 
 BOUNDARY_TOLERANCE: Final = 1e-13
 """A center of mass nearer than this to a facet's plane, relative to the largest offset of a vertex
@@ -82,16 +84,16 @@ the direction of its normal, in radians, and in the logarithm of its distance. S
 keeps to it."""
 
 ENGRAVED_VOLUME_TOLERANCE: Final = 1e-4
-"""The volume that engraving takes away must be that of the labels within this part of it: the
-unevenness of a facet with float32 corners over the depth of a pocket."""
+"""Largest relative difference between the volume removed by engraving and the volume of the labels:
+the unevenness of a facet with float32 corners over the depth of a pocket."""
 
 FILE_ANGLE: Final = math.radians(0.05)
 """Angles between rests, and from rests to saddles, may fall short of what is wanted by this, in
 radians, where coordinates are rounded to the single precision of an STL file."""
 
 FILE_WALL: Final = 1e-4
-"""Part of the least thickness of walls around cavities that they may be thinner by in a file, whose
-coordinates are rounded."""
+"""Share of the least thickness of walls around cavities by which they may be thinner in a file,
+whose coordinates are rounded."""
 
 FILE_PROBABILITIES: Final = 1e-6
 """Probabilities may change by this, and the die's tolerance be exceeded up to it, where coordinates
@@ -102,29 +104,28 @@ FILLED_GAP: Final = 1e-4
 the surface's box."""
 
 FLAT_FOLD: Final = 1e-6
-"""Two triangles with a common edge lie on each other when the angle between them is no more than
-this, in radians: a surface that was pressed onto a plane keeps to it only to within rounding."""
+"""Two triangles with a common edge overlap when the angle between them is no more than this, in
+radians: a surface that was pressed onto a plane is flat only to within rounding."""
 
 INERTIA_TOLERANCE: Final = 1e-9
 """A tensor of inertia that was given may miss its laws by this, relative to its largest entry."""
 
 LEAST_MARGIN: Final = math.radians(0.1)
-"""A die that leaves an outcome when it is tipped by less than this, in radians, is left at a nudge:
-no table is more level."""
+"""Least margin of an outcome, in radians: no table is more level."""
 
 LEVEL_ANGLE: Final = math.radians(5.0)
 """A facet is level on top of a die, and opposite to the one that it rests on, when its normal is
-within this of up, in radians: labels on it are seen as if it were level."""
+within this of up, in radians: labels on it look level."""
 
 LEAST_MM: Final = 1e-3
-"""Smallest distance, in millimeters, between two corners of a solid that can be made."""
+"""Least largest distance between two corners of a solid, in millimeters."""
 
 MOST_MM: Final = 1000.0
-"""Largest distance, in millimeters, between two corners of a solid that can be made."""
+"""Most largest distance between two corners of a solid, in millimeters."""
 
 MATCHED_PROBABILITIES: Final = 0.02
-"""Outcomes whose probabilities without momentum are told belong to the rests of a mesh that have
-these to within this: files of printed dice differ from what was published about them."""
+"""Largest difference between the given geometric probabilities of outcomes and the probabilities of
+the rests of a mesh that they are matched with: files of printed dice differ from publications."""
 
 NEAR_ANTIPODE: Final = 0.05
 """The area of a basin is measured from its rest's normal unless its border comes nearer to the
@@ -140,16 +141,16 @@ more coarsely than COPLANAR_TOLERANCE allows for; they count as single precision
 
 VOLUME_TOLERANCE: Final = 1e-11
 """A closed surface whose volume over the cube of its largest extent is below this bounds no solid,
-and a shell of it no body and no cavity; at this size
-rounding leaves the centroid about five digits."""
+and a shell of it no body and no cavity; at this size rounding leaves the centroid about five
+digits."""
 
 SAME_REST_ANGLE: Final = math.radians(5.0)
 """Two rests are one outcome to the eye when their normals differ by at most this, in radians:
-the body then stands on nearly the same facet."""
+the facets are then one to the eye."""
 
 ROUNDING: Final = 32.0 * 2.0**-53
 """Relative bound on the rounding error of the sums of products that decide about a body (at most a
-dozen operations each, plus a margin). Signs of values within it are found in exact arithmetic."""
+dozen operations each, plus a margin). Signs of values within it are computed exactly."""
 
 SLIVER: Final = 2.0**-30
 """A facet of no more than this part of the square over its longest edge has its normal computed in
@@ -160,7 +161,8 @@ SLIVER_ANGLE: Final = math.radians(1.0)
 radians."""
 
 STANDING_ANGLE: Final = math.radians(1.0)
-"""A body at a stand is on a facet when that facet's normal is within this of down, in radians."""
+"""A body that has stopped rests on a facet when the facet's normal is within this of down, in
+radians."""
 
 SHARP_TURN: Final = math.radians(170.0)
 """Two triangles with a common edge count as folded together when the surface turns by more than
@@ -173,20 +175,21 @@ computed of a thicker linear image."""
 
 TIE_TOLERANCE: Final = 1e-14
 """A body is tied where a move of its center of mass by this, relative to its extent plus its
-largest coordinate, could change what it does: a computed center of mass is not known better."""
+largest coordinate, could change its rests: a computed center of mass is not known better."""
 
 WARP_TOLERANCE: Final = 0.01
-"""Facets that were merged within a tolerance make a body as long as no edge is turned by more than
-this sine from where the planes beside it meet. It is where an edge or a facet is hardly wider than
-its facets are uneven, as among points that lie in clusters."""
+"""Largest sine of the angle between an edge of merged facets and the line where their planes meet.
+It is larger where an edge or a facet is hardly wider than its facets are uneven, as among clustered
+points."""
 
 TRANSPORT_TOLERANCE: Final = 1e-10
-"""Part of the mass that a transport plan may leave behind or make up: HiGHS takes no less."""
+"""Share of the mass by which a transport plan may miss its marginals, the least that HiGHS
+takes."""
 
 SMALLEST_EXTENT: Final = 1e-40
-"""Products of up to six coordinates must neither underflow nor overflow: no body is smaller than
-this, and no coordinate larger than its inverse, whatever the unit."""
+"""Least extent of a body, and inverse of the largest coordinate, in any unit: products of up to six
+coordinates must neither underflow nor overflow."""
 
 UNDERFLOW: Final = 1e-200
-"""Products of coordinates below this may have lost digits to underflow: they decide nothing. A
+"""Products of coordinates below this decide nothing, as they may have lost digits to underflow. A
 product of four at `SMALLEST_EXTENT` is far above it."""

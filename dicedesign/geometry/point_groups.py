@@ -22,8 +22,8 @@ HIGHEST_ORDER: Final = 12
 """Largest n of the main axis in Cn, Cnv, Cnh, Dn, Dnh and Dnd; S2n goes up to twice that."""
 
 SAME_POLE: Final = 0.999
-"""Cosine of the angle between directions above which they are one pole; two are 15 degrees apart
-or more."""
+"""Cosine of an angle between directions above which they are one pole; poles are at least 15
+degrees apart."""
 
 KNOWN_GROUPS: Final = (
     f"C1, Cs, Ci, Cn, Cnv, Cnh, Dn, Dnh, Dnd with n from 2 to {HIGHEST_ORDER}, S4, S6, ... "
@@ -48,14 +48,29 @@ QUARTER_TURN_Z: Final = MIRROR_Y[[1, 0, 2]]
 CYCLIC_XYZ: Final = np.eye(3)[[2, 0, 1]]
 """The third of a turn about (1, 1, 1), which takes x to y, y to z and z to x."""
 
-CUBIC: Final = {
+GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
+
+FIFTH_TURN: Final = (
+    np.array(
+        [(GOLDEN - 1.0, -GOLDEN, 1.0), (GOLDEN, 1.0, GOLDEN - 1.0), (-1.0, GOLDEN - 1.0, GOLDEN)]
+    )
+    / 2.0
+)
+"""The fifth of a turn about (0, 1, `GOLDEN`)."""
+
+OTHERS: Final = {
+    "C1": (),
+    "Cs": (MIRROR_Z,),
+    "Ci": (INVERSION,),
     "T": (HALF_TURN_Z, CYCLIC_XYZ),
     "Td": (HALF_TURN_Z, CYCLIC_XYZ, MIRROR_DIAGONAL),
     "Th": (HALF_TURN_Z, CYCLIC_XYZ, INVERSION),
     "O": (QUARTER_TURN_Z, CYCLIC_XYZ),
     "Oh": (QUARTER_TURN_Z, CYCLIC_XYZ, INVERSION),
+    "I": (HALF_TURN_Z, CYCLIC_XYZ, FIFTH_TURN),
+    "Ih": (HALF_TURN_Z, CYCLIC_XYZ, FIFTH_TURN, INVERSION),
 }
-"""Generators."""
+"""Generators of the groups without a main axis of two turns or more."""
 
 
 def point_group(name: str) -> Floats:
@@ -70,24 +85,8 @@ def point_group(name: str) -> Floats:
 
     Returns (g, 3, 3) orthogonal matrices; a matrix times a position is the position's image.
     """
-    if name == "C1":
-        return np.eye(3)[None]
-    if name == "Cs":
-        return _closure([MIRROR_Z], 1)
-    if name == "Ci":
-        return _closure([INVERSION], 1)
-    if name in CUBIC:
-        return _closure(CUBIC[name], 1)
-    if name in ("I", "Ih"):
-        # A fifth of a turn about (0, 1, (1 + sqrt(5)) / 2).
-        axis = np.array([0.0, 1.0, (1.0 + np.sqrt(5.0)) / 2.0])
-        axis /= np.linalg.norm(axis)
-        angle = 2.0 * np.pi / 5.0
-        across = np.linalg.cross(axis, np.eye(3)).T
-        along = np.outer(axis, axis)
-        fifth_turn = along + np.cos(angle) * (np.eye(3) - along) + np.sin(angle) * across
-        further = [INVERSION] if name == "Ih" else []
-        return _closure([HALF_TURN_Z, CYCLIC_XYZ, fifth_turn, *further], 15)
+    if name in OTHERS:
+        return _closure(OTHERS[name], 15)
     parts = re.fullmatch(r"([CDS])([1-9][0-9]*)([vhd]?)", name)
     generators = None if parts is None else _axial(parts[1], int(parts[2]), parts[3])
     if generators is None:

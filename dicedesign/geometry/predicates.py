@@ -2,15 +2,13 @@
 them.
 
 Coordinates are floats, so a power of two makes integers of them all, and the sign of a polynomial
-in them can be had without rounding."""
+in them can be computed without rounding."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
 from math import ldexp
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,38 +16,34 @@ from numpy.typing import NDArray
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import ROUNDING
 
-Vector = tuple[int, int, int]
+Exact: TypeAlias = NDArray[Any]
+"""Array of Python integers of any size."""
 
 MANTISSA = 53
 """Binary digits of a float."""
 
 WIDEST = 1000
-"""Binary digits of an integer, about, up to which it fits in a float."""
+"""Binary digits, about, of the largest integers that fit in a float."""
 
 
 class IntegerPoints:
     """Points (n, 3), finite, times one power of two that makes all coordinates integers.
 
-    They are converted when they are asked for: `integers[i]` is point i.
+    Indexing converts them: `integers[index]` is an array (..., 3) of Python integers.
     """
 
     def __init__(self, points: Floats) -> None:
         self._points = points
-        self._known: dict[int, Vector] = {}
 
-    def __getitem__(self, index: int) -> Vector:
-        if index not in self._known:
-            mantissas, exponents = np.frexp(self._points[index])
-            x, y, z = (
-                int(m * 2.0**MANTISSA) << max(int(e) - self._least, 0)
-                for m, e in zip(mantissas, exponents, strict=True)
-            )
-            self._known[index] = x, y, z
-        return self._known[index]
+    def __getitem__(self, index: Any) -> Exact:
+        mantissas, exponents = np.frexp(self._points[index])
+        digits = np.ldexp(mantissas, MANTISSA).astype(np.int64).astype(object)
+        exact: Exact = digits << np.maximum(exponents - self._least, 0).astype(object)
+        return exact
 
-    def area_vector(self, polygon: Sequence[int]) -> Floats:
-        """(3,) normal of a polygon of points, times twice its area, rounded once."""
-        exact = area_vector([self[int(corner)] for corner in polygon])
+    def area_vector(self, polygon: Integers) -> Floats:
+        """(3,) normal of a polygon of points (k,), times twice its area, rounded once."""
+        exact = area_vector(self[polygon])
         excess = max(max(x.bit_length() for x in exact) - WIDEST, 0)
         exponent = 2 * (self._least - MANTISSA) + excess
         return np.array([ldexp(x / (1 << excess), exponent) for x in exact])
@@ -60,35 +54,18 @@ class IntegerPoints:
         return int(exponents.min()) if len(exponents) else 0
 
 
-def dot(a: Vector, b: Vector) -> int:
-    """Inner product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def minus(a: Vector, b: Vector) -> Vector:
-    """Difference a - b."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def area_vector(corners: Sequence[Vector]) -> Vector:
-    """Normal of a polygon, times twice its area."""
-    total = (0, 0, 0)
-    for a, b in pairwise(corners[1:]):
-        turn = cross(minus(a, corners[0]), minus(b, corners[0]))
-        total = (total[0] + turn[0], total[1] + turn[1], total[2] + turn[2])
-    return total
+def area_vector(corners: Exact) -> Exact:
+    """Normal (3,) of a polygon (k, 3), times twice its area."""
+    arms = corners[1:] - corners[0]
+    doubled: Exact = np.cross(arms[:-1], arms[1:]).sum(axis=0)
+    return doubled
 
 
 class Orientation:
     """Signs of orientations of points (n, 3), finite.
 
-    The value in floating point decides where it exceeds a bound of its rounding error, arithmetic
-    in integers elsewhere: so the signs never contradict each other.
+    The floating-point value decides where it exceeds its rounding error, integer arithmetic
+    elsewhere: so the signs never contradict each other.
 
     Attributes
     ----------
@@ -109,10 +86,8 @@ class Orientation:
         return self.in_space(others, *triangles.T)
 
     def collinear(self, a: int, b: int, other: int) -> bool:
-        """True if three points lie on one line."""
-        origin = self.integers[a]
-        along = minus(self.integers[b], origin)
-        return cross(along, minus(self.integers[other], origin)) == (0, 0, 0)
+        """Whether three points are on one line."""
+        return not area_vector(self.integers[[a, b, other]]).any()
 
     def in_space(self, point: Integers, a: Integers, b: Integers, c: Integers) -> Integers:
         """(m,) 1 where a point lies on the side of a, b, c from which they run counter-clockwise,
@@ -143,11 +118,7 @@ class Orientation:
         doubtful = np.flatnonzero(np.abs(value) <= ROUNDING * size + np.finfo(np.float64).tiny)
         if len(doubtful) > 0:
             # Coordinates (2 or 3, m) as integers of any size.
-            at = []
-            for index in corners:
-                used, place = np.unique(index[doubtful], return_inverse=True)
-                exact = np.array([self.integers[i] for i in used.tolist()], dtype=object)
-                at.append(exact.T[list(axes)][:, place])
+            at = [self.integers[index[doubtful]].T[list(axes)] for index in corners]
             exact, _ = _determinant([corner - at[0] for corner in at[1:]])
             signs[doubtful] = (exact > 0).astype(np.int64) - (exact < 0).astype(np.int64)
         return signs

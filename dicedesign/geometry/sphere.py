@@ -22,9 +22,9 @@ def oblique_projection(u: Any, along: Any, normal: Any) -> Any:
 
     With `along = r_p` and `normal` the edge vector this is the point where a flow line of the cell
     of vertex p crosses the arc of that edge; with `along = normal` it is the orthogonal projection.
-    Free of divisions: the result is scaled by
-    `along . normal`, and where that product goes to zero (a glancing crossing) the direction goes
-    to that of `along`. It is reversed where the product is negative.
+    Free of divisions: the result is scaled by `along . normal`, and where that product goes to zero
+    (a glancing crossing) it approaches the direction of `along`. It is reversed where the product
+    is negative.
 
     u, along, normal: (..., 3), NumPy or torch; returns (..., 3).
     """
@@ -35,7 +35,7 @@ def foot_on_line(a: Any, b: Any, v: Any, xp: ModuleType) -> Any:
     """Nearest point to the origin on the line through a and b, times `v . v` with v = b - a: for
     the ends of an edge its saddle direction (eq. 7, 8).
 
-    It is found from the nearer of the two: from a far one its digits cancel.
+    It is computed from the nearer of the two: from a far one its digits cancel.
     a, b, v: (..., 3); returns (..., 3).
     """
     nearer = ((a * a).sum(-1) <= (b * b).sum(-1))[..., None]
@@ -72,7 +72,7 @@ def unit_vectors(vectors: NDArray[Any]) -> Floats:
 
 def angle_between(a: Floats, b: Floats) -> Floats:
     """Angle in [0, pi] between vectors a and b (..., 3), exact for small and flat angles."""
-    # By components: np.linalg.cross takes thrice as long for the few vectors that are usual here.
+    # By components: np.linalg.cross takes three times as long for few vectors.
     x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
     y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
@@ -80,7 +80,7 @@ def angle_between(a: Floats, b: Floats) -> Floats:
 
 
 def even_directions(count: int) -> Floats:
-    """(count, 3) unit directions all over the sphere, on a spiral.
+    """(count, 3) unit directions, evenly spread over the sphere along a spiral.
 
     Source: Gonzalez, Math. Geosci. 42, 2010 (the Fibonacci lattice).
     """
@@ -91,7 +91,7 @@ def even_directions(count: int) -> Floats:
 
 
 def rotation_between(a: Floats, b: Floats) -> Floats:
-    """Smallest rotation (3, 3) that maps the direction of a to that of b.
+    """Smallest rotation (3, 3) from the direction of a to the direction of b.
 
     For opposite directions the axis is chosen perpendicular to a, along the coordinate axis where
     a is smallest.
@@ -108,7 +108,7 @@ def rotation_between(a: Floats, b: Floats) -> Floats:
     # Two reflections: through the bisector (stable for every angle below pi).
     bisector = a + b
     if cosine < 0.0:
-        # a + b cancels near pi; its direction is that of (a x b) x (a - b).
+        # a + b cancels near pi; (a x b) x (a - b) has its direction.
         bisector = np.linalg.cross(np.linalg.cross(a, b), a - b)
     bisector /= np.linalg.norm(bisector)
     reflect_a = np.eye(3) - 2.0 * np.outer(a, a)

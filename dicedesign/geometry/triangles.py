@@ -73,8 +73,8 @@ def find_parts(tails: Integers, heads: Integers, count: int) -> Integers:
 
 
 def winding_number(point: Floats, corners: Floats) -> float:
-    """Turns of closed oriented surfaces of triangles (t, 3, 3) around a point (3,): an integer,
-    0 outside, to within rounding, but for a point on the surface."""
+    """Winding number of closed oriented triangles (t, 3, 3) around a point (3,): an integer to
+    within rounding, 0 outside, unless the point is on the surface."""
     a, b, c = (corners - point).transpose(1, 0, 2)
     return float(signed_solid_angle(a, b, c, np).sum()) / (4.0 * np.pi)
 
@@ -83,8 +83,8 @@ def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats
     """Signed volume and centroid of the uniform solid a closed surface bounds.
 
     The volume is summed over signed tetrahedra from the mean of the points, in units of the
-    body's own size, so a body far from the origin or of any scale loses nothing. That of a needle
-    or a plate is summed before it is stretched, see `stretch_matrix`.
+    body's own size, so a body far from the origin or of any scale loses nothing. Needles and plates
+    are made thicker first, see `stretch_matrix`.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats
     Returns
     -------
     The volume in the cubed unit of the points, positive when the surface is oriented outward, and
-    (3,) the centroid, the same for either orientation; NaN when the volume is exactly zero.
+    (3,) the centroid, for either orientation; NaN when the volume is exactly zero.
     """
     reference = points.mean(axis=0)
     offsets = points - reference
@@ -147,12 +147,12 @@ def stretch_matrix(offsets: Floats, volume: float) -> Floats | None:
     Of a body A times as long as thick, the sums over tetrahedra lose some A^2 units of rounding,
     as they cancel to that part of their terms. Taken of `image`, with `offsets = image @ matrix`,
     they lose some A, for the rounding of the image, and hardly any where the body lies along the
-    axes of coordinates. Volume and centroid of the body are those of the image times the matrix's
-    determinant, and times the matrix.
+    axes of coordinates. The body's volume is the image's times the determinant of the matrix, its
+    centroid the image's times the matrix.
 
     offsets: (n, 3) points less a point near their mean; volume: of the body, to within rounding.
     Returns (3, 3), triangular but for the order of its columns; None for a body that is not thin
-    (`THIN_VOLUME`), or thinner than its coordinates tell.
+    (`THIN_VOLUME`), or is thinner than the rounding of its coordinates.
     """
     if abs(volume) >= THIN_VOLUME * float(np.abs(offsets).max()) ** 3:
         return None
@@ -199,22 +199,6 @@ def is_closed(triangles: Integers) -> bool:
     return not np.bincount(edges, weights=np.where(rising, 1.0, -1.0).ravel()).any()
 
 
-def centroid_derivatives(points: Floats, triangles: Integers, center: Floats) -> Floats:
-    """(3, n, 3) derivative of each coordinate of the centroid by each coordinate of the points
-    (eq. 34).
-
-    points: (n, 3); triangles: (m, 3) of a closed surface; center: (3,) its centroid.
-    """
-    corners = points[triangles] - center
-    lifts = np.linalg.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)) / 6.0
-    volumes = (corners[:, 0] * lifts[:, 0]).sum(-1)
-    means = corners.sum(axis=1) / 4.0
-    by_corner = means[:, None, :, None] * lifts[:, :, None, :]
-    by_corner += (volumes / 4.0)[:, None, None, None] * np.eye(3)
-    sums = sums_by_index(triangles.ravel(), by_corner.reshape(-1, 3, 3), len(points))
-    return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()
-
-
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A closed triangle surface, oriented outward, of one solid body.
@@ -248,8 +232,17 @@ class Surface:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def centroid_derivatives(self) -> Floats:
-        """(3, n, 3) of each coordinate of the centroid by each coordinate of the points."""
-        return centroid_derivatives(self.points, self.triangles, self.centroid)
+        """(3, n, 3) derivative of each coordinate of the centroid by each coordinate of the points
+        (eq. 34)."""
+        corners = self.points[self.triangles] - self.centroid
+        lifts = np.linalg.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)) / 6.0
+        volumes = (corners[:, 0] * lifts[:, 0]).sum(-1)
+        means = corners.sum(axis=1) / 4.0
+        by_corner = means[:, None, :, None] * lifts[:, :, None, :]
+        by_corner += (volumes / 4.0)[:, None, None, None] * np.eye(3)
+        by_corner = by_corner.reshape(-1, 3, 3)
+        sums = sums_by_index(self.triangles.ravel(), by_corner, len(self.points))
+        return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()
 
     def with_points(self, points: Floats) -> Surface:
         """Surface with the same triangles between other points (n, 3)."""
@@ -257,13 +250,13 @@ class Surface:
 
 
 def surface_of(points: Floats, triangles: Integers) -> Surface:
-    """The surface of triangles (t, 3) alone: of the points (n, 3) those that they use."""
+    """Surface of triangles (t, 3), with those of the points (n, 3) that they use."""
     used, renumbered = np.unique(triangles, return_inverse=True)
     return Surface(points[used], renumbered.reshape(-1, 3))
 
 
 def join_surfaces(first: Surface, second: Surface) -> Surface:
-    """Two surfaces as one, of which neither changes."""
+    """Two surfaces as one."""
     return Surface(
         np.concatenate([first.points, second.points]),
         np.concatenate([first.triangles, second.triangles + len(first.points)]),

@@ -34,7 +34,7 @@ from dicedesign.tolerances import (
 )
 
 TIE_STEP = 4.0
-"""How far, in units of the distance within which ties are looked for."""
+"""Move of a tied body's center of mass, in units of the tie distance."""
 
 
 @dataclass(frozen=True)
@@ -60,27 +60,26 @@ class Basins:
 
 
 def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
-    """Basins of a body; for a tied one, of an even number of bodies beside it.
+    """Basins of a body; of a tied body, the basins of an even number of bodies beside it.
 
-    A body is tied if a move of its center of mass by `TIE_TOLERANCE` could change what it does: it
-    balances on an edge, a corner or a saddle, or a path runs into such a balance or through a facet
-    normal. Its mass there could fall either way, and equally often to both sides, whatever rounding
-    says; so its probabilities are defined as the mean of those with the center of mass moved a
-    little further than that, but not out of the body, in the directions of `aside_directions`:
-        opposite
-    pairs that turn with the body and that its symmetries permute. Where a bound on rounding leaves
-    a decision open, bodies some ten times as far from a balance count as tied too.
+    A body is tied if a move of its center of mass by `TIE_TOLERANCE` could change the
+    combinatorics: it balances on an edge, a corner or a saddle, or a path runs into such a balance
+    or through a facet normal. It then falls equally often to both sides, whatever rounding says.
+    Its probabilities are defined as the mean over slightly larger moves of the center of mass,
+    within the body, in the directions of `aside_directions`: opposite pairs that turn with the body
+    and that its symmetries permute. Where a bound on rounding leaves a decision open, bodies about
+    ten times as far from a balance count as tied too.
 
     Facets that were merged within a coplanar tolerance are not quite flat, and near a balance the
     decisions about them can contradict each other: the body seems to roll in a circle, or its
     basins overlap. Such a body is tied to within its unevenness. If bodies beside it are
-    contradictory too, facets bend by less than they are uneven; the basins are then those of the
-    hull at a coplanar tolerance of the unevenness times the first of `COPLANAR_WIDENINGS` above 1
-    that is enough, or, if none is, at tolerance 0, where facets are exactly flat. The same is done
-    with a hull whose facets are no wider than they are uneven (`WARP_TOLERANCE`).
+    contradictory too, facets bend by less than they are uneven. Then the hull is made again, at a
+    coplanar tolerance of the unevenness times the first of `COPLANAR_WIDENINGS` above 1 that is
+    enough, or, if none is, at tolerance 0, where facets are exactly flat. So is a hull whose facets
+    are no wider than they are uneven (`WARP_TOLERANCE`).
 
-    hull: the convex hull; center_of_mass: (3,) strictly inside it. The basins' own hull is another
-    one only in that last case; its `source` refers to the same points.
+    hull: the convex hull; center_of_mass: (3,) strictly inside it. Only if the hull is made again
+    do the basins have another hull; its `source` refers to the original points.
 
     Raises
     ------
@@ -100,12 +99,13 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
 
 
 def remake_hull(hull: ConvexHull, coplanar_tolerance: float) -> ConvexHull:
+    """Hull of a hull's vertices at another tolerance, with `source` in the original points."""
     again = convex_hull(hull.vertices, coplanar_tolerance)
     return replace(again, source=hull.source[again.source])
 
 
 def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
-    """As `find_basins`, of no other hull."""
+    """Basins as by `find_basins`, without making the hull again."""
     distance = tie_distance(hull, center_of_mass)
     try:
         return (_trace(classify(hull, center_of_mass, distance)),)
@@ -118,7 +118,7 @@ def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
 
 
 def tie_distance(hull: ConvexHull, center_of_mass: Floats) -> float:
-    """Length of a move of the center of mass (3,) that may not change what an untied body does."""
+    """Length of a move of the center of mass (3,) that changes no decision about an untied body."""
     place = surroundings(hull, center_of_mass)
     return TIE_TOLERANCE * (place.far + place.extent)
 
@@ -136,7 +136,10 @@ def _beside(hull: ConvexHull, center_of_mass: Floats, distance: float) -> tuple[
 
 
 def _trace(equilibria: Equilibria) -> Basins:
-    """Source: eq. 9, 10."""
+    """Basins of a classified hull.
+
+    Source: eq. 9, 10.
+    """
     paths = separatrices(equilibria)
     return Basins(equilibria, paths, basin_areas(equilibria, paths))
 
@@ -174,29 +177,29 @@ def close_areas(signed: Floats) -> Floats:
             "steradian; its facets are flat only within the coplanar tolerance, so give a smaller "
             "or larger one"
         )
-    # The smallest of basins come out as rounding noise.
+    # The smallest basins are rounding noise.
     return np.maximum(areas, np.finfo(np.float64).tiny)
 
 
 MIXTURE: Final = (0.73, 0.41, 0.58, -0.36)
-"""How much of a flag's directions makes one: from the center of mass to the corner, along the edge,
-from the edge into the facet, and the facet's normal. It lies in no plane that an edge or a symmetry
-is likely to have."""
+"""Weights of a flag's directions in its direction aside: from the center of mass to the corner,
+along the edge, from the edge into the facet, and the facet's normal. The sum is unlikely to be in
+the plane of an edge or a symmetry."""
 
 MOST_FLAGS: Final = 64
-"""A body with more equivalent flags than this is moved to two sides only."""
+"""Most equivalent flags of which all are used; of more, only the first."""
 
 SAME: Final = 9
-"""Decimal digits to which lengths are compared that tell flags apart."""
+"""Decimal digits to which the lengths that distinguish flags are compared."""
 
 
 def aside_directions(hull: ConvexHull, center: Floats) -> Floats:
     """Directions (2 k, 3), unit vectors in opposite pairs, that a symmetry of the body permutes.
 
     A flag is a corner with an edge at it and a facet beside that edge. Flags that a symmetry maps
-    to each other have the same distances and areas; those with the rarest such set of numbers give
-    one direction each. A body without symmetry is moved along one line, a regular pyramid along as
-    many as it has symmetries. Where there are more than `MOST_FLAGS`, the first stands for all.
+    to each other have equal distances and areas; the flags with the rarest set of these numbers
+    give one direction each. A body without symmetry is moved along one line, a regular pyramid
+    along one for each of its symmetries. Of more than `MOST_FLAGS`, only the first is used.
 
     center: (3,) inside.
     """

@@ -1,10 +1,10 @@
-"""Great arcs that borders of basins are made of, and adaptive quadrature of many integrals at once,
-along them and over spherical triangles.
+"""Great arcs of the borders of basins, and adaptive quadrature of many integrals at once, along
+arcs and over spherical triangles.
 
-The rule is that of Kronrod with 15 points, and the error that of its 7 points by Gauss: where that
-is too large an interval is halved. A triangle is a square of a coordinate along the side opposite
-to its first corner and one toward that side, with the product of the rule, halved along whichever
-of the two is the worse.
+Intervals are integrated by Kronrod's rule with 15 points and halved where it differs too much from
+Gauss' rule with 7 of them. A triangle is the image of a square, with one coordinate along the side
+opposite to its first corner and one toward that side. It is integrated by the product of the rules
+and halved along the coordinate with the larger error.
 
 Source: Kronrod, "Nodes and weights of quadrature formulas", Consultants Bureau, 1965; Piessens et
 al., "QUADPACK", Springer, 1983.
@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.rest.basins import Basins
 from dicedesign.rest.morse import Separatrices
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
@@ -75,8 +74,8 @@ class Borders:
     Attributes
     ----------
     paths: the separatrices; lengths: (2 s, depth + 2) of the vectors to their points.
-    moving: (2 s, depth + 1) where a branch goes on, in whose order the n arcs are.
-    arcs: all that go on.
+    moving: (2 s, depth + 1) whether a segment of a branch has a length.
+    arcs: the n segments with a length, in the order of `moving`.
     """
 
     paths: Separatrices
@@ -92,33 +91,16 @@ class Borders:
         moving = norms(np.linalg.cross(a, b)) > 0.0
         return cls(paths, norms(points), moving, Arcs.between(a[moving], b[moving]))
 
-    @classmethod
-    def of_basins(cls, basins: Basins) -> Borders:
-        """Border arcs of a body's basins."""
-        return cls.of(basins.paths, basins.points)
-
-    def sums(self, values: Floats) -> Floats:
+    def sums(self, values: Floats, of_right: float = -1.0) -> Floats:
         """(k,) sums of values (n,) of the arcs over the borders of the basins, each arc with the
-        basin to its left, and with the other sign for the basin to its right."""
-        of_branch = self._by_branch(values)
-        across = of_branch[::2] - of_branch[1::2]
-        return self._by_basin(across, -across)
-
-    def totals(self, values: Floats) -> Floats:
-        """(k,) sums without signs."""
-        of_branch = self._by_branch(values)
-        across = of_branch[::2] + of_branch[1::2]
-        return self._by_basin(across, across)
-
-    def _by_branch(self, values: Floats) -> Floats:
+        basin to its left, and `of_right` times with the basin to its right."""
         filled = np.zeros(self.moving.shape)
         filled[self.moving] = values
-        return np.asarray(filled.sum(axis=1))
-
-    def _by_basin(self, left: Floats, right: Floats) -> Floats:
+        of_branch = filled.sum(axis=1)
+        across = of_branch[::2] + of_right * of_branch[1::2]
         sums = np.zeros(len(self.paths.rests))
-        np.add.at(sums, self.paths.basins[:, 0], left)
-        np.add.at(sums, self.paths.basins[:, 1], right)
+        np.add.at(sums, self.paths.basins[:, 0], across)
+        np.add.at(sums, self.paths.basins[:, 1], of_right * across)
         return sums
 
     def point_slopes(self, fluxes: Floats) -> Floats:
@@ -173,12 +155,12 @@ COARSE: Final = np.zeros(15)
 COARSE[1::2] = np.concatenate([_GAUSS, _GAUSS[-2::-1]]) / 2.0
 
 ROUNDED: Final = 16.0 * float(np.finfo(np.float64).eps)
-"""Error over the integral of the absolute value below which halving gains nothing."""
+"""Least error, relative to the integral of the absolute value, that halving can reach."""
 
 MOST_HALVINGS: Final = 60
 
 MOST_VALUES: Final = 8_000_000
-"""Values of an integrand on triangles after which the error is left as it is."""
+"""Most values of an integrand on triangles; then the error is accepted."""
 
 CHUNK: Final = 2_000
 """Triangles that are evaluated at once."""

@@ -28,17 +28,32 @@ from dicedesign.rest.prior import (
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 TOLERANCE: Final = 1e-15
-"""Of the integral along one arc."""
+"""Absolute error of the integral along one arc."""
 
 REACH: Final = 8.0
-"""Angle from the axis, over the width of the distribution, beyond which next to nothing lies."""
+"""Angle from the axis, over the width of the distribution, beyond which the density is
+negligible."""
 
 LARGEST: Final = 1e12
-"""Beyond it rounded directions are farther from the axis than the distribution is wide."""
+"""Largest concentration: beyond it the distribution is narrower than the rounding of directions."""
 
 
 @dataclass(frozen=True)
-class VonMisesFisher(DensityPrior):
+class _AxialPrior(DensityPrior):
+    """A density that depends on the angle to an axis (3,) alone."""
+
+    axis: Sequence[float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", tuple(axis_of(self.axis).tolist()))
+
+    @cached_property
+    def _axis(self) -> Floats:
+        return np.array(self.axis)
+
+
+@dataclass(frozen=True)
+class VonMisesFisher(_AxialPrior):
     """Directions about an axis, with a density in proportion to exp(concentration * cosine).
 
     Attributes
@@ -50,12 +65,10 @@ class VonMisesFisher(DensityPrior):
     Raises InputError for others.
     """
 
-    axis: Sequence[float]
     concentration: float
 
     def __post_init__(self) -> None:
-        axis = axis_of(self.axis)
-        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        super().__post_init__()
         concentration = self.concentration
         if not (is_finite_number(concentration) and 0.0 <= concentration <= LARGEST):
             raise InputError(
@@ -81,15 +94,11 @@ class VonMisesFisher(DensityPrior):
             length, over the wanted length."""
             return (k / 3.0 if k < 1e-3 else 1.0 / math.tanh(k) - 1.0 / k) - length
 
-        # Imported where it is needed: few fit a distribution.
+        # Imported late: rarely needed, and slow to load.
         from scipy.optimize import brentq
 
         most = LARGEST if excess(LARGEST) <= 0.0 else brentq(excess, 0.0, LARGEST, xtol=1e-300)
         return cls(mean.tolist(), float(most))
-
-    @cached_property
-    def _axis(self) -> Floats:
-        return np.array(self.axis)
 
     def _drop(self, directions: Floats) -> Floats:
         """1 - cosine of the angle to the axis, exact for small ones."""
@@ -98,9 +107,7 @@ class VonMisesFisher(DensityPrior):
 
     def density(self, directions: Floats) -> Floats:
         """(n,) density per steradian in unit directions (n, 3)."""
-        return self._of_drop(self._drop(directions))
-
-    def _of_drop(self, drop: Floats) -> Floats:
+        drop = self._drop(directions)
         if self.concentration == 0.0:
             return np.full(drop.shape, 1.0 / (4.0 * math.pi))
         scale = self.concentration / -math.expm1(-2.0 * self.concentration) / (2.0 * math.pi)
@@ -110,11 +117,11 @@ class VonMisesFisher(DensityPrior):
         """Probabilities of the rests: the uniform ones plus the flux of the density over the
         borders.
 
-        With the axis as pole, what a cap holds beyond its part of the sphere, over the square of
-        its sine, is smooth everywhere, and Stokes' theorem makes its integral along the border of a
-        basin that of the density over it (docs/method.md).
+        With the axis as pole, the excess of a cap's probability over its share of the sphere,
+        divided by the square of its sine, is smooth everywhere. By Stokes' theorem its integral
+        along the border of a basin is the excess of the basin (docs/method.md).
         """
-        borders = Borders.of_basins(basins)
+        borders = Borders.of(basins.paths, basins.points)
         arcs = borders.arcs
         height = arcs.pole @ self._axis
 
@@ -125,17 +132,19 @@ class VonMisesFisher(DensityPrior):
         values, errors = integrals(along, self._edges(arcs), TOLERANCE)
         probabilities = basins.areas / (4.0 * math.pi) + borders.sums(values[:, 0])
         rounding = np.finfo(np.float64).eps
-        return PriorProbabilities(np.maximum(probabilities, 0.0), borders.totals(errors) + rounding)
+        return PriorProbabilities(
+            np.maximum(probabilities, 0.0), borders.sums(errors, 1.0) + rounding
+        )
 
     def _excess(self, drop: Floats) -> Floats:
-        """What the cap up to a drop holds beyond its part of the sphere, over 2 pi and the square
-        of its sine."""
+        """Excess of the probability of the cap up to a drop over its share of the sphere, divided
+        by 2 pi and the square of its sine."""
         k = self.concentration
         if k == 0.0:
             return np.zeros(drop.shape)
         whole = -math.expm1(-2.0 * k)
         rest = 2.0 - drop
-        # Near the pole what the cap holds, near the antipode what it does not.
+        # Near the pole the probability of the cap, near the antipode of what is outside.
         with np.errstate(over="ignore"):
             held = -np.expm1(-k * drop) / whole - drop / 2.0
             left = rest / 2.0 + np.exp(-k * drop) * np.expm1(-k * rest) / whole
@@ -154,12 +163,19 @@ class VonMisesFisher(DensityPrior):
 
     def fluxes(self, arcs: Arcs) -> Floats:
         """See `DensityPrior`."""
+        tolerance = TOLERANCE * max(self.concentration, 1.0)
+        return _integrate_fluxes(self, arcs, self._edges(arcs), tolerance)
 
-        def along(rows: Integers, distance: Floats) -> Floats:
-            density = self._of_drop(self._drop(arcs.at(rows, distance)))
-            return density[..., None] * arcs.speeds(rows, distance)
 
-        return integrals(along, self._edges(arcs), TOLERANCE * max(self.concentration, 1.0))[0]
+def _integrate_fluxes(prior: DensityPrior, arcs: Arcs, edges: Floats, tolerance: float) -> Floats:
+    """Fluxes (n, 2) of `DensityPrior` over arcs; edges, tolerance: see `integrals`."""
+
+    def along(rows: Integers, distance: Floats) -> Floats:
+        directions = arcs.at(rows, distance).reshape(-1, 3)
+        density = prior.density(directions).reshape(distance.shape)
+        return density[..., None] * arcs.speeds(rows, distance)
+
+    return integrals(along, edges, tolerance)[0]
 
 
 def _axis_and_number(text: str) -> tuple[list[float], float]:
@@ -177,11 +193,11 @@ VON_MISES_FISHER = PriorKind(
 
 
 LEAST_DEG = 1e-4
-"""Below it a cap is no wider than rounding lets it be measured."""
+"""Least angle of a cap, in degrees, above its rounding."""
 
 
 @dataclass(frozen=True)
-class SphericalCap(DensityPrior):
+class SphericalCap(_AxialPrior):
     """All directions within an angle of an axis, equally likely.
 
     Attributes
@@ -192,22 +208,16 @@ class SphericalCap(DensityPrior):
     Raises InputError for others.
     """
 
-    axis: Sequence[float]
     angle_deg: float = 90.0
 
     def __post_init__(self) -> None:
-        axis = axis_of(self.axis)
-        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        super().__post_init__()
         angle = self.angle_deg
         if not (is_finite_number(angle) and LEAST_DEG <= angle <= 180.0):
             raise InputError(
                 f"prior: expected an angle from {LEAST_DEG:g} to 180 degrees, got "
                 f"{angle!r}; 90 is half of all directions"
             )
-
-    @cached_property
-    def _axis(self) -> Floats:
-        return np.array(self.axis)
 
     @property
     def _angle(self) -> float:
@@ -224,9 +234,10 @@ class SphericalCap(DensityPrior):
         return np.where(apart <= 2.0 * math.sin(self._angle / 2.0), self._inside, 0.0)
 
     def probabilities(self, basins: Basins) -> PriorProbabilities:
-        """Probabilities of the rests, in closed form: borders are clipped at the cap's, and of each
-        piece the triangle with the axis counts inside, and that with its antipode outside."""
-        borders = Borders.of_basins(basins)
+        """Probabilities of the rests, in closed form: borders are cut at the cap's border; a piece
+        inside counts by its triangle with the axis, a piece outside by its triangle with the
+        antipode."""
+        borders = Borders.of(basins.paths, basins.points)
         arcs = borders.arcs
         ends, inside = self._pieces(arcs)
         points = arcs.at(np.arange(len(ends)), ends)
@@ -236,12 +247,12 @@ class SphericalCap(DensityPrior):
         even = 1.0 / (4.0 * math.pi)
         pieces = np.where(inside, (self._inside - even) * near, -even * far)
         probabilities = basins.areas * even + borders.sums(pieces.sum(axis=1))
-        rounding = np.finfo(np.float64).eps * (1.0 + borders.totals(np.abs(pieces).sum(axis=1)))
+        rounding = np.finfo(np.float64).eps * (1.0 + borders.sums(np.abs(pieces).sum(axis=1), 1.0))
         return PriorProbabilities(np.maximum(probabilities, 0.0), rounding)
 
     def _pieces(self, arcs: Arcs) -> tuple[Floats, Booleans]:
-        """(n, 8) ascending distances between which arcs are in the cap or out of it, and (n, 7)
-        whether they are."""
+        """(n, 8) ascending distances that divide arcs into pieces inside and outside the cap, and
+        (n, 7) whether each is inside."""
         near = arcs.nearest(self._axis)
         height = arcs.pole @ self._axis
         # Angle of the axis from the plane of each arc, and from there to the cap's border.
@@ -277,21 +288,21 @@ HALF = PriorKind(
 )
 CAP = PriorKind(
     name="cap",
-    line="the same within another angle, in degrees",
+    line="uniform within an angle of the axis, in degrees",
     form="cap:x,y,z:ANGLE",
     read=lambda text: SphericalCap(*_axis_and_number(text)),
 )
 
 
 CUBATURE_TOLERANCE: Final = 1e-13
-"""Of all integrals together, over that of the sphere; rough densities end with a larger error,
-which is told."""
+"""Absolute error of all integrals together, relative to the integral over the sphere. Rough
+densities have a larger one, which is reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class DensityFunction(DensityPrior):
     """Any density of directions, by adaptive cubature over the basins. A peak far narrower than a
-    degree may be missed, as by all that looks at some directions only.
+    degree may be missed.
 
     Attributes
     ----------
@@ -344,7 +355,7 @@ class DensityFunction(DensityPrior):
         (whole, whole_error), paths = self._whole, basins.paths
         if len(paths.rests) == 1:
             return PriorProbabilities(np.ones(1), np.zeros(1))
-        borders = Borders.of_basins(basins)
+        borders = Borders.of(basins.paths, basins.points)
         normals = basins.equilibria.hull.normals[paths.rests]
         references = basin_references(paths, basins.points, normals)
         masses, errors = np.zeros(len(normals)), np.zeros(len(normals))
@@ -366,21 +377,15 @@ class DensityFunction(DensityPrior):
         if total == 0.0:
             raise InputError(
                 "prior: expected a density that is above 0 on more than a speck of the sphere, got "
-                "one that is found on none of the basins; take VonMisesFisher or SphericalCap"
+                "one that is 0 on all basins; take VonMisesFisher or SphericalCap"
             )
         probabilities = masses / total
-        # What one of the two sums has missed.
+        # Error of one of the two sums.
         apart = abs(total - whole) / max(total, whole)
         errors = (errors + probabilities * whole_error) / max(total, whole) + apart
         return PriorProbabilities(probabilities, np.minimum(errors, 1.0))
 
     def fluxes(self, arcs: Arcs) -> Floats:
         """See `DensityPrior`."""
-
-        def along(rows: Integers, distance: Floats) -> Floats:
-            directions = arcs.at(rows, distance).reshape(-1, 3)
-            density = self.density(directions).reshape(distance.shape)
-            return density[..., None] * arcs.speeds(rows, distance)
-
         edges = np.stack([np.zeros(len(arcs.length)), arcs.length], axis=1)
-        return integrals(along, edges, CUBATURE_TOLERANCE)[0]
+        return _integrate_fluxes(self, arcs, edges, CUBATURE_TOLERANCE)

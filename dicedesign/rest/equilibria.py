@@ -2,23 +2,23 @@
 
 Three signs decide everything: whether distance from the center of mass grows along a half-edge,
 on which side of a facet's edge the foot of the center of mass lies, and (in `tracing`) on which
-side of a facet normal a path passes. Where rounding could change one it is found in integers
+side of a facet normal a path passes. Where rounding could change a sign it is computed in integers
 (`ExactSigns`): every decision is the sign of a polynomial in coordinates."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from math import gcd
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import InputError, OutsideHullError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.predicates import IntegerPoints, Vector, area_vector, cross, dot, minus
+from dicedesign.geometry.predicates import Exact, IntegerPoints, area_vector
 from dicedesign.geometry.sphere import foot_on_line, norms
 from dicedesign.kernels import ops as kernels
 from dicedesign.kernels.ops import Tie
@@ -31,8 +31,8 @@ class Surroundings(NamedTuple):
 
     Attributes
     ----------
-    facet: the one whose plane lies lowest above the center of mass.
-    height: how far, negative where the center is outside.
+    facet: the facet whose plane is nearest to the center of mass, or farthest inside of it.
+    height: distance of the center from this plane, negative outside.
     offset: largest difference of a coordinate of a vertex from the mean of all vertices.
     far: largest coordinate of vertices and center of mass.
     extent: largest extent of the vertices along an axis.
@@ -66,32 +66,35 @@ class ExactSigns:
 
     def __init__(self, hull: ConvexHull, center: NDArray[np.float64]) -> None:
         self._hull = hull
-        self._integers = IntegerPoints(np.concatenate([hull.vertices, center[None]]))
-        self._vectors: dict[int, Vector] = {}
-        self._normals: dict[int, Vector] = {}
+        self._center = center
 
-    def growth(self, half_edge: int) -> int:
-        """1 if distance from c grows along a half-edge at its start, else -1."""
-        p = int(self._hull.tail[half_edge])
-        return _sign(dot(self._radius(p), self._edge(half_edge)))
+    @cached_property
+    def _radii(self) -> Exact:
+        """(n, 3) vertices relative to the center of mass."""
+        points = IntegerPoints(np.concatenate([self._hull.vertices, self._center[None]]))[:]
+        return points[:-1] - points[-1]
 
-    def side(self, half_edge: int) -> int:
-        """1 if the foot of c on the half-edge's facet is inside of the edge, else -1."""
-        p = int(self._hull.tail[half_edge])
-        normal = self._area_vector(int(self._hull.facet[half_edge]))
-        across = cross(self._edge(half_edge), normal)
-        return _sign(dot(self._radius(p), across))
+    def growth(self, half_edges: Integers) -> Integers:
+        """(k,) 1 where distance from c grows along half-edges (k,) at their starts, else -1."""
+        radii = self._radii[self._hull.tail[half_edges]]
+        return _signs((radii * self._edges(half_edges)).sum(-1))
+
+    def side(self, half_edges: Integers) -> Integers:
+        """(k,) 1 where the foot of c on the facets of half-edges (k,) is inside of these, else
+        -1."""
+        across = np.cross(self._edges(half_edges), self._normals(self._hull.facet[half_edges]))
+        return _signs((self._radii[self._hull.tail[half_edges]] * across).sum(-1))
 
     def ascend(self, elements: Equilibria, saddle: int, vertex: int) -> tuple[list[int], int]:
         """Half-edges that the flow line from a saddle's half-edge into the cell of one of its ends
         crosses uphill, and the maximum it ends at."""
-        v = self._edge(saddle)
-        u = _project(self._radius(int(self._hull.tail[saddle])), v, v)
+        v = self._edges(saddle)
+        u = _project(self._radii[self._hull.tail[saddle]], v, v)
         crossed = []
         while not elements.maximum[vertex]:
-            r = self._radius(vertex)
-            edge = self._exit(elements, vertex, cross(u, r), elements.ascending)
-            u = _project(u, r, self._edge(edge))
+            r = self._radii[vertex]
+            edge = self._exit(vertex, np.cross(u, r), elements.ascending)
+            u = _project(u, r, self._edges(edge))
             crossed.append(edge)
             vertex = int(self._hull.head[edge])
         return crossed, vertex
@@ -99,80 +102,49 @@ class ExactSigns:
     def descend(self, elements: Equilibria, facet: int) -> int:
         """Facet that a body slides to, over a hinge edge, which tips from a facet onto a vertex."""
         vertex = int(elements.roll_vertex[facet])
-        u = self._area_vector(facet)
+        u = self._normals([facet])[0]
         while True:
-            r = self._radius(vertex)
-            edge = self._exit(elements, vertex, cross(r, u), elements.descending)
-            x, y, z = _project(u, r, self._edge(edge))
-            u = -x, -y, -z
+            r = self._radii[vertex]
+            edge = self._exit(vertex, np.cross(r, u), elements.descending)
+            u = -_project(u, r, self._edges(edge))
             if elements.hinge[edge]:
                 break
             vertex = int(self._hull.head[edge])
         twin = int(self._hull.twin[edge])
-        if elements.side_sign[edge] < 0:
-            return int(self._hull.facet[twin])
-        if elements.side_sign[twin] < 0:
-            return int(self._hull.facet[edge])
-        left = _sign(dot(r, cross(self._edge(edge), u))) > 0
-        return int(self._hull.facet[edge if left else twin])
+        to_left = r @ np.cross(self._edges(edge), u) > 0 or elements.side_sign[twin] < 0
+        return int(self._hull.facet[edge if to_left and elements.side_sign[edge] > 0 else twin])
 
-    def _exit(
-        self,
-        elements: Equilibria,
-        vertex: int,
-        left_of_travel: Vector,
-        allowed: Booleans,
-    ) -> int:
-        """As `exit_half_edges`, for one line."""
+    def _exit(self, vertex: int, left_of_travel: Exact, allowed: Booleans) -> int:
+        """Half-edge as `exit_half_edges` finds it, for one line."""
         hull = self._hull
         start, order = hull.outgoing
-        candidates = [int(e) for e in order[start[vertex] : start[vertex + 1]] if allowed[e]]
-        for edge in candidates:
-            twin = int(hull.twin[edge])
-            first = not allowed[hull.next[twin]]
-            last = not allowed[hull.twin[hull.previous[edge]]]
-            right_corner, left_corner = int(hull.facet[twin]), int(hull.facet[edge])
-            if (first or self._beside(left_of_travel, right_corner) < 0) and (
-                last or self._beside(left_of_travel, left_corner) > 0
-            ):
-                return edge
-        # Only around facets that are flat no further than a tolerance.
-        return candidates[0]
+        edges = order[start[vertex] : start[vertex + 1]]
+        edges = edges[allowed[edges]]
+        twins = hull.twin[edges]
+        first = ~allowed[hull.next[twins]]
+        last = ~allowed[hull.twin[hull.previous[edges]]]
+        right, left = (self._normals(hull.facet[each]) @ left_of_travel for each in (twins, edges))
+        # None leaves only around facets that are flat no further than a tolerance: the first then.
+        return int(edges[np.argmax((first | (right <= 0)) & (last | (left > 0)))])
 
-    def _beside(self, left_of_travel: Vector, facet: int) -> int:
-        return _sign(dot(left_of_travel, self._area_vector(facet)))
+    def _edges(self, half_edges: Integers | int) -> Exact:
+        """(k, 3) vectors along half-edges (k,)."""
+        return self._radii[self._hull.head[half_edges]] - self._radii[self._hull.tail[half_edges]]
 
-    def _radius(self, vertex: int) -> Vector:
-        if vertex not in self._vectors:
-            origin = self._integers[len(self._hull.vertices)]
-            self._vectors[vertex] = minus(self._integers[vertex], origin)
-        return self._vectors[vertex]
-
-    def _edge(self, half_edge: int) -> Vector:
-        hull = self._hull
-        return minus(
-            self._radius(int(hull.head[half_edge])), self._radius(int(hull.tail[half_edge]))
-        )
-
-    def _area_vector(self, facet: int) -> Vector:
-        """Normal of a facet's polygon, times twice its area."""
-        if facet not in self._normals:
-            start, end = self._hull.facet_start[facet], self._hull.facet_start[facet + 1]
-            polygon = self._hull.tail[start:end]
-            self._normals[facet] = area_vector([self._radius(int(p)) for p in polygon])
-        return self._normals[facet]
+    def _normals(self, facets: Iterable[int]) -> Exact:
+        """(k, 3) normals of facets (k,), times twice their areas."""
+        start, tail = self._hull.facet_start, self._hull.tail
+        return np.array([area_vector(self._radii[tail[start[f] : start[f + 1]]]) for f in facets])
 
 
-def _sign(value: int) -> int:
-    return 1 if value > 0 else -1
+def _signs(values: NDArray[Any]) -> Integers:
+    return np.where(values > 0, 1, -1)
 
 
-def _project(u: Vector, along: Vector, normal: Vector) -> Vector:
+def _project(u: Exact, along: Exact, normal: Exact) -> Exact:
     """`geometry.sphere.oblique_projection`, with common factors taken out."""
-    scale, shift = dot(along, normal), dot(u, normal)
-    x, y, z = (a * scale - b * shift for a, b in zip(u, along, strict=True))
-    common = gcd(x, y, z) or 1
-    return x // common, y // common, z // common
+    moved: Exact = u * (along @ normal) - along * (u @ normal)
+    return moved // (gcd(*moved) or 1)
 
 
 @dataclass(frozen=True)
@@ -222,7 +194,7 @@ class Equilibria:
 
     @cached_property
     def ascending(self) -> Booleans:
-        """(h,) True where an ascending path may leave the cell of p for that of q."""
+        """(h,) whether an ascending path may go from the cell of p to the cell of q."""
         return self.growth_sign > 0
 
     @cached_property
@@ -257,24 +229,24 @@ class Equilibria:
         return self._certain_signs(self.side, bound, self.exact.side)
 
     def _certain_signs(
-        self, values: Floats, bounds: Floats, exact: Callable[[int], int]
+        self, values: Floats, bounds: Floats, exact: Callable[[Integers], Integers]
     ) -> Integers:
         """Signs of values (h,), rounded by up to bounds (h,), that change with c by at most the
         half-edge's length for a unit move."""
         reach = bounds + self.tie_distance * self.edge_lengths
         unsure = np.flatnonzero(np.abs(values) <= reach)
         self.settle(len(unsure) == 0)
-        signs = np.where(values > 0.0, 1, -1)
-        for index in unsure:
-            signs[index] = exact(int(index))
+        signs = _signs(values)
+        if len(unsure):
+            signs[unsure] = exact(unsure)
         return signs
 
     def remember(self, growth_sign: Integers, side_sign: Integers) -> None:
-        """Take the signs (h,) of half-edges that were found elsewhere."""
+        """Store the signs (h,) of half-edges that a kernel computed."""
         self.__dict__.update(growth_sign=growth_sign, side_sign=side_sign)
 
     def settle(self, certain: bool) -> None:
-        """Raise `Tie` unless certain or ties are not looked for."""
+        """Raise `Tie` unless certain or the tie distance is 0."""
         if not certain and self.tie_distance > 0.0:
             raise Tie
 
@@ -348,7 +320,7 @@ def classify(hull: ConvexHull, center_of_mass: ArrayLike, tie_distance: float = 
     Raises
     ------
     InputError: the center is not three finite numbers.
-    OutsideHullError: the center lies on the boundary or outside.
+    OutsideHullError: the center is on the boundary or outside.
     """
     center = np.require(center_of_mass, np.float64, ["C", "ALIGNED"])
     if center.shape != (3,) or not np.isfinite(center).all():

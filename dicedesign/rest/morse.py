@@ -1,7 +1,7 @@
 """The Morse-Smale complex of the support function: which separatrices divide which basins.
 
-Of separatrices only integers are found (`Separatrices`); `separatrix_points` turns them into
-points, and `border_areas` these into areas, with formulas that NumPy and torch share.
+Separatrices are stored as integers (`Separatrices`); `separatrix_points` turns them into points,
+and `border_areas` points into areas, with formulas that NumPy and torch share.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from dicedesign.tolerances import NEAR_ANTIPODE
 class Separatrices(kernels.Handled):
     """The ascending separatrices of the saddles that divide two basins, as integers.
 
-    Branch 2 s runs from saddle s into the cell of its half-edge's head, branch 2 s + 1 into that
-    of its tail.
+    Branch 2 s runs from saddle s into the cell of its half-edge's head, branch 2 s + 1 into the
+    cell of its tail.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Separatrices(kernels.Handled):
 
     @cached_property
     def handle(self) -> Any:
-        """These separatrices as kernels take them."""
+        """C++ handle of these separatrices for kernels."""
         return kernels.new_handle(
             "Paths",
             self.rests,
@@ -69,7 +69,7 @@ class Separatrices(kernels.Handled):
 
     @cached_property
     def lengths(self) -> Integers:
-        """(2 s,) how many edges a branch crosses."""
+        """(2 s,) number of edges that each branch crosses."""
         return np.diff(self.branch_start)
 
     @cached_property
@@ -85,8 +85,8 @@ class Separatrices(kernels.Handled):
 def separatrices(equilibria: Equilibria) -> Separatrices:
     """Find the separatrices that divide basins (algorithm 3, lines 2 to 27).
 
-    Saddles whose two sides roll to the same facet are not traced. Raises `Tie` where ties are
-    looked for and the body is tied.
+    Saddles whose two sides roll to one facet are not traced. Raises `Tie` if the tie distance is
+    above 0 and the body is tied.
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     answer = kernels.separatrices(*body)
@@ -96,7 +96,7 @@ def separatrices(equilibria: Equilibria) -> Separatrices:
         paths = Separatrices(*arrays)
         paths.__dict__["handle"] = handle
         return paths
-    # As kernels do it, with exact arithmetic where rounding leaves a decision open.
+    # As in the kernels, with exact arithmetic where rounding leaves a decision open.
     hull = equilibria.hull
     rests = np.flatnonzero(equilibria.stable)
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
@@ -133,7 +133,7 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
     tail, head = paths.saddle_ends[:, 0], paths.saddle_ends[:, 1]
     v = vertices[head] - vertices[tail]
     saddle = foot_on_line(radii[tail], radii[head], v, xp)
-    # The products along a branch would be no floats for bodies of extreme sizes.
+    # Without this the products along a branch would overflow for bodies of extreme sizes.
     saddle = saddle / xp.sqrt((saddle * saddle).sum(-1))[:, None]
     point = xp.stack([saddle, saddle], 1).reshape(-1, 3)
     points = [point]
@@ -152,8 +152,8 @@ def separatrix_points(paths: Separatrices, vertices: Any, center: Any, xp: Modul
 def basin_references(paths: Separatrices, points: Floats, normals: Floats) -> Floats:
     """A direction for each basin from which its area can be measured without cancellation.
 
-    That is its rest's normal, unless the antipode lies near the basin's border: a triangle between
-    nearly opposite directions has no area to speak of. Then it is the coordinate direction whose
+    It is the rest's normal, unless the antipode is near the basin's border: the area of a triangle
+    between nearly opposite directions is ill-conditioned. Then it is the coordinate direction whose
     antipode is farthest from the border.
 
     points: (2 s, depth + 2, 3) from `separatrix_points`; normals: (k, 3). Returns (k, 3).
@@ -211,8 +211,8 @@ def signed_areas(paths: Separatrices, points: NDArray[Any], references: Floats) 
 def wraps(areas: Floats) -> Integers:
     """Multiples of 4 pi (k,) to add to signed areas (k,) so that they become the basins' areas.
 
-    A basin that contains the antipode of its own normal comes out too small by 4 pi; the sum tells
-    how many such basins there are, and they are the most negative ones.
+    The area of a basin that contains the antipode of its own normal is too small by 4 pi. The sum
+    of areas gives the number of these basins, and they are the most negative ones.
     """
     missing = round(1.0 - float(areas.sum()) / (4.0 * np.pi))
     added = np.zeros(len(areas), dtype=np.int64)
@@ -221,14 +221,14 @@ def wraps(areas: Floats) -> Integers:
 
 
 SHORT_ARC: Final = 1e-24
-"""Squared sine of an arc below which its chord takes its place."""
+"""Squared sine below which an arc is replaced by its chord."""
 
 
 def basin_moments(paths: Separatrices, points: Any, xp: ModuleType) -> Any:
     """(k, 3) integrals of the direction over each basin, which point to the basins' barycenters.
 
     An arc of angle t in a plane with unit normal m, counter-clockwise about the basin, contributes
-    m t / 2, by Stokes' theorem; so no more than the border is needed.
+    m t / 2, by Stokes' theorem.
 
     paths: the separatrices; points: (2 s, depth + 2, 3) on them, from `separatrix_points`, NumPy or
     torch as `xp` says.

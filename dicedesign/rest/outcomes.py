@@ -1,9 +1,9 @@
-"""The rule from rests to outcomes, for every kind of die; and rests of outcomes that were counted.
+"""Outcomes of rests, for every kind of die; and rests of outcomes that were counted.
 
-An outcome is where somebody meant it to be, a direction that is down then. Its own rest is the most
-probable within `SAME_REST_ANGLE` of that direction; every rest within the same angle of an
-outcome's own rest counts for it, of the nearest one if there are several, as one facet that broke
-in two is one to the eye. All other rests are elsewhere.
+An outcome has a direction that is meant to be down. Its own rest is the most probable one within
+`SAME_REST_ANGLE` of that direction. Every rest within this angle of an outcome's own rest counts
+for it, for the nearest one if there are several: one facet that broke in two is one to the eye. All
+other rests are elsewhere.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ class OutcomeProbabilities:
         return float(np.abs(self.probabilities - target).max())
 
     def error(self, target: Floats) -> float:
-        """The larger of that and of the probabilities elsewhere."""
+        """The larger of `max_abs_error` and `elsewhere`."""
         return max(self.max_abs_error(target), self.elsewhere)
 
 
 def outcome_probabilities(poses: RestPoses, directions: Floats) -> OutcomeProbabilities:
-    """Probabilities of the outcomes of a body, whose directions (k, 3), unit, are down in them."""
+    """Probabilities of the outcomes of a body, for outcome directions (k, 3), unit."""
     return assign_rests(poses.normals, poses.probabilities, directions)
 
 
@@ -69,12 +69,12 @@ def assign_rests(
 ) -> OutcomeProbabilities:
     """Outcomes of rests with normals (r, 3) and probabilities (r,), for outcome directions (k, 3).
 
-    Where no rest is within `SAME_REST_ANGLE` of an outcome's direction, its own is the nearest of
-    the rests that are nearer to it than to any other direction; without any of those it has none.
+    Where no rest is within `SAME_REST_ANGLE` of an outcome's direction, its own rest is the nearest
+    of the rests that are nearer to it than to any other direction, if there are any.
     """
     angles = angle_between(normals[:, None, :], directions[None, :, :])
     own = angles.argmin(axis=1)[:, None] == np.arange(len(directions))
-    # Being near is worth more than any probabilities, these more than any angle.
+    # Near rests before others; among near rests by probability, among others by angle.
     worth = np.where(angles <= SAME_REST_ANGLE, np.pi + probabilities[:, None], np.pi - angles)
     worth = np.where(own, worth, -1.0)
     main = np.where(own.any(axis=0), worth.argmax(axis=0), -1)
@@ -107,8 +107,8 @@ def asymmetry(poses: RestPoses) -> float:
     """The asymmetry rho of a body, 0 to 1/2 times the number of pairs of neighboring basins.
 
     A pair counts once, at the lowest saddle of its border, over which a body rolls at the least
-    speed. With every saddle counted, a coin would have the more the more corners it is drawn with:
-    0.56 for 40 in place of 0.014.
+    speed. If every saddle counted, the asymmetry of a coin would grow with the corners of its
+    polygon: 0.56 for 40 in place of 0.014.
 
     Source: eq. 20, 21.
     """
@@ -116,7 +116,7 @@ def asymmetry(poses: RestPoses) -> float:
     pairs = np.sort(morse.saddle_basins, axis=1)
     heights = (morse.equilibria.radii @ morse.saddles.T).max(axis=0)
     lowest_first = np.argsort(heights, kind="stable")
-    # The first of each pair is kept.
+    # The first of each pair.
     _, first = np.unique(pairs[lowest_first], axis=0, return_index=True)
     saddles = lowest_first[first]
     basins = pairs[saddles]
@@ -127,15 +127,15 @@ def asymmetry(poses: RestPoses) -> float:
 
 
 def border_margins(poses: RestPoses) -> Floats:
-    """(k,) least angle in radians from each rest's normal to the border of its basin, at saddles or
-    anywhere else; pi for a body with one rest."""
+    """(k,) least angle in radians from each rest's normal to the border of its basin; pi for a body
+    with one rest."""
     a, b = poses.morse.branches[:, :-1], poses.morse.branches[:, 1:]
     plane = np.linalg.cross(a, b)
     margins = np.full(len(poses.normals), np.pi)
     for basins in poses.morse.saddle_basins.T:
         basin = np.repeat(basins, 2)
         normal = poses.normals[basin][:, None]
-        # The foot on the great circle counts if it lies on the arc.
+        # The foot on the great circle counts if it is on the arc.
         above = (np.linalg.cross(plane, a) * normal).sum(-1) > 0.0
         below = (np.linalg.cross(b, plane) * normal).sum(-1) > 0.0
         height = np.arctan2(np.abs((plane * normal).sum(-1)), norms(np.linalg.cross(plane, normal)))
@@ -160,8 +160,8 @@ class OutcomeGroups:
 
 
 def facet_of_rest(normals: Floats, shown: Floats) -> Integers:
-    """(k,) the facet that each rest is on: the nearest, unless it is farther from the rest than
-    `SAME_REST_ANGLE`, then -1. normals: (k, 3) of the rests; shown: (f, 3) of the facets."""
+    """(k,) the facet of each rest: the nearest one, or -1 if its normal is farther from the rest's
+    than `SAME_REST_ANGLE`. normals: (k, 3) of the rests; shown: (f, 3) of the facets."""
     if len(shown) == 0:
         return np.full(len(normals), -1)
     angles = angle_between(normals[:, None], shown[None])
@@ -195,12 +195,12 @@ def match_by_normals(normals: Floats, shown: Floats, outcomes: Sequence[int]) ->
 def match_by_probability(
     name: str, normals: Floats, probabilities: Floats, wanted: ArrayLike
 ) -> OutcomeGroups:
-    """Groups of outcomes of which no more is known than their probabilities without momentum.
+    """Groups of outcomes that are known only by their probabilities without momentum.
 
-    Rests whose normals are closest are joined until there are as many as outcomes: a facet that
-    broke in two is one to the eye. Then the most probable outcome is the most probable rest, and so
-    on. Outcomes whose probabilities differ by no more than this match is wrong by cannot be told
-    apart, and come into one group.
+    Rests with the closest normals are joined until there is one for each outcome: a facet that
+    broke in two is one to the eye. The most probable outcome is the most probable rest, and so on.
+    Outcomes whose probabilities differ by no more than the largest mismatch cannot be
+    distinguished, and form one group.
 
     Parameters
     ----------
@@ -217,8 +217,7 @@ def match_by_probability(
     if len(probabilities) < len(given):
         raise InputError(
             f"{name}: expected at least as many rests as outcomes, got {len(probabilities)} rests "
-            "for "
-            f"{len(given)} outcomes; correct the mesh or join outcomes"
+            f"for {len(given)} outcomes; correct the mesh or join outcomes"
         )
     part = np.arange(len(normals))
     angles = angle_between(normals[:, None], normals[None])
@@ -235,9 +234,8 @@ def match_by_probability(
         raise InputError(
             f"{name}: expected rests with the geometric probabilities of the outcomes to within "
             f"{MATCHED_PROBABILITIES:g}, got {sums[parts][worst]:.4f} for "
-            f"{given[places][worst]:.4f}; "
-            "correct the probabilities, or give the center of mass in a column com, or leave the "
-            "die out"
+            f"{given[places][worst]:.4f}; correct the probabilities, or give the center of mass in "
+            "a column com, or leave the die out"
         )
     apart = -np.diff(given[places]) > max(off, EQUAL_PROBABILITIES)
     group_of_place = np.concatenate([[0], np.cumsum(apart)])

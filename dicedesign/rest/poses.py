@@ -1,4 +1,4 @@
-"""Resting poses of a body: the forward model's answer."""
+"""Resting poses of a body with their probabilities: the result of the forward model."""
 
 from __future__ import annotations
 
@@ -30,36 +30,21 @@ Seed = int | np.random.Generator | None
 
 
 class SampledPoses(NamedTuple):
-    """Poses of one body that lies about.
+    """Poses of one body, drawn by their probabilities.
 
     Attributes
     ----------
     transforms: (n, 4, 4) rigid motions that stand the body on the plane z = 0 with the center of
         mass on the z axis, turned about that axis by any angle, all equally probable.
-    rests: (n,) which of the body's rests each is, counted from 0, the most probable first.
+    rests: (n,) the rest of each, numbered from 0, the most probable first.
     """
 
     transforms: Floats
     rests: Integers
 
 
-def sample_poses(probabilities: Floats, transforms: Floats, n: int, rng: Seed) -> SampledPoses:
-    """Draw from the poses of transforms (k, 4, 4), which have probabilities (k,); see
-    `RestPoses.sample`."""
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 0 <= n <= MOST_COUNT:
-        raise InputError(
-            f"n: expected a whole number from 0 to {MOST_COUNT}, got {n!r}; ask for others"
-        )
-    chance = generator_of(rng)
-    # Searching the sums in the rests' own order, so that one draw is one number.
-    ends = np.cumsum(probabilities)
-    rests = np.searchsorted(ends, ends[-1] * chance.random(n), side="right")
-    rests = np.minimum(rests, len(ends) - 1).astype(np.int64)
-    return SampledPoses(turn_about_z(transforms[rests], 2.0 * math.pi * chance.random(n)), rests)
-
-
 def generator_of(rng: Seed) -> np.random.Generator:
-    """The generator that a seed begins. Raises InputError for what is neither."""
+    """Random generator of a seed, or a given generator. Raises InputError for anything else."""
     if isinstance(rng, bool) or (isinstance(rng, int | np.integer) and rng < 0):
         raise InputError(f"rng: expected a seed of at least 0, got {rng!r}; choose another")
     if not (rng is None or isinstance(rng, int | np.integer | np.random.Generator)):
@@ -70,26 +55,15 @@ def generator_of(rng: Seed) -> np.random.Generator:
     return np.random.default_rng(rng)
 
 
-def turn_about_z(transforms: Floats, angles: Floats) -> Floats:
-    """Motions (n, 4, 4), followed by turns about the z axis by angles (n,) in radians."""
-    turns = np.zeros((len(angles), 4, 4))
-    cosines, sines = np.cos(angles), np.sin(angles)
-    turns[:, 0, 0], turns[:, 0, 1] = cosines, -sines
-    turns[:, 1, 0], turns[:, 1, 1] = sines, cosines
-    turns[:, 2, 2] = turns[:, 3, 3] = 1.0
-    return turns @ transforms
-
-
 TIED = (
     "the body balances somewhere to within rounding; the probabilities are the mean of those with "
-    "its "
-    "center of mass moved aside by a hair, to opposite sides"
+    "its center of mass moved slightly aside, to opposite sides"
 )
 """Note on a body with ties."""
 
 UNEVEN = (
-    "some facets are no wider, or bend by no more, than they are uneven, so that others were made "
-    "of the hull's corners; another coplanar tolerance may say more"
+    "some facets are no wider, or bend by no more, than they are uneven, so that the hull was made "
+    "again from its corners; another coplanar tolerance may say more"
 )
 """Note on a body whose facets could not be distinguished where it mattered."""
 
@@ -145,7 +119,7 @@ class MorseComplex:
 
 @dataclass(frozen=True, eq=False)
 class RestPoses:
-    """All rests of a body, the most probable first. What is not stored is computed when asked for.
+    """All rests of a body, the most probable first. Further properties are computed on first use.
 
     Attributes
     ----------
@@ -155,10 +129,10 @@ class RestPoses:
     center_of_mass: (3,) and the source it came from in words.
     notes: what was repaired or assumed on the way.
     seconds: wall-clock seconds spent on "hull" and on "rest".
-    basins: of the body, or of a tied one those of bodies beside it (`find_basins`).
-    prior: the distribution of orientations at first; None where all are equally likely.
-    errors: (k,) by how much each probability may be off under a prior, by estimate; None without
-        one, where they are areas, exact to rounding.
+    basins: of the body, or, if it is tied, of bodies beside it (`find_basins`).
+    prior: distribution of the initial orientations; None where all are equally likely.
+    errors: (k,) estimated errors of the probabilities under a prior; None without one, where they
+        are exact to rounding.
     """
 
     hull: ConvexHull
@@ -177,7 +151,7 @@ class RestPoses:
 
     def _repr_html_(self) -> str:
         """HTML of the hull to turn and a table of the rests, for notebooks."""
-        # By its address, as pictures are drawn on a higher floor.
+        # Imported by its address, as `report` is on a higher floor.
         return str(import_module("dicedesign.report.notebook").poses_html(self))
 
     def under(self, prior: Prior | str | None) -> RestPoses:
@@ -198,7 +172,7 @@ class RestPoses:
             facets, areas, _ = _combine_sides(self.basins)
             parts[facets] = areas / (4.0 * np.pi)
             return self._with_probabilities(None, parts[self.facets], None)
-        # Imported here, as most queries do without.
+        # Imported late: most queries do not need it.
         from dicedesign.rest.prior import prior_of
 
         prior = prior_of(prior)
@@ -228,7 +202,7 @@ class RestPoses:
 
     @cached_property
     def areas(self) -> Floats:
-        """(k,) areas of the facets stood on, in squared length units."""
+        """(k,) areas of the stable facets, in squared length units."""
         return self.hull.areas[self.facets]
 
     @cached_property
@@ -243,7 +217,7 @@ class RestPoses:
 
     @cached_property
     def morse(self) -> MorseComplex:
-        """The Morse-Smale complex; for a tied body, that of one side."""
+        """The Morse-Smale complex; for a tied body, of one side."""
         side = self.basins[0]
         place = np.full(len(self.hull.normals), -1, dtype=np.int64)
         place[self.facets] = np.arange(len(self.facets))
@@ -255,7 +229,7 @@ class RestPoses:
             saddle_basins=place[side.paths.rests][side.paths.basins],
             maxima=unit_vectors(radii[side.equilibria.maximum]),
             branches=unit,
-            # A balance that no basin depends on is none to give up for when bodies are rolled.
+            # A balance that no basin depends on must not stop bodies from rolling.
             equilibria=replace(side.equilibria, tie_distance=0.0),
             rest_facets=self.facets,
         )
@@ -273,12 +247,25 @@ class RestPoses:
         )
 
     def sample(self, n: int, rng: Seed = None) -> SampledPoses:
-        """Draw n poses, each rest as often as it is probable, with any heading.
+        """Draw n poses by their probabilities, with random headings.
 
         rng: a seed, a `numpy.random.Generator` to draw from, or None for other poses every time.
-        Raises InputError: `n` is no whole number of at least 0, or `rng` is none of these.
+        Raises InputError: `n` is not a whole number of at least 0, or `rng` is none of these.
         """
-        return sample_poses(self.probabilities, self.transforms, n, rng)
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 0 <= n <= MOST_COUNT:
+            raise InputError(
+                f"n: expected a whole number from 0 to {MOST_COUNT}, got {n!r}; ask for others"
+            )
+        chance = generator_of(rng)
+        # One random number for each draw, searched in the sums of probabilities.
+        ends = np.cumsum(self.probabilities)
+        rests = np.searchsorted(ends, ends[-1] * chance.random(n), side="right")
+        rests = np.minimum(rests, len(ends) - 1).astype(np.int64)
+        angles = 2.0 * math.pi * chance.random(n)
+        cosines, sines = np.cos(angles), np.sin(angles)
+        turns = np.tile(np.eye(4), (n, 1, 1))
+        turns[:, :2, :2] = np.array([(cosines, -sines), (sines, cosines)]).transpose(2, 0, 1)
+        return SampledPoses(turns @ self.transforms[rests], rests)
 
 
 def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:
@@ -302,9 +289,9 @@ def rest_poses(
     ----------
     points_or_mesh: (n, 3) points in any length unit, a `Body`, or any mesh object with `vertices`
         (n, 3) and triangular `faces` (t, 3), such as a `trimesh.Trimesh`.
-    center_of_mass: (3,) in the same unit, strictly inside the convex hull; "hull" for that of the
-        uniform solid hull; None for that of a body of several densities, of the uniform solid
-        bounded by a closed mesh, or of the hull for points and open meshes.
+    center_of_mass: (3,) in the unit of the points, strictly inside the convex hull; "hull" for the
+        center of the uniform solid hull; None for the center of a body of several densities, of the
+        uniform solid bounded by a closed mesh, or of the hull for points and open meshes.
     coplanar_tolerance: see `convex_hull`.
 
     Raises
@@ -335,10 +322,9 @@ def analyze(
 ) -> RestPoses:
     """All rests of a hull with a center of mass (3,) strictly inside it. Raises as `rest_poses`.
 
-    A body that balances somewhere to within rounding gets the mean of the probabilities with its
-    center of mass moved by a hair to either side (`find_basins`); its Morse complex is that of one
-    side. `find_basins` also says when another hull of the same corners takes the place of the given
-    one.
+    A body that balances somewhere to within rounding has the mean of the probabilities with its
+    center of mass moved slightly to either side (`find_basins`), and the Morse complex of one side.
+    `find_basins` also says when the hull is made again from its corners.
     """
     started = time.perf_counter()
     sides = find_basins(hull, center_of_mass)

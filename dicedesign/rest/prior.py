@@ -1,7 +1,7 @@
-"""Priors: how likely each orientation is at first, where not all are equally likely.
+"""Priors: distributions of the initial orientation, where not all are equally likely.
 
-Of an orientation only the direction counts that is down at first, so that a prior is a distribution
-of directions in the body's frame, on the Gauss sphere.
+Only the direction that is down at first matters, so a prior is a distribution of directions in the
+body's frame, on the Gauss sphere.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +32,7 @@ class PriorProbabilities:
     Attributes
     ----------
     probabilities: (k,) summing to 1, in the order of `Basins.paths.rests`.
-    errors: (k,) by how much each may be off.
+    errors: (k,) estimated errors.
     """
 
     probabilities: Floats
@@ -45,7 +45,7 @@ class Prior(ABC):
     @abstractmethod
     def probabilities(self, basins: Basins) -> PriorProbabilities:
         """Probabilities of the rests of a body with these basins. Raises InputError where the prior
-        is none after all, such as a density that is negative somewhere."""
+        is invalid, such as a density that is negative somewhere."""
 
 
 class DensityPrior(Prior):
@@ -57,10 +57,10 @@ class DensityPrior(Prior):
 
     @abstractmethod
     def fluxes(self, arcs: Arcs) -> Floats:
-        """(n, 2) what flows over great arcs per unit of speed across, as one end of each moves and
-        the other stays: the integral along the arc of the density times a speed that falls from 1
-        at the moving end to 0, as the sine of the distance from the end that stays. The first
-        column is for a moving start, the second for a moving end."""
+        """(n, 2) flux of the density across great arcs when one end moves at unit speed across the
+        arc and the other is fixed: the integral along the arc of the density times a speed that
+        falls from 1 at the moving end to 0, as the sine of the distance from the fixed end. The
+        first column is for a moving start, the second for a moving end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +69,9 @@ class PriorKind(Extension):
 
     Attributes
     ----------
-    form: how it is written, such as "half:x,y,z".
-    read: makes the prior of what is written after the name and the first colon; it raises
-        ValueError, without a text, where that is not of the form, or InputError.
+    form: written form, such as "half:x,y,z".
+    read: makes the prior from the text after the name and the first colon; raises ValueError
+        without a message where the text is not of the form, or InputError.
     """
 
     form: str
@@ -112,7 +112,7 @@ def read_prior(text: str) -> Prior:
 
 
 def prior_of(given: Prior | str) -> Prior:
-    """A prior, or the one that a text names. Raises InputError for anything else."""
+    """Prior as given, or as named by a text. Raises InputError for anything else."""
     if isinstance(given, str):
         return read_prior(given)
     if not isinstance(given, Prior):
@@ -123,43 +123,37 @@ def prior_of(given: Prior | str) -> Prior:
     return given
 
 
-def axis_of(given: ArrayLike) -> Floats:
-    """(3,) a given axis at length 1. Raises InputError unless it is three finite numbers, not all
-    zero."""
+def axis_of(given: Any) -> Floats:
+    """(3,) unit vector along an axis. Raises InputError unless that is three finite numbers, not
+    all zero."""
     try:
-        axis = np.asarray(given, dtype=np.float64)
-    except (ValueError, TypeError):
-        axis = np.zeros(0)
-    if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
+        return unit_directions([given])[0]
+    except InputError as error:
         raise InputError(
             f"prior: expected an axis of three finite numbers, not all zero, got {given!r}; give "
             "the direction that points down, in the body's frame"
-        )
-    # Scaled first, so that no square of a tiny or huge number is taken.
-    axis = axis / np.abs(axis).max()
-    unit: Floats = axis / np.linalg.norm(axis)
-    return unit
+        ) from error
 
 
 CONFIDENCE: Final = 0.95
-"""Of the intervals of the probabilities behind the samples."""
+"""Confidence of the intervals of probabilities from samples."""
 
 AT_ONCE: Final = 1 << 22
-"""Products of samples and corners that are held in memory."""
+"""Products of samples and corners that are held in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledDirections(Prior):
-    """Directions, each of which the body is let go with once.
+    """Sample of initial directions.
 
-    Its probabilities are the parts of them that end on each rest, and the errors reach to the
-    farther end of the exact interval, at `CONFIDENCE`, of the probabilities of whatever the
-    directions are a sample of. They jump as the body changes, so that no design goes by them;
-    `VonMisesFisher.fitted` makes a density of the directions.
+    The probabilities are the shares of directions that end on each rest. The errors reach to the
+    farther end of the exact confidence interval, at `CONFIDENCE`, of the sampled distribution's
+    probabilities. Both jump as the body changes, so a design cannot use them;
+    `VonMisesFisher.fitted` makes a density from the directions.
 
     Attributes
     ----------
-    directions: (n, 3), down in the body's frame, of any length but zero; kept at length 1.
+    directions: (n, 3), down in the body's frame, of any length but zero; stored at length 1.
 
     Raises InputError for no such array.
     """
@@ -178,7 +172,7 @@ class SampledDirections(Prior):
         rows = []
         for number, line in enumerate(read_text(path, "a CSV file of directions").splitlines()):
             row = [_number(cell) for cell in line.split(",")]
-            if not line.strip() or (number == 0 and not any(x is not None for x in row)):
+            if not line.strip() or (number == 0 and set(row) == {None}):
                 continue
             if len(row) != 3 or None in row:
                 raise InputError(
@@ -192,9 +186,9 @@ class SampledDirections(Prior):
             raise InputError(f"{path}: {error}") from error
 
     def probabilities(self, basins: Basins) -> PriorProbabilities:
-        """Parts of the directions that end on each rest, every one rolled there."""
+        """Shares of the directions that end on each rest, by rolling the body from each."""
         directions = np.asarray(self.directions)
-        # A balance that no basin depends on is none to give up for.
+        # A balance that no basin depends on must not stop bodies from rolling.
         equilibria = replace(basins.equilibria, tie_distance=0.0)
         count = max(1, AT_ONCE // len(equilibria.radii))
         lowest = [
@@ -230,13 +224,14 @@ def unit_directions(given: ArrayLike) -> Floats:
             f"prior: expected directions of finite numbers, not all zero, got "
             f"{directions[row].tolist()} in row {row}; leave it out"
         )
+    # Scaled first, so that no square of a tiny or huge number is taken.
     directions = directions / np.abs(directions).max(axis=1, keepdims=True)
     unit: Floats = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     return unit
 
 
 def _number(cell: str) -> float | None:
-    """Number in a cell; None if it is none."""
+    """Number in a cell, or None."""
     try:
         return float(cell)
     except ValueError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +20,12 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ROUNDING
 
 SMALLEST_ANGLE = 1e-4
-"""Smallest largest rotation per step, in radians: some 30,000 steps for a half turn."""
+"""Least value of `max_angle`, in radians: about 30,000 steps for a half turn."""
 
 Contact = Literal["vertex", "edge", "facet"]
+
+CONTACTS: Final[tuple[Contact, ...]] = ("vertex", "edge", "facet")
+"""What touches the table, by the number of its vertices; 3 or more are a facet."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +66,15 @@ def roll(
     center_of_mass: ArrayLike | Literal["hull"] | None = None,
     coplanar_tolerance: float | None = None,
 ) -> tuple[RollStep, ...]:
-    """Let a body go at one orientation and follow it to rest.
+    """Steps of a body that rolls from one orientation to rest.
 
     Parameters
     ----------
     points_or_mesh, center_of_mass, coplanar_tolerance: as for `dicedesign.rest_poses`.
     down, max_angle: as for `roll_steps`.
 
-    Returns the steps, the first as it was let go and the last on a stable facet. Their vertices are
-    those of the hull of the points, `dicedesign.rest_poses(...).hull`.
+    Returns the steps, the first at the given orientation and the last on a stable facet. Vertex
+    numbers refer to the hull of the points, `dicedesign.rest_poses(...).hull`.
 
     Raises
     ------
@@ -109,8 +112,8 @@ def roll_steps(
             "larger one"
         )
     start = start / np.abs(start).max()
-    # Between moments the body turns: of several at one orientation the last counts, at which
-    # everything that touches the table has touched down.
+    # Between moments the body turns. Of several at one orientation the last counts, at which all
+    # vertices in contact have touched down.
     moments: list[_Moment] = []
     for moment in _moments(equilibria, start / np.linalg.norm(start)):
         if moments and angle_between(moments[-1].down, moment.down) <= ROUNDING:
@@ -178,6 +181,6 @@ def _moments(equilibria: Equilibria, down: Floats) -> Iterator[_Moment]:
 def _step(
     equilibria: Equilibria, down: Floats, touching: tuple[int, ...], transform: Floats
 ) -> RollStep:
-    contact: Contact = {1: "vertex", 2: "edge"}.get(len(touching), "facet")  # type: ignore[assignment]
+    contact: Contact = CONTACTS[min(len(touching), 3) - 1]
     height = float(equilibria.radii[touching[0]] @ down)
     return RollStep(down, contact, touching, height, transform)

@@ -2,8 +2,8 @@
 
 Inside the Gauss cell of vertex p a flow line is a great arc through r_p. It leaves the cell through
 the arc of one of p's edges; `exit_half_edges` says through which, and the crossing point is an
-oblique projection. Kernels follow one line after the other; here, all lines advance together, one
-cell per step.
+oblique projection. Kernels follow the lines one by one; here all lines advance together, one cell
+per step.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def exit_half_edges(
     line and the last to the left, so that exactly one change of side exists, without tolerances.
 
     vertices: (k,), none of them a maximum if ascending; directions: (k, 3) in their cells, unit,
-    beside the true lines by no more than errors (k,).
+    within errors (k,) of the true lines.
     Returns (k,) half-edges that leave the vertices, and (k,) whether rounding cannot change them.
     """
     hull = equilibria.hull
@@ -72,8 +72,8 @@ def crossing(
     *,
     ascending: bool,
 ) -> tuple[Floats, Floats]:
-    """Where flow lines cross the arcs of half-edges (k,): unit directions (k, 3), and bounds (k,)
-    on how far they lie beside the true line.
+    """Crossings of flow lines with the arcs of half-edges (k,): unit directions (k, 3), and bounds
+    (k,) on their distances from the true line.
 
     With the line's plane through u and r_p, an error beside it shrinks with the distance to r_p and
     grows with the slant at which the arc is crossed. Rounding along the line is corrected by the
@@ -85,7 +85,7 @@ def crossing(
     length = norms(point)
     directed = length > 0.0
     scale = np.where(directed, length, 1.0)
-    # A line that starts exactly at r_p has no direction; it may as well run to the arc's end.
+    # A line that starts exactly at r_p has no direction; the arc's end stands in for it.
     end = hull.normals[hull.facet[half_edges]]
     along = (point if ascending else -point) / scale[:, None]
     unit: Floats = np.where(directed[:, None], along, end)
@@ -144,7 +144,7 @@ def ascend(
 def hinge_facets(
     equilibria: Equilibria, half_edges: Integers, directions: Floats, errors: Floats
 ) -> tuple[Integers, Booleans]:
-    """Facet that a body tips onto which touches the table along a hinge edge.
+    """Facet onto which a body tips from a hinge edge.
 
     half_edges: (k,); directions: (k, 3) on their arcs with errors up to (k,). Returns (k,) facets,
     and (k,) whether rounding cannot change them.
@@ -204,10 +204,8 @@ def slide(
 
 
 def descend(equilibria: Equilibria, facets: Integers) -> Integers:
-    """Facets (k,) that bodies reach which tip from facets (k,) onto a vertex.
-
-    Where rounding could change the answer it is found in exact arithmetic.
-    """
+    """Facets (k,) that are reached from facets (k,) that tip onto a vertex, in exact arithmetic
+    where rounding could change them."""
     start = equilibria.hull.normals[facets], equilibria.normal_error[facets]
     reached, certain = slide(equilibria, equilibria.roll_vertex[facets], *start)
     equilibria.settle(bool(certain.all()))
@@ -217,9 +215,8 @@ def descend(equilibria: Equilibria, facets: Integers) -> Integers:
 
 
 def trace_to_rests(equilibria: Equilibria, facets: Integers) -> Integers:
-    """Stable facet (k,) on which a body comes to rest that is let go on facets (k,).
-
-    Where rounding leaves a decision open it is found in exact arithmetic.
+    """Stable facets (k,) on which a body comes to rest from facets (k,), in exact arithmetic where
+    rounding could change them.
     """
     body = equilibria.hull, equilibria.center_of_mass, equilibria.tie_distance
     answer = kernels.destinations(*body, facets)
@@ -239,6 +236,6 @@ def trace_to_rests(equilibria: Equilibria, facets: Integers) -> Integers:
             return current
         current = following
     raise DegenerateBodyError(
-        "body: two neighboring facets lie at the same height within rounding, and a path between "
+        "body: two neighboring facets are equally high to within rounding, and a path between "
         "them cannot be decided; merge them with a larger coplanar tolerance"
     )

@@ -1,4 +1,4 @@
-"""Profiles of the fuzzing tests, and their figures at the end of a run.
+"""Profiles of the fuzzing tests.
 
 `pytest tests/fuzz` tries the same few hundred bodies every time,
 `pytest tests/fuzz --hypothesis-profile=nightly` 20,000 new ones in one process.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import pytest
 from hypothesis import HealthCheck, settings
-from tally import TALLY
 
 KINDS = 5
 """Tests among which a profile's bodies are divided."""
@@ -30,10 +29,3 @@ def pytest_configure(config: pytest.Config) -> None:
     """The profile "fuzz" is what the fuzzing tests run with: quick unless nightly was asked for."""
     nightly = config.getoption("--hypothesis-profile") == "nightly"
     settings.register_profile("fuzz", settings.get_profile("nightly" if nightly else "quick"))
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    if TALLY.hulls:
-        terminalreporter.section("fuzzing")
-        for line in TALLY.lines():
-            terminalreporter.write_line(line)

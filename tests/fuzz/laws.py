@@ -86,7 +86,7 @@ def difference_from_exact(problem: Problem, poses: RestPoses) -> float:
 
 
 def is_tied(poses: RestPoses) -> bool:
-    """Whether the probabilities are the mean of those of two bodies."""
+    """Whether the probabilities are the mean over several bodies."""
     return len(find_basins(poses.hull, poses.center_of_mass)) > 1
 
 

@@ -19,7 +19,7 @@ from dicedesign.tolerances import (
 from tests.reference.problem import Problem
 
 MARGIN = 4.0
-"""Bodies within so many tolerances of being refused may be."""
+"""Tolerances within which a body near refusal may be refused."""
 
 
 def thickness(points: Floats) -> float:

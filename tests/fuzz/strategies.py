@@ -185,3 +185,12 @@ def _spanned(
 def _plain(problem: Problem) -> Problem:
     """Only the points."""
     return Problem(problem.points)
+
+
+KINDS = {
+    "symmetric": symmetric(),
+    "random and lattice clouds": turns(dressed(clouds())),
+    "nearly degenerate": near_degenerate(),
+    "with few rests": few_rests(),
+    "of any size anywhere": scaled_and_placed(),
+}

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import (
-    clouds,
-    dressed,
-    few_rests,
-    near_degenerate,
-    scaled_and_placed,
-    symmetric,
-    turns,
-)
+from strategies import KINDS
 
 import dicedesign as dd
 from dicedesign.errors import DegenerateBodyError, OutsideHullError
@@ -22,14 +14,6 @@ from dicedesign.runtime.arrays import Floats
 from tests.reference.problem import Problem
 
 FUZZ = settings.get_profile("fuzz")
-
-KINDS = {
-    "symmetric": symmetric(),
-    "clouds": turns(dressed(clouds())),
-    "near degenerate": near_degenerate(),
-    "few rests": few_rests(),
-    "scaled and placed": scaled_and_placed(),
-}
 
 CLOSE = 1e-11
 """Areas of basins, by which these probabilities are measured, close to 1e-11 or so for the worst

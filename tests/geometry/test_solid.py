@@ -71,20 +71,21 @@ def test_no_volume_has_no_centroid() -> None:
         assert np.isnan(centroid).all()
 
 
-def test_closed_surfaces_are_closed() -> None:
-    assert is_closed(TETRAHEDRON)
-    two = np.vstack((TETRAHEDRON, TETRAHEDRON[:, ::-1] + 4))
-    assert is_closed(two)
-    sharing_an_edge = np.vstack((TETRAHEDRON, np.array([0, 1, 4, 5])[TETRAHEDRON]))
-    assert is_closed(sharing_an_edge)
-
-
-def test_open_or_inconsistent_surfaces_are_not_closed() -> None:
-    assert not is_closed(TETRAHEDRON[:3])
-    assert not is_closed(np.vstack((TETRAHEDRON, TETRAHEDRON[:3] + 4)))
-    assert not is_closed(np.vstack((TETRAHEDRON[:3], TETRAHEDRON[3:, ::-1])))
-    assert not is_closed(np.vstack((TETRAHEDRON, TETRAHEDRON[:1])))
-    assert not is_closed(np.empty((0, 3), dtype=np.int64))
+@pytest.mark.parametrize(
+    ("triangles", "closed"),
+    [
+        (TETRAHEDRON, True),
+        (np.vstack((TETRAHEDRON, TETRAHEDRON[:, ::-1] + 4)), True),
+        (np.vstack((TETRAHEDRON, np.array([0, 1, 4, 5])[TETRAHEDRON])), True),  # share an edge
+        (TETRAHEDRON[:3], False),
+        (np.vstack((TETRAHEDRON, TETRAHEDRON[:3] + 4)), False),
+        (np.vstack((TETRAHEDRON[:3], TETRAHEDRON[3:, ::-1])), False),
+        (np.vstack((TETRAHEDRON, TETRAHEDRON[:1])), False),
+        (np.empty((0, 3), dtype=np.int64), False),
+    ],
+)
+def test_surfaces_are_closed_where_edges_pair_up(triangles: np.ndarray, closed: bool) -> None:
+    assert is_closed(triangles) == closed
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -14,6 +14,7 @@ from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.kernels import ops as kernels
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32
+from tests.reference import solids
 
 pytestmark = compiled_only
 
@@ -23,18 +24,13 @@ CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 INDICES = ("source", "facet_start", "tail", "twin", "facet", "next", "previous", "head")
 
 
-def turned(points: np.ndarray, rng: Generator) -> np.ndarray:
+def turn(points: np.ndarray, rng: Generator) -> np.ndarray:
     return points @ Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix()
 
 
 def sphere(rng: Generator, count: int) -> np.ndarray:
     points = rng.normal(size=(count, 3))
     return points / np.linalg.norm(points, axis=1)[:, None]
-
-
-def ring(sides: int, height: float = 0.0) -> np.ndarray:
-    angles = 2.0 * np.pi * np.arange(sides) / sides
-    return np.column_stack([np.cos(angles), np.sin(angles), np.full(sides, height)])
 
 
 def on_cube(rng: Generator, count: int) -> np.ndarray:
@@ -57,32 +53,32 @@ KINDS: dict[str, Callable[[Generator, int], np.ndarray]] = {
     "ball": lambda rng, n: rng.normal(size=(5 * n, 3)),
     "lattice": lambda rng, n: lattice(rng, n, 2),
     "fine lattice": lambda rng, n: lattice(rng, 3 * n, 6),
-    "turned lattice": lambda rng, n: turned(lattice(rng, n, 2), rng),
-    "prism": lambda rng, n: np.concatenate([ring(n), ring(n, power(rng, -1, 1))]),
-    "turned prism": lambda rng, n: turned(np.concatenate([ring(n), ring(n, 0.7)]), rng),
-    "cone": lambda rng, n: np.concatenate([ring(n), [[0.0, 0.0, 2.0]]]),
-    "bipyramid": lambda rng, n: turned(np.concatenate([ring(n), [[0, 0, -1.0], [0, 0, 1.0]]]), rng),
+    "turned lattice": lambda rng, n: turn(lattice(rng, n, 2), rng),
+    "prism": lambda rng, n: solids.prism(n, power(rng, -1, 1)).points,
+    "turned prism": lambda rng, n: turn(solids.prism(n, 0.7).points, rng),
+    "cone": lambda rng, n: solids.bipyramid(n, 2.0).points[:-1],
+    "bipyramid": lambda rng, n: turn(solids.bipyramid(n).points, rng),
     "box": lambda rng, n: CUBE * 10.0 ** rng.uniform(-3, 0, size=3),
-    "turned box": lambda rng, n: turned(CUBE * 10.0 ** rng.uniform(-3, 0, size=3), rng),
+    "turned box": lambda rng, n: turn(CUBE * 10.0 ** rng.uniform(-3, 0, size=3), rng),
     "points on a box": on_cube,
-    "points on a turned box": lambda rng, n: turned(on_cube(rng, n), rng),
+    "points on a turned box": lambda rng, n: turn(on_cube(rng, n), rng),
     "far from the origin": lambda rng, n: sphere(rng, n) + power(rng, 1, 8),
     "tiny": lambda rng, n: sphere(rng, n) * power(rng, -200, -20),
     "huge": lambda rng, n: sphere(rng, n) * power(rng, 20, 200),
-    "needle": lambda rng, n: turned(sphere(rng, n) * [1.0, 1e-4, power(rng, -6, -2)], rng),
-    "plate": lambda rng, n: turned(sphere(rng, n) * [1.0, 1.0, power(rng, -7, -2)], rng),
+    "needle": lambda rng, n: turn(sphere(rng, n) * [1.0, 1e-4, power(rng, -6, -2)], rng),
+    "plate": lambda rng, n: turn(sphere(rng, n) * [1.0, 1.0, power(rng, -7, -2)], rng),
     "single precision": lambda rng, n: sphere(rng, 20 * n).astype(np.float32),
-    "single precision box": lambda rng, n: turned(on_cube(rng, n), rng).astype(np.float32),
+    "single precision box": lambda rng, n: turn(on_cube(rng, n), rng).astype(np.float32),
 }
 
 
-def asked(points: np.ndarray) -> dict[str, object] | None:
+def kernel_hull(points: np.ndarray) -> dict[str, object] | None:
     single = points.dtype == np.float32
     tolerance = COPLANAR_TOLERANCE_FLOAT32 if single else COPLANAR_TOLERANCE
     return kernels.convex_hull(points, tolerance, float(np.finfo(points.dtype).eps))
 
 
-def plain(points: np.ndarray, tolerance: float | None = None) -> ConvexHull:
+def numpy_hull(points: np.ndarray, tolerance: float | None = None) -> ConvexHull:
     """The hull without the kernels."""
     with without_kernels():
         hull = convex_hull(points, tolerance)
@@ -114,8 +110,8 @@ def test_it_is_the_hull_of_numpy_and_qhull(kind: str) -> None:
     for seed in range(12):
         rng = np.random.default_rng(seed)
         points = KINDS[kind](rng, int(rng.integers(6, 50)))
-        answered += asked(points) is not None
-        assert_same(convex_hull(points), plain(points))
+        answered += kernel_hull(points) is not None
+        assert_same(convex_hull(points), numpy_hull(points))
     assert answered == 12
 
 
@@ -131,11 +127,11 @@ def test_it_is_the_exact_hull_of_lattice_points(reach: int) -> None:
         points = lattice(rng, int(rng.integers(8, 80)), reach)
         points = points[rng.permutation(len(points))]
         try:
-            exact = plain(points, 0.0)
+            exact = numpy_hull(points, 0.0)
         except DegenerateBodyError:
-            assert asked(points) is None
+            assert kernel_hull(points) is None
             continue
-        assert asked(points) is not None
+        assert kernel_hull(points) is not None
         assert polygons(convex_hull(points)) == polygons(exact)
 
 
@@ -144,7 +140,7 @@ def test_the_first_of_repeated_points_stands_for_all() -> None:
         rng = np.random.default_rng(seed)
         points = np.repeat(sphere(rng, 15), 3, axis=0)[rng.permutation(45)]
         hull = convex_hull(points)
-        assert asked(points) is not None
+        assert kernel_hull(points) is not None
         first = np.sort(np.unique(points, axis=0, return_index=True)[1])
         np.testing.assert_array_equal(hull.source, first)
         np.testing.assert_array_equal(hull.tail, convex_hull(points[first]).tail)

@@ -75,7 +75,7 @@ def test_all_sources_are_compiled_and_none_is_installed(repository: Path) -> Non
 
 @compiled_only
 def test_a_hull_keeps_its_handle_and_leaves_it_out_of_copies() -> None:
-    """Worker processes are sent hulls that have been asked for their rests."""
+    """Hulls with handles are sent to worker processes."""
     points = np.random.default_rng(0).normal(size=(20, 3))
     poses = rest_poses(points)
     handle = poses.hull.handle

@@ -50,7 +50,7 @@ def test_the_asymmetry_of_a_box() -> None:
 
 
 def solid_angle(a: float, b: float, height: float) -> float:
-    """Of a rectangle with half lengths a, b, seen from above its middle."""
+    """Solid angle of a rectangle with half lengths a, b, from a height above its middle."""
     return 4 * np.arcsin(a * b / np.sqrt((a * a + height**2) * (b * b + height**2)))
 
 

@@ -19,23 +19,9 @@ from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.morse import border_areas, separatrices, separatrix_points, wraps
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
+from tests.reference import solids
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
-GOLDEN = (1 + np.sqrt(5)) / 2
-
-
-def cyclic(a: float, b: float) -> np.ndarray:
-    rows = [[0, s * a, t * b] for s in (-1, 1) for t in (-1, 1)]
-    return np.concatenate([np.roll(rows, k, axis=1) for k in range(3)])
-
-
-PLATONIC = {
-    4: np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
-    6: CUBE,
-    8: np.concatenate([np.eye(3), -np.eye(3)]),
-    12: np.concatenate([CUBE, cyclic(1 / GOLDEN, GOLDEN)]),
-    20: cyclic(1.0, GOLDEN),
-}
 
 
 def rotation(seed: int) -> np.ndarray:
@@ -78,14 +64,13 @@ def test_sampled_flow_gives_the_same_probabilities() -> None:
     assert np.mean(distances) < 0.01
 
 
-@pytest.mark.parametrize("facets", PLATONIC)
-def test_platonic_solids_are_fair(facets: int) -> None:
+@pytest.mark.parametrize("name", solids.PLATONIC)
+def test_platonic_solids_are_fair(name: str) -> None:
+    facets = solids.PLATONIC_FACETS[name]
     for seed in range(6):
-        points = PLATONIC[facets] @ (np.eye(3) if seed == 0 else rotation(seed))
-        rests = rest_poses(points)
-        np.testing.assert_allclose(
-            rests.probabilities, np.full(facets, 1 / facets), rtol=0, atol=1e-12
-        )
+        points = solids.PLATONIC[name] @ (np.eye(3) if seed == 0 else rotation(seed))
+        probabilities = rest_poses(points).probabilities
+        np.testing.assert_allclose(probabilities, [1 / facets] * facets, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("sides", [(1.0, 1.0, 1.0), (1.0, 2.0, 3.0), (1.0, 1.0, 9.0), (5, 4, 0.1)])

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 def roof(degrees: float) -> Floats:
-    """Corners of a cube whose lower side is bent: two rests so many degrees apart."""
+    """Corners of a cube whose lower side is bent: two rests at an angle in degrees."""
     rise = np.tan(np.radians(degrees / 2.0))
     raised = CORNERS + np.array([0.0, 0.0, rise]) * (CORNERS[:, 2:] < 0.0)
     return np.concatenate([raised, [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0]]])

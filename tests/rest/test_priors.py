@@ -32,7 +32,7 @@ def by_facet(poses: dd.RestPoses) -> Floats:
     return probabilities
 
 
-def drawn(axis: Floats, concentration: float, count: int) -> Floats:
+def draw_directions(axis: Floats, concentration: float, count: int) -> Floats:
     """(count, 3) directions by the distribution of von Mises and Fisher, as Wood draws them."""
     rng = np.random.default_rng(7)
     u, turn = rng.random(count), 2.0 * np.pi * rng.random(count)
@@ -64,7 +64,7 @@ def test_a_cube_about_the_axis_of_a_face(concentration: float) -> None:
 
 @pytest.mark.parametrize("axis", AXES)
 @pytest.mark.parametrize("seed", range(3))
-def test_all_directions_alike_in_three_ways(axis: Floats, seed: int) -> None:
+def test_three_kinds_of_uniform_priors_agree(axis: Floats, seed: int) -> None:
     poses = dd.rest_poses(random_body(seed))
     for prior in (
         dd.VonMisesFisher(axis, 0.0),
@@ -105,7 +105,7 @@ def test_cubature_of_a_function_and_the_one_integral_agree(seed: int, concentrat
         np.testing.assert_allclose(by_facet(found), by_facet(poses.under(known)), atol=1e-13)
 
 
-def test_the_error_of_a_rough_density_is_told() -> None:
+def test_the_error_of_a_rough_density_is_estimated() -> None:
     poses, axis = dd.rest_poses(random_body(1, 8)), AXES[0]
     rough = poses.under(dd.DensityFunction(lambda u: (u @ axis > 0.0).astype(float)))
     off = np.abs(by_facet(rough) - by_facet(poses.under(dd.SphericalCap(axis)))).max()
@@ -116,7 +116,7 @@ def test_the_error_of_a_rough_density_is_told() -> None:
 @pytest.mark.parametrize("concentration", [2.0, 30.0])
 def test_drawn_directions_roll_as_often_as_said(concentration: float) -> None:
     poses = dd.rest_poses(random_body(4))
-    directions = drawn(AXES[1], concentration, 40_000)
+    directions = draw_directions(AXES[1], concentration, 40_000)
     found = poses.under(dd.SampledDirections(directions))
     said = by_facet(poses.under(dd.VonMisesFisher(AXES[1], concentration)))
     assert found.errors is not None
@@ -136,7 +136,7 @@ def test_prior_and_body_may_turn_together_and_units_do_not_matter() -> None:
 
 def test_a_fit_finds_the_axis_and_the_concentration() -> None:
     for concentration in (0.8, 12.0, 3000.0):
-        fitted = dd.VonMisesFisher.fitted(drawn(AXES[2], concentration, 50_000))
+        fitted = dd.VonMisesFisher.fitted(draw_directions(AXES[2], concentration, 50_000))
         assert fitted.concentration == pytest.approx(concentration, rel=0.03)
         axis = AXES[2] / np.linalg.norm(AXES[2])
         assert np.dot(fitted.axis, axis) > 1.0 - 1e-3

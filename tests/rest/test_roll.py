@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.rest.equilibria import Equilibria, classify
-from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.roll import RollStep, roll_steps
 
 
@@ -28,7 +27,7 @@ def rolls(seed: int, max_angle: float | None) -> list[tuple[Equilibria, tuple[Ro
     return [(equilibria, roll_steps(equilibria, down, max_angle)) for down in downs]
 
 
-def placed(step: RollStep, points: np.ndarray) -> np.ndarray:
+def place(step: RollStep, points: np.ndarray) -> np.ndarray:
     return points @ step.transform[:3, :3].T + step.transform[:3, 3]
 
 
@@ -42,51 +41,35 @@ def test_the_body_moves_rigidly_on_the_table(seed: int, max_angle: float | None)
             assert np.linalg.det(turn) == pytest.approx(1.0)
             np.testing.assert_array_equal(step.transform[3], [0, 0, 0, 1])
             np.testing.assert_allclose(turn @ step.down, [0, 0, -1], rtol=0, atol=1e-13)
-            heights = placed(step, equilibria.hull.vertices)[:, 2]
+            heights = place(step, equilibria.hull.vertices)[:, 2]
             assert heights.min() > -1e-12
             np.testing.assert_allclose(heights[list(step.vertices)], 0.0, atol=1e-12)
-            center = placed(step, equilibria.center_of_mass)
+            center = place(step, equilibria.center_of_mass)
             assert step.height == pytest.approx(center[2], abs=1e-12)
             names = {1: "vertex", 2: "edge"}
             assert step.contact == names.get(len(step.vertices), "facet")
-        np.testing.assert_allclose(placed(steps[0], equilibria.center_of_mass)[:2], 0.0, atol=1e-12)
+        np.testing.assert_allclose(place(steps[0], equilibria.center_of_mass)[:2], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(8))
-@pytest.mark.parametrize("max_angle", [None, 0.05])
-def test_it_rolls_downhill_without_slip(seed: int, max_angle: float | None) -> None:
+@pytest.mark.parametrize("max_angle", [None, 0.3, 0.05])
+def test_it_rolls_downhill_without_slip_by_no_more_than_the_largest_angle(
+    seed: int, max_angle: float | None
+) -> None:
     for equilibria, steps in rolls(seed, max_angle):
         heights = np.array([step.height for step in steps])
         assert (np.diff(heights) < 0).all()
         for before, after in pairwise(steps):
             pivots = sorted(set(before.vertices) & set(after.vertices))
             assert pivots
-            corners = equilibria.hull.vertices[pivots]
-            np.testing.assert_allclose(
-                placed(after, corners), placed(before, corners), rtol=0, atol=1e-12
-            )
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_no_step_turns_farther_than_asked(seed: int) -> None:
-    for max_angle in (0.3, 0.05):
-        for _, steps in rolls(seed, max_angle):
-            for before, after in pairwise(steps):
+            if max_angle is not None:
                 turn = after.transform[:3, :3] @ before.transform[:3, :3].T
                 angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
                 assert angle <= max_angle + 1e-7
-
-
-def test_rolls_from_everywhere_count_up_to_the_probabilities() -> None:
-    for seed in range(3):
-        equilibria = body(seed)
-        rests = rest_poses(equilibria.hull.vertices, equilibria.center_of_mass)
-        count = 600
-        downs = np.random.default_rng(seed).normal(size=(count, 3))
-        ends = np.array([roll_steps(equilibria, down)[-1].down for down in downs])
-        found = np.bincount(np.argmax(ends @ rests.normals.T, axis=1)) / count
-        p = rests.probabilities
-        assert (np.abs(found - p) <= 5 * np.sqrt(p * (1 - p) / count)).all()
+            corners = equilibria.hull.vertices[pivots]
+            np.testing.assert_allclose(
+                place(after, corners), place(before, corners), rtol=0, atol=1e-12
+            )
 
 
 def test_a_body_at_rest_stays() -> None:

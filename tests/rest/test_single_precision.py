@@ -39,7 +39,7 @@ def body(name: str) -> ConvexHull:
 
 
 def compare(path: Path, before: RestPoses, rests: int) -> None:
-    """The file's rests are those of the float64 body, one by one."""
+    """Compare the rests of a file with the rests of the float64 body, one by one."""
     read = read_body(path)
     assert read.single_precision
     after = rest_poses(read)

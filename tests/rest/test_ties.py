@@ -45,7 +45,7 @@ def test_a_balanced_body_is_the_mean_of_its_neighbors(points: list[list[int]]) -
         assert p == pytest.approx(mean, abs=1e-3)
 
 
-def test_a_tie_that_matters_is_told() -> None:
+def test_a_tie_that_matters_is_noted() -> None:
     notes = [TIED in rest_poses(points).notes for points in BALANCED]
     assert any(notes)
     half = np.array(HALVES[0])
@@ -54,7 +54,7 @@ def test_a_tie_that_matters_is_told() -> None:
 
 @pytest.mark.parametrize("half", HALVES)
 def test_what_could_fall_both_ways_falls_both_ways_equally_often(half: list[list[int]]) -> None:
-    """Every direction and its opposite fare alike on a centrally symmetric body."""
+    """A centrally symmetric body rests equally often on opposite facets."""
     probabilities = by_normal(rest_poses(np.concatenate([half, -np.array(half)])))
     for normal, p in probabilities.items():
         opposite = tuple(-x + 0.0 for x in normal)
@@ -138,7 +138,7 @@ def noisy_lattice(seed: int, count: int, noise: float) -> np.ndarray:
     return rng.integers(-2, 3, size=(count, 3)) + noise * rng.normal(size=(count, 3))
 
 
-def clustered(normals: np.ndarray) -> np.ndarray:
+def cluster_numbers(normals: np.ndarray) -> np.ndarray:
     """For each normal the first one that differs by rounding of the corners only."""
     return np.argmax(cdist(normals, normals) < 1e-7, axis=1)
 
@@ -160,7 +160,7 @@ def test_what_balances_within_unevenness_is_tied(body: tuple[int, int, float]) -
         exact = rest_poses(points, moved, coplanar_tolerance=0.0)
         normals.append(exact.normals)
         shares.append(-exact.probabilities / len(centers))
-    difference = np.bincount(clustered(np.concatenate(normals)), np.concatenate(shares))
+    difference = np.bincount(cluster_numbers(np.concatenate(normals)), np.concatenate(shares))
     assert np.abs(difference).max() < 1e-9
 
 

@@ -1,8 +1,8 @@
 """The convex hull with polygonal facets, as half-edges.
 
-Coplanar triangles are merged, so that a cube has six facets. The compiled kernel finds a hull where
-that is certain, `numpy_hull` elsewhere. Half-edges are stored facet by facet, counter-clockwise
-seen from outside, in an order that depends only on which vertices each facet has.
+Coplanar triangles are merged, so that a cube has six facets. The compiled kernel makes a hull where
+its result is certain, `numpy_hull` elsewhere. Half-edges are stored facet by facet,
+counter-clockwise seen from outside, in an order that depends only on which vertices each facet has.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ CONNECTIVITY: Final = frozenset(
 """Fields and cached properties of a hull that do not depend on where its vertices are."""
 
 MOST_INSIDE: Final = 64
-"""Number of points inside a hull above which none is looked at: it would take more time and memory
-than a new hull."""
+"""Most points inside a hull for which its connectivity is checked: more would take longer than a
+new hull."""
 
 AT_A_TIME: Final = 128
-"""Points that are compared with all facets at a time."""
+"""Points that are compared with all facets at once."""
 
 FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
 
@@ -49,7 +49,7 @@ class ConvexHull(kernels.Handled):
     Attributes
     ----------
     vertices: (n, 3) corners only; points inside facets or edges are left out.
-    source: (n,) index of each corner in the points the hull was made from.
+    source: (n,) index of each corner in the given points.
     facet_start: (m + 1,) half-edges of facet f are `facet_start[f] : facet_start[f + 1]`. The first
         one starts at the facet's lowest vertex, and facets are sorted by their first half-edges.
     tail: (h,) vertex where a half-edge starts.
@@ -64,15 +64,15 @@ class ConvexHull(kernels.Handled):
 
     @classmethod
     def with_attributes(cls, attributes: dict[str, Any]) -> ConvexHull:
-        """A hull from all its attributes and some cached properties by name. `ConvexHull(...)`
-        would take microseconds, which counts for a tetrahedron."""
+        """Hull from all its attributes and some cached properties by name, in less time than
+        `ConvexHull(...)` takes."""
         hull = object.__new__(cls)
         hull.__dict__.update(attributes)
         return hull
 
     @cached_property
     def handle(self) -> Any:
-        """This hull as kernels take it."""
+        """C++ handle of this hull for kernels."""
         polygons = self.vertices, self.facet_start, self.tail, self.twin
         ways = self.head, self.facet, self.next, self.previous, *self.outgoing
         return kernels.new_handle("Hull", *polygons, *ways, self.normals, self.areas)
@@ -115,8 +115,8 @@ class ConvexHull(kernels.Handled):
 
     @cached_property
     def _unit_vertices(self) -> Floats:
-        """(n, 3) vertices times a power of two that makes the largest coordinate one of about 1, so
-        that products of them can be had for a body of any size."""
+        """(n, 3) vertices times a power of two that makes the largest coordinate about 1, so that
+        their products are floats for a body of any size."""
         return np.ldexp(self.vertices, -self._exponent)
 
     @cached_property
@@ -132,7 +132,7 @@ class ConvexHull(kernels.Handled):
             corners = self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]
             longest = norms(points[corners] - points[np.roll(corners, 1)]).max()
             if norms(vectors[facet]) <= SLIVER * longest * longest:
-                vectors[facet] = exact.area_vector(corners.tolist())
+                vectors[facet] = exact.area_vector(corners)
         return vectors
 
     @cached_property
@@ -142,13 +142,14 @@ class ConvexHull(kernels.Handled):
 
     @cached_property
     def areas(self) -> Floats:
-        """(m,) facet areas, in squared length units; 0 or infinite where they are no float."""
+        """(m,) facet areas, in squared length units; 0 or infinite where they underflow or
+        overflow."""
         with np.errstate(over="ignore", under="ignore"):
             return np.ldexp(0.5 * norms(self._unit_area_vectors), 2 * self._exponent)
 
     @cached_property
     def unevenness(self) -> float:
-        """Largest distance of two corners of one facet across its plane; 0 but for rounding where
+        """Largest distance of two corners of one facet across its plane; 0 to within rounding where
         all facets are flat."""
         return float(self._unevenness.max())
 
@@ -214,7 +215,7 @@ class ConvexHull(kernels.Handled):
 
     @cached_property
     def diameter(self) -> float:
-        """Largest vertex-to-vertex distance; infinite where it is no float."""
+        """Largest vertex-to-vertex distance; infinite where it overflows."""
         points = self._unit_vertices
         longest = max(float(norms(points - x).max()) for x in points)
         with np.errstate(over="ignore"):
@@ -222,8 +223,8 @@ class ConvexHull(kernels.Handled):
 
 
 def hull_precision(single: bool) -> tuple[float, float]:
-    """The usual coplanar tolerance, and the relative spacing of the coordinates of points that were
-    rounded to float32 or were not."""
+    """Default coplanar tolerance and relative spacing of coordinates in single or double
+    precision."""
     if single:
         return COPLANAR_TOLERANCE_FLOAT32, FLOAT32_EPS
     return COPLANAR_TOLERANCE, FLOAT64_EPS
@@ -239,12 +240,12 @@ def convex_hull(
     points: (n, 3) in any length unit.
     coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
         points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for rounded points.
-        The rounding of points far from the origin is added, points nearer than that to another are
-        left out, and where the facets make no polyhedron it is widened in turn by
-        `COPLANAR_WIDENINGS`. None of this at 0: the hull is then that of the points to the last
-        bit, its facets exactly flat, its edges exactly convex (`exact_facets`).
-    single_precision: the points were rounded to float32 before they came here; float32 arrays
-        always count as such.
+        The rounding of points far from the origin is added, points closer together than that are
+        merged, and where the facets make no polyhedron the tolerance is widened in turn by
+        `COPLANAR_WIDENINGS`. At 0 the hull is exact instead: its facets are exactly flat and its
+        edges exactly convex (`exact_facets`).
+    single_precision: whether the points were rounded to float32; float32 arrays always count as
+        such.
 
     Raises
     ------
@@ -266,7 +267,7 @@ def convex_hull(
         attributes = kernels.convex_hull(given, float(coplanar_tolerance), eps)
         if attributes is not kernels.UNDECIDED:
             return ConvexHull.with_attributes(attributes)
-    # Imported late: it takes SciPy along, which costs more time than a hull.
+    # Imported late: it imports SciPy, which takes longer than a hull.
     from dicedesign.geometry.hulls.numpy_hull import hull_half_edges
 
     positions = given.astype(np.float64)
@@ -277,7 +278,7 @@ def convex_hull(
 
 
 HullMaker = Callable[[Floats], ConvexHull]
-"""`convex_hull`, or `HullMemory.hull`, which finds the same hulls."""
+"""Function that makes the hull of points: `convex_hull` or `HullMemory.hull`."""
 
 
 @dataclass
@@ -308,20 +309,20 @@ class HullMemory:
 
 
 def same_connectivity(hull: ConvexHull, points: Floats) -> ConvexHull | None:
-    """The hull of points, if it certainly has the facets of a given hull: a check of those is
+    """Hull of moved points with the facets of a given hull, if it certainly has them: a check is
     cheaper than a new hull.
 
     The surface with those facets is checked edge by edge: facets are flat with convex corners, all
     edges bend inward, and the mean of the vertices sees the surface once in every direction. Such a
-    surface bounds a convex body. All of this holds with so much room (the `REUSE_...` tolerances)
+    surface bounds a convex body. All of this holds with enough margin (the `REUSE_...` tolerances)
     that neither rounding nor the coplanar tolerance lets `convex_hull` find another one. Only
-    kernels do so.
+    kernels do this.
 
     Parameters
     ----------
     hull: the hull before its points moved.
-    points: (n, 3) float64, in the order of those that the hull was made from, or one for each of
-        its vertices.
+    points: (n, 3) float64, in the order of the hull's original points, or one for each of its
+        vertices.
 
     Returns
     -------
@@ -388,13 +389,13 @@ def polyhedron_corners(normals: ArrayLike, offsets: ArrayLike) -> NDArray[np.flo
 
 
 def deepest_point(normals: Floats, offsets: Floats) -> tuple[Floats, float]:
-    """The point (3,) whose least distance from the planes `normals[i] . x = offsets[i]` is largest,
-    and that distance: not above 0 where nothing is inside of all, and infinite where that is
-    unbounded; the point is the origin then, and where no linear program finds one.
+    """Point (3,) whose least distance from the planes `normals[i] . x = offsets[i]` is largest, and
+    that distance: not above 0 where no point is inside of all planes, infinite where it is
+    unbounded. Where it is unbounded or the linear program fails, the point is the origin.
 
     normals: (m, 3) unit; offsets: (m,), from a point that is not far from them.
     """
-    # Imported late: few need it.
+    # Imported late: rarely needed, and slow to load.
     from scipy.optimize import linprog
 
     size = float(np.abs(offsets).max())

@@ -1,13 +1,9 @@
-"""Convex hulls in NumPy: for bodies about which the compiled kernels give up, for a coplanar
+"""Convex hulls in NumPy: for bodies that the compiled kernels leave undecided, for a coplanar
 tolerance of 0, and for all bodies where kernels were not built.
 
-Coplanar ones of Qhull's triangles are merged within a tolerance. At a tolerance of 0 the hull is
-that of the points as they are given, to the last bit (`exact_facets`): from a tetrahedron on,
-points outside are put in by the incremental step, whose only question is on which side of a
-triangle a point lies. A point in a triangle's plane counts as one that sees it: then the triangles
-that a point sees are a disc, and those put in their place are never degenerate, whether the point
-repeats another, lies on an edge or inside a facet.
-Source of the incremental step: Preparata and Shamos, Computational Geometry, 1985, section 3.4."""
+Qhull's triangles are merged where they are coplanar within a tolerance. At a tolerance of 0 the
+hull is that of the points as they are given, to the last bit (`exact_facets`).
+"""
 
 from __future__ import annotations
 
@@ -22,12 +18,7 @@ from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.meshes.body import consistent_winding
 from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import (
-    doubled_area_vectors,
-    edge_neighbors,
-    find_parts,
-    is_closed,
-)
+from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors, find_parts
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_WIDENINGS, FLATNESS_TOLERANCE, ROUNDING
 
@@ -41,24 +32,21 @@ def hull_triangles(points: Floats) -> tuple[Integers, Integers]:
     try:
         qhull = QhullHull(points)
     except QhullError:
-        # Clusters of points make a facet wider than rounding explains: Qhull is asked to go on, as
-        # flat triangles are merged here anyway.
+        # Clusters of points make a facet wider than rounding explains. With Q12 Qhull goes on all
+        # the same; flat triangles are merged afterwards anyway.
         qhull = QhullHull(points, qhull_options="Qt Q12 Pp")
     triangles = qhull.simplices.astype(np.int64)
     neighbors = qhull.neighbors.astype(np.int64)
     outward = (doubled_area_vectors(points, triangles) * qhull.equations[:, :3]).sum(-1)
     flip = outward < 0.0
-    mirrored = [0, 2, 1]
-    turned = np.where(flip[:, None], triangles[:, mirrored], triangles)
-    if not is_closed(turned):
+    wound = consistent_winding(triangles)
+    if wound is not None:
         # Normals of slivers are only rounding noise: all are turned like the clearest.
-        clearest = int(np.argmax(np.abs(outward)))
-        wound = consistent_winding(triangles)
-        if wound is not None:
-            flip = (wound != triangles).any(axis=1)
-            flip ^= flip[clearest] != (outward[clearest] < 0.0)
-            turned = np.where(flip[:, None], triangles[:, mirrored], triangles)
-    return turned, np.where(flip[:, None], neighbors[:, mirrored], neighbors)
+        clearest = np.argmax(np.abs(outward))
+        turned = (wound != triangles).any(axis=1)
+        flip = turned ^ turned[clearest] ^ flip[clearest]
+    triangles[flip], neighbors[flip] = triangles[flip][:, [0, 2, 1]], neighbors[flip][:, [0, 2, 1]]
+    return triangles, neighbors
 
 
 def facet_labels(
@@ -76,7 +64,7 @@ def facet_labels(
     normals = doubled / np.maximum(area, np.finfo(np.float64).tiny)[:, None]
 
     def fits(base: Integers, other: Integers) -> NDArray[np.bool_]:
-        """Whether the corners of other triangles are near the planes of those of the base."""
+        """Whether the corners of other triangles are near the planes of base triangles."""
         offset = points[triangles[other]] - points[triangles[base, 0]][:, None, :]
         heights = np.abs((offset * normals[base][:, None, :]).sum(-1))
         return heights.max(axis=1) <= tolerance
@@ -89,13 +77,13 @@ def facet_labels(
         return largest
 
     left, right = np.repeat(np.arange(count), 3), neighbors.ravel()
-    # Measured from the larger triangle of each pair: a sliver has no normal worth the name.
+    # Measured from the larger triangle of each pair: the normal of a sliver is mostly rounding.
     base = np.where(area[left] >= area[right], left, right)
     joined = fits(base, left + right - base)
     while True:
         labels = find_parts(left[joined], right[joined], count)
-        # A chain of small bends is no facet: compare with the plane of each group's largest
-        # triangle, and split those that drift into regions grown from the largest outward.
+        # A chain of small bends is no facet: groups whose triangles drift from the plane of the
+        # largest one are split into regions grown from the largest outward.
         drifts = ~fits(largest_of(labels)[labels], np.arange(count))
         for group in np.unique(labels[drifts]):
             members = np.flatnonzero(labels == group)
@@ -110,7 +98,7 @@ def facet_labels(
                     labels[beside] = labels[seed]
                     front.extend(beside)
         labels = np.unique(labels, return_inverse=True)[1].astype(np.int64)
-        # A sliver among slivers finds no plane in its neighbors, but it does in their groups.
+        # A sliver among slivers may fit the plane of a neighbor's group.
         largest = largest_of(labels)
         base = largest[labels[right]]
         missed = (labels[left] != labels[right]) & (area[largest[labels[left]]] < area[base])
@@ -129,8 +117,8 @@ def facet_loops(
 ) -> HalfEdges | None:
     """Polygonal half-edge structure of labeled triangles, or None where it is no polyhedron.
 
-    points: how many there are; triangles: (t, 3) of them, a closed surface, counter-clockwise seen
-    from outside; neighbors: (t, 3) across the edge opposite to each corner; labels: (t,) facet of
+    points: their number; triangles: (t, 3) of a closed surface, counter-clockwise seen from
+    outside; neighbors: (t, 3) across the edge opposite to each corner; labels: (t,) facet of
     each triangle, from 0. Corners at which only two facets meet are left out.
     """
     triangle, corner = np.nonzero(labels[:, None] != labels[neighbors])
@@ -200,16 +188,23 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
     used, scaled = np.arange(len(positions)), local / scale
     while True:
         try:
-            half_edges = _merge_half_edges(used, scaled, tolerance)
+            triangles, neighbors = hull_triangles(scaled[used])
         except QhullError as error:
             raise flat_error(scaled) from error
-        if half_edges is None:
+        triangles = used[triangles]
+        for factor in COPLANAR_WIDENINGS:
+            labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
+            half_edges = facet_loops(len(scaled), triangles, neighbors, labels)
+            if half_edges is not None:
+                break
+        else:
             break
         repeated = _find_repeats(scaled, used, half_edges, tolerance)
         if len(repeated) == 0:
             return half_edges
         used = np.setdiff1d(used, repeated)
-    if thickness(scaled) <= 2.0 * tolerance:
+    across = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)[2][-1]
+    if np.ptp(scaled @ across) <= 2.0 * tolerance:
         raise flat_error(scaled)
     raise DegenerateBodyError(
         "points: expected facets that can be distinguished, got none that make a polyhedron at a "
@@ -218,23 +213,13 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
     )
 
 
-def _merge_half_edges(used: Integers, scaled: Floats, tolerance: float) -> HalfEdges | None:
-    """Hull of the kept points, or None where its facets make no polyhedron at any tolerance."""
-    triangles, neighbors = hull_triangles(scaled[used])
-    triangles = used[triangles]
-    for factor in COPLANAR_WIDENINGS:
-        labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
-        half_edges = facet_loops(len(scaled), triangles, neighbors, labels)
-        if half_edges is not None:
-            return half_edges
-    return None
-
-
 def _find_repeats(
     points: Floats, used: Integers, half_edges: HalfEdges, distance: float
 ) -> Integers:
-    """Kept points within a distance of a vertex of lower number, which stands for them; only those
-    are looked for that make an edge so short."""
+    """Find points in use within a distance of a vertex of lower number, which stands for them.
+
+    Only vertices with an edge that short are searched around.
+    """
     source, _, tails, twins = half_edges
     tail, head = source[tails], source[tails[twins]]
     short = (norms(points[head] - points[tail]) <= distance) & (tail < head)
@@ -245,14 +230,8 @@ def _find_repeats(
     return np.setdiff1d(used[np.concatenate(close).astype(np.int64)], standing)
 
 
-def thickness(local: Floats) -> float:
-    """Extent of points (n, 3) across the plane that fits them best."""
-    across = np.linalg.svd(local - local.mean(axis=0), full_matrices=False)[2][-1]
-    return float(np.ptp(local @ across))
-
-
 def flat_error(local: Floats) -> DegenerateBodyError:
-    """The error for points (n, 3) that span no solid, which says whether they span a plane."""
+    """Error about points (n, 3) that span no solid, which says whether they span a plane."""
     extents = np.linalg.svd(local - local.mean(axis=0), compute_uv=False)
     rank = int((extents > FLATNESS_TOLERANCE * extents[0]).sum())
     where = {1: "on one line", 2: "on one plane"}.get(rank, "too close to one plane")
@@ -263,16 +242,21 @@ def flat_error(local: Floats) -> DegenerateBodyError:
 
 
 PLANE_ROUNDING = 16.0 * ROUNDING
-"""Bound on how wrong the height of a point above a triangle is, when coordinates are at most 1 and
-rounded: relative to the longest side of the triangle, heights being multiplied by its doubled
-area."""
+"""Bound on the rounding error of the height of a point above a triangle, when coordinates are at
+most 1 and rounded: relative to the longest side of the triangle, with heights multiplied by its
+doubled area."""
 
-BLOCK = 1 << 21
-"""Pairs of a point and a triangle that are looked at together."""
+BLOCK = 32
+"""Points that are compared with all triangles at once: most are inside."""
 
 
 def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, Integers] | None:
-    """The convex hull as triangles, none of them degenerate, and which of them form one facet.
+    """Convex hull as triangles, none of them degenerate, and the facet that each belongs to.
+
+    From a triangle with two sides on, points are added by the incremental step, which only asks on
+    which side of a triangle a point lies. A point in a triangle's plane counts as one that sees it:
+    then the triangles that a point sees form a disc, and those put in their place are never
+    degenerate. A point that sees no triangle from outside its plane is left out.
 
     points: (n, 3), finite; scaled: (n, 3) the same moved and scaled along the axes so that
     coordinates are at most 1, rounded.
@@ -280,18 +264,47 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     Returns triangles (t, 3), counter-clockwise seen from outside, their neighbors (t, 3) across
     the edge opposite to each corner, and facet numbers (t,) from 0; None where all points lie on
     one plane. Facets are exactly flat, and edges between two of them exactly convex.
+
+    Source: Preparata and Shamos, Computational Geometry, 1985, section 3.4.
     """
-    sides = Orientation(points)
-    start = _simplex(sides, scaled)
-    if start is None:
+    sides, count = Orientation(points), len(points)
+    # Far points first: they leave the others inside.
+    order = np.argsort(-norms(scaled), kind="stable")
+    arms = scaled - scaled[order[0]]
+    second = int(np.argmax(norms(arms)))
+    by_area = np.argsort(-norms(np.linalg.cross(arms, arms[second])), kind="stable")
+    third = next((p for p in by_area if not sides.collinear(order[0], second, p)), None)
+    if third is None:
         return None
-    surface = _Surface(sides, scaled, start)
-    outside = np.setdiff1d(np.arange(len(points)), start)
-    while len(outside):
-        outside, farthest = surface.outside(outside)
-        for point in farthest:
-            surface.add(int(point))
-    triangles = surface.triangles
+    base = np.array([order[0], second, third])
+    above = np.flatnonzero(sides.signs(np.tile(base, (count, 1)), np.arange(count)))
+    if len(above) == 0:
+        return None
+    heights = np.abs(arms[above] @ np.linalg.cross(arms[second], arms[third]))
+    apex = above[[heights.argmax()]]
+    triangles = np.array([base, base[::-1]])
+    planes = _planes(scaled[triangles])
+
+    def signs_of(points: Integers) -> Floats:
+        """(k, t) 1, 0 or -1 for points (k,) above, on or below the plane of each triangle."""
+        values = scaled[points] @ planes[:, :3].T + planes[:, 3]
+        signs = np.sign(values)
+        row, triangle = np.nonzero(np.abs(values) <= planes[:, 4])
+        if len(row):
+            signs[row, triangle] = sides.signs(triangles[triangle], points[row])
+        return signs
+
+    for block in (apex, *np.array_split(order, 1 + count // BLOCK)):
+        for point in block[(signs_of(block) > 0).any(axis=1)]:
+            signs = signs_of(point[None])[0]
+            if signs.max() <= 0:
+                continue
+            visible = triangles[signs >= 0]
+            tail, head = visible.ravel(), np.roll(visible, -1, axis=1).ravel()
+            horizon = ~np.isin(tail * count + head, head * count + tail)
+            fan = np.stack([tail[horizon], head[horizon], np.full(horizon.sum(), point)], axis=1)
+            triangles = np.concatenate([triangles[signs < 0], fan])
+            planes = np.concatenate([planes[signs < 0], _planes(scaled[fan])])
     neighbors = edge_neighbors(triangles)
     # The corner of the neighbor that is not on the common edge.
     beyond = triangles[neighbors].sum(axis=2) - (triangles.sum(axis=1)[:, None] - triangles)
@@ -301,80 +314,11 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     return triangles, neighbors, labels
 
 
-def _simplex(sides: Orientation, scaled: Floats) -> Integers | None:
-    """Triangles (4, 3) of a tetrahedron with corners among the points, or None where those lie on
-    one plane."""
-    local = scaled - scaled[0]
-    a, b = 0, int(np.argmax(norms(local)))
-    turns = np.linalg.cross(local, local[b])
-    by_area = np.argsort(-norms(turns), kind="stable")
-    c = next((int(p) for p in by_area if not sides.collinear(a, b, int(p))), None)
-    if c is None:
-        return None
-    normal = np.linalg.cross(local[b], local[c])
-    by_height = np.argsort(-np.abs(local @ normal), kind="stable")
-    base = np.array([[a, b, c]])
-    for tried in (by_height[:1], by_height[1:]):
-        signs = sides.signs(np.repeat(base, len(tried), axis=0), tried)
-        solid = np.flatnonzero(signs)
-        if len(solid):
-            d = int(tried[solid[0]])
-            if signs[solid[0]] > 0:
-                b, c = c, b
-            return np.array([[a, b, c], [a, d, b], [b, d, c], [c, d, a]])
-    return None
-
-
-class _Surface:
-    """A convex polyhedron that grows. `planes`: (t, 5) of its triangles, normals, heights of the
-    origin above them, and bounds on how wrong heights of points are."""
-
-    def __init__(self, sides: Orientation, scaled: Floats, triangles: Integers) -> None:
-        self._sides = sides
-        self._scaled = np.column_stack([scaled, np.ones(len(scaled))])
-        self.triangles = triangles
-        self._planes = self._planes_of(triangles)
-
-    def _planes_of(self, triangles: Integers) -> Floats:
-        a, b, c = (self._scaled[triangles[:, k], :3] for k in range(3))
-        normals = np.linalg.cross(b - a, c - a)
-        longest = np.maximum(np.abs(b - a), np.abs(c - a)).max(axis=1)
-        bounds = PLANE_ROUNDING * longest + np.finfo(np.float64).tiny
-        return np.column_stack([normals, -(normals * a).sum(-1), bounds])
-
-    def outside(self, candidates: Integers) -> tuple[Integers, Integers]:
-        """Points among (k,) that lie outside, and the highest above each triangle."""
-        outer, above, heights = [], [], []
-        planes, bounds = self._planes[:, :4], self._planes[:, 4]
-        blocks = 1 + len(candidates) * len(planes) // BLOCK
-        for block in np.array_split(candidates, blocks):
-            values = self._scaled[block] @ planes.T
-            near = (values >= -bounds).any(axis=1)
-            block, values = block[near], values[near]
-            out = np.asarray((values > bounds).any(axis=1))
-            row, facet = np.nonzero((values >= -bounds) & ~out[:, None])
-            signs = self._sides.signs(self.triangles[facet], block[row])
-            out[row[signs > 0]] = True
-            outer.append(block[out])
-            above.append(np.argmax(values[out], axis=1))
-            heights.append(values[out].max(axis=1, initial=-np.inf))
-        points, facets = np.concatenate(outer), np.concatenate(above)
-        order = np.lexsort((np.concatenate(heights), facets))
-        last = np.flatnonzero(np.diff(facets[order], append=-1))
-        return points, points[order[last]]
-
-    def add(self, point: int) -> None:
-        """The hull of the polyhedron and a point."""
-        values, bounds = self._planes[:, :4] @ self._scaled[point], self._planes[:, 4]
-        is_visible = values > 0.0
-        unsure = np.flatnonzero(np.abs(values) <= bounds)
-        is_visible[unsure] = (
-            self._sides.signs(self.triangles[unsure], np.full(len(unsure), point)) >= 0
-        )
-        visible = self.triangles[is_visible]
-        tail, head = visible.ravel(), np.roll(visible, -1, axis=1).ravel()
-        size = np.int64(len(self._scaled))
-        horizon = ~np.isin(tail * size + head, head * size + tail)
-        fan = np.stack([tail[horizon], head[horizon], np.full(horizon.sum(), point)], axis=1)
-        self.triangles = np.concatenate([self.triangles[~is_visible], fan])
-        self._planes = np.concatenate([self._planes[~is_visible], self._planes_of(fan)])
+def _planes(corners: Floats) -> Floats:
+    """(t, 5) normals of triangles (t, 3, 3), heights of the origin above them, and bounds on the
+    rounding errors of heights above them."""
+    a, b, c = corners.transpose(1, 0, 2)
+    normals = np.linalg.cross(b - a, c - a)
+    longest = np.maximum(np.abs(b - a), np.abs(c - a)).max(axis=1)
+    bounds = PLANE_ROUNDING * longest + np.finfo(np.float64).tiny
+    return np.column_stack([normals, -(normals * a).sum(-1), bounds])

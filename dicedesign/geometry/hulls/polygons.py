@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import combinations
 from typing import Final
 
@@ -14,16 +15,16 @@ from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
 MOST_TRIPLED: Final = 24
-"""Constraints up to which all triples of them are tried."""
+"""Most constraints for which all triples are tried; a linear program takes more."""
 
 PARALLEL: Final = 1e-12
 """Determinant of three unit constraints below which they meet in no point."""
 
 ROUNDING: Final = 1e-9
-"""Relative, well above what rounding changes of a factor."""
+"""Relative change of a factor, well above its rounding."""
 
 MET: Final = 1e-12
-"""By how much a constraint may be missed, relative to the root of the polygon's area."""
+"""Largest violation of a constraint, relative to the root of the polygon's area."""
 
 
 def signed_area(polygon: Floats) -> float:
@@ -65,16 +66,13 @@ def inscribed_circle(polygon: Floats) -> tuple[Floats, float]:
     InputError: fewer than three corners, not finite, no area, or no circle (not convex).
     """
     sides = _Sides(polygon)
-    widest = sides.largest(np.ones(len(sides.offsets)), sides.offsets)
-    if widest is None or widest[2] <= 0:
+    center, radius = sides.place(np.ones(len(sides.offsets)), sides.offsets)
+    if radius <= 0.0:
         raise InputError(
             f"polygon: expected {len(polygon)} corners that run around a convex one, got none that "
             "a circle fits in; pass them in order"
         )
-    center = sides.nearest(sides.offsets - widest[2])
-    center = widest[:2] if center is None else center
-    radius = float((sides.offsets - sides.outward @ center).min())
-    return sides.middle + sides.scale * center, sides.scale * radius
+    return center, sides.scale * radius
 
 
 def inscribed_box(
@@ -96,10 +94,10 @@ def inscribed_box(
     size: width and height of the rectangle of factor 1, at least 0 and not both 0.
     margin: distance of the rectangle from the polygon's edges, at least 0; one, or (m,) for the
         edges from each corner to the next.
-    rim: such distances for the rectangle of factor 1, which grow with the factor.
-    slack: in [0, 1), the part of the largest factor that may be given up to come nearer to the
-        centroid, but for which a factor stays at `least` where it can.
-    most: factor that none exceeds, at least `least`; what is left is room to come nearer to it.
+    rim: further distances for the rectangle of factor 1, which grow with the factor.
+    slack: in [0, 1), the share of the largest factor that may be given up to come nearer to the
+        centroid, as long as the factor stays at `least` or above.
+    least, most: bounds of the factor, `most` at least `least`.
 
     Returns
     -------
@@ -110,20 +108,18 @@ def inscribed_box(
     InputError: as `inscribed_circle`, but for the circle.
     """
     sides = _Sides(polygon)
-    unit = sides.scale / max(size)
     reach = np.abs(sides.outward) @ (0.5 * np.asarray(size) / max(size))
     reach += sides.of_edges(rim) / max(size)
     offsets = sides.offsets - sides.of_edges(margin) / sides.scale
-    widest = sides.largest(reach, offsets)
-    if widest is None or widest[2] <= 0.0:
-        return sides.middle, 0.0
-    largest = unit * float(widest[2])
-    # A little more than the least, so that rounding takes nothing from it.
-    wanted = min(max((1.0 - slack) * largest, min((1.0 + ROUNDING) * least, largest)), most)
-    center = sides.nearest(offsets - wanted / unit * reach)
-    center = widest[:2] if center is None else center
-    factor = unit * float(((offsets - sides.outward @ center) / reach).min())
-    return sides.middle + sides.scale * center, min(factor, most)
+    unit = sides.scale / max(size)
+
+    def choose(largest: float) -> float:
+        """A little more than the least, so that rounding takes nothing from it."""
+        at_least = min((1.0 + ROUNDING) * least, unit * largest)
+        return min(max((1.0 - slack) * unit * largest, at_least), most) / unit
+
+    center, factor = sides.place(reach, offsets, choose)
+    return center, min(unit * factor, most)
 
 
 class _Sides:
@@ -158,32 +154,39 @@ class _Sides:
         self.offsets = np.einsum("ij,ij->i", self.outward, corners)
 
     def of_edges(self, values: float | Floats) -> Floats:
-        """Values for all edges, or each, of those that have a length."""
+        """(k,) values, one for all edges or one for each, of the edges that have a length."""
         return np.broadcast_to(values, self.edges.shape)[self.edges]
 
-    def largest(self, reach: Floats, offsets: Floats) -> Floats | None:
-        """Center and factor (3,) of the largest shape that reaches `factor * reach` (m,) beyond its
-        center toward each side."""
-        return _least_third(-1.0, np.column_stack([self.outward, reach]), offsets)
+    def place(
+        self,
+        reach: Floats,
+        offsets: Floats,
+        choose: Callable[[float], float] = float,
+    ) -> tuple[Floats, float]:
+        """Center (2,) and factor of a shape within `outward @ x <= offsets` (m,) that reaches
+        `factor * reach` (m,) beyond its center toward each side; factor 0 where none fits.
 
-    def nearest(self, offsets: Floats) -> Floats | None:
-        """(2,) the point nearest to the centroid within `outward @ x <= offsets` (m,).
-
-        Between parallel edges a center is free to slide, and in a long facet nearly so."""
+        choose: the factor that has to be left, from the largest one. The center is the nearest to
+        the centroid that leaves it: between parallel edges a center is free to slide, and in a long
+        facet nearly so.
+        """
+        widest = _least_third(-1.0, np.column_stack([self.outward, reach]), offsets)
+        if widest is None or widest[2] <= 0.0:
+            return self.middle, 0.0
         along = np.array([(1, 0, -1), (-1, 0, -1), (0, 1, -1), (0, -1, -1)])
-        point = _least_third(
-            1.0,
-            np.vstack([np.column_stack([self.outward, np.zeros(len(self.outward))]), along]),
-            np.concatenate([offsets, np.zeros(4)]),
-        )
-        return None if point is None else point[:2]
+        rows = np.vstack([np.column_stack([self.outward, np.zeros(len(reach))]), along])
+        inner = offsets - choose(float(widest[2])) * reach
+        nearest = _least_third(1.0, rows, np.concatenate([inner, np.zeros(4)]))
+        center = (widest if nearest is None else nearest)[:2]
+        factor = float(((offsets - self.outward @ center) / reach).min())
+        return self.middle + self.scale * center, factor
 
 
 def _least_third(sign: float, rows: Floats, bounds: Floats) -> Floats | None:
-    """The point (3,) of a polyhedron `rows @ x <= bounds` whose third coordinate times a sign is
-    least, where there is one: it is a corner, in which three constraints are met exactly."""
+    """Point (3,) of a polyhedron `rows @ x <= bounds` whose third coordinate times a sign is least,
+    or None: a corner, in which three constraints are active."""
     if len(rows) > MOST_TRIPLED:
-        # Imported where it is needed: it takes longer than most dice.
+        # Imported late: loading it takes longer than most dice.
         from scipy.optimize import linprog
 
         free = [(None, None), (None, None), (0, None)]

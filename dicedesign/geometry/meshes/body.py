@@ -1,5 +1,5 @@
-"""A body as it comes in: points, perhaps triangles, checked and welded; and the solid that its
-triangles bound, consistently oriented, each shell like those around it, with its center of mass."""
+"""Bodies: points and perhaps triangles, checked and welded; the solid that the triangles bound,
+with its shells consistently oriented; and its center of mass."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.tolerances import ROUNDED_DIGITS, SMALLEST_EXTENT, VOLUME_TOLERANCE
 
 _POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
-"""Those that are float64 numbers, so that a quotient by them is the nearest to the decimal."""
+"""The exact ones in float64: a quotient by one of them is the float nearest to the decimal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,24 +113,29 @@ def make_body(
         if not used.all():
             notes.append(f"ignored {np.count_nonzero(~used)} points that are on no triangle")
             positions, faces = positions[used], (np.cumsum(used) - 1)[faces]
-    welded, welded_faces = weld(positions, faces)
-    if len(welded) < len(positions):
-        notes.append(f"welded {len(positions) - len(welded)} points to others at equal positions")
-    if faces is not None and welded_faces is not None and len(welded_faces) < len(faces):
-        notes.append(f"dropped {len(faces) - len(welded_faces)} triangles with a repeated corner")
-        if len(welded_faces) == 0:
-            welded_faces = None
-    if len(welded) < 4:
+    # Texture and normal seams leave points at equal positions.
+    first, place = merge_positions(positions)
+    if len(first) < len(positions):
+        notes.append(f"welded {len(positions) - len(first)} points to others at equal positions")
+    if faces is not None:
+        faces = place[faces]
+        whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+        if not whole.all():
+            dropped = np.count_nonzero(~whole)
+            notes.append(f"dropped {dropped} triangles with a repeated corner")
+        faces = faces[whole] if whole.any() else None
+    if len(first) < 4:
         raise DegenerateBodyError(
-            f"{name}: expected at least 4 distinct points that span a solid, got {len(welded)}; "
+            f"{name}: expected at least 4 distinct points that span a solid, got {len(first)}; "
             "add points"
         )
-    return Body(welded, welded_faces, name, single, tuple(notes))
+    return Body(positions[first], faces, name, single, tuple(notes))
 
 
 def body_of(mesh: Any, name: str = "mesh") -> Body:
-    """A `Body` as it is, a mesh object with `vertices` (n, 3) and perhaps triangular `faces` (t,
-    3), or points (n, 3). Raises as `make_body`; name: what to call what has no name."""
+    """`Body` of a mesh object with `vertices` (n, 3) and perhaps triangular `faces` (t, 3), or of
+    points (n, 3); a `Body` is returned unchanged. name: of any other body. Raises as
+    `make_body`."""
     if isinstance(mesh, Body):
         return mesh
     if not hasattr(mesh, "vertices"):
@@ -140,44 +145,16 @@ def body_of(mesh: Any, name: str = "mesh") -> Body:
     return make_body(vertices, faces, name=name, single_precision=is_rounded(vertices))
 
 
-def weld(points: Floats, triangles: Integers | None) -> tuple[Floats, Integers | None]:
-    """Merge points at exactly equal positions, as texture and normal seams leave them.
-
-    Parameters
-    ----------
-    points: (n, 3) finite coordinates.
-    triangles: (t, 3) indices into `points`, or None.
-
-    Returns
-    -------
-    (m, 3) the distinct positions, in the order in which they first occur, and (u, 3) the triangles
-    without those that lost a corner by the merging, or None.
-    """
-    first, group = merge_positions(points)
-    points, triangles = points[first], None if triangles is None else group[triangles]
-    if triangles is None:
-        return points, None
-    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return points, triangles[whole]
-
-
 def merge_positions(points: Floats) -> tuple[Integers, Integers]:
     """The first point (m,) at each position of points (n, 3), in order, and (n,) the place of each
     point's position there."""
     positions = kernels.merge_positions(points)
     if positions is not kernels.UNDECIDED:
         return positions
-    order = np.lexsort(points.T)
-    ranked = points[order]
-    is_new = np.ones(len(order), dtype=bool)
-    is_new[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
-    group = np.empty(len(order), dtype=np.int64)
-    group[order] = np.cumsum(is_new) - 1
-    first = order[is_new]  # lexsort is stable: the first of its group
+    # Adding 0 makes -0 and 0 equal.
+    _, first, group = np.unique(points + 0.0, axis=0, return_index=True, return_inverse=True)
     by_occurrence = np.argsort(first)
-    place = np.empty_like(by_occurrence)
-    place[by_occurrence] = np.arange(len(first))
-    return first[by_occurrence], place[group]
+    return first[by_occurrence], np.argsort(by_occurrence)[group]
 
 
 def as_numbers(
@@ -206,10 +183,10 @@ def is_rounded(points: Floats) -> bool:
     """True if coordinates from a file carry no more than single precision.
 
     They do when all are float32 values, or all have at most `ROUNDED_DIGITS` significant decimal
-    digits. Numbers that are short by themselves, such as the corners of a unit cube, count too.
+    digits. Short numbers, such as the corners of a unit cube, count too.
 
-    points: (n, 3) as they stand in the file, before any transform; those that are not finite are
-    left out of account.
+    points: (n, 3) as written in the file, before any transform; others than finite ones are
+    ignored.
     """
     with np.errstate(over="ignore"):
         if np.array_equal(points, points.astype(np.float32)):
@@ -241,20 +218,20 @@ def _check_coordinates(positions: Floats, name: str) -> None:
 
 
 _CLEAR: Final = 0.25
-"""A winding number that is nearer than this to an integer is that integer; for a point on a flat
-part of the surface it is a half."""
+"""Distance from an integer below which a winding number counts as that integer; on a flat part of
+the surface it is a half."""
 
 _OPEN: Final = 0.1
-"""Area of the flat cover of a patch's holes, over its own, up to which it has an inside."""
-
+"""Area of a flat cover of a patch's holes, relative to the patch's own, up to which the patch has
+an inside."""
 
 _TWO_SIDED: Final = 0.9
-"""Part of its triangles that a surface with two sides has from both, at least."""
+"""Least share of triangles that occur with both orientations in a two-sided surface."""
 
 
 def close_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | None:
-    """Triangles (t, 3) oriented as a closed surface, and a sentence on what was reversed; None if
-    they do not close."""
+    """Triangles (t, 3) oriented as a closed surface, and notes on what was reversed; None if they
+    do not close."""
     if is_closed(triangles):
         return triangles, ()
     oriented = consistent_winding(triangles)
@@ -267,9 +244,9 @@ def close_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | N
 def consistent_winding(triangles: Integers) -> Integers | None:
     """Reverse as few triangles as needed for a closed, consistently oriented surface.
 
-    Each triangle stands twice in a graph, once kept and once reversed, and two triangles that
-    share an edge link the copies that agree. An orientable part of the surface falls into two
-    components, one the reverse of the other, and the one that keeps more triangles is taken.
+    Each triangle is two nodes of a graph, one as it is and one reversed, and two triangles that
+    share an edge link the nodes that agree. An orientable part of the surface falls into two
+    components, one the reverse of the other; the one that reverses fewer triangles is taken.
 
     triangles: (t, 3) vertex indices, nonnegative. Returns the same triangles in the same order,
     some reversed, or None when no choice closes the surface, because it has a boundary or is
@@ -284,8 +261,9 @@ def consistent_winding(triangles: Integers) -> Integers | None:
 def outward_patches(points: Floats, triangles: Integers) -> Integers:
     """Orient triangles (t, 3) consistently, and outward as far as they determine it.
 
-    Those that hang together by edges of two triangles are a patch. In each as few as needed are
-    reversed, and all of one that is closed, or nearly, and inward: cavities and bodies alike.
+    A patch is a set of triangles connected by edges of exactly two triangles. In each patch as few
+    triangles as needed are reversed; a closed or nearly closed patch is then oriented outward, be
+    it a body or a cavity.
 
     points: (n, 3). Returns the same triangles in the same order, some reversed.
     """
@@ -305,17 +283,13 @@ def outward_patches(points: Floats, triangles: Integers) -> Integers:
 def distinct_triangles(triangles: Integers) -> Integers:
     """Triangles (t, 3) without duplicates (equal corners).
 
-    Of as many on either side none is left, as of the wall between two bodies, unless nearly all are
-    such, as of a surface with two sides; else one on the side that has more.
+    Of the triangles between three corners one remains, with the orientation that more of them have.
+    Where both orientations are equally frequent, as in a wall between two bodies, none remains,
+    unless nearly all triangles are like that, as in a two-sided surface.
     """
-    rising = np.sort(triangles, axis=1)
-    order = np.lexsort(rising.T)
-    is_new = np.ones(len(order), dtype=bool)
-    is_new[1:] = (rising[order[1:]] != rising[order[:-1]]).any(axis=1)
-    if is_new.all():
+    first, group = merge_positions(np.sort(triangles, axis=1).astype(np.float64))
+    if len(first) == len(triangles):
         return triangles
-    group = np.empty(len(order), dtype=np.int64)
-    group[order] = np.cumsum(is_new) - 1
     lowest = triangles.argmin(axis=1)
     after, before = (
         np.take_along_axis(triangles, ((lowest + k) % 3)[:, None], axis=1)[:, 0] for k in (1, 2)
@@ -323,16 +297,14 @@ def distinct_triangles(triangles: Integers) -> Integers:
     side = np.where(after < before, 1, -1)
     more = np.sign(np.bincount(group, side)).astype(np.int64)
     if np.mean(more == 0) >= _TWO_SIDED:
-        more = np.where(more == 0, side[order[is_new]], more)
-    first = np.full(len(more), len(triangles))
+        more = np.where(more == 0, side[first], more)
     major = np.flatnonzero(side == more[group])
-    np.minimum.at(first, group[major], major)
-    return triangles[np.sort(first[more != 0])]
+    return triangles[major[np.sort(np.unique(group[major], return_index=True)[1])]]
 
 
 def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
     """Triangles (t, 3) with as few as possible reversed, so that neighbors across an edge of
-    exactly two agree; and (t,) the number of each connected part."""
+    exactly two agree; and (t,) the connected part of each."""
     count = len(triangles)
     rising = triangles.ravel() < np.roll(triangles, -1, axis=1).ravel()
     keys = edge_keys(triangles)
@@ -358,8 +330,8 @@ def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
 def orient_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:
     """Turn the shells that lie beside others and are oriented against them.
 
-    The largest shell says which orientation is that of bodies. One of the other orientation is a
-    cavity where it lies inside a body, and is turned where it does not.
+    The largest shell counts as a body. A shell of the opposite orientation is a cavity inside a
+    body, and is turned where it is outside all of them.
 
     points: (n, 3); triangles: (t, 3) of a closed oriented surface (see `is_closed`). Returns the
     same triangles in the same order, some reversed, and the number of shells turned.
@@ -376,8 +348,8 @@ def orient_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:
     bodies = offsets[triangles[(outward * volumes > 0.0)[shell]]]
     beside = []
     for k in opposite:
-        # The winding number at the first point of it that does not lie on the bodies' surface,
-        # where it is no integer.
+        # The winding number at the shell's first point off the bodies' surface, where it is not an
+        # integer.
         for point in offsets[triangles[shell == k]].mean(axis=1):
             winding = abs(winding_number(point, bodies))
             if abs(winding - round(winding)) < _CLEAR:
@@ -404,20 +376,20 @@ def resolve_center_of_mass(
     hull_centroid: Floats,
     request: Literal["hull"] | ArrayLike | None = None,
 ) -> tuple[Floats, str, tuple[str, ...]]:
-    """Center of mass of a body, where it comes from, and what had to be assumed.
+    """Center of mass of a body, its source, and what had to be assumed.
 
     Parameters
     ----------
     body: its triangles, if any, need not be closed or consistently wound.
     hull_centroid: (3,) centroid of the body's convex hull, taken for a point cloud, an open mesh
         or on request.
-    request: "hull", or (3,) numbers that are taken as they are, in the unit of the points; None
-        decides by the densities of the body, or else by the mesh.
+    request: "hull", or (3,) numbers in the unit of the points; None decides by the densities of the
+        body, or else by the mesh.
 
     Returns
     -------
     (3,) the center in the unit of the points, not checked to lie inside the hull; its source
-    "uniform solid", "uniform solid hull", "given" or that of `MassProperties`; and what was
+    "uniform solid", "uniform solid hull", "given" or the source of `MassProperties`; and what was
     assumed or re-oriented, one sentence each.
 
     Raises
@@ -456,7 +428,7 @@ def resolve_center_of_mass(
             "convex hull with --com hull"
         )
     if volume < 0 and not notes:
-        notes = ("the mesh is oriented inward and was taken as a solid all the same",)
+        notes = ("the mesh is oriented inward and was taken as a solid",)
     return centroid, "uniform solid", notes
 
 

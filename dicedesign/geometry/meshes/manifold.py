@@ -38,21 +38,11 @@ def solid(vertices: Floats, triangles: Integers) -> Manifold:
 
     Raises
     ------
-    InputError: wrong shapes, indices out of range, not finite, not closed, not oriented, or
-        without positive volume.
+    InputError: indices out of range, not finite, not closed, not oriented, or without positive
+        volume.
     """
     points = np.ascontiguousarray(vertices, dtype=np.float64)
     corners = np.ascontiguousarray(triangles, dtype=np.int64)
-    if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
-        raise InputError(
-            "solid: expected vertices of shape (n, 3) and triangles of shape (t, 3), got "
-            f"{points.shape} and {corners.shape}; pass one row for each"
-        )
-    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-        raise InputError(
-            f"solid: expected triangles of vertices 0 to {len(points) - 1}, got indices from "
-            f"{corners.min()} to {corners.max()}; number the vertices from 0"
-        )
     body = Manifold(Mesh64(points, corners.astype(np.uint64)))
     if body.status() != Error.NoError:
         raise InputError(

@@ -1,8 +1,8 @@
-"""Read a triangle mesh, a polygon mesh or a point cloud from a file; write STL.
+"""Mesh and point files: read any format, write STL.
 
-STL, OBJ, OFF and XYZ are read here: positions and faces, nothing else. These readers take polygons
-of any size, relative OBJ indices, comments and any separator, and say on which line a file is
-wrong."""
+STL, OBJ, OFF and XYZ are parsed here: positions and faces, nothing else. The parsers take polygons
+of any size, relative OBJ indices, comments and any separator, and name the line of an error.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ QUOTED: Final = 40
 """Characters of a wrong line that are quoted."""
 
 MOST_INDEX: Final = 2**31
-"""More vertices than any mesh has."""
+"""Largest vertex number."""
 
 DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
 """A number with a comma for its point."""
@@ -170,7 +170,7 @@ def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
 
 
 def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[int]:
-    """Corners of its triangles, one after the other."""
+    """Corners of the triangles of a polygon's fan, one after the other."""
     if len(polygon) == 3:
         return polygon
     if len(polygon) < 3:
@@ -186,8 +186,7 @@ def _arrays(points: list[float], triangles: list[int]) -> Geometry:
 
 
 def bad_line(path: Path, number: int, expected: str, line: str) -> MeshFileError:
-    """The error of a text file whose line of this number, counted from 1, does not hold what was
-    expected."""
+    """Error about a line of a text file, numbered from 1, that does not hold what was expected."""
     return MeshFileError(
         f"{path}: line {number}: expected {expected}, got {line.strip()[:QUOTED]!a}; correct the "
         "line or export the file again"
@@ -201,15 +200,14 @@ STL_TITLE: Final = b"dicedesign, binary STL, lengths in millimeters".ljust(STL_H
 """Text at the start of the files that this package writes."""
 
 STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
-"""A triangle of a binary file; its last two bytes are an extension that most programs skip."""
+"""Triangle of a binary file; its last two bytes are an extension that most programs skip."""
 
 
 def parse_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
-    """Points and triangles of the content of an STL file, equal positions made one point again.
+    """Points and triangles of an STL file, with equal positions merged into one point.
 
-    A file is binary when its size is that of the number of triangles it tells, whatever its header
-    says (many begin with "solid"). The solids of an ASCII file are joined. Normals and colors are
-    skipped.
+    A file is binary when its size matches its number of triangles, whatever its header says (many
+    begin with "solid"). The solids of an ASCII file are joined. Normals and colors are skipped.
 
     path: what to call it in messages. Returns (n, 3) points and (t, 3) triangles.
     Raises MeshFileError: the file is neither, or a `vertex` line of an ASCII file cannot be read.
@@ -245,7 +243,7 @@ def parse_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
 def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
     """A triangle mesh as binary STL.
 
-    STL holds float32. Triangles of which two corners round to the same float32 point are left out:
+    STL holds float32. Triangles with two corners that round to one float32 point are left out:
     their two other edges then coincide, so a closed mesh stays closed.
 
     Parameters
@@ -295,7 +293,7 @@ OWN_ENDINGS: Final = frozenset(OWN_READERS)
 
 @cache
 def mesh_endings() -> frozenset[str]:
-    """Endings such as ".stl", in lower case, that `read_body` knows here. Imports trimesh."""
+    """File endings such as ".stl", in lower case, that `read_body` takes. Imports trimesh."""
     with without_solids():
         from trimesh.exchange.load import mesh_formats
 
@@ -304,8 +302,7 @@ def mesh_endings() -> frozenset[str]:
 
 @contextmanager
 def without_solids() -> Iterator[None]:
-    """Keep manifold3d from being loaded: trimesh takes it along if it can, and a query needs it
-    for nothing."""
+    """Keep trimesh from importing manifold3d, which no query needs."""
     hidden = "manifold3d" not in sys.modules
     if hidden:
         sys.modules["manifold3d"] = None  # type: ignore[assignment]
@@ -318,7 +315,7 @@ def without_solids() -> Iterator[None]:
 
 
 MOST_INFLATED: Final = 1 << 31
-"""Bytes of all that an archive holds: 2 GiB."""
+"""Largest unpacked size of an archive in bytes, 2 GiB."""
 
 
 def read_body(path: str | Path) -> Body:
@@ -348,7 +345,7 @@ def read_body(path: str | Path) -> Body:
             f"{path}: expected a mesh or point file, got an empty one; {EXPORT_AGAIN}"
         )
     reader = OWN_READERS.get(path.suffix.lower())
-    # What is no number is told in words, below.
+    # Numbers that are not finite are refused below.
     with np.errstate(all="ignore"):
         if reader is not None:
             points, triangles = reader(data, path)
@@ -384,7 +381,7 @@ def _check_archive(data: bytes, path: Path) -> None:
 def _read_scene(
     path: Path,
 ) -> tuple[Floats, Integers, bool, int]:
-    """Points, triangles, whether they were rounded, and the number of parts, by trimesh."""
+    """Points, triangles, whether they were rounded, and the number of parts, read by trimesh."""
     with quiet_trimesh():
         import trimesh
 

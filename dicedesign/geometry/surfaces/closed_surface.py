@@ -1,5 +1,5 @@
-"""The closed surface that a body's triangles make, checked before anything is done to it, and
-surfaces with fewer or more points."""
+"""The closed surface of one solid that a body's triangles bound, checked; decimation and
+refinement."""
 
 from __future__ import annotations
 
@@ -27,15 +27,14 @@ REPAIR: Final = (
     "write start: {mesh: {path: FILE, repair: true}} (dicedesign design: --repair), or repair the "
     "file with dicedesign repair"
 )
-"""The remedy for a surface that is none of one solid."""
+"""Remedy for triangles that do not bound one solid."""
 
 
 def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
     """The surface of one solid that the triangles of a body bound.
 
-    Of triangles between the same corners one is kept at most, triangles that are wound against
-    their neighbors are reversed, a surface that is oriented inward is turned, and points on no
-    triangle are dropped.
+    Repeated triangles are dropped, triangles that are wound against their neighbors are reversed, a
+    surface that is oriented inward is turned, and points on no triangle are dropped.
 
     Returns
     -------
@@ -151,16 +150,16 @@ def _place(point: Floats) -> str:
 
 
 CONVEX: Final = 1e-3
-"""Part of its hull's volume that a convex surface leaves empty at most."""
+"""Largest share of its hull's volume that a convex surface leaves empty."""
 
 ROUND: Final = 0.95
-"""A hull is nearly a sphere when its facets are as far from the center of mass as this part of the
-distance of its farthest corner: then it rests on nothing in particular."""
+"""Least distance of a facet from the center of mass, relative to the farthest corner's, from which
+on a hull is nearly a sphere."""
 
 
 def require_dents(surface: Surface) -> None:
-    """Raise InputError for a surface of which no concave die is made: one that is nearly convex, or
-    whose hull is nearly a sphere."""
+    """Raise InputError for a surface that cannot become a concave die: it is nearly convex, or its
+    hull is nearly a sphere."""
     hull = convex_hull(surface.points)
     heights = ((hull.vertices[hull.tail] - surface.centroid) * hull.normals[hull.facet]).sum(axis=1)
     radius = float(norms(hull.vertices - surface.centroid).max())
@@ -182,12 +181,11 @@ FEWEST: Final = 4
 """Points of the smallest closed surface, a tetrahedron."""
 
 AGGRESSIVENESS: Final = (5.0, 4.0)
-"""Speeds at which the decimation raises its threshold, tried in turn: slower keeps to small edges
-longer and to the shape better, and may end before it has come to the wanted number."""
+"""Speeds at which the decimation raises its threshold, tried in turn: a slower one keeps the shape
+better, but may end before the wanted number of points is reached."""
 
 WEAKER: Final = 1.25
-"""Factor by which the wanted number of points is raised where no decimation gives a good
-surface."""
+"""Factor by which the number of points is raised where no decimation gives a good surface."""
 
 SHORTER: Final = 0.93
 """Factor by which edges are shortened until there are enough points."""
@@ -197,11 +195,11 @@ def decimate(surface: Surface, points: int) -> tuple[Surface, str]:
     """Surface reduced to about a number of points, by fast-simplification.
 
     Edges are collapsed in order of quadric error (Garland and Heckbert, Surface simplification
-    using quadric error metrics, 1997). Where that makes a surface that is not closed, falls apart
-    or meets itself, it is done more slowly, and then with a quarter more points, again and again.
+    using quadric error metrics, 1997). Where the result is not closed, falls apart or meets itself,
+    this is repeated more slowly, and then with a quarter more points each time.
 
-    points: at least 4. Returns the surface, and what was done in a sentence; one that has no more
-    points already is returned as it is.
+    points: at least 4. Returns the surface, unchanged if it has no more points already, and a
+    sentence on what was done.
 
     Raises
     ------
@@ -260,12 +258,12 @@ def refine(surface: Surface, points: int) -> tuple[Surface, str]:
     Edges longer than a length are cut into pieces of about that length; it is shortened until there
     are enough points. All new points lie on the old triangles.
 
-    points: wanted. Returns the surface, and what was done in a sentence; one that has as many
-    already is returned as it is.
+    points: wanted. Returns the surface, unchanged if it has as many already, and a sentence on what
+    was done.
 
     Raises
     ------
-    InputError: manifold3d takes the surface for no solid, or rounding makes the finer one meet
+    InputError: the surface is not a solid for manifold3d, or rounding makes the finer one meet
         itself.
     """
     before = len(surface.points)
@@ -293,8 +291,8 @@ def refine(surface: Surface, points: int) -> tuple[Surface, str]:
 
 
 def _is_good(surface: Surface, handles: int) -> bool:
-    """True if nothing has to be repaired for a surface to be taken as one (`make_surface`) and it
-    has as many handles as before; handles: four times their number."""
+    """Whether `make_surface` accepts a surface without any repair, and it has as many handles as
+    before; handles: four times their number."""
     points, triangles = surface.points, surface.triangles
     if len(triangles) - 2 * (len(points) - 2) != handles:
         return False

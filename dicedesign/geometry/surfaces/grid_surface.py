@@ -1,5 +1,5 @@
-"""Distances from a surface, depths inside it on a cubic grid, and surfaces between the nodes of a
-grid that are inside and those outside, with even triangles that do not meet each other."""
+"""Distances from a surface, depths inside it on a cubic grid, surfaces between inner and outer
+nodes of a grid, and their smoothing."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def distances_from_surface(surface: Surface, points: Floats) -> Floats:
 
 
 def closest_points(surface: Surface, points: Floats) -> tuple[Integers, Floats]:
-    """The points of a surface that are closest to others (k, 3): the triangle (k,) of each, and the
-    weights (k, 3) of its corners, not negative and of sum 1. Of points as close, the first."""
+    """Closest points of a surface to points (k, 3): the triangle (k,) of each, and the weights
+    (k, 3) of its corners, not negative and of sum 1. Of equally close triangles, the first."""
     corners = surface.points[surface.triangles]
     triangles = np.zeros(len(points), dtype=np.int64)
     weights = np.zeros((len(points), 3))
@@ -44,11 +44,11 @@ def closest_points(surface: Surface, points: Floats) -> tuple[Integers, Floats]:
 
 
 def _near_pairs(corners: Floats, points: Floats) -> Iterator[tuple[Integers, Integers]]:
-    """Numbers of points (k, 3) and of triangles (t, 3, 3), in pairs, among which the closest of
-    each point is; all of a point come together.
+    """Pairs of a point (k, 3) and a triangle (t, 3, 3), among them each point's closest triangle;
+    all pairs of a point come together.
 
-    Only triangles whose circle about their mean corner comes as near as that of some other goes at
-    most are looked at closely.
+    A triangle is left out if its bounding sphere is farther away than the far side of another
+    triangle's.
     """
     centers = corners.mean(axis=1)
     radii = norms(corners - centers[:, None]).max(axis=1)
@@ -62,9 +62,9 @@ def _near_pairs(corners: Floats, points: Floats) -> Iterator[tuple[Integers, Int
 
 
 def _closest_in_triangles(points: Floats, corners: Floats) -> Floats:
-    """(m, 3) weights of the corners of triangles (m, 3, 3) of which the mean is closest to points
-    (m, 3)."""
-    # The foot of the perpendicular onto the plane, where it is inside; a flat one has none.
+    """(m, 3) weights of the corners of triangles (m, 3, 3) whose mean is closest to points (m,
+    3)."""
+    # The foot of the perpendicular onto the plane, where it is inside and the triangle has area.
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     normal = np.linalg.cross(opposite[:, 1], opposite[:, 2])
     squared = (normal * normal).sum(-1)
@@ -93,8 +93,8 @@ def _squares(weights: Floats, corners: Floats, points: Floats) -> Floats:
 
 
 LATTICE_OFFSET: Final = (np.sqrt(0.3), np.sqrt(0.5), np.sqrt(0.7))
-"""Steps from the first nodes to the lowest coordinates of a surface, along each axis: nodes seldom
-lie on it then."""
+"""Steps from the first nodes to the lowest coordinates of a surface, along each axis, irrational so
+that nodes are seldom on the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +134,8 @@ def depth_grid(surface: Surface, steps: int) -> DepthGrid:
 
 
 def _inside(points: Floats, triangles: Integers, shape: Integers) -> Booleans:
-    """(a, b, c) whether nodes with whole coordinates are inside a closed surface: where it is
-    crossed an odd number of times on the way to them along z."""
+    """(a, b, c) whether nodes with whole coordinates are inside a closed surface, by the parity of
+    its crossings along z."""
     corners = points[triangles]
     first = np.ceil(corners[..., :2].min(axis=1)).astype(np.int64)
     count = np.floor(corners[..., :2].max(axis=1)).astype(np.int64) - first + 1
@@ -143,7 +143,7 @@ def _inside(points: Floats, triangles: Integers, shape: Integers) -> Booleans:
     column = first[owner] + np.stack(np.divmod(place, count[owner, 1]), axis=-1)
     sides = []
     for k in range(3):
-        # Both triangles of an edge decide alike on which side of it a column is.
+        # Sorted ends: both triangles of an edge put a column on one side of it.
         ends = np.sort(triangles[:, [k, (k + 1) % 3]], axis=1)
         tail = points[ends[owner, 0], :2]
         (x, y), (right, up) = (points[ends[owner, 1], :2] - tail).T, (column - tail).T
@@ -201,12 +201,12 @@ def surface_nets(
 
 
 def without_double_cuts(values: Floats) -> Booleans:
-    """The nodes of a grid with values above 0, and as few others as it takes for no cell to be cut
-    by two sheets of the surface between those and the rest.
+    """Nodes of a grid with values above 0, and as few others as needed so that their surface cuts
+    no cell twice.
 
     A cell is cut twice where two nodes at opposite corners of one of its faces, or of the cell
-    itself, are on one side and all others of that face, or cell, on the other. Then the outer one
-    of largest value is added, again and again: the surface of what is left is a manifold.
+    itself, are on one side and all others of that face, or cell, on the other. The outer node of
+    largest value is then added, until no cell is cut twice: the surface is a manifold.
 
     Source: Latecki, 3D well-composed pictures (1997), for the condition.
     """
@@ -240,10 +240,10 @@ def without_double_cuts(values: Floats) -> Booleans:
 
 
 FLIP_PASSES: Final = 3
-"""Most passes over all edges each time."""
+"""Most passes over all edges in each round."""
 
 STEP: Final = 0.6
-"""Part of the way to the middle of its neighbors that a point is moved."""
+"""Share of the way to the middle of its neighbors by which a point is moved."""
 
 EXCESS: Final = 1e-9
 """Angle, in radians, by which those opposite to an edge must exceed 180 degrees to flip it."""
@@ -252,17 +252,16 @@ EXCESS: Final = 1e-9
 def smooth_mesh(
     points: Floats, triangles: Integers, onto: Callable[[Floats, Integers], Floats], rounds: int
 ) -> tuple[Floats, Integers]:
-    """The points and triangles of a closed surface, moved along it and joined otherwise so that the
-    triangles are more even.
+    """Points and triangles of a closed surface, remeshed so that the triangles are more even.
 
-    In turns points are moved toward the middle of their neighbors and back onto the surface, and
-    edges flipped until the angles opposite to each sum to no more than 180 degrees.
+    Points are moved toward the middle of their neighbors and back onto the surface, and edges are
+    flipped until the angles opposite to each sum to no more than 180 degrees, in turns.
 
     Parameters
     ----------
     points, triangles: (n, 3) and (t, 3), of a closed oriented surface.
     onto: moves points (n, 3), joined by triangles (t, 3), onto the surface.
-    rounds: how often that is done.
+    rounds: number of turns.
     """
     for _ in range(rounds):
         triangles = _flip_edges(points, triangles)
@@ -276,8 +275,8 @@ def smooth_mesh(
 
 
 def _flip_edges(points: Floats, triangles: Integers) -> Integers:
-    """The triangles with edges flipped where the angles opposite to one sum to more than 180
-    degrees, as long as that is so and the new edge does not exist yet."""
+    """Triangles with edges flipped where the angles opposite to an edge sum to more than 180
+    degrees and the new edge does not exist yet."""
     triangles = triangles.copy()
     size = len(points)
     for _ in range(FLIP_PASSES):
@@ -308,21 +307,21 @@ def _flip_edges(points: Floats, triangles: Integers) -> Integers:
 
 
 MOST: Final = 300
-"""Pairs of triangles that meet, from which on that is hopeless."""
+"""Most pairs of triangles that meet for which untangling is tried."""
 
 ROUNDS: Final = 8
-"""Times that the places are looked for."""
+"""Most searches for triangles that meet."""
 
 SMOOTHINGS: Final = 3
-"""Times that their points are moved each time."""
+"""Moves of points after each search."""
 
 RINGS: Final = 1
-"""Of points around those of triangles that meet, moved with them."""
+"""Rings of neighbors that are moved with the points of triangles that meet."""
 
 
 def untangle(surface: Surface) -> Surface | None:
-    """The surface with points around triangles that meet moved to the mean of their neighbors,
-    again and again and wider, until no two meet; None where some still do in the end."""
+    """Surface whose points around triangles that meet are smoothed, ever wider, until no two meet;
+    None if some still do after `ROUNDS`."""
     points, triangles = surface.points.copy(), surface.triangles
     tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     near = np.zeros(len(points), dtype=bool)

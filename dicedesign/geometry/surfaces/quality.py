@@ -18,10 +18,10 @@ from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 
 LISTED: Final = 20
-"""Triangles and places that the plain data name, at most; their number is always there."""
+"""Most triangles and places listed in the plain data, beside their number."""
 
 SHARE: Final = 0.95
-"""Part of the area that is distorted no more than the figure given for it."""
+"""Share of the area whose largest distortion is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class SurfaceQuality:
     folds: (f, 2) pairs of triangles with a common edge at which the surface turns by more than
         `SHARP_TURN` and did not in the reference.
     intersections: (m, 2) pairs of triangles that meet, as from `intersecting_triangles`.
-    places: (k, 3) the middles of the groups of such triangles, see `intersection_groups`.
+    places: (k, 3) middles of groups of such triangles, see `intersection_groups`.
     distortion: against the reference, see `surface_distortion`; None without one.
     """
 
@@ -113,8 +113,8 @@ class SurfaceQuality:
 def surface_quality(surface: Surface, reference: Surface | None = None) -> SurfaceQuality:
     """Look for defects of a closed surface.
 
-    reference: the surface that it was deformed from, with the same triangles. What was sharp or
-    thin there is no defect of the deformation; slivers are counted all the same.
+    reference: the surface that it was deformed from, with the same triangles. Folds and inverted
+    triangles of the reference do not count; slivers do.
     """
     points, triangles = surface.points, surface.triangles
     corners = points[triangles]

@@ -1,6 +1,7 @@
-"""From triangles of any kind to the closed surface of one solid, of no more points than wanted.
+"""The closed surface of one solid from any triangles, with a limited number of points.
 
-The solid is where triangles wind around a point."""
+The solid is the set of points with a winding number above one half.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 
 
 class Soup:
-    """Triangles (t, 3) between points (n, 3), looked at by libigl."""
+    """Triangles (t, 3) between points (n, 3), for queries by libigl."""
 
     def __init__(self, points: Floats, triangles: Integers) -> None:
         """Raises InputError without the extra `repair`."""
@@ -74,44 +75,45 @@ class Soup:
 
 
 HALF: Final = 0.5
-"""Turns around a point from which on it is inside."""
+"""Winding number of a point from which on it is inside."""
 
 HALVINGS: Final = 5
-"""Of an edge of the grid, or of as long a line, until the surface on it is found."""
+"""Bisections that locate the surface on an edge of the grid or a line of that length."""
 
 ROUNDS: Final = 3
-"""Times that points are moved and edges flipped."""
+"""Rounds of moving points and flipping edges."""
 
 REACH: Final = 0.5
 """Distance, in cells, within which the surface is looked for."""
 
 BESIDE: Final = 0.02
-"""Distance from the closest triangle, in cells, at which one side is inside and one outside if it
-is a triangle of the surface."""
+"""Distance from a triangle, in cells, at which both of its sides are tested for being inside."""
 
 BORDER: Final = 2.5
-"""Cells of the grid beyond the box on each side: flat faces along the box are between nodes."""
+"""Cells of the grid beyond the box on each side, not whole, so that flat faces along the box are
+between nodes."""
 
 THIN: Final = 1.0
-"""A part is thin where it is thinner than this many cells: nodes of the grid may miss it."""
+"""Thickness in cells below which a part is thin, as nodes of the grid may miss it."""
 
 THICKENING: Final = 0.6
-"""Cells by which a thin part is thickened on each side: nodes cannot miss it then."""
+"""Cells by which a thin part is thickened on each side, so that nodes cannot miss it."""
 
 PIECES: Final = 2.0
-"""Longest edges of the pieces of triangles that are thin or not, in cells."""
+"""Longest edge, in cells, of the pieces into which triangles are cut to be tested for thinness."""
 
 
 class WoundSolid:
-    """All places around which triangles wind more than half a turn, and those beside thin parts.
+    """All places with a winding number above one half, and those beside thin parts.
 
-    The winding number is a whole one where the triangles close, by shell on shell the more, and
-    goes evenly across a hole: so a hole is covered, shells are joined, and walls inside are none.
+    The winding number is an integer where the triangles close, grows with each shell around a
+    place, and changes smoothly across a hole: so holes are covered, shells are joined, and walls
+    inside vanish.
 
     Attributes
     ----------
     soup: the triangles, consistently oriented.
-    cell: side of the cells of the grid that is to show all parts.
+    cell: side of the grid's cells.
 
     Source: Barill et al., Fast winding numbers for soups and clouds (2018).
     """
@@ -159,7 +161,7 @@ class WoundSolid:
         return surface_nets(inside, crossing)
 
     def _depths(self, places: Floats) -> Floats:
-        """(k,) values above 0 inside, and larger the nearer to it outside, of places (k, 3)."""
+        """(k,) values of places (k, 3), above 0 inside, and growing toward the solid outside."""
         depths = self.soup.turns(places) - HALF
         if self._thin is not None:
             outer = np.flatnonzero(depths <= 0.0)
@@ -180,8 +182,8 @@ class WoundSolid:
         return Soup(flat[0], flat[1][thin]) if len(thin) else None
 
     def onto(self, points: Floats, triangles: Integers) -> Floats:
-        """Points moved to the closest of a triangle that parts inside from outside; where there is
-        none near, to the surface along the normal, if it is within `REACH`."""
+        """Points moved to the closest triangle between inside and outside; where none is near, to
+        the surface along the normal, if it is within `REACH`."""
         vectors = doubled_area_vectors(points, triangles).repeat(3, axis=0)
         normals = sums_by_index(triangles.ravel(), vectors, len(points))
         normals /= norms(normals)[:, None].clip(np.finfo(float).tiny)
@@ -197,7 +199,7 @@ class WoundSolid:
         return moved
 
     def _parts(self, points: Floats, reach: Floats) -> Booleans:
-        """(k,) whether the surface is between points (k, 3) moved by a reach inward and outward."""
+        """(k,) whether the surface is within a reach (k, 3) inward and outward of points (k, 3)."""
         return self.holds(points - reach) & ~self.holds(points + reach)
 
     def _between(self, inner: Floats, outer: Floats) -> Floats:
@@ -214,33 +216,32 @@ GRIDS: Final = ((100, 0.0), (100, 0.25), (80, 0.0), (64, 0.25))
 not meet itself."""
 
 MOST_TRIANGLES: Final = 100_000
-"""Triangles beyond which there are fewer made of them first: the grid's cells are larger."""
+"""Most triangles of a repair; more are decimated first."""
 
 SAMPLES: Final = 20_000
-"""Points that are drawn on a surface to measure distances."""
+"""Random points on a surface for measuring distances."""
 
 SEED: Final = 0
-"""Of these points."""
+"""Seed of these points."""
 
 SHEETS: Final = 0.5
-"""Part of the area that may be sheets with no solid on either side."""
+"""Largest area share of sheets with no solid on either side."""
 
 REPORTED_SHARE: Final = 5e-3
-"""Part of the area from which on sheets and thin parts are reported: there are some at every sharp
-edge."""
+"""Area share from which on sheets and thin parts are reported: some are at every sharp edge."""
 
 
 @dataclass(frozen=True, eq=False)
 class RepairedMesh:
-    """A surface made of triangles that bounded no single solid.
+    """Repaired surface of triangles that do not bound one solid.
 
     Attributes
     ----------
-    points, triangles: (n, 3) and (t, 3), what came, consistently oriented and without repeated
+    points, triangles: (n, 3) and (t, 3) of the input, consistently oriented and without repeated
         triangles.
     surface: of one solid.
-    numbers: about both.
-    notes: the same, one sentence each, after those of the body.
+    numbers: comparison of the two.
+    notes: what was done, one sentence each, after the notes of the body.
     """
 
     points: Floats
@@ -259,8 +260,8 @@ def repair_mesh(body: Body) -> RepairedMesh:
 
     Raises
     ------
-    InputError: the body is a point cloud; the extra `repair` is not installed; no surface that does
-        not meet itself was found.
+    InputError: the body is a point cloud; the extra `repair` is not installed; every surface meets
+        itself.
     DegenerateBodyError: the triangles bound no solid, or are mostly sheets.
     """
     if body.triangles is None:
@@ -313,7 +314,7 @@ def repair_mesh(body: Body) -> RepairedMesh:
         )
     raise InputError(
         f"{body.name}: expected triangles whose solid has a surface that does not meet itself, got "
-        f"none on {len(GRIDS)} grids; take the mesh apart, or mend it in a modeling program"
+        f"none on {len(GRIDS)} grids; take the mesh apart, or repair it in a modeling program"
     )
 
 
@@ -337,8 +338,8 @@ def _sample_points(points: Floats, triangles: Integers) -> tuple[Floats, Floats]
 
 
 def _compare(solid: WoundSolid, surface: Surface, triangles: Integers, **counted: Any) -> Repair:
-    """The numbers of a repair, from its surface in the coordinates of the solid, the triangles as
-    they came, and what was counted."""
+    """Comparison of a repaired surface, in the coordinates of the solid, with the input triangles;
+    counted: further fields of `Repair`."""
     diagonal = float(norms(np.ptp(solid.soup.points, axis=0)))
     ours, _ = _sample_points(surface.points, surface.triangles)
     off = norms(solid.soup.closest(ours) - ours) / diagonal
@@ -399,14 +400,14 @@ def _percent(part: float) -> str:
 
 
 MOST_POINTS: Final = 20_000
-"""Points that a surface is decimated to where nobody asked for more: what takes longer with each
-shows no more of the shape."""
+"""Default number of points to which a surface is decimated."""
 
 FINEST: Final = 60_000
-"""The same where a surface is not bent as it is, but written, or decimated once more."""
+"""Number of points to which a surface is decimated that is written as it is or decimated again."""
 
 FIRST: Final = 2
-"""As many times the wanted points are left where it is not yet looked for triangles that meet."""
+"""Factor of the wanted points to which a large mesh is thinned before the search for triangles that
+meet."""
 
 
 def input_surface(
@@ -414,13 +415,13 @@ def input_surface(
 ) -> tuple[Surface, tuple[str, ...], RepairedMesh | None]:
     """Closed surface of one solid, with at most a number of points.
 
-    Larger meshes are decimated before anything is done that takes long.
+    Larger meshes are decimated before anything slow is done.
 
     Parameters
     ----------
     body: a mesh of any size.
     points: most of them, at least 4.
-    repair: whether to repair a mesh that is none of one solid (`repair_mesh`).
+    repair: whether to repair a mesh that does not bound one solid (`repair_mesh`).
 
     Returns
     -------
@@ -458,7 +459,7 @@ def _take_as_is(body: Body, points: int) -> tuple[Surface, tuple[str, ...]]:
     try:
         thinned, more = make_surface(fewer)
     except InputError:
-        # That may be due to the thinning alone: the mesh itself is judged, which takes longer.
+        # The thinning alone may be the cause: the mesh itself is tested, which takes longer.
         return make_surface(body)
     return thinned, (
         *notes,

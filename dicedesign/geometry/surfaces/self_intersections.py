@@ -1,7 +1,9 @@
-"""Places where a triangle surface meets itself: boxes that overlap, then what a plane clearly
-parts, then signs without rounding."""
+"""Self-intersections of triangle surfaces: by overlapping boxes, separating planes, and then exact
+signs."""
 
 from __future__ import annotations
+
+from typing import Final
 
 import numpy as np
 
@@ -9,6 +11,9 @@ from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.triangles import find_parts
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import FLAT_FOLD, ROUNDING, UNDERFLOW
+
+EDGES: Final = ((0, 1), (1, 2), (2, 0))
+"""Corners at the ends of a triangle's edges."""
 
 
 def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
@@ -18,9 +23,8 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     touch, or overlap in one plane. Two that share one corner intersect when they have another
     point in common. Two that share an edge intersect when they are folded flat onto each other, to
     an angle of `FLAT_FOLD`; two with the same three corners always do. So triangles side by side in
-    one plane do not intersect, be they ever so many.
-    All but the folding is decided without rounding. Triangles without area are left out: what
-    crosses them crosses their neighbors.
+    one plane do not intersect. All but the folding is decided without rounding. Triangles without
+    area are left out: what crosses them crosses their neighbors.
 
     Parameters
     ----------
@@ -60,7 +64,7 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
 
 
 def intersection_groups(triangles: Integers, pairs: Integers) -> list[Integers]:
-    """Triangles that intersect others, in groups that hang together by intersections or corners.
+    """Triangles that intersect others, in groups connected by intersections or corners.
 
     triangles: (t, 3); pairs: (m, 2) as from `intersecting_triangles`. Returns the rising indices of
     the triangles of each group, largest group first.
@@ -82,8 +86,8 @@ def _rotate_corners(triangles: Integers, column: Integers) -> Integers:
 
 
 def _projection(triangles: Integers, points: Floats, signs: Orientation) -> Integers:
-    """(t,) the best coordinate to drop without making the triangle flat, to rounding; -1 for a
-    triangle without area."""
+    """(t,) the coordinate that leaves the projected triangle the largest area when dropped; -1 for
+    a triangle without area."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     ranked = np.argsort(-np.abs(np.cross(b - a, c - a)), axis=1, kind="stable")
     chosen = np.full(len(triangles), -1)
@@ -131,7 +135,7 @@ def _pierces(
     """
     meet = np.zeros(len(planes), dtype=bool)
     common = 3 - sides.shape[1]
-    for start, end in ((1, 2),) if common else ((0, 1), (1, 2), (2, 0)):
+    for start, end in EDGES[1:2] if common else EDGES:
         ends = sides[:, start - common], sides[:, end - common]
         chosen = np.flatnonzero((ends[0] * ends[1] <= 0) & (ends[0] != ends[1]) & ~meet)
         plane, tail, head = planes[chosen], triangles[chosen, start], triangles[chosen, end]
@@ -155,7 +159,7 @@ def _overlap(
     apart = np.zeros(len(first), dtype=bool)
     for one, other in ((first, second), (second, first)):
         turn = signs.in_plane(dropped, *one.T)
-        edges = ((0, 1), (2, 0)) if common else ((0, 1), (1, 2), (2, 0))
+        edges = EDGES[::2] if common else EDGES
         sides = np.array(
             [
                 [turn * signs.in_plane(dropped, one[:, a], one[:, b], corner) for a, b in edges]

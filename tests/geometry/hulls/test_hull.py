@@ -16,26 +16,13 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.poses import rest_poses
+from tests.reference import solids
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
-GOLDEN = (1 + np.sqrt(5)) / 2
-DODECAHEDRON = np.concatenate(
-    [CUBE]
-    + [
-        np.roll([[0, s / GOLDEN, t * GOLDEN] for s in (-1, 1) for t in (-1, 1)], k, axis=1)
-        for k in range(3)
-    ]
-)
 
 
-def turned(points: np.ndarray, seed: int) -> np.ndarray:
+def turn(points: np.ndarray, seed: int) -> np.ndarray:
     return points @ Rotation.random(random_state=seed).as_matrix().T
-
-
-def prism(n: int, height: float = 1.0) -> np.ndarray:
-    angles = 2 * np.pi * np.arange(n) / n
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
-    return np.concatenate([np.column_stack([ring, np.full(n, z)]) for z in (0.0, height)])
 
 
 def volume(hull: ConvexHull) -> float:
@@ -93,8 +80,8 @@ def test_random_hulls_agree_with_scipy_and_trimesh(seed: int, count: int) -> Non
 
 @pytest.mark.parametrize("seed", range(5))
 def test_cubes_and_dodecahedra_have_flat_facets(seed: int) -> None:
-    for points, expected in ((CUBE, [4] * 6), (DODECAHEDRON, [5] * 12)):
-        moved = turned(points, seed) + np.array([1.0, 2.0, 3.0])
+    for points, expected in ((CUBE, [4] * 6), (solids.platonic("dodecahedron").points, [5] * 12)):
+        moved = turn(points, seed) + np.array([1.0, 2.0, 3.0])
         hull = convex_hull(moved)
         assert sizes(hull) == expected
         assert_sound(hull, moved)
@@ -105,7 +92,7 @@ def test_cubes_and_dodecahedra_have_flat_facets(seed: int) -> None:
 @pytest.mark.parametrize("n", range(3, 21))
 def test_prisms_have_two_polygons_and_n_quads(n: int) -> None:
     for seed in range(3):
-        points = turned(prism(n), seed)
+        points = turn(solids.prism(n).points, seed)
         hull = convex_hull(points)
         assert sizes(hull) == sorted([n, n] + [4] * n)
         assert_sound(hull, points)
@@ -119,7 +106,7 @@ def test_clusters_on_which_qhull_gives_up_are_still_hulls() -> None:
         ends = CUBE[rng.integers(8, size=300)]
         others = ends * np.where(np.arange(3) == rng.integers(3, size=(300, 1)), -1.0, 1.0)
         points = np.concatenate([CUBE, (1 - t) * ends + t * others])
-        points = turned(points + 1e-14 * rng.normal(size=points.shape), seed)
+        points = turn(points + 1e-14 * rng.normal(size=points.shape), seed)
         assert len(convex_hull(points).normals) == 6
 
 
@@ -155,7 +142,7 @@ def test_a_hull_has_normals_where_products_of_its_coordinates_are_no_floats(
 
 def test_far_away_a_cube_is_still_a_cube() -> None:
     for seed in range(10):
-        points = turned(CUBE, seed) + np.array([1e7, -2e7, 3e7])
+        points = turn(CUBE, seed) + np.array([1e7, -2e7, 3e7])
         hull = convex_hull(points)
         assert sizes(hull) == [4] * 6
         np.testing.assert_allclose(hull.centroid, [1e7, -2e7, 3e7], rtol=1e-15)
@@ -167,7 +154,7 @@ def test_far_away_a_cube_is_still_a_cube() -> None:
         (CUBE[:3], "expected at least 4 that span a solid, got 3; add points"),
         (np.repeat(CUBE[:1], 5, axis=0), "span a solid, got one repeated; pass distinct points"),
         (CUBE * [1, 1, 0], "got 8 points on one plane; a body needs thickness in all three"),
-        (turned(CUBE * [1, 1, 0], 1), "got 8 points on one plane"),
+        (turn(CUBE * [1, 1, 0], 1), "got 8 points on one plane"),
         (CUBE * [1, 0, 0], "got 8 points on one line"),
         (np.linspace(0, 1, 9)[:, None] * [1.0, 2.0, 3.0], "got 9 points on one line"),
         (np.where(CUBE > 0, CUBE, np.nan), r"got \[nan, nan, nan\] in row 0; remove or"),

@@ -26,7 +26,7 @@ def test_inscribed_circle_of_regular_polygons(corners, turn):
 
 
 @pytest.mark.parametrize("width", [1e-3, 3.0, 1e4])
-def test_inscribed_circle_of_a_rectangle_lies_in_its_middle(width):
+def test_inscribed_circle_of_a_rectangle_is_in_its_middle(width):
     rectangle = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 2.0), (0.0, 2.0)]) * width
     center, radius = inscribed_circle(rectangle)
     assert radius == pytest.approx(width)

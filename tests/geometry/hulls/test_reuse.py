@@ -81,7 +81,7 @@ def moves(points: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
         yield points @ (np.eye(3) + step * rng.normal(size=(3, 3)))
 
 
-def rebuilt(points: np.ndarray) -> ConvexHull | None:
+def rebuild(points: np.ndarray) -> ConvexHull | None:
     try:
         return convex_hull(points)
     except DegenerateBodyError:
@@ -106,7 +106,7 @@ def test_what_is_reused_is_what_would_be_built() -> None:
             tried += 1
             if found is not None:
                 reused += 1
-                assert identical(found, rebuilt(moved))
+                assert identical(found, rebuild(moved))
     assert 0.3 * tried < reused < 0.7 * tried
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.meshes.body import is_rounded, make_body, weld
+from dicedesign.geometry.meshes.body import is_rounded, make_body
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
@@ -34,13 +34,11 @@ def test_decimal_digits_are_counted_at_every_magnitude(digits: int) -> None:
 
 
 def test_welding_keeps_the_first_of_equal_positions_and_ignores_the_sign_of_zero() -> None:
-    points = np.array([[2.0, 0, 0], [1, 0, 0], [2, -0.0, 0], [1, 0, 1e-300], [1, 0, 0]])
-    kept, faces = weld(points, np.array([[0, 1, 3], [2, 4, 3], [0, 2, 3]]))
-    np.testing.assert_array_equal(kept, [[2, 0, 0], [1, 0, 0], [1, 0, 1e-300]])
-    np.testing.assert_array_equal(faces, [[0, 1, 2], [0, 1, 2]])
-    kept, faces = weld(points, None)
-    assert len(kept) == 3
-    assert faces is None
+    points = np.array([[2.0, 0, 0], [1, 0, 0], [2, -0.0, 0], [1, 0, 1e-300], [1, 0, 0], [0, 1, 0]])
+    body = make_body(points, np.array([[0, 1, 3], [2, 4, 3], [0, 2, 3], [5, 1, 2]]))
+    np.testing.assert_array_equal(body.points, points[[0, 1, 3, 5]])
+    np.testing.assert_array_equal(body.triangles, [[0, 1, 2], [0, 1, 2], [3, 1, 0]])
+    assert len(make_body(points).points) == 4
 
 
 def test_stray_points_and_collapsed_triangles_are_dropped_with_a_note() -> None:

@@ -79,7 +79,7 @@ def box(size: float, center: float, inward: bool = False) -> Mesh:
     return mesh.vertices + np.array([center, 0.0, 0.0]), faces[:, ::-1] if inward else faces
 
 
-def joined(*meshes: Mesh) -> Mesh:
+def join(*meshes: Mesh) -> Mesh:
     starts = np.cumsum([0, *(len(points) for points, _ in meshes)])
     faces = [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]
     return np.concatenate([points for points, _ in meshes]), np.concatenate(faces)
@@ -104,7 +104,7 @@ TURNED = "turned {} shells that lie beside others and were oriented against them
 def test_inward_shells_are_cavities_only_inside_others(
     meshes: tuple[Mesh, ...], center: float, turned: int
 ) -> None:
-    body = make_body(*joined(*meshes))
+    body = make_body(*join(*meshes))
     found, source, notes = resolve_center_of_mass(body, HULL_CENTROID)
     np.testing.assert_allclose(found, [center, 0, 0], atol=1e-14)
     assert source == "uniform solid"

@@ -1,18 +1,14 @@
-"""Triangles are wound alike and outward, told apart from repeated ones, and grouped in shells."""
+"""Triangles are oriented consistently and outward, freed of duplicates, and grouped in shells."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import trimesh
-from common.kernels import compiled_only
+from common.kernels import compiled_only, without_kernels
 
 from dicedesign.geometry.meshes.body import distinct_triangles, outward_patches, shells_of
 from dicedesign.geometry.triangles import is_closed
-from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Integers
-
-pytestmark = compiled_only
 
 
 def soups() -> list[Integers]:
@@ -30,21 +26,15 @@ def soups() -> list[Integers]:
     return found
 
 
-def test_shells_are_the_connected_components(monkeypatch: pytest.MonkeyPatch) -> None:
-    for triangles in soups():
-        shells = shells_of(triangles)
-        monkeypatch.setattr(kernels, "compiled", None)
-        np.testing.assert_array_equal(shells, shells_of(triangles))
-        monkeypatch.undo()
-
-
-def test_closed_surfaces_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+@compiled_only
+def test_kernels_find_the_shells_and_the_closed_surfaces_that_numpy_finds() -> None:
     answers = []
     for triangles in soups():
+        shells = shells_of(triangles)
         answers.append(is_closed(triangles))
-        monkeypatch.setattr(kernels, "compiled", None)
-        assert is_closed(triangles) == answers[-1]
-        monkeypatch.undo()
+        with without_kernels():
+            np.testing.assert_array_equal(shells, shells_of(triangles))
+            assert is_closed(triangles) == answers[-1]
     assert answers[-5:] == [True, True, True, False, True]
 
 

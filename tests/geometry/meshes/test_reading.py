@@ -235,8 +235,8 @@ def test_an_archive_that_would_fill_the_memory_is_refused(
 
 
 @pytest.mark.parametrize("ending", ["stl", "ply"])
-def test_a_signalling_nan_is_told_without_a_warning(tmp_path: Path, ending: str) -> None:
-    """To convert it is an invalid operation to the processor."""
+def test_a_signalling_nan_is_refused_without_a_warning(tmp_path: Path, ending: str) -> None:
+    """Converting it is an invalid operation for the processor."""
     path = tmp_path / f"nan.{ending}"
     trimesh.creation.box().export(path)
     places = np.asarray([0.5], dtype="<f4").tobytes()

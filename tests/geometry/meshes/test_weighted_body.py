@@ -77,27 +77,27 @@ def test_a_density_that_is_none(density: object) -> None:
         dd.weighted_body([(block((1, 1, 1), (0, 0, 0)), density)])  # type: ignore[list-item]
 
 
-def test_a_mass_that_is_no_number_is_told() -> None:
-    box = block((3, 3, 3), (0, 0, 0))
-    with pytest.raises(dd.InputError, match="finite mass"):
-        dd.weighted_body([(box, 1e308)])
-    with pytest.raises(dd.InputError, match="finite mass"):
-        dd.weighted_body([(box, 1.0), (block((2, 2, 2), (0, 0, 0)), 1e308)])
+BOX, LARGER, HUGE = (block((a, a, a), (0, 0, 0)) for a in (1, 2, 3))
 
 
-def test_what_has_no_mass() -> None:
-    box = block((1, 1, 1), (0, 0, 0))
-    with pytest.raises(dd.InputError, match="mass above 0"):
-        dd.weighted_body([(box, 0.0)])
-    with pytest.raises(dd.InputError, match="mass above 0"):
-        dd.weighted_body([(box, 2.0), (block((2, 2, 2), (0, 0, 0)), 0.0)])
-    with pytest.raises(dd.InputError, match="at least one"):
-        dd.weighted_body([])
-    open_box = trimesh.Trimesh(box.vertices, box.faces[1:], process=False)
-    with pytest.raises(dd.InputError, match="closed"):
-        dd.weighted_body([(box, 1.0), (open_box, 2.0)])
-    with pytest.raises(dd.InputError, match="closed"):
-        dd.weighted_body([(np.asarray(box.vertices), 1.0)])
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ([(HUGE, 1e308)], "finite mass"),
+        ([(HUGE, 1.0), (LARGER, 1e308)], "finite mass"),
+        ([(BOX, 0.0)], "mass above 0"),
+        ([(BOX, 2.0), (LARGER, 0.0)], "mass above 0"),
+        ([], "at least one"),
+        (
+            [(BOX, 1.0), (trimesh.Trimesh(BOX.vertices, BOX.faces[1:], process=False), 2.0)],
+            "closed",
+        ),
+        ([(np.asarray(BOX.vertices), 1.0)], "closed"),
+    ],
+)
+def test_parts_without_a_mass_are_refused(parts: list, message: str) -> None:
+    with pytest.raises(dd.InputError, match=message):
+        dd.weighted_body(parts)
 
 
 def test_parts_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

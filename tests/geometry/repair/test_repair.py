@@ -1,5 +1,4 @@
-"""Meshes broken in every way come back as the closed surface of one solid, near what they were;
-large ones are thinned out."""
+"""Broken meshes become the closed surface of one solid near the input; large ones are decimated."""
 
 from __future__ import annotations
 
@@ -33,7 +32,7 @@ def body_of(points: Floats, triangles: Integers) -> Body:
     return make_body(points, triangles, name="thing")
 
 
-def joined(*surfaces: Surface) -> Body:
+def join(*surfaces: Surface) -> Body:
     starts = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
     return body_of(
         np.concatenate([surface.points for surface in surfaces]),
@@ -41,29 +40,29 @@ def joined(*surfaces: Surface) -> Body:
     )
 
 
-def moved(surface: Surface, x: float, y: float = 0.0, z: float = 0.0) -> Surface:
+def shift(surface: Surface, x: float, y: float = 0.0, z: float = 0.0) -> Surface:
     return surface.with_points(surface.points + np.array([x, y, z]))
 
 
-def scaled(surface: Surface, scale: float) -> Surface:
+def scale(surface: Surface, scale: float) -> Surface:
     return surface.with_points(scale * surface.points)
 
 
-def fixed(body: Body) -> RepairedMesh:
-    """Repaired, and taken as the surface of one solid, with nothing left to repair."""
-    made = repair_mesh(body)
-    surface = made.surface
+def repair(body: Body) -> RepairedMesh:
+    """Repaired mesh, whose surface needs no further repair."""
+    repaired = repair_mesh(body)
+    surface = repaired.surface
     _, notes = make_surface(body_of(surface.points, surface.triangles))
     assert notes == ()
     assert surface.volume > 0.0
-    assert 1 - (len(surface.points) - len(surface.triangles) // 2) // 2 == made.numbers.handles
-    return made
+    assert 1 - (len(surface.points) - len(surface.triangles) // 2) // 2 == repaired.numbers.handles
+    return repaired
 
 
-def assert_near(made: RepairedMesh, original: Surface) -> None:
+def assert_near(repaired: RepairedMesh, original: Surface) -> None:
     """The surface encloses nearly the same solid."""
-    assert made.surface.volume == pytest.approx(original.volume, rel=0.01)
-    off = np.abs(made.surface.centroid - original.centroid).max()
+    assert repaired.surface.volume == pytest.approx(original.volume, rel=0.01)
+    off = np.abs(repaired.surface.centroid - original.centroid).max()
     assert off < 0.3 * CELL * np.ptp(original.points)
 
 
@@ -71,43 +70,47 @@ def assert_near(made: RepairedMesh, original: Surface) -> None:
 def test_a_surface_with_holes_is_closed(original: Surface) -> None:
     rng = np.random.default_rng(0)
     kept = rng.random(len(original.triangles)) > 0.05
-    made = fixed(body_of(original.points, original.triangles[kept]))
-    assert_near(made, original)
-    assert made.numbers.handles_before is None
-    assert made.numbers.off_mean < 1e-3
-    assert made.numbers.missed_mean < 5e-4
+    repaired = repair(body_of(original.points, original.triangles[kept]))
+    assert_near(repaired, original)
+    assert repaired.numbers.handles_before is None
+    assert repaired.numbers.off_mean < 1e-3
+    assert repaired.numbers.missed_mean < 5e-4
 
 
 def test_two_overlapping_balls_are_one_solid() -> None:
     """Two caps of height 1 - d / 2 are missing from two whole balls."""
     distance = 1.2
-    made = fixed(joined(ball(4), moved(ball(4), distance)))
+    repaired = repair(join(ball(4), shift(ball(4), distance)))
     cap = 1.0 - distance / 2.0
     lens = 2.0 * np.pi * cap**2 * (3.0 - cap) / 3.0
-    assert made.surface.volume == pytest.approx(8.0 / 3.0 * np.pi - lens, rel=0.01)
-    assert (made.numbers.pieces, made.numbers.cavities, made.numbers.thin) == (1, 0, 0.0)
-    assert np.abs(made.surface.centroid - [distance / 2.0, 0.0, 0.0]).max() < 0.005
+    assert repaired.surface.volume == pytest.approx(8.0 / 3.0 * np.pi - lens, rel=0.01)
+    assert (repaired.numbers.pieces, repaired.numbers.cavities, repaired.numbers.thin) == (
+        1,
+        0,
+        0.0,
+    )
+    assert np.abs(repaired.surface.centroid - [distance / 2.0, 0.0, 0.0]).max() < 0.005
 
 
 def test_a_surface_that_meets_itself_is_untied() -> None:
     """A finger that comes out on the other side has its walls inside out there."""
-    made = fixed(joined(self_intersecting_sphere()))
+    repaired = repair(join(self_intersecting_sphere()))
     inside = 4.0 / 3.0 * np.pi
-    assert 0.7 * inside < made.surface.volume < inside
-    assert made.numbers.handles == 1  # the finger has become a hole
+    assert 0.7 * inside < repaired.surface.volume < inside
+    assert repaired.numbers.handles == 1  # the finger has become a hole
 
 
 def test_cavities_are_filled_and_small_pieces_dropped() -> None:
-    inner = scaled(ball(3), 0.5)
+    inner = scale(ball(3), 0.5)
     cavity = Surface(inner.points, inner.triangles[:, ::-1])
-    pebble = moved(scaled(ball(3), 0.3), 1.6)
-    made = fixed(joined(ball(4), cavity, pebble))
-    assert made.surface.volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.01)
-    assert made.numbers.pieces == 2
-    assert made.numbers.dropped == pytest.approx(0.027 / 1.027, rel=0.05)
+    pebble = shift(scale(ball(3), 0.3), 1.6)
+    repaired = repair(join(ball(4), cavity, pebble))
+    assert repaired.surface.volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.01)
+    assert repaired.numbers.pieces == 2
+    assert repaired.numbers.dropped == pytest.approx(0.027 / 1.027, rel=0.05)
     # The far side of what was dropped is that far away.
     diagonal = np.linalg.norm([2.9, 2.0, 2.0])
-    assert made.numbers.missed_largest == pytest.approx(0.9 / diagonal, rel=0.02)
+    assert repaired.numbers.missed_largest == pytest.approx(0.9 / diagonal, rel=0.02)
 
 
 def test_thin_parts_are_thickened() -> None:
@@ -115,12 +118,12 @@ def test_thin_parts_are_thickened() -> None:
     blade = trimesh.creation.box((4.0, 1.0, 0.016))
     turned = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
     flat = Surface(np.asarray(blade.vertices), np.asarray(blade.faces))
-    made = fixed(joined(scaled(ball(3), 0.7), flat, flat.with_points(flat.points @ turned)))
-    assert (made.numbers.pieces, made.numbers.handles) == (1, 0)
+    repaired = repair(join(scale(ball(3), 0.7), flat, flat.with_points(flat.points @ turned)))
+    assert (repaired.numbers.pieces, repaired.numbers.handles) == (1, 0)
     cell = 0.08 / np.linalg.norm([4.0, 1.4, 2.4])
-    assert made.numbers.off_largest < 1.2 * cell
-    assert 0.4 < made.numbers.thin < 0.6  # both sides of the blades, as far as they stick out
-    assert made.numbers.missed_largest < 1.5 * cell
+    assert repaired.numbers.off_largest < 1.2 * cell
+    assert 0.4 < repaired.numbers.thin < 0.6  # both sides of the blades, as far as they stick out
+    assert repaired.numbers.missed_largest < 1.5 * cell
 
 
 def test_a_sheet_encloses_nothing() -> None:
@@ -142,7 +145,7 @@ def test_a_point_cloud_has_no_surface() -> None:
 def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "igl", None)
     with pytest.raises(InputError, match=r"pip install 'dicedesign\[repair\]'"):
-        repair_mesh(joined(ball(2)))
+        repair_mesh(join(ball(2)))
 
 
 def large() -> Surface:
@@ -151,7 +154,7 @@ def large() -> Surface:
 
 
 @pytest.mark.parametrize("points", [300, 4000])
-def test_a_large_one_has_so_many_points(points: int) -> None:
+def test_a_large_mesh_is_decimated(points: int) -> None:
     original = large()
     surface, notes, _ = input_surface(body_of(original.points, original.triangles), points)
     assert 0.8 * points < len(surface.points) <= points
@@ -160,7 +163,7 @@ def test_a_large_one_has_so_many_points(points: int) -> None:
     assert f"{len(original.points)} to" in notes[0]
 
 
-def test_what_is_wrong_with_a_large_one_is_told_of_the_mesh_as_it_came() -> None:
+def test_errors_about_a_large_mesh_refer_to_the_input() -> None:
     original = large()
     with pytest.raises(InputError, match="3 edges with one triangle"):
         input_surface(body_of(original.points, original.triangles[1:]), 300)

@@ -32,7 +32,7 @@ def body_of(*parts: trimesh.Trimesh) -> Body:
     return make_body(np.asarray(mesh.vertices), np.asarray(mesh.faces), name="thing")
 
 
-def refused(body: Body, *said: str, error: type[InputError] = InputError) -> None:
+def assert_refused(body: Body, *said: str, error: type[InputError] = InputError) -> None:
     with pytest.raises(error) as raised:
         make_surface(body)
     message = str(raised.value)
@@ -50,41 +50,40 @@ def test_a_good_surface_is_taken_as_it_is() -> None:
     assert surface.volume > 4.0
 
 
-def test_an_inward_surface_is_turned() -> None:
-    mesh = sphere()
-    surface, notes = make_surface(make_body(mesh.vertices, mesh.faces[:, ::-1], name="thing"))
-    assert notes == ("turned the surface, which was oriented inward",)
-    assert surface.volume == pytest.approx(mesh.volume)
-
-
-def test_triangles_against_their_neighbors_are_reversed() -> None:
+@pytest.mark.parametrize(
+    ("reverse", "note"),
+    [
+        (slice(None), "turned the surface, which was oriented inward"),
+        (slice(7), "reversed 7 triangles that were wound against their neighbors"),
+    ],
+)
+def test_triangles_are_turned_outward_with_a_note(reverse: slice, note: str) -> None:
     mesh = sphere()
     faces = mesh.faces.copy()
-    faces[:7] = faces[:7, ::-1]
+    faces[reverse] = faces[reverse, ::-1]
     surface, notes = make_surface(make_body(mesh.vertices, faces, name="thing"))
-    assert notes == ("reversed 7 triangles that were wound against their neighbors",)
+    assert notes == (note,)
     assert surface.volume == pytest.approx(mesh.volume)
 
 
-def test_a_point_cloud_is_refused() -> None:
-    refused(make_body(sphere().vertices, name="thing"), "got a point cloud")
-
-
-def test_an_open_mesh_is_refused() -> None:
+def test_a_point_cloud_an_open_mesh_and_a_flat_one_are_refused() -> None:
     mesh = sphere()
-    refused(
+    assert_refused(make_body(mesh.vertices, name="thing"), "got a point cloud")
+    assert_refused(
         make_body(mesh.vertices, mesh.faces[1:], name="thing"),
         "3 edges with one triangle (the mesh is open)",
         "start: {mesh: {path: FILE, repair: true}}",
         "dicedesign repair",
     )
+    flat = make_body(mesh.vertices * [1.0, 1.0, 1e-14], mesh.faces, name="thing")
+    assert_refused(flat, "encloses a volume", error=DegenerateBodyError)
 
 
 def test_an_edge_of_four_triangles_is_refused() -> None:
     tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0], [0, 0, -1.0]])
     both = np.vstack((tetrahedron, np.array([0, 1, 4, 5])[tetrahedron]))
-    refused(make_body(points, both, name="thing"), "1 edges with more than two triangles")
+    assert_refused(make_body(points, both, name="thing"), "1 edges with more than two triangles")
 
 
 def test_a_one_sided_mesh_is_refused() -> None:
@@ -98,13 +97,13 @@ def test_a_one_sided_mesh_is_refused() -> None:
     a, b, c, d = index(i, j), index(i + 1, j), index(i, j + 1), index(i + 1, j + 1)
     triangles = np.concatenate((np.stack((a, b, c), 1), np.stack((b, d, c), 1)))
     points = np.random.default_rng(0).normal(size=(n * n, 3))
-    refused(make_body(points, triangles, name="thing"), "one-sided", "not orientable")
+    assert_refused(make_body(points, triangles, name="thing"), "one-sided", "not orientable")
 
 
 @pytest.mark.parametrize(("radius", "x", "inside", "outside"), [(0.5, 0.0, 1, 0), (0.5, 3.0, 0, 1)])
 def test_several_shells_are_refused(radius: float, x: float, inside: int, outside: int) -> None:
     body = body_of(sphere(), sphere(radius, x), sphere(0.3, -4.0))
-    refused(
+    assert_refused(
         body,
         "got 3 shells: the largest of 320 triangles",
         f"{inside} inside it (cavities or parts) and {outside + 1} outside",
@@ -121,26 +120,16 @@ def test_two_sheets_at_a_point_are_refused() -> None:
     faces = np.where(np.isin(mesh.faces, ring), 0, mesh.faces)
     points[0] = (2.0, 0.0, 0.0)
     body = make_body(points, faces, name="thing")
-    refused(body, "several at 1 points (not a manifold), the first at (2, 0, 0)")
+    assert_refused(body, "several at 1 points (not a manifold), the first at (2, 0, 0)")
 
 
 def test_a_surface_that_meets_itself_is_refused() -> None:
     surface = self_intersecting_sphere()
-    refused(
+    assert_refused(
         make_body(surface.points, surface.triangles, name="thing"),
         "a surface that does not meet itself",
         "pairs of triangles that do, the first near (",
         "repair: true",
-    )
-
-
-def test_a_surface_without_volume_is_refused() -> None:
-    mesh = sphere()
-    flat = mesh.vertices * [1.0, 1.0, 1e-14] + [0, 0, 0]
-    refused(
-        make_body(flat, mesh.faces, name="thing"),
-        "encloses a volume",
-        error=DegenerateBodyError,
     )
 
 
@@ -181,8 +170,7 @@ def test_surfaces_with_dents_pass() -> None:
 
 
 def torus() -> Surface:
-    mesh = trimesh.creation.torus(2.0, 0.5, major_sections=48, minor_sections=24)
-    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64))
+    return surface_of(trimesh.creation.torus(2.0, 0.5, major_sections=48, minor_sections=24))
 
 
 def check(surface: Surface, genus: int) -> None:
@@ -194,7 +182,7 @@ def check(surface: Surface, genus: int) -> None:
 
 
 @pytest.mark.parametrize("points", [600, 200, 60])
-def test_a_decimated_torus_is_a_torus_of_so_many_points(points: int) -> None:
+def test_a_decimated_torus_is_a_torus_of_the_wanted_size(points: int) -> None:
     pytest.importorskip("fast_simplification")
     before = torus()
     after, done = decimate(before, points)

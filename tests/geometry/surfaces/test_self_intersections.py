@@ -18,7 +18,7 @@ Vector = np.ndarray
 """Three fractions."""
 
 
-def clipped(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vector]:
+def clip(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vector]:
     """The part of a convex polygon, a segment or a point on the side that the normal points to."""
     heights = [(corner - origin) @ normal for corner in polygon]
     part = []
@@ -34,9 +34,9 @@ def clipped(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vecto
 def common_corners(one: list[Vector], other: list[Vector]) -> list[Vector]:
     """The corners of what two triangles have in common."""
     normal = np.cross(one[1] - one[0], one[2] - one[0])
-    part = clipped(clipped(other, one[0], normal), one[0], -normal)
+    part = clip(clip(other, one[0], normal), one[0], -normal)
     for k in range(3):
-        part = clipped(part, one[k], np.cross(normal, one[k] - one[k - 1])) if part else []
+        part = clip(part, one[k], np.cross(normal, one[k] - one[k - 1])) if part else []
     return part
 
 
