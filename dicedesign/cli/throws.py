@@ -343,8 +343,8 @@ def _summarize(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
         "frequency": verdict.frequencies,
         "interval": verdict.intervals,
         "probabilities": verdict.probabilities,
-        "posterior_mean": verdict.posterior.means,
-        "posterior_interval": verdict.posterior.intervals,
+        "posterior_mean": verdict.posterior_means,
+        "posterior_interval": verdict.posterior_intervals,
     }
     return {
         "throws": verdict.throws,
@@ -364,15 +364,15 @@ def _describe(labels: Sequence[str], verdict: RollVerdict) -> str:
     """All that throws say."""
     from dicedesign.throws.goodness_of_fit import POWER, WITHIN
 
-    level, posterior = f"{100 * verdict.confidence:g} %", verdict.posterior
+    level = f"{100 * verdict.confidence:g} %"
     table = text_table(
         ("label", "", labels),
         ("count", "d", verdict.counts),
         ("probabilities %", ".3f", 100 * verdict.probabilities),
         ("frequency %", ".3f", 100 * verdict.frequencies),
         (f"{level} interval", ">", percent_intervals(verdict.intervals)),
-        ("posterior %", ".3f", 100 * posterior.means),
-        (f"{level} credible", ">", percent_intervals(posterior.intervals)),
+        ("posterior %", ".3f", 100 * verdict.posterior_means),
+        (f"{level} credible", ">", percent_intervals(verdict.posterior_intervals)),
     )
     test, exact, variation = verdict.chi_square, verdict.exact, verdict.variation
     low, high = variation.interval
