@@ -94,8 +94,8 @@ def _chi_square_test(statistic: float, degrees: int) -> ChiSquareTest:
 
 
 def exact_multinomial(counts: ArrayLike, probabilities: ArrayLike) -> MultinomialTest:
-    """Exact test of whether counts come from given probabilities; unlike Pearson's it also holds for
-    few throws and rare outcomes.
+    """Exact test of whether counts come from given probabilities; unlike Pearson's it also holds
+    for few throws and rare outcomes.
 
     All possible counts are enumerated. If there are more than `MAX_TABLES`, `DRAWS` are drawn at
     random with a fixed seed; the observed counts are added to them, so that no p-value is 0.
@@ -154,8 +154,8 @@ probability is 1."""
 
 
 def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats) -> float:
-    """Probability that Pearson's test at the level `LEVEL` rejects the target for rolls of one random
-    die.
+    """Probability that Pearson's test at the level `LEVEL` rejects the target for rolls of one
+    random die.
 
     The probabilities of random dice are taken as normal, and so are counts of many rolls given
     them. So Pearson's statistic is a weighted sum of squares of normal numbers.

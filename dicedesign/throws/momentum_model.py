@@ -169,8 +169,8 @@ LEAST_DEVIATION: Final = 1e-9
 
 @dataclass(frozen=True)
 class Network:
-    """Linear map plus one hidden layer of hyperbolic tangents, of features that are scaled to mean 0
-    and standard deviation 1.
+    """Linear map plus one hidden layer of hyperbolic tangents, of features that are scaled to mean
+    0 and standard deviation 1.
 
     Attributes
     ----------
@@ -299,8 +299,8 @@ CARRIES: Final = 3
 """Largest number of carries after an impact."""
 
 MAX_LOG_RATE: Final = 8.0
-"""Upper bound of the logarithm of the rates of transitions and carries; they are practically certain
-then."""
+"""Upper bound of the logarithm of the rates of transitions and carries; they are practically
+certain then."""
 
 MAX_LOG_STRETCH: Final = 3.0
 """Upper bound of the logarithm of the factor of a transition's barrier."""
@@ -375,8 +375,8 @@ class MomentumModel(kernels.Handled):
 
 
 def momentum_model(table: str) -> MomentumModel | None:
-    """Momentum model of a table, by its name or the path of a JSON file: the model in its file, else
-    the general one; None for tables with drag.
+    """Momentum model of a table, by its name or the path of a JSON file: the model in its file,
+    else the general one; None for tables with drag.
 
     Raises
     ------

@@ -145,12 +145,11 @@ class ProbabilitySurrogate:
         return np.stack([*probabilities, left], axis=1)
 
     def log_likelihood(self, points: Floats, exact: bool) -> Floats:
-        """Logarithm (m,) of the probability of the die's real counts over that of the same
-        counts if their frequencies were the probabilities.
+        """Logarithm (m,) of the probability of the die's real counts over that of the same counts
+        if their frequencies were the probabilities.
 
         exact: take the mean of the probability over what the probabilities may be, not that of the
-            expected
-        probabilities, which is cheaper.
+            expected probabilities, which is cheaper.
         """
         nodes, weights = np.polynomial.hermite_e.hermegauss(NODES if exact else 1)
         counts = self.die.counts

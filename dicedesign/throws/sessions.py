@@ -34,8 +34,7 @@ logarithms. A speed or a spin below its least is nothing beside that of the fall
 BETWEEN: Final = 0.3
 """Standard deviation of the logarithm of a session's height, speed and spin about the center, each
 independently: two sessions of three are within a factor of 1.35. People asked to throw a die in the
-    same way
-differ by about as much as that; the counts of four dice cannot tell it."""
+same way differ by about as much as that; the counts of four dice cannot tell it."""
 
 WITHIN: Final = 0.5
 """A throw has a height, speed and spin of its own: any from this part below the session's mean to

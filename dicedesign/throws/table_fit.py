@@ -327,10 +327,9 @@ def fit_table(
     posterior is. Through the simulated probabilities of every die goes a smooth surrogate, which
     averages over the sampling noise of neighboring sets; the likelihood of the real counts is the
     mean of that by its probabilities over its own uncertainty and over sessions. Each set has
-    random numbers of its own. Common ones would make the noise of neighboring sets the same only
-    if the same drop ended alike in both, but bounces part them: of the published 2d6, let go alike,
-        12 % end on the
-    same rest when the restitution differs by a thousandth, and 12 % by chance.
+    random numbers of its own. Common ones would make the noise of neighboring sets the same only if
+    the same drop ended alike in both, but bounces part them: of the published 2d6, let go alike, 12
+    % end on the same rest when the restitution differs by a thousandth, and 12 % by chance.
 
     Parameters
     ----------

@@ -293,8 +293,8 @@ def with_hand(name: str, hand: str | None) -> str:
 
 
 def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, perhaps "posterior", the tables of a
-    fit, and "momentum", a momentum model. Raises InputError as `load_table`."""
+    """Entries of the file of a table: the attributes of `Table`, perhaps "posterior", the tables of
+    a fit, and "momentum", a momentum model. Raises InputError as `load_table`."""
     place, _, hand = name.rpartition(":")
     if place not in TABLE_NAMES and not place.endswith(".json"):
         return _entries_of_file(name)

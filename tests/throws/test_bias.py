@@ -1,4 +1,5 @@
-"""Probabilities estimated from throws of several dice, or onto several tables, against known ones."""
+"""Probabilities estimated from throws of several dice, or onto several tables, against known
+ones."""
 
 from __future__ import annotations
 
