@@ -105,9 +105,6 @@ FLAT_FOLD: Final = 1e-6
 """Two triangles with a common edge lie on each other when the angle between them is no more than
 this, in radians: a surface that was pressed onto a plane keeps to it only to within rounding."""
 
-INERTIA_TOLERANCE: Final = 1e-9
-"""A tensor of inertia that was given may miss its laws by this, relative to its largest entry."""
-
 LEAST_MARGIN: Final = math.radians(0.1)
 """A die that leaves an outcome when it is tipped by less than this, in radians, is left at a nudge:
 no table is more level."""

@@ -368,8 +368,6 @@ class ThrowArguments(WithJson, WithWorkers):
         die's own size; for a mesh that of the table, 25)
     com (x,y,z|hull): center of mass, as for `dicedesign rest` (default: uniform solid, or that of
         the design)
-    inertia (xx,yy,zz,xy,xz,yz): inertia tensor about the center of mass per mass, in the mesh's
-        unit squared (default: uniform solid)
     seed (S): random seed (default: 0)
     jobs (J): parallel tasks (default: one per core); does not change the results
 
@@ -384,7 +382,6 @@ class ThrowArguments(WithJson, WithWorkers):
     orientations: str | None = None
     size: float | None = None
     com: str | None = None
-    inertia: str | None = None
     seed: int = 0
     extensions = "dicedesign.throws.engines:ENGINES"
 

@@ -19,7 +19,6 @@ from dicedesign.cli.options import (
     center_of_mass,
     check_worker_options,
     direction,
-    numbers,
     percent_intervals,
     plain_rows,
     print_json,
@@ -70,15 +69,12 @@ def throw(options: ThrowArguments) -> int:
         drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
     check_throws(drops, options.seed, options.engine, orientations)
     check_worker_options(options)
-    labels, tensor = None, None
+    labels = None
     if os.path.isdir(options.die):
         mesh, poses, labels = _read_finished(options)
     else:
         mesh, poses = read_poses(options.die, center_of_mass(options.com))
-    if options.inertia is not None:
-        xx, yy, zz, xy, xz, yz = numbers("--inertia", options.inertia, "xx,yy,zz,xy,xz,yz")
-        tensor = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    body = rigid_body(mesh, poses, tensor)
+    body = rigid_body(mesh, poses)
     if labels is not None and size is None:
         # Its files are in millimeters.
         table = table.for_size(2.0 * body.radius / MM_PER_METER)

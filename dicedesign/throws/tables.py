@@ -269,8 +269,8 @@ def posterior_tables(name: str) -> tuple[Table, ...]:
     ):
         raise InputError(
             f"table {name}: expected as posterior a list of at least one object with "
-            f"{', '.join(TABLE_NUMBERS)}; make it again with `dicedesign table fit`, or take posterior "
-            "out of the file"
+            f"{', '.join(TABLE_NUMBERS)}; make it again with `dicedesign table fit`, or remove "
+            "posterior from the file"
         )
     return tuple(
         replace(table, **row, name=f"{table.name} {number} of {len(listed)}")

@@ -131,8 +131,6 @@ COMMANDS = {
     "throw box.stl --hand foot": "hand: expected cup, hand, tower, got 'foot'; take one",
     "throw box.stl --size 5000": "expected a die no larger than the least drop height of",
     "throw box.stl --size nan": "expected a size of 0.0001 to 10 m, got nan",
-    "throw box.stl --inertia 1,2,3": "--inertia: expected six numbers xx,yy,zz,xy,xz,yz, got",
-    "throw box.stl --inertia=-1,1,1,0,0,0": "inertia: expected a positive definite tensor",
     "throw box.stl --com 9,0,0": "center of mass: expected a point strictly inside the hull",
     "throw box.stl --jobs 0": "--jobs: expected a whole number above 0, got 0; raise it",
     "throw box.stl --seed -1": "seed: expected a whole number of at least 0, got -1",

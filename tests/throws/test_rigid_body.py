@@ -10,7 +10,6 @@ import pytest
 import trimesh
 from common.thrown import (
     BOARD,
-    OCTAHEDRON,
     box,
     random_body,
     random_points,
@@ -20,7 +19,6 @@ from common.thrown import (
 )
 from scipy.stats import kstest
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.rigid_body import (
@@ -71,35 +69,6 @@ def test_against_another_library(seed: int) -> None:
     arms = poses.hull.vertices - mesh.center_mass
     np.testing.assert_allclose(body.vertices @ body.axes.T * body.radius, arms, atol=1e-12)
     assert np.linalg.norm(body.vertices, axis=1).max() == pytest.approx(1.0)
-
-
-def test_a_given_inertia() -> None:
-    body = make_body(box(1.0, 2.0, 3.0))
-    poses = rest_poses(body)
-    tensor = np.diag([13.0, 10.0, 5.0]) / 3.0
-    given, solid = rigid_body(body, poses, tensor), rigid_body(body, poses)
-    np.testing.assert_allclose(given.moments, solid.moments, rtol=1e-13)
-    np.testing.assert_allclose(np.abs(given.axes), np.abs(solid.axes), atol=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("tensor", "message"),
-    [
-        (np.diag([0.1, 0.1, np.nan]), "of finite numbers, got .*; give xx,yy,zz,xy,xz,yz"),
-        ([[0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0.1]], "make it equal to its transpose"),
-        (
-            np.diag([0.1, 0.2, -0.1]),
-            "inertia: expected a positive definite tensor, got principal moments of -0.1, 0.1 and "
-            "0.2; correct it or leave it out",
-        ),
-        (np.diag([0.1, 0.1, 0.3]), "no principal moment larger than the two others together"),
-        (np.diag([1.0, 1.0, 1.0]), "whose moments sum to at most 2, got 1, 1 and 1; divide by the"),
-    ],
-)
-def test_tensors_of_no_body(tensor: object, message: str) -> None:
-    body = make_body(OCTAHEDRON)
-    with pytest.raises(InputError, match=message):
-        rigid_body(body, rest_poses(body), tensor)
 
 
 def test_the_paper_has_1212_directions() -> None:
