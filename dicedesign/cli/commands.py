@@ -318,8 +318,8 @@ class BalanceArguments(WithJson):
     fewest: minimize the number of resting poses
     target (p,q,...): give the most probable poses, or --poses, these probabilities
     poses (K,L,...): pose numbers for --target
-    region (REGION): where the center of mass may be: hull, anywhere inside; hollow, where cavities
-        can bring it; or a box x,y,z,x,y,z in mm (default: hull)
+    region (REGION): where the center of mass may be: hull, anywhere inside; or a box x,y,z,x,y,z in
+        mm (default: hull)
     by (cavity|infill): how to move it (default: the first that works)
     size_mm (X): scale to this largest distance between two points (default: coordinates are mm)
     wall_mm (W): minimum wall thickness (default: 1.2)

@@ -10,7 +10,7 @@ import trimesh
 from common.boxes import box
 
 from dicedesign.balance.options import BodyMaterial
-from dicedesign.balance.ways import Made, move_center, reachable_shifts
+from dicedesign.balance.ways import MovedCenter, move_center, reachable_shifts
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import winding_number
@@ -24,7 +24,7 @@ MIDDLE = SIZES / 2.0
 WALL = 2.0
 
 
-def read(made: Made, rest: str = "") -> trimesh.Trimesh:
+def read(made: MovedCenter, rest: str = "") -> trimesh.Trimesh:
     """A file, by other code than what wrote it."""
     return trimesh.load(io.BytesIO(made.files[rest]), file_type="stl")
 

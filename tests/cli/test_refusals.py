@@ -147,7 +147,7 @@ COMMANDS = {
     "table fit --throws throws.csv --drops 0": "drops: expected a whole number above 0, got 0",
     "table fit --throws throws.csv --out t.txt": "--out: expected a path that ends in .json, got",
     "table fit --throws none.csv": "none.csv: no such file",
-    "balance box.stl --out within --equal 1": "equal: expected a number of poses from 2",
+    "balance box.stl --out within --equal 1": "equal: expected a whole number of at least 2",
     "balance box.stl --out within --stand 77": "stand: expected the number of a pose from 1 to",
     "balance box.stl --out within --target 0.5,0.7": "target: expected probabilities",
     "balance box.stl --out within --target 0.5,x": "--target: expected numbers",
