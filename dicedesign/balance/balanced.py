@@ -11,10 +11,10 @@ import numpy as np
 from dicedesign.balance.best_center import BestCenter, best_center, whole_hull
 from dicedesign.balance.goals import FewestRests, Goal, Standing, objective_of, pose_probabilities
 from dicedesign.balance.options import BalanceOptions, WayName
-from dicedesign.balance.regions import Halfspaces, box_region
+from dicedesign.balance.regions import Halfspaces
 from dicedesign.balance.ways import MovedCenter, move_center, reachable_shifts
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.surfaces.repair import FINEST, input_surface
 from dicedesign.geometry.triangles import Surface
@@ -97,13 +97,13 @@ def balance_body(
     ----------
     body: closed mesh of one solid, in mm unless a size is given; originally of uniform density.
     goal: wanted probabilities.
-    options: region of the center of mass, way to move it, and material.
+    options: way to move the center of mass, and material.
     on_way: called with the name of each way before it is tried.
 
     Raises
     ------
-    InputError: the mesh does not bound one solid, the body has no such pose, no center of mass in
-        the region is within reach, or walls are too thick for the body.
+    InputError: the mesh does not bound one solid, the body has no such pose, or walls are too thick
+        for the body.
     """
     options = options or BalanceOptions()
     surface, notes = size_surface(body, options.size_mm)
@@ -161,7 +161,13 @@ def _balance(
 ) -> Balanced:
     shifts = reachable_shifts(surface, way, options)
     for part in PARTS:
-        region = _region(surface, poses.hull, shifts, part, options)
+        reached = Halfspaces.of_hull(convex_hull(surface.centroid + part * shifts.vertices))
+        region = reached.and_within(Halfspaces.of_hull(whole_hull(poses.hull))).corners()
+        if region is None:
+            raise InputError(
+                "wall_mm: expected walls that leave a center of mass within reach, got none; "
+                "reduce wall_mm"
+            )
         best = best_center(poses, goal, region, options.tolerance, options.search)
         try:
             moved = move_center(surface, best.center, way, options)
@@ -182,7 +188,11 @@ def _balance(
         still_serves = len(now.facets) <= best.rests
     advice = []
     if not best.reached:
-        advice = [_remedy(goal, best, way)]
+        farther = {"cavity": "a thinner wall_mm", "infill": "a larger difference of infills"}[way]
+        advice = [
+            f"no center of mass within reach has the goal; {farther} reaches farther, and three "
+            "coordinates control at most three probabilities"
+        ]
     elif not still_serves:
         advice = [
             "the file has other probabilities than its center of mass was chosen for: an edge of a "
@@ -205,44 +215,4 @@ def _balance(
         poses_before=poses,
         poses=now,
         notes=(*notes, *moved.notes, *advice),
-    )
-
-
-def _region(
-    surface: Surface,
-    hull: ConvexHull,
-    shifts: ConvexHull,
-    part: float,
-    options: BalanceOptions,
-) -> ConvexHull:
-    """Convex region of allowed centers of mass within reach."""
-    reached = convex_hull(surface.centroid + part * shifts.vertices)
-    within = Halfspaces.of_hull(reached).and_within(Halfspaces.of_hull(whole_hull(hull)))
-    if not isinstance(options.region, str):
-        box = np.array(options.region, dtype=np.float64)
-        within = within.and_within(box_region(box[:3], box[3:]))
-    region = within.corners()
-    if region is None:
-        low, high = reached.vertices.min(axis=0), reached.vertices.max(axis=0)
-        raise InputError(
-            "region: expected a center of mass within reach, got none; from "
-            f"{', '.join(f'{x:.3g}' for x in low)} to {', '.join(f'{x:.3g}' for x in high)} is "
-            "within reach: move the box there, or reduce wall_mm"
-        )
-    return region
-
-
-def _remedy(goal: Goal, best: BestCenter, way: str) -> str:
-    """Advice on coming nearer to the goal."""
-    farther = {
-        "cavity": "a thinner wall_mm reaches farther",
-        "infill": "infills farther apart reach farther, and so does a cavity",
-    }[way]
-    if isinstance(goal, FewestRests):
-        return f"no center of mass within reach leaves fewer rests; {farther}"
-    if isinstance(goal, Standing):
-        return f"another pose stays more probable; {farther}"
-    return (
-        f"probabilities are off by up to {best.error:.3g}; {farther}, and three coordinates control "
-        "at most three probabilities: ask for fewer, or allow more tolerance"
     )

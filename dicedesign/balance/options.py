@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, Literal, get_args
 
-from dicedesign.errors import InputError, is_finite_number
+from dicedesign.errors import InputError
 from dicedesign.runtime.registry import STRICT
 from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MM, MOST_MM
 
@@ -80,11 +80,8 @@ class CenterSearch:
     def for_corners(self, count: int) -> CenterSearch:
         """Effort for a hull, reduced for many corners."""
         part = min(1.0, MANY_CORNERS / count)
-
-        def fewer(most: int, least: int) -> int:
-            return max(min(most, least), round(part * most))
-
-        return CenterSearch(fewer(self.samples, 60), fewer(self.descents, 3), fewer(self.steps, 15))
+        efforts = zip((self.samples, self.descents, self.steps), (60, 3, 15), strict=True)
+        return CenterSearch(*(max(min(most, least), round(part * most)) for most, least in efforts))
 
 
 @dataclass(frozen=True)
@@ -93,8 +90,6 @@ class BalanceOptions(BodyMaterial):
 
     Attributes
     ----------
-    region: region of the center of mass: "hull", anywhere in the convex hull; or six numbers, the
-        least x, y, z of a box and then its largest, in mm.
     by: "cavity" or "infill"; None for the first of these that reaches the goal, or else the one
         that comes nearest.
     size_mm: largest distance between two points of the body; None for a body in mm.
@@ -104,7 +99,6 @@ class BalanceOptions(BodyMaterial):
     Raises InputError for a value outside of its range.
     """
 
-    region: str | tuple[float, ...] = "hull"
     by: str | None = None
     size_mm: float | None = None
     tolerance: float = 0.005
@@ -112,13 +106,6 @@ class BalanceOptions(BodyMaterial):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.region != "hull" and (
-            len(self.region) != 6 or not all(map(is_finite_number, self.region))
-        ):
-            raise InputError(
-                "region: expected hull, or six numbers for a box, its least x,y,z and then its "
-                f"largest, got {self.region}; take hull"
-            )
         ways = get_args(WayName)
         if self.by is not None and self.by not in ways:
             raise InputError(

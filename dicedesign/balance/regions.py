@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import qmc
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import (
     ConvexHull,
     convex_hull,
@@ -73,17 +73,6 @@ class Halfspaces:
             return convex_hull(middle + polyhedron_corners(self.normals, self.heights(middle)))
         except DegenerateBodyError:
             return None
-
-
-def box_region(low: Floats, high: Floats) -> Halfspaces:
-    """Axis-aligned box between its least and largest coordinates (3,). Raises InputError if it is
-    empty or not finite."""
-    if not (np.isfinite([low, high]).all() and (low < high).all()):
-        raise InputError(
-            "region: expected a box, its least x,y,z and then its largest, got "
-            f"{', '.join(f'{x:g}' for x in (*low, *high))}; each of the last three is to be larger"
-        )
-    return Halfspaces(np.concatenate([-np.eye(3), np.eye(3)]), np.concatenate([-low, high]))
 
 
 def points_within(hull: ConvexHull, count: int) -> Floats:

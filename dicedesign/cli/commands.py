@@ -318,8 +318,6 @@ class BalanceArguments(WithJson):
     fewest: minimize the number of resting poses
     target (p,q,...): give the most probable poses, or --poses, these probabilities
     poses (K,L,...): pose numbers for --target
-    region (REGION): where the center of mass may be: hull, anywhere inside; or a box x,y,z,x,y,z in
-        mm (default: hull)
     by (cavity|infill): how to move it (default: the first that works)
     size_mm (X): scale to this largest distance between two points (default: coordinates are mm)
     wall_mm (W): minimum wall thickness (default: 1.2)
@@ -339,7 +337,6 @@ class BalanceArguments(WithJson):
     fewest: bool = False
     target: str | None = None
     poses: str | None = None
-    region: str | None = None
     by: str | None = None
     size_mm: float | None = None
     wall_mm: float | None = None

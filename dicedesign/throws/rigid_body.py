@@ -82,8 +82,7 @@ def rigid_body(body: Body, poses: RestPoses, inertia: Floats | None = None) -> R
     if np.linalg.det(axes) < 0.0:
         axes = axes * np.array([1.0, 1.0, -1.0])
     vertices = np.ascontiguousarray(arms @ axes / radius)
-    order = np.argsort(hull.tail, kind="stable")
-    counts = np.bincount(hull.tail, minlength=len(vertices))
+    start, order = hull.outgoing
     barriers = np.full(len(poses.facets), np.inf)
     heights = (morse.saddles @ axes @ vertices.T).max(axis=1, initial=-np.inf)
     for basins in morse.saddle_basins.T:
@@ -95,7 +94,7 @@ def rigid_body(body: Body, poses: RestPoses, inertia: Floats | None = None) -> R
         axes=axes,
         moments=moments / radius**2,
         vertices=vertices,
-        start=np.concatenate([[0], np.cumsum(counts)]),
+        start=start,
         neighbors=hull.head[order],
         left=hull.facet[order],
         right=hull.facet[hull.twin[order]],

@@ -153,8 +153,6 @@ COMMANDS = {
     "balance box.stl --out within --target 0.5,x": "--target: expected numbers",
     "balance box.stl --out within --target 1/2 --poses a": "--poses: expected numbers of poses",
     "balance box.stl --out within --fewest --poses 1": "--poses: expected --target",
-    "balance box.stl --out within --fewest --region=-1,-1,-1,0": "region: expected six numbers",
-    "balance box.stl --out within --fewest --region 8,8,8,9,9,9 --size-mm 40": "region: expected a",
     "balance box.stl --out within --fewest --size-mm 40 --wall-mm 100": "wall_mm",
     "balance box.stl --fewest --out within.obj": "--out: expected a folder or a file that ends in",
     "balance box.stl --stand 1 --out box.stl": "--out: expected another file than the mesh",
