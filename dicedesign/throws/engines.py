@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -21,13 +21,10 @@ if TYPE_CHECKING:
     from dicedesign.throws.tables import Table
 
 
-class ThrowStates(Protocol):
-    """Function that simulates throws of one body."""
-
-    def __call__(self, body: RigidBody, table: Table, states: Floats) -> Integers:
-        """Final rests (n,) of throws released in states (n, 13): positions in m, quaternions w, x,
-        y, z, velocities in m/s and spins in rad/s about the principal axes; -1 for throws that did
-        not come to rest in time."""
+ThrowStates: TypeAlias = "Callable[[RigidBody, Table, Floats], Integers]"
+"""Function from a body, a table and release states (n, 13) to final rests (n,). States are
+positions in m, quaternions w, x, y, z, velocities in m/s and spins in rad/s about the principal
+axes; the rest is -1 for throws that did not come to rest in time."""
 
 
 @dataclass(frozen=True, kw_only=True)
