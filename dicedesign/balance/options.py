@@ -30,7 +30,7 @@ class BodyMaterial:
     drain_mm: float | None = None
     """Diameter of a hole from each cavity to the outside; None for closed ones."""
     infill: tuple[float, float] = (0.1, 0.6)
-    """The two infill densities over that of the walls, from 0 to 1, the smaller first."""
+    """Two infill densities relative to the walls, from 0 to 1, the smaller first."""
 
     def __post_init__(self) -> None:
         most = 0.5 * MOST_MM
@@ -86,7 +86,7 @@ class CenterSearch:
 
 @dataclass(frozen=True)
 class BalanceOptions(BodyMaterial):
-    """Options of `balance_body`, with those of `BodyMaterial`.
+    """Options of `balance_body`, in addition to `BodyMaterial`.
 
     Attributes
     ----------

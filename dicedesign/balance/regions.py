@@ -166,6 +166,6 @@ class Stability:
 
 
 def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:
-    """Whether a center of mass (3,) differs from that of the uniform solid."""
+    """Whether a center of mass (3,) differs from the uniform solid's."""
     shift = float(norms(center_of_mass - surface.centroid))
     return shift > UNSHIFTED * surface.diagonal

@@ -139,7 +139,8 @@ def event_error(probabilities: Floats, throws: float, confidence: float) -> floa
 def measure_variation(
     counts: ArrayLike, probabilities: ArrayLike, confidence: float
 ) -> MeasuredDistance:
-    """Total variation between given probabilities and those of a thrown die, with its uncertainty.
+    """Total variation between given probabilities and the unknown ones of a thrown die, with its
+    uncertainty.
 
     The interval holds for any probabilities, also the given ones, where neither the bootstrap nor
     the delta method does:
@@ -180,8 +181,8 @@ TRANSPORT_DRAWS: Final = 200
 def measure_transport(
     directions: ArrayLike, counts: ArrayLike, probabilities: ArrayLike, confidence: float
 ) -> MeasuredDistance:
-    """Wasserstein distance between given probabilities of k rests and those of a thrown body, with
-    its uncertainty.
+    """Wasserstein distance between given probabilities of k rests and the unknown ones of a thrown
+    body, with its uncertainty.
 
     By the triangle inequality it is wrong by at most the distance between the frequencies and the
     body's probabilities. Both limits are off by a quantile of that distance, from

@@ -185,7 +185,7 @@ def csv_rows(path: Path) -> tuple[list[str], Rows]:
 
 
 def check_lengths(path: Path, columns: list[str], rows: Rows) -> None:
-    """Raise InputError for a line whose number of entries is not that of the columns."""
+    """Raise InputError for a line with another number of entries than columns."""
     for line, row in rows:
         if len(row) != len(columns):
             raise InputError(

@@ -166,7 +166,7 @@ pytestmark = compiled_only
 
 @pytest.fixture(scope="module")
 def dice() -> list[RandomDie]:
-    """Dice that no model was fitted to, which is those of seed 0."""
+    """Random dice of another seed than the training dice."""
     return [random_die(number, 1, (7, 13)) for number in range(4, 10)]
 
 
