@@ -232,7 +232,7 @@ class Table:
         return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items()}
 
 
-def _motion(thrown: Hand | Table) -> dict[str, Spread]:
+def _motion(thrown: Hand | Table) -> dict[str, Any]:
     return {key: getattr(thrown, key) for key in SPREADS}
 
 
