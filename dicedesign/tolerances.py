@@ -107,9 +107,6 @@ FLAT_FOLD: Final = 1e-6
 """Two triangles with a common edge overlap when the angle between them is no more than this, in
 radians: a surface that was pressed onto a plane is flat only to within rounding."""
 
-INERTIA_TOLERANCE: Final = 1e-9
-"""A tensor of inertia that was given may miss its laws by this, relative to its largest entry."""
-
 LEAST_MARGIN: Final = math.radians(0.1)
 """Least margin of an outcome, in radians: no table is more level."""
 

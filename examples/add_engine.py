@@ -3,8 +3,8 @@
 An engine gets a `RigidBody` of radius 1, a `Table`, and states (n, 13): position (m), quaternion
 w, x, y, z, velocity (m/s) and spin (rad/s, about the principal axes). It returns the number of
 the rest for each, or -1 if the body did not come to rest in time. All chance is in `states`, so
-one seed gives one result. `refinement` divides the time step. `require` raises `InputError` if
-the engine is not installed. A complete one: bullet_engine.py.
+one seed gives one result. `require` raises `InputError` if the engine is not installed. A complete
+one: bullet_engine.py.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ import dicedesign as dd
 from dicedesign.throws.engines import ENGINES, Engine
 
 
-def throw_states(body, table, states, refinement=1.0):
+def throw_states(body, table, states):
     w, x, y, z = states[:, 3:7].T
     up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
     return (-up @ body.rest_normals.T).argmax(axis=1)

@@ -59,9 +59,7 @@ def require() -> ModuleType:
     return module
 
 
-def throw_states(
-    body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
-) -> Integers:
+def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
     """Final rests (n,) of throws from states (n, 13), see `ThrowStates`; -1 without a rest.
 
     A body that stands still with enough energy to leave its basin ends at the rest whose normal is
@@ -71,11 +69,10 @@ def throw_states(
     """
     length = table.size / 2.0
     time = math.sqrt(length / GRAVITY)
-    step = STEP / refinement
-    steps = math.ceil(longest_throw(table) / time / step)
+    steps = math.ceil(longest_throw(table) / time / STEP)
     # The drag torque is proportional to the angular velocity, as in the other engines.
-    damping = 1.0 / (1.0 + step * time * table.drag * body.moments.mean() / body.moments)
-    with _scene(body, table, step) as scene:
+    damping = 1.0 / (1.0 + STEP * time * table.drag * body.moments.mean() / body.moments)
+    with _scene(body, table) as scene:
         outcomes = []
         for state in states:
             scene.release(
@@ -86,12 +83,12 @@ def throw_states(
 
 
 @contextmanager
-def _scene(body: RigidBody, table: Table, step: float) -> Iterator[_Scene]:
+def _scene(body: RigidBody, table: Table) -> Iterator[_Scene]:
     """Create and close a Bullet world with a table and a die."""
     pybullet = require()
     client = pybullet.connect(pybullet.DIRECT)
     try:
-        yield _Scene(pybullet, client, body, table, step)
+        yield _Scene(pybullet, client, body, table)
     finally:
         pybullet.disconnect(client)
 
@@ -99,16 +96,14 @@ def _scene(body: RigidBody, table: Table, step: float) -> Iterator[_Scene]:
 class _Scene:
     """Table and die in the world of a Bullet client."""
 
-    def __init__(
-        self, bullet: Any, client: int, body: RigidBody, table: Table, step: float
-    ) -> None:
-        self._bullet, self._body, self._step = bullet, body, step
+    def __init__(self, bullet: Any, client: int, body: RigidBody, table: Table) -> None:
+        self._bullet, self._body = bullet, body
         drag_factor = 1.0 + table.drag * math.sqrt(table.size / 2.0 / GRAVITY)
         self._slow, self._patience = STANDING_SPEED / drag_factor, STANDING_TIME * drag_factor
         self._client = {"physicsClientId": client}
         bullet.setGravity(0.0, 0.0, -1.0, **self._client)
         bullet.setPhysicsEngineParameter(
-            fixedTimeStep=step,
+            fixedTimeStep=STEP,
             contactBreakingThreshold=CONTACT_DISTANCE,
             restitutionVelocityThreshold=0.0,
             # Resolve overlaps without adding speed.
@@ -170,7 +165,7 @@ class _Scene:
             if rest >= 0:
                 return rest
             standing_steps = standing_steps + STEPS_PER_CHECK if speed < self._slow else 0
-            if standing_steps * self._step > self._patience:
+            if standing_steps * STEP > self._patience:
                 angles = angle_between(self._body.rest_normals, down)
                 nearest = int(angles.argmin())
                 return nearest if angles[nearest] < STANDING_ANGLE else -1

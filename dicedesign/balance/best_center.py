@@ -1,4 +1,4 @@
-"""The center of mass within a region that serves a goal best."""
+"""Search for the center of mass within a region that serves a goal best."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.runtime.arrays import Floats
 
 ENOUGH: Final = 1e-12
-"""Root of the sum of squares at which probabilities are as wanted."""
+"""Norm of the residuals at which a goal is reached exactly."""
 
 DAMPING: Final = (1e-3, 0.2, 8.0, 1e12)
-"""Of the first step, relative to the largest squared slope; its factors after a step that was taken
-and after one that was not; and the most, where the descent stops."""
+"""Damping of the first step, relative to the largest squared slope; factors after an accepted and
+after a rejected step; and largest damping, at which the descent stops."""
 
 FIRST_SEARCH: Final = 0.02
-"""Length of the first steps along the axes, over the size of the body."""
+"""Length of the first steps along the axes, relative to the diameter of the hull."""
 
 LAST_SEARCH: Final = 1e-5
-"""Length below which none is tried."""
+"""Least length of steps along the axes, relative to the diameter of the hull."""
 
 AXES: Final = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Descents of one objective for one hull.
+    """Descent of one objective for one hull.
 
     Attributes
     ----------
-    within: where the center of mass may be.
-    share: how much it counts that little is left to other poses.
-    steps: most of each kind.
+    within: region of the center of mass.
+    share: weight of the probability of other poses.
+    steps: largest number of steps of each kind.
     """
 
     hull: ConvexHull
@@ -61,15 +61,15 @@ class Descent:
     steps: int
 
     def value(self, center: Floats) -> float:
-        """The sum of squares, infinite where the center of mass (3,) is not allowed."""
+        """Sum of squares at a center of mass (3,); infinite outside of the region."""
         return self._serve(center)[0]
 
     def from_center(self, center: Floats) -> Floats:
-        """The center of mass that is reached.
+        """Center of mass at the end of a descent.
 
-        Steps are those of Levenberg and Marquardt, each the least of its quadratic model within the
-        half-spaces; where no such step leads down, as the probabilities jump or have a kink, steps
-        along the axes are tried, of smaller and smaller length.
+        Levenberg-Marquardt steps minimize the quadratic model within the half-spaces. If none
+        descends, at jumps or kinks of the probabilities, steps of decreasing length along the axes
+        are tried.
         """
         value = self.value(center)
         for _ in range(3):
@@ -90,7 +90,7 @@ class Descent:
         return center
 
     def by_squares(self, center: Floats) -> tuple[Floats, float]:
-        """Result of Levenberg-Marquardt steps alone, and its sum of squares."""
+        """Center of mass after Levenberg-Marquardt steps alone, and its sum of squares."""
         damping, factor_less, factor_more, most = DAMPING
         value_at_center = self._serve(center)
         for _ in range(self.steps):
@@ -129,19 +129,19 @@ class Descent:
         return float(served.residuals @ served.residuals), rests, served
 
 
-NOTHING: Final = 1e-9
-"""Distance over the size of the body that a center of mass has to be beyond a side by."""
+LEAST_DEPTH: Final = 1e-9
+"""Least distance of a center of mass beyond a side, relative to the diameter of the hull."""
 
 
 def fewest_rests(stability: Stability, within: Halfspaces, centers: Floats, steps: int) -> Floats:
-    """The center of mass with fewest rests that is found from some (n, 3).
+    """Center of mass with fewest rests in a greedy search from starts (n, 3).
 
-    From each, one facet after the other is left: over one of its edges, while the center of mass
-    stays beyond a side of each facet that the body does not rest on. That is a linear program for
-    each edge, which finds the center farthest beyond; it is solved for the facets first whose sides
-    are nearest. No way is known to all that would tell the least number of all centers.
+    From each start, one resting facet after the other is made unstable: the center of mass moves
+    beyond one of its sides, and stays beyond a side of each facet that is no rest. A linear program
+    for each side, nearest sides first, finds the center farthest beyond. The result need not be the
+    global minimum.
 
-    within: where it may be; steps: most facets that are left from each.
+    within: region of the center of mass; steps: largest number of facets for each start.
     """
     best, fewest = centers[0], len(stability.hull.normals) + 1
     for start in centers:
@@ -159,8 +159,8 @@ def fewest_rests(stability: Stability, within: Halfspaces, centers: Floats, step
 
 
 def steadiest(stability: Stability, within: Halfspaces, center: Floats) -> Floats:
-    """The center of mass farthest from where a rest appears, with no facet to rest on that there is
-    not with a center (3,)."""
+    """Center of mass farthest from where a rest appears, among those without other rests than a
+    center (3,) has."""
     edges, least = stability.outermost(center)
     place, depth = within.and_within(stability.beyond(edges[least <= 0.0])).deepest
     if not 0.0 < depth < np.inf or stability.counts(place[None])[0] > (least > 0.0).sum():
@@ -169,8 +169,7 @@ def steadiest(stability: Stability, within: Halfspaces, center: Floats) -> Float
 
 
 def _one_less(stability: Stability, within: Halfspaces, center: Floats) -> Floats | None:
-    """A center of mass with which the body does not rest on one facet that it does now, and on no
-    other; None where none is found."""
+    """Center of mass with one rest less and no new rest; None if there is none."""
     hull = stability.hull
     edges, least = stability.outermost(center)
     room = within.and_within(stability.beyond(edges[least <= 0.0]))
@@ -181,43 +180,43 @@ def _one_less(stability: Stability, within: Halfspaces, center: Floats) -> Float
     own = np.flatnonzero(np.isin(hull.facet, resting))
     for edge in own[np.argsort(heights[own], kind="stable")]:
         place, depth = room.and_within(stability.beyond(np.array([edge]))).deepest
-        if NOTHING * hull.diameter < depth < np.inf:
+        if LEAST_DEPTH * hull.diameter < depth < np.inf:
             return place
     return None
 
 
 INSIDE: Final = 0.95
-"""Part of a hull, about its centroid, that a center of mass may be in: at its surface a body
-balances on nothing."""
+"""Scale of a hull, about its centroid, in which a center of mass may be: not next to the
+surface."""
 
 APART: Final = 0.03
-"""Distance of two starts, over the size of the body, at which both are worth a descent."""
+"""Least distance of two starts, relative to the diameter of the hull."""
 
 SHARES: Final = (1.0, 0.1, 0.0)
-"""How much it counts in turn that little is left to poses that a goal is not about."""
+"""Weights of the probability of other poses, in turn."""
 
 GOOD: Final = 0.5
-"""Part of the tolerance within which ends are distinguished by how near probabilities jump, and by
-what is left to other poses."""
+"""Share of the tolerance within which results are ranked by their distance from jumps and by the
+probability of other poses."""
 
 CLEAR: Final = 2e-3
-"""Distance over the size of the body that a center of mass is to keep from where a rest appears or
-vanishes, and its probabilities jump: a print of 50 mm is off by as much as that, 0.1 mm."""
+"""Distance of a center of mass from jumps, relative to the diameter of the hull: 0.1 mm, the error
+of a print, for 50 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class BestCenter:
-    """A center of mass and what it does.
+    """Center of mass with its effect on a goal.
 
     Attributes
     ----------
     center: (3,) in the body's unit.
-    directions: (c, 3) down in the poses that the goal is about, of fewest rests of all poses.
-    before: (c,) probabilities of these poses with the center of mass that the body has;
-        probabilities: (c,) now.
-    wanted: (c,) or None where the goal is no number.
-    rests: facets that the body rests on; rests_before: those as it is.
-    reached: whether the goal is.
+    directions: (c, 3) directions that point down in the poses of the goal; in all poses for
+        `FewestRests`.
+    before, probabilities: (c,) of these poses with the original and the new center of mass.
+    wanted: (c,) probabilities, or None if the goal has none.
+    rests, rests_before: numbers of rests.
+    reached: whether the goal is reached.
     clearance: distance, in the body's unit, to the nearest center at which a rest appears or
         vanishes.
     """
@@ -234,14 +233,14 @@ class BestCenter:
 
     @property
     def error(self) -> float | None:
-        """Largest difference of probabilities from what is wanted; None where that is no number."""
+        """Largest difference from the wanted probabilities; None without any."""
         return (
             None if self.wanted is None else float(np.abs(self.probabilities - self.wanted).max())
         )
 
 
 def whole_hull(hull: ConvexHull) -> ConvexHull:
-    """All of a hull but what is next to its surface."""
+    """Hull without the region next to its surface."""
     middle = hull.centroid
     return convex_hull(middle + INSIDE * (hull.vertices - middle))
 
@@ -253,24 +252,21 @@ def best_center(
     tolerance: float = 0.005,
     options: CenterSearch | None = None,
 ) -> BestCenter:
-    """The center of mass in a region that serves a goal best.
+    """Find the center of mass in a region that serves a goal best; deterministic.
 
-    Points that fill the region are tried, and descents start at the best: Levenberg and Marquardt's
-    steps by the gradient of the probabilities in the center of mass, and steps along the axes where
-    the probabilities jump. Few rests are found by linear programs (`fewest_rests`). The same for
-    the same body.
+    Points that fill the region are evaluated, and descents start at the best: Levenberg-Marquardt
+    steps by gradients of the probabilities, and steps along the axes at jumps. Fewest rests are
+    found by linear programs (`fewest_rests`).
 
     Parameters
     ----------
-    poses: of the body as it is.
-    goal: what is wanted.
-    region: where the center of mass may be, inside of the body's hull; None for all of that, but
-        for what is next to its surface.
+    poses: of the original body.
+    goal: wanted probabilities.
+    region: allowed centers of mass, inside of the body's hull; None for `whole_hull`.
     tolerance: largest difference of probabilities with which a goal is reached.
+    options: effort of the search.
 
-    Raises
-    ------
-    InputError: the body has no such pose.
+    Raises InputError if the body has no such pose.
     """
     search = _CenterSearch(poses, region or whole_hull(poses.hull), options or CenterSearch())
     hull, stability, within = poses.hull, search.stability, search.within
@@ -316,6 +312,8 @@ def best_center(
 
 
 class _CenterSearch:
+    """Search for the center of mass of one body in one region."""
+
     def __init__(self, poses: RestPoses, region: ConvexHull, options: CenterSearch) -> None:
         self.hull = poses.hull
         self.options = options = options.for_corners(len(poses.hull.vertices))
@@ -327,9 +325,9 @@ class _CenterSearch:
         self.stability = Stability(self.hull)
 
     def serving(self, objective: Objective, shared: bool, tolerance: float) -> Floats:
-        """The center of mass whose residuals are least.
+        """Center of mass with the smallest residuals.
 
-        shared: whether little is to be left to other poses, as far as that costs nothing.
+        shared: whether the probability of other poses is minimized, too, if that costs nothing.
         """
         descents = [
             Descent(self.hull, objective, self.within, share, self.options.steps)
@@ -350,7 +348,7 @@ class _CenterSearch:
         return min(ends, key=rank)
 
     def apart(self, values: Floats) -> Floats:
-        """The samples of the least values that are not next to each other."""
+        """Samples with the smallest values that are not next to each other."""
         order = np.argsort(values, kind="stable")
         order = order[np.isfinite(values[order])] if np.isfinite(values).any() else order
         chosen: list[Floats] = []
@@ -362,8 +360,7 @@ class _CenterSearch:
         return np.array(chosen)
 
     def _clear(self, center: Floats, objective: Objective) -> Floats:
-        """The best near a center of mass (3,) that keeps clear of where probabilities jump, as far
-        as there is room."""
+        """Best center of mass near one (3,) that keeps away from jumps, as far as there is room."""
         clear = CLEAR * self.hull.diameter
         if self.stability.clearance(center) >= clear:
             return center

@@ -1,8 +1,8 @@
-"""The least cavity of a solid that brings its center of mass to a wanted place.
+"""Smallest cavity of a solid that moves its center of mass to a given point.
 
-Of all parts of a solid that lie deeper than a wall, the one of least volume whose removal has a
-wanted moment is what a plane cuts off. The plane is found by maximizing a concave function of three
-variables, the dual of that linear program.
+Of all parts of a solid that are deeper than a wall, the smallest one whose removal has a given
+moment is cut off by a plane. The plane is the solution of the dual of that linear program, a convex
+minimization in three variables.
 """
 
 from __future__ import annotations
@@ -29,49 +29,49 @@ from dicedesign.results.parts import Cavities
 from dicedesign.runtime.arrays import Floats, Integers
 
 STEPS: Final = 48
-"""Of the grid along the longest extent."""
+"""Grid cells along the longest extent."""
 
 LEAST_PART: Final = 0.01
-"""Volume of a part of the cavity, over that of the largest, below which it is left solid."""
+"""Volume of a part of the cavity, relative to the largest part, below which it stays solid."""
 
 DEEPER: Final = 1.05
-"""Factor of what walls are too thin by, by which the cavity is made less wide the next time."""
+"""Increase of the depth of the cavity over the deficit of its walls."""
 
-LITTLE: Final = 2e-3
-"""Part of the wall by which it is besides."""
+DEEPER_BY_WALL: Final = 2e-3
+"""Further increase, relative to the wall."""
 
-TIMES: Final = 6
-"""That walls are measured and the cavity is made less wide, at most."""
+MAX_TRIES: Final = 6
+"""Largest number of times that walls are measured and the cavity is made smaller."""
 
 CENTERED: Final = 1e-14
-"""Moment that may be left, in units of about the diagonal."""
+"""Largest remaining moment, in units of about the diagonal."""
 
-STEPS_TO_PLANE: Final = 60
-"""Most steps of Newton's method."""
+MAX_STEPS: Final = 60
+"""Largest number of Newton steps."""
 
 HALVINGS: Final = 40
-"""Times that one of them is halved at most."""
+"""Largest number of halvings of a step."""
 
 DECREASE: Final = 1e-4
-"""Part of the decrease that the slope promises which a step must achieve."""
+"""Share of the predicted decrease that a step must achieve (Armijo condition)."""
 
 START: Final = 1.2
-"""The first plane is nearer than the farthest corner by this factor."""
+"""Ratio of the distances of the farthest corner and of the first plane."""
 
 NEAREST: Final = 1e-4
-"""Distance of the plane from the center of mass, over the diagonal, at which nothing is gained any
-more by bringing it nearer."""
+"""Distance of the plane from the center of mass, relative to the diagonal, at which the search
+fails."""
 
 DIFFERENCE: Final = 1e-4
-"""Relative, of the planes whose slopes give second derivatives."""
+"""Relative step of the finite differences for second derivatives."""
 
 REGULAR: Final = 1e-9
-"""Part of their trace that is added to them."""
+"""Regularization of the second derivatives, relative to their trace."""
 
 
 @dataclass(frozen=True, eq=False)
 class HalfSpacePart:
-    """The part of a solid where `normal @ x >= offset`, with normal (3,) a unit vector."""
+    """Part of a solid where `normal @ x >= offset`, with a unit normal (3,)."""
 
     part: Manifold
     normal: Floats
@@ -79,33 +79,32 @@ class HalfSpacePart:
 
 
 def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
-    """The least cavity deeper than a wall with which a uniform solid has its center of mass at a
-    place, oriented outward as if it were a solid, of one part or several.
+    """Smallest cavity, of one or several parts, that moves the center of mass of a uniform solid;
+    its surface is oriented outward.
 
-    surface: of the solid; wall: in its unit of length, above 0; center: (3,), another than that of
-    the solid.
+    surface: of the solid; wall: least thickness in its unit of length, above 0; center: (3,) new
+    center of mass, other than the solid's.
 
-    Raises
-    ------
-    InputError: no cavity leads there, or there is none as deep; the surface bounds no solid.
+    Raises InputError if no cavity moves it there, the walls leave no room, or the surface bounds no
+    solid.
     """
     room, _ = within_walls(surface, wall)
     cut = beyond_plane(room, center, surface.volume * (surface.centroid - center))
     if cut is None:
         far = float(norms(center - surface.centroid))
         raise InputError(
-            f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from that "
-            f"of the solid without, too far for walls of {wall:g}; reduce wall_mm"
+            f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from the "
+            f"uniform solid's, too far for walls of {wall:g}; reduce wall_mm"
         )
     return Surface(*mesh_of(cut.part))
 
 
 def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePart | None:
-    """The part of least volume of a solid that has a moment (3,), in the fourth power of its unit
-    and not 0, about a place (3,): all that is beyond a plane. None where none has it.
+    """Smallest part of a solid with a moment (3,) about a center (3,): all that is beyond a plane.
+    None if no part has the moment.
 
-    With lengths in units of about 1 and the place at the origin, the plane's normal over its
-    distance is the minimizer x of the convex function
+    moment: not 0, in the fourth power of the unit of length. With lengths of about 1 and the center
+    at the origin, the plane's normal over its distance is the minimizer x of the convex function
 
         integral over the room of max(x . y - 1, 0) dy  -  x . moment.
     """
@@ -121,7 +120,7 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
         return room.trim_by_plane(tuple(plane), 1.0 / float(norms(plane)))
 
     def at(plane: Floats) -> tuple[float, Floats]:
-        """The function and its gradient."""
+        """Value and gradient of the function."""
         points, triangles = mesh_of(beyond(plane))
         if len(triangles) == 0:
             return -float(plane @ moment), -moment
@@ -130,18 +129,18 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
         return float(plane @ slope) - volume, slope
 
     def curvature(plane: Floats) -> Floats:
-        """(3, 3) second derivatives, from differences."""
+        """(3, 3) second derivatives by finite differences."""
         step = DIFFERENCE * float(norms(plane))
         rows = [(at(plane + h)[1] - at(plane - h)[1]) for h in step * np.eye(3)]
         matrix = np.array(rows) / (2.0 * step)
         matrix = 0.5 * (matrix + matrix.T)
-        # There is none where the room is not cut.
+        # They vanish where the plane does not cut the room.
         least = REGULAR * np.trace(matrix) + np.finfo(np.float64).tiny
         return np.asarray(matrix + least * np.eye(3))
 
     now = START * toward / farthest
     value, slope = at(now)
-    for _ in range(STEPS_TO_PLANE):
+    for _ in range(MAX_STEPS):
         if norms(slope) <= CENTERED:
             size = float(norms(now))
             part = beyond(now).scale((unit,) * 3).translate(tuple(center))
@@ -151,7 +150,7 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
         step *= min(1.0, float(norms(now) / norms(step)))
         for _ in range(HALVINGS):
             following, gradient = at(now + step)
-            # Near the end the value is all rounding, and the slope is not.
+            # Near the end only the slope is not dominated by rounding.
             less = following <= value + DECREASE * float(slope @ step)
             if less or norms(gradient) <= 0.5 * norms(slope):
                 break
@@ -165,19 +164,19 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
 
 
 def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
-    """All of a solid that is deeper than a wall, but for small parts, and its least distance from
-    the surface, measured between triangles. Parameters, and what is raised, as `balancing_cavity`.
+    """Part of a solid deeper than a wall, without small parts, and its least distance from the
+    surface, measured between triangles. Raises InputError if there is none.
     """
     outside = _outside(surface, wall)
     grid, depth = depth_grid(surface, STEPS), wall
-    for _ in range(TIMES):
+    for _ in range(MAX_TRIES):
         room = _deeper(grid, depth)
         if room is None:
             break
         least = float(outside.min_gap(room, 2.0 * wall))
         if least >= wall:
             return room, least
-        depth += DEEPER * (wall - least) + LITTLE * wall
+        depth += DEEPER * (wall - least) + DEEPER_BY_WALL * wall
     raise InputError(
         f"hollow: expected room for a cavity in walls of {wall:g}, got none in a body with a "
         f"largest depth of {grid.depths.max():.3g}; reduce wall_mm, or leave hollow out"
@@ -185,14 +184,14 @@ def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
 
 
 def least_wall(surface: Surface, cavity: Surface) -> float:
-    """Least distance between the surface of a solid and that of a cavity, both oriented outward."""
+    """Least distance between the surfaces of a solid and of a cavity, both oriented outward."""
     most = surface.diagonal
     inner = solid(cavity.points, cavity.triangles)
     return float(_outside(surface, most).min_gap(inner, most))
 
 
 def _outside(surface: Surface, margin: float) -> Manifold:
-    """A box about a solid, larger by a margin, without it."""
+    """Complement of a solid in a box that is larger by a margin."""
     lower = surface.points.min(axis=0) - margin
     size = np.ptp(surface.points, axis=0) + 2.0 * margin
     body = solid(surface.points, surface.triangles)
@@ -202,7 +201,7 @@ def _outside(surface: Surface, margin: float) -> Manifold:
 def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
     """Part of a solid deeper than a distance; None if there is none."""
     values = grid.depths - depth
-    # Where two sheets would meet in a cell the cavity gives way.
+    # Cells where two sheets would meet are not part of the cavity.
     inside = ~without_double_cuts(-values)
     if not inside.any():
         return None
@@ -223,38 +222,37 @@ def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
 
 
 REACH_STEPS: Final = 28
-"""Of the grid along the longest extent."""
+"""Grid cells along the longest extent."""
 
 DIRECTIONS: Final = 60
-"""In which the farthest shift is found."""
+"""Number of directions in which the farthest shift is computed."""
 
 
 def reach(
     surface: Surface, wall: float, part: float = 1.0, densities: tuple[float, float] = (0.0, 1.0)
 ) -> ConvexHull:
-    """Shifts of the center of mass from that of the uniform solid.
+    """Convex hull of possible shifts of the center of mass from the uniform solid's.
 
-    Where cavities may be anywhere deeper than a wall, the centers of mass that they lead to are a
-    convex set: the moments of their complements are a zonoid (Lyapunov), of which these are an
-    image in perspective. It is farthest in a direction where all is hollow that lies behind the
-    center of mass itself. The hull of such shifts is inside of it. So it is with two densities in
-    place of none and that of the walls.
+    The centers of mass with cavities anywhere deeper than a wall are a convex set: the moments of
+    their complements are a zonoid (Lyapunov), of which they are a perspective image. The farthest
+    shift in a direction has a cavity of all that is behind the center of mass. The hull of such
+    shifts is inside of the set. The same holds for two densities instead of cavities.
 
-    surface: of the solid; wall: least thickness, in its unit; part: of the shifts, to be safe;
-    densities: least and largest, deeper than the walls, over that of the walls. Depths are found on
-    a coarse grid, and directions are few: some hundredths are uncertain.
+    surface: of the solid; wall: least thickness in its unit; part: factor of the shifts, for
+    safety; densities: smallest and largest density deeper than the wall, relative to the wall's.
+    The grid is coarse and directions are few, for an accuracy of some hundredths.
 
-    Raises InputError where there is no room, or only a thin one, that deep.
+    Raises InputError if the walls leave no room, or only a thin one.
     """
     grid = depth_grid(surface, REACH_STEPS)
     near = np.isfinite(grid.depths)
     depths, nodes = grid.depths[near], grid.places(np.argwhere(near))
-    # Parts of the cubes about the nodes that are in the solid, and deeper than the wall: none of
-    # those whose middles are not, of which no part is where the solid is thin.
+    # Shares of the cubes about the nodes that are in the solid, and deeper than the wall; 0 for
+    # cubes whose centers are not, so that thin solids have none.
     filled, deep = (np.clip((depths - least) / grid.spacing + 0.5, 0.0, 1.0) for least in (0, wall))
     deep[depths <= wall] = 0.0
     away = nodes - filled @ nodes / filled.sum()
-    # All that is deep is as dense as can be, but for what lies behind.
+    # Deep parts have the largest density, except for those behind the center of mass.
     dense = filled + (densities[1] - 1.0) * deep
     mass, moment = dense.sum(), dense @ away
     lost = (densities[1] - densities[0]) * deep
@@ -270,23 +268,21 @@ def reach(
         return convex_hull(part * np.array(shifts))
     except DegenerateBodyError as error:
         raise InputError(
-            f"hollow: expected walls that leave room for cavities, got walls of {wall:.3g} in a "
-            f"body with a largest depth of {depths.max(initial=0.0):.3g}, over its circumscribed "
-            "radius; reduce wall_mm, or leave hollow out"
+            f"wall_mm: expected walls that leave room inside, got walls of {wall:.3g} in a body "
+            f"with a largest depth of {depths.max(initial=0.0):.3g}; reduce wall_mm"
         ) from error
 
 
 def with_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
-    """A solid with the least cavity that brings its center of mass to a place (3,), as the surfaces
-    of both together. Parameters, and what is raised, as `balancing_cavity`."""
+    """Surface of a solid with its `balancing_cavity`; parameters and errors are as there."""
     return join_surfaces(surface, _reverse(balancing_cavity(surface, wall, center)))
 
 
 def measure_cavities(body: Body) -> Cavities:
-    """The cavities of a body in mm.
+    """Measure the cavities of a body in mm.
 
-    body: of one surface oriented outward and others, oriented inward, inside of it. Raises
-    InputError if it is none.
+    body: one surface oriented outward, with others inside of it, oriented inward. Raises InputError
+    otherwise.
     """
     assert body.triangles is not None
     shell = shells_of(body.triangles)

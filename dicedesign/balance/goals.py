@@ -1,6 +1,5 @@
-"""What a center of mass is to do for the probabilities of a body: goals, the probabilities as
-functions of the center of mass, and goals as residuals that are to be zero, linear in the
-probabilities."""
+"""Goals for a center of mass, rests as functions of it, and goals as residuals that are linear in
+the probabilities."""
 
 from __future__ import annotations
 
@@ -11,7 +10,7 @@ from typing import Final, TypeAlias
 import numpy as np
 import torch
 
-from dicedesign.errors import InputError, is_finite_number
+from dicedesign.errors import InputError, check_whole
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.gradient.rest_probabilities import RestEvaluation
@@ -23,34 +22,30 @@ from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE, SAME_REST_ANGLE
 
-MOST_POSES: Final = 100
-"""That a goal is about: three coordinates do not lead many probabilities."""
+MAX_POSES: Final = 100
+"""Largest number of poses of a goal; three coordinates do not control many probabilities."""
 
 
 @dataclass(frozen=True)
 class EqualProbabilities:
-    """Equal probabilities of the most probable poses, whichever these are then (Figure 12).
+    """Goal: equal probabilities of the most probable poses, whichever these are then (Figure 12).
 
-    `count`: of these poses, from 2 to `MOST_POSES`. Raises InputError for another.
+    count: number of poses, from 2 to `MAX_POSES`. Raises InputError for another.
     """
 
     count: int
 
     def __post_init__(self) -> None:
-        if self.count != int(self.count) or not 2 <= self.count <= MOST_POSES:
-            raise InputError(
-                f"equal: expected a number of poses from 2 to {MOST_POSES}, got {self.count}; take "
-                "3, say"
-            )
+        check_whole("equal", self.count, 2, MAX_POSES)
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The largest probabilities of one pose.
+    """Goal: the largest probability of one pose.
 
-    Give one of `pose`, its number as `dicedesign rest` lists it, 1 for the most probable, and
-    `down`, (x, y, z), the direction that points down then, to within 5 degrees. Raises InputError
-    for neither, both, or what is none.
+    Give one of `pose`, its number in `dicedesign rest`, 1 for the most probable, and `down`,
+    (x, y, z), the direction that points down in the pose, to within 5 degrees. Raises InputError
+    for neither, both, or invalid ones.
     """
 
     pose: int | None = None
@@ -62,15 +57,10 @@ class Standing:
                 "stand: expected the number of a pose or the direction that points down, got "
                 f"{'neither' if self.pose is None else 'both'}; give one"
             )
-        if self.pose is not None and (self.pose != int(self.pose) or self.pose < 1):
-            raise InputError(
-                f"stand: expected the number of a pose, 1 for the most probable, got {self.pose}; "
-                "dicedesign rest lists them"
-            )
-        if self.down is not None and (
-            len(self.down) != 3
-            or not all(map(is_finite_number, self.down))
-            or not 0.0 < sum(abs(x) for x in self.down) < 1e100
+        if self.pose is not None:
+            check_whole("stand", self.pose)
+        elif self.down is not None and (
+            len(self.down) != 3 or not 0.0 < sum(map(abs, self.down)) < 1e100
         ):
             raise InputError(
                 f"stand: expected a direction x,y,z other than 0,0,0, got {self.down}; 0,0,-1 is "
@@ -85,63 +75,47 @@ class FewestRests:
 
 @dataclass(frozen=True)
 class GivenProbabilities:
-    """Probabilities of some poses; all others are left what remains.
+    """Goal: given probabilities of some poses; the rest is for all other poses.
 
     Attributes
     ----------
     probabilities: above 0, with a sum of at most 1.
-    poses: as many numbers of poses, as `dicedesign rest` lists them, from 1; None for the most
-        probable ones, whichever these are then, in the order of their probabilities.
+    poses: numbers of the poses in `dicedesign rest`, from 1; None for the most probable poses,
+        whichever these are then, in the order of their probabilities.
 
-    Raises InputError for what is none.
+    Raises InputError for invalid values.
     """
 
     probabilities: tuple[float, ...]
     poses: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        probabilities = self.probabilities
-        if not 1 <= len(probabilities) <= MOST_POSES or not all(
-            map(is_finite_number, probabilities)
-        ):
+        p, poses = self.probabilities, self.poses
+        most = 1.0 + PROBABILITY_SUM_TOLERANCE
+        if not (1 <= len(p) <= MAX_POSES and min(p) > 0.0 and sum(p) <= most):
             raise InputError(
-                f"target: expected from 1 to {MOST_POSES} probabilities, got {probabilities}; "
-                "give some "
-                "numbers"
+                f"target: expected probabilities of 1 to {MAX_POSES} poses, above 0 and with a sum "
+                f"of at most 1, got {', '.join(f'{x:g}' for x in p)}; correct them"
             )
-        if min(probabilities) <= 0.0 or sum(probabilities) > 1.0 + PROBABILITY_SUM_TOLERANCE:
+        if poses is not None and not (len(poses) == len(set(poses)) == len(p) and min(poses) > 0):
             raise InputError(
-                "target: expected probabilities above 0 with a sum of at most 1, got "
-                f"{', '.join(f'{p:g}' for p in probabilities)} with a sum of "
-                f"{sum(probabilities):.6g}; what they "
-                "leave is for all other poses"
-            )
-        if self.poses is None:
-            return
-        if len(self.poses) != len(self.probabilities) or len(set(self.poses)) < len(self.poses):
-            raise InputError(
-                f"poses: expected {len(self.probabilities)} numbers of poses, each once, as there "
-                "are probabilities, "
-                f"got {self.poses}; give one for each"
-            )
-        if any(pose != int(pose) or pose < 1 for pose in self.poses):
-            raise InputError(
-                f"poses: expected numbers of poses, 1 for the most probable, got {self.poses}; "
-                "dicedesign rest lists them"
+                f"poses: expected {len(p)} numbers of poses, each once, 1 for the most probable, "
+                f"got {poses}; give one for each of the probabilities"
             )
 
 
 Goal: TypeAlias = EqualProbabilities | Standing | FewestRests | GivenProbabilities
-"""What a center of mass is to do."""
+"""Goal for a center of mass."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rests:
-    """The rests of a hull with one center of mass.
+    """Rests of a hull with one center of mass.
 
     Attributes
     ----------
-    basins: of the body; facets: (k,) of the hull; normals: (k, 3) theirs; probabilities: (k,).
+    basins: of the body; facets: (k,) of the hull; normals: (k, 3) of the facets; probabilities:
+        (k,).
     """
 
     basins: Basins
@@ -150,28 +124,25 @@ class Rests:
     probabilities: Floats
 
     def slopes(self, weights: Floats) -> Floats:
-        """(r, 3) gradients in the center of mass of sums of the probabilities times weights (r,
-        k)."""
+        """(r, 3) gradients of weighted sums of the probabilities with respect to the center of
+        mass; weights: (r, k)."""
         equilibria = self.basins.equilibria
         center = torch.tensor(equilibria.center_of_mass, requires_grad=True)
         vertices = torch.from_numpy(equilibria.hull.vertices)
         probabilities = RestEvaluation(equilibria, vertices, center, self.basins).probabilities
-        numbers = [
-            torch.autograd.grad(probabilities, center, torch.from_numpy(row), retain_graph=True)[
-                0
-            ].numpy()
-            for row in np.ascontiguousarray(weights)
+        gradients = [
+            torch.autograd.grad(probabilities, center, row, retain_graph=True)[0].numpy()
+            for row in torch.from_numpy(np.ascontiguousarray(weights))
         ]
-        return np.stack(numbers)
+        return np.stack(gradients)
 
 
 def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
-    """The rests of a hull with a center of mass (3,); None where there are none to be had: it is
-    not inside, or facets are too uneven for it.
+    """Rests of a hull with a center of mass (3,); None if it is not inside, or facets are too
+    uneven.
 
-    A body that is tied to within rounding is taken for one beside it, unlike by `rest_poses`: a
-    search does not end where probabilities jump, and looking for ties takes up to a hundred times
-    as long.
+    Unlike in `rest_poses`, a body that balances within rounding is not treated as a mean of both
+    sides: a search does not end at jumps, and their detection takes up to a hundred times as long.
     """
     try:
         equilibria = classify(hull, center)
@@ -183,8 +154,8 @@ def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
 
 
 def top_directions(rests: Rests, count: int) -> Floats:
-    """(c, 3) down in the most probable poses, c at most `count`, each a rest with all that are
-    within `SAME_REST_ANGLE` of it and not of a more probable one; by probabilities."""
+    """(c, 3) directions that point down in the c <= `count` most probable poses, sorted by
+    probability. Rests within `SAME_REST_ANGLE` of a more probable one belong to its pose."""
     order = np.argsort(-rests.probabilities, kind="stable")
     left, own = rests.normals[order], []
     while len(left) > 0:
@@ -196,30 +167,30 @@ def top_directions(rests: Rests, count: int) -> Floats:
 
 
 def pose_probabilities(poses: RestPoses, directions: Floats) -> Floats:
-    """(c,) probabilities of poses with directions (c, 3), summed over the rests that count for
-    each. A pose without a rest within `SAME_REST_ANGLE` has probability 0."""
-    counted = _count_rests(poses.normals, poses.probabilities, directions)
-    return np.asarray(counted @ poses.probabilities)
+    """(c,) probabilities of poses with directions (c, 3), summed over the rests of each. A pose
+    without a rest within `SAME_REST_ANGLE` has probability 0."""
+    belongs = _rests_of_poses(poses.normals, poses.probabilities, directions)
+    return np.asarray(belongs @ poses.probabilities)
 
 
-def _count_rests(normals: Floats, probabilities: Floats, directions: Floats) -> Booleans:
-    """(c, k) whether each rest counts for each of the poses."""
+def _rests_of_poses(normals: Floats, probabilities: Floats, directions: Floats) -> Booleans:
+    """(c, k) whether each rest belongs to each of the poses."""
     outcomes = assign_rests(normals, probabilities, directions)
-    counted = outcomes.outcome_of_rest == np.arange(len(directions))[:, None]
+    belongs = outcomes.outcome_of_rest == np.arange(len(directions))[:, None]
     near = angle_between(normals[outcomes.main], directions) <= SAME_REST_ANGLE
-    return np.asarray(counted & (near & (outcomes.main >= 0))[:, None])
+    return np.asarray(belongs & (near & (outcomes.main >= 0))[:, None])
 
 
 @dataclass(frozen=True, eq=False)
 class ServedGoal:
-    """Distance of the rests of a body from a goal.
+    """Residuals of a goal for the rests of a body.
 
     Attributes
     ----------
-    directions: (c, 3) down in the poses that the goal is about.
-    probabilities: (c,) theirs; wanted: (c,).
-    residuals: (r,), of which the sum of squares is to be least.
-    weights: (r, k) derivatives of the residuals by the probabilities of the rests.
+    directions: (c, 3) directions that point down in the poses of the goal.
+    probabilities, wanted: (c,) of these poses.
+    residuals: (r,), whose sum of squares is minimized.
+    weights: (r, k) derivatives of the residuals with respect to the probabilities of the rests.
     """
 
     directions: Floats
@@ -230,23 +201,23 @@ class ServedGoal:
 
 
 Objective: TypeAlias = Callable[[Rests, float], ServedGoal]
-"""From rests, and how much it counts that little is left to other poses, to residuals."""
+"""Function of rests and of the weight of the probability of other poses."""
 
 
 def objective_of(
     goal: EqualProbabilities | Standing | GivenProbabilities, poses: RestPoses
 ) -> Objective:
-    """The residuals of a goal.
+    """Residuals of a goal.
 
-    poses: of the body as it is, whose numbers the goal has.
+    poses: of the original body, to which the numbers of the goal refer.
 
-    Raises InputError: no such pose.
+    Raises InputError for a pose that the body does not have.
     """
     directions = wanted = None
     if isinstance(goal, EqualProbabilities):
         count = goal.count
     elif isinstance(goal, Standing):
-        count, directions, wanted = 1, pose_direction(goal, poses)[None], np.ones(1)
+        count, directions, wanted = 1, _standing_direction(goal, poses)[None], np.ones(1)
     else:
         count, wanted = len(goal.probabilities), np.sort(goal.probabilities)[::-1]
         if goal.poses is not None:
@@ -264,23 +235,23 @@ def objective_of(
 
     def serve(rests: Rests, share: float) -> ServedGoal:
         chosen = top_directions(rests, count) if directions is None else directions
-        # Poses that are missing have no probabilities, and no direction.
-        counted = np.zeros((count, len(rests.probabilities)))
-        counted[: len(chosen)] = _count_rests(rests.normals, rests.probabilities, chosen)
-        probabilities = counted @ rests.probabilities
+        # Missing poses have no direction and probability 0.
+        belongs = np.zeros((count, len(rests.probabilities)))
+        belongs[: len(chosen)] = _rests_of_poses(rests.normals, rests.probabilities, chosen)
+        probabilities = belongs @ rests.probabilities
         if wanted is not None:
-            return ServedGoal(chosen, probabilities, wanted, probabilities - wanted, counted)
+            return ServedGoal(chosen, probabilities, wanted, probabilities - wanted, belongs)
         mean = probabilities.mean()
-        # Their differences from the mean, and what all together lack of 1.
-        rows = np.vstack([counted - counted.mean(axis=0), share * counted.sum(axis=0)[None]])
+        # Differences from the mean, and the probability of other poses.
+        rows = np.vstack([belongs - belongs.mean(axis=0), share * belongs.sum(axis=0)[None]])
         residuals = np.append(probabilities - mean, share * (probabilities.sum() - 1.0))
         return ServedGoal(chosen, probabilities, np.full(count, mean), residuals, rows)
 
     return serve
 
 
-def pose_direction(goal: Standing, poses: RestPoses) -> Floats:
-    """(3,) down in the pose that a body is to stand in. Raises InputError for none."""
+def _standing_direction(goal: Standing, poses: RestPoses) -> Floats:
+    """(3,) direction that points down in the wanted pose. Raises InputError if there is none."""
     if goal.down is None:
         assert goal.pose is not None
         return _check_pose("stand", goal.pose, poses)

@@ -1,7 +1,9 @@
-"""Where a center of mass may be, as half-spaces, and those that say which facets a body rests on.
+"""Regions of centers of mass as half-spaces, and the half-spaces that determine the rests of a
+body.
 
-A body rests on a facet where its center of mass is above it: inside of a plane through each edge,
-upright on the facet. Where probabilities jump, the center of mass crosses such a plane.
+A body rests on a facet if its center of mass is above it: on the inner side of the plane through
+each edge that is perpendicular to the facet. Probabilities jump where the center of mass crosses
+such a plane.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import qmc
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import (
     ConvexHull,
     convex_hull,
@@ -40,11 +42,11 @@ class Halfspaces:
 
     @classmethod
     def of_hull(cls, hull: ConvexHull) -> Halfspaces:
-        """All that is inside a hull."""
+        """Half-spaces of a hull's facets."""
         return cls(hull.normals, hull.heights(np.zeros(3)))
 
     def heights(self, point: Floats) -> Floats:
-        """(m,) distances of the planes from a point (3,), negative where it is outside."""
+        """(m,) signed distances of the planes from a point (3,), negative outside."""
         return self.offsets - self.normals @ point
 
     def and_within(self, other: Halfspaces) -> Halfspaces:
@@ -56,14 +58,14 @@ class Halfspaces:
 
     @cached_property
     def deepest(self) -> tuple[Floats, float]:
-        """The point (3,) whose least distance from the planes is largest, and that distance; it is
-        not above 0 where nothing is inside, and infinite where that is unbounded."""
+        """Point (3,) with the largest least distance from the planes, and that distance: at most 0
+        for an empty region, infinite for an unbounded one."""
         middle = self.normals.T @ self.offsets / len(self.offsets)
         move, depth = deepest_point(self.normals, self.heights(middle))
         return middle + move, depth
 
     def corners(self) -> ConvexHull | None:
-        """The polyhedron that is inside, which has to be bounded; None where there is none."""
+        """Polyhedron of a bounded region; None if it is empty."""
         middle, depth = self.deepest
         if not 0.0 < depth < np.inf:
             return None
@@ -73,19 +75,8 @@ class Halfspaces:
             return None
 
 
-def box_region(low: Floats, high: Floats) -> Halfspaces:
-    """A box along the axes, from its least (3,) to its largest coordinates (3,). Raises InputError
-    where they are none."""
-    if not (np.isfinite([low, high]).all() and (low < high).all()):
-        raise InputError(
-            "region: expected a box, its least x,y,z and then its largest, got "
-            f"{', '.join(f'{x:g}' for x in (*low, *high))}; each of the last three is to be larger"
-        )
-    return Halfspaces(np.concatenate([-np.eye(3), np.eye(3)]), np.concatenate([-low, high]))
-
-
 def points_within(hull: ConvexHull, count: int) -> Floats:
-    """(count, 3) points that fill a hull evenly, deterministic."""
+    """(count, 3) deterministic points that fill a hull evenly."""
     middle = hull.centroid
     corners = hull.vertices[hull.triangles] - middle
     volumes = np.abs(np.linalg.det(corners))
@@ -93,31 +84,31 @@ def points_within(hull: ConvexHull, count: int) -> Floats:
     which = np.searchsorted(np.cumsum(volumes) / volumes.sum(), draws[:, 0]).clip(
         max=len(volumes) - 1
     )
-    # Of a tetrahedron: the differences of three ordered numbers are the weights of its corners.
+    # Differences of three sorted numbers are uniform weights of a tetrahedron's corners.
     steps = np.sort(draws[:, 1:], axis=1)
     weights = np.diff(steps, axis=1, prepend=0.0)
     return np.asarray(middle + (weights[:, :, None] * corners[which]).sum(axis=1))
 
 
 UNSHIFTED: Final = 1e-6
-"""Distance of the center of mass from that of the uniform solid, over the diagonal, for which no
-cavity is made: in the single precision of a file it would be none."""
+"""Least shift of the center of mass relative to the diagonal; less is lost in the single precision
+of a file."""
 
 REGULAR: Final = 1e-9
-"""Part of its trace that is added to the quadratic form: one direction may be free."""
+"""Regularization of the quadratic form, relative to its trace."""
 
 
 def least_within(form: Floats, slope: Floats, normals: Floats, heights: Floats) -> Floats:
-    """(3,) the point x with `normals @ x <= heights` where `x . form x / 2 + slope . x` is least.
+    """(3,) minimizer x of `x . form x / 2 + slope . x` subject to `normals @ x <= heights`.
 
-    form: (3, 3) symmetric, not negative; slope: (3,); normals: (m, 3); heights: (m,), which leave
-    a point.
+    form: (3, 3) symmetric, positive semidefinite; slope: (3,); normals: (m, 3); heights: (m,). The
+    region must not be empty.
 
     Source: Lawson and Hanson, Solving Least Squares Problems (1974), chapter 23 (least distance
     programming by nonnegative least squares).
     """
     root = np.linalg.cholesky(form + REGULAR * np.trace(form) * np.eye(3))
-    # In y = root^T x + offset the distance from the origin is to be least.
+    # In y = root^T x + offset, minimize the distance from the origin.
     offset = np.linalg.solve(root, slope)
     rows = -np.linalg.solve(root, normals.T)
     bounds = offset @ rows - heights
@@ -128,13 +119,13 @@ def least_within(form: Floats, slope: Floats, normals: Floats, heights: Floats) 
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """Prisms above the facets of a hull."""
+    """Prisms above the facets of a hull, in which a center of mass makes the facet a rest."""
 
     hull: ConvexHull
 
     @cached_property
     def sides(self) -> Halfspaces:
-        """The plane of each half-edge, whose normal points out of its facet."""
+        """Plane of each half-edge, with its normal pointing out of the prism."""
         hull = self.hull
         tails = hull.vertices[hull.tail]
         edges = hull.vertices[hull.head] - tails
@@ -142,39 +133,39 @@ class Stability:
         return Halfspaces(normals, (tails * normals).sum(axis=1))
 
     def outermost(self, center: Floats) -> tuple[Integers, Floats]:
-        """(m,) half-edge of each facet whose side is nearest to a center of mass (3,), or farthest
-        within it, and (m,) its distance, negative where the body does not rest on the facet."""
+        """(m,) half-edge of each facet with the smallest signed distance of its side from a center
+        of mass (3,), and (m,) that distance, negative if the facet is no rest."""
         heights = self.sides.heights(center)
         start = self.hull.facet_start[:-1]
         least = np.minimum.reduceat(heights, start)
-        # The first of each facet that is least.
+        # The first half-edge of each facet with that distance.
         lowest = np.flatnonzero(heights == least[self.hull.facet])
         _, first = np.unique(self.hull.facet[lowest], return_index=True)
         return lowest[first], least
 
     def counts(self, centers: Floats) -> Integers:
-        """(n,) numbers of facets that the body rests on with centers of mass (n, 3)."""
+        """(n,) numbers of rests with centers of mass (n, 3)."""
         return np.array([(self.outermost(center)[1] > 0.0).sum() for center in centers])
 
     def clearance(self, center: Floats) -> float:
-        """Distance from a center of mass (3,) to where a rest appears or vanishes: no more than
-        this."""
+        """Upper bound of the distance from a center of mass (3,) to where a rest appears or
+        vanishes."""
         return float(np.abs(self.outermost(center)[1]).min())
 
     def cell(self, center: Floats, clearance: float = 0.0) -> Halfspaces:
-        """Region of centers of mass around one (3,) with exactly the same rests, in part: each
-        lies on the same side of all other facets' planes. Planes are moved inward by a distance."""
+        """Convex region of centers of mass around one (3,) with the same rests; for facets that are
+        no rests, beyond the farthest side. Planes are moved inward by a clearance."""
         edges, least = self.outermost(center)
         inner = (least > 0.0)[self.hull.facet]
         inside = Halfspaces(self.sides.normals[inner], self.sides.offsets[inner] - clearance)
         return inside.and_within(self.beyond(edges[least <= 0.0], clearance))
 
     def beyond(self, edges: Integers, clearance: float = 0.0) -> Halfspaces:
-        """Region of centers of mass beyond the sides of half-edges, by a distance."""
+        """Region of centers of mass beyond the sides of half-edges, by a clearance."""
         return Halfspaces(-self.sides.normals[edges], -self.sides.offsets[edges] - clearance)
 
 
 def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:
-    """Whether a center of mass (3,) differs from that of the uniform solid."""
+    """Whether a center of mass (3,) differs from the uniform solid's."""
     shift = float(norms(center_of_mass - surface.centroid))
     return shift > UNSHIFTED * surface.diagonal

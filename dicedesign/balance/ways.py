@@ -1,4 +1,4 @@
-"""Ways to put a center of mass where it is wanted: cavities, drained by holes, and infill.
+"""Ways to move a center of mass: cavities, perhaps with drain holes, and infill.
 
 Lengths are in millimeters.
 """
@@ -36,28 +36,28 @@ from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_p
 from dicedesign.runtime.arrays import Floats
 
 PLACES: Final = 3000
-"""On the surface, of which one is the mouth."""
+"""Number of points on the surface that are candidates for a mouth."""
 
-TRIED: Final = 40
-"""The best of them."""
+MAX_TRIED: Final = 40
+"""Largest number of candidates whose hole is cut."""
 
 STEEP: Final = 0.85
 """Least cosine of the angle between a hole and the normal at its mouth."""
 
 BEYOND: Final = 0.9
-"""Radii that a hole is cut beyond its mouth, and half as many into the cavity."""
+"""Length of a cut beyond the mouth in radii; half as much into the cavity."""
 
 APART: Final = 1.3
-"""Radii that the axis keeps from the corners of the hull."""
+"""Least distance of the axis from the corners of the hull, in radii."""
 
 SEGMENTS: Final = 48
-"""Of a hole's circle."""
+"""Number of segments of a hole's circle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hole:
-    """A round hole of a radius, from the `mouth` (3,) on the surface along `inward` (3,), a unit
-    vector, to a cavity at a distance, the `length`."""
+    """Round hole from the mouth (3,) on the surface along the unit vector `inward` (3,) to a cavity
+    at the distance `length`."""
 
     mouth: Floats
     inward: Floats
@@ -65,7 +65,7 @@ class Hole:
     radius: float
 
     def tube(self, factor: float = 1.0) -> Manifold:
-        """Hole to cut out, or a wider one that leaves no sliver."""
+        """Solid to cut out; factor: of the radius."""
         radius = factor * self.radius
         before, after = BEYOND * radius, 0.5 * BEYOND * radius
         tube = Manifold.cylinder(before + self.length + after, radius, radius, SEGMENTS)
@@ -74,23 +74,14 @@ class Hole:
         frame[:, 3] = self.mouth - before * self.inward
         return tube.transform(frame)
 
-    def data(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "mouth": self.mouth.tolist(),
-            "inward": self.inward.tolist(),
-            "length_mm": self.length,
-            "diameter_mm": 2.0 * self.radius,
-        }
-
 
 def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float) -> Hole:
-    """The shortest hole from the outside to a cavity that keeps clear of the corners of the hull,
-    and of the facets that the body rests on if there are others.
+    """Shortest hole from the outside to a cavity that stays away from the corners of the hull, and
+    preferably from the facets on which the body rests.
 
-    surface: of the body; center: (3,) of mass that it will have. Raises InputError where none does.
+    surface: of the body; center: (3,) new center of mass. Raises InputError if there is none.
     """
-    # Points spread over the surface, and the normals there.
+    # Evenly spread points on the surface, with normals.
     vectors = doubled_area_vectors(surface.points, surface.triangles)
     areas = norms(vectors)
     cumulated = np.cumsum(areas) / areas.sum()
@@ -107,14 +98,14 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
     hull = convex_hull(surface.points, single_precision=True)
     apart = norms(places[:, None] - hull.vertices[None]).min(axis=1)
     fits = ((inward * normals).sum(axis=1) <= -STEEP) & (apart > APART * radius)
-    # Holes that open toward what the body rests on come last.
+    # Holes on resting facets come last.
     rests = rests_at(hull, center)
     facets = np.zeros(0, dtype=np.int64) if rests is None else rests.facets
-    is_stood_on = (hull.depths(places)[:, facets] < 0.1 * radius).any(axis=1)
-    order = np.lexsort((lengths, is_stood_on))
+    is_on_rest = (hull.depths(places)[:, facets] < 0.1 * radius).any(axis=1)
+    order = np.lexsort((lengths, is_on_rest))
     body = solid(surface.points, surface.triangles)
     whole = body.hull().volume()
-    for place in order[fits[order]][:TRIED]:
+    for place in order[fits[order]][:MAX_TRIED]:
         hole = Hole(places[place], inward[place], float(lengths[place]), radius)
         left = body - hole.tube()
         if abs(left.hull().volume() - whole) <= 1e-9 * whole and len(left.decompose()) == 1:
@@ -126,30 +117,29 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
 
 
 SAFE: Final = 0.95
-"""Part of a reach that is relied on."""
+"""Safety factor of a reach."""
 
-MOST_HOLES: Final = 6
+MAX_HOLES: Final = 6
 
 LEAST_PIECE: Final = 1e-3
-"""Volume over that of the largest below which a piece of a difference of files is rounding."""
+"""Volume relative to the largest below which a piece of a difference of files is rounding."""
 
 MODIFIER: Final = "_sparse.stl"
-"""What follows the name in that of the part with less infill."""
+"""Suffix of the file name of the part with less infill."""
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
-    """A body with its center of mass elsewhere, as files that were read back.
+class MovedCenter:
+    """Body with a moved center of mass, by its files as they were read back.
 
     Attributes
     ----------
-    files: contents by what follows the name of the first, such as "_sparse.stl"; that of the body
-        is "".
-    body: as it was read back.
-    center: (3,) of mass, of the files read back with their densities.
-    wall_mm: least thickness of the walls, measured in them; None where nothing is inside.
-    facts: plain data about what was made; notes: the same for people, a sentence each.
-    sparse: the part of less infill, as it was read back, where there is one.
+    files: contents by suffix of the file name, such as "_sparse.stl"; "" is the body.
+    body: the body.
+    center: (3,) center of mass, by the files with their densities.
+    wall_mm: measured least thickness of the walls; None without anything inside.
+    facts: plain data about the inside; notes: the same in sentences.
+    sparse: the part with less infill, or None.
     """
 
     files: Mapping[str, bytes]
@@ -162,36 +152,27 @@ class Made:
 
 
 def read_back(data: bytes) -> Body:
-    """The body of an STL file."""
+    """Body of an STL file."""
     points, triangles = parse_stl(data, Path("body.stl"))
     return make_body(points, triangles, "body.stl", single_precision=True)
 
 
 def reachable_shifts(surface: Surface, by: str, material: BodyMaterial) -> ConvexHull:
-    """Shifts of the center of mass from that of the uniform solid of a surface that a way does,
-    nearly; see `reach`. Raises InputError where walls leave no room."""
+    """Possible shifts of the center of mass by a way; see `reach`. Raises InputError if the walls
+    leave no room."""
     densities = material.infill if by == "infill" else (0.0, 1.0)
-    try:
-        return reach(surface, material.wall_mm, SAFE, densities)
-    except InputError as error:
-        raise InputError(
-            f"wall_mm: expected walls that leave room inside, got {material.wall_mm:g} mm in a "
-            f"body of {' x '.join(f'{x:.3g}' for x in np.ptp(surface.points, axis=0))} mm; reduce "
-            "wall_mm, or enlarge the body with size_mm"
-        ) from error
+    return reach(surface, material.wall_mm, SAFE, densities)
 
 
-def move_center(surface: Surface, center: Floats, by: str, material: BodyMaterial) -> Made:
-    """The solid of a surface, whose coordinates are float32, with its center of mass at (3,): by
-    the least "cavity", or by two densities of "infill". Raises InputError where there is no room.
-    """
+def move_center(surface: Surface, center: Floats, by: str, material: BodyMaterial) -> MovedCenter:
+    """Move the center of mass of a solid with float32 coordinates to (3,): by the smallest
+    "cavity", or by two densities of "infill". Raises InputError if that is impossible."""
     if by == "infill":
         return _with_two_infills(surface, center, material)
     if not is_shifted(surface, center):
         data = stl_bytes(surface.points, surface.triangles)
-        return Made(
-            {"": data}, read_back(data), surface.centroid, None, {}, ("nothing is to be moved",)
-        )
+        notes = ("the center of mass is there already",)
+        return MovedCenter({"": data}, read_back(data), surface.centroid, None, {}, notes)
     if material.drain_mm is not None:
         return _drain(surface, center, material.wall_mm, 0.5 * material.drain_mm)
     whole = with_cavity(surface, material.wall_mm, center)
@@ -209,14 +190,22 @@ def _make_with_cavity(
     volume: float,
     part: float,
     holes: tuple[Hole, ...] = (),
-) -> Made:
+) -> MovedCenter:
     body = read_back(data)
     assert body.triangles is not None
     facts: dict[str, Any] = {"cavities": number, "cavity_mm3": volume, "part": part}
     several = f"{number} cavities" if number > 1 else "a cavity"
     notes = [f"{several} of {volume:.4g} mm3, {100.0 * part:.3g} % of the body"]
     if holes:
-        facts["drains"] = [hole.data() for hole in holes]
+        facts["drains"] = [
+            {
+                "mouth": hole.mouth.tolist(),
+                "inward": hole.inward.tolist(),
+                "length_mm": hole.length,
+                "diameter_mm": 2.0 * hole.radius,
+            }
+            for hole in holes
+        ]
         for hole in holes:
             place = ", ".join(f"{x:.4g}" for x in hole.mouth)
             notes.append(f"a hole of {2.0 * hole.radius:g} mm at {place} drains it")
@@ -225,15 +214,15 @@ def _make_with_cavity(
             "the cavity is closed: filament leaves it empty, but powder and resin would stay in it"
         )
     center = solid_properties(body.points, body.triangles)[1]
-    return Made({"": data}, body, center, wall, facts, tuple(notes))
+    return MovedCenter({"": data}, body, center, wall, facts, tuple(notes))
 
 
-def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Made:
-    """Drill a hole to each part of the cavity; the cavity is computed again with each hole."""
+def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> MovedCenter:
+    """Make a cavity with a hole to each of its parts; it is recomputed with each hole."""
     body = solid(surface.points, surface.triangles)
     room, _ = within_walls(surface, wall)
     holes: tuple[Hole, ...] = ()
-    for _ in range(MOST_HOLES):
+    for _ in range(MAX_HOLES):
         tubes = [hole.tube() for hole in holes]
         rest, free = _without(body, tubes), _without(room, tubes)
         volume, middle = solid_properties(*mesh_of(rest))
@@ -249,13 +238,13 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Made
             if not any(tube.min_gap(part, radius) < 1e-6 * radius for tube in tubes)
         ]
         if not closed:
-            # All that is beyond the plane, as what lies within the holes is gone already.
+            # Everything beyond the plane; the holes are already cut.
             cavity = rest - room.trim_by_plane(tuple(cut.normal), cut.offset)
             break
         holes += (drain_hole(surface, Surface(*mesh_of(closed[0])), center, radius),)
     else:
         raise InputError(
-            f"drain_mm: expected a cavity of at most {MOST_HOLES} parts to drain, got more; leave "
+            f"drain_mm: expected a cavity of at most {MAX_HOLES} parts to drain, got more; leave "
             "drain_mm out, or reduce wall_mm"
         )
     data = stl_bytes(*mesh_of(cavity))
@@ -267,7 +256,7 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Made
             f"drain_mm: expected a body of one surface, got {shells} with the holes; reduce "
             "drain_mm"
         )
-    # What is missing in the file, but for the holes.
+    # What the file lacks, without the holes.
     missing = body - solid(file.points, file.triangles)
     pieces = _without(missing, [hole.tube(1.05) for hole in holes]).decompose()
     largest = max(piece.volume() for piece in pieces)
@@ -286,10 +275,9 @@ def _without(body: Manifold, others: list[Manifold]) -> Manifold:
     return Manifold.batch_boolean([body, *others], OpType.Subtract) if others else body
 
 
-def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) -> Made:
-    """Walls are solid, and what is deeper than they are thick has the greater infill but
-    for the least part, beyond a plane, that has the lesser: the second file, for a slicer to take
-    as the place of other settings (a modifier)."""
+def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) -> MovedCenter:
+    """Move the center of mass by solid walls, the larger infill inside, and the smaller infill in
+    the smallest part beyond a plane: the second file, a modifier for slicers."""
     less, more = material.infill
     room, _ = within_walls(surface, material.wall_mm)
     mass, middle = _weigh(surface, [(room, more - 1.0)])
@@ -303,7 +291,7 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
             )
         part = solid(surface.points, surface.triangles).trim_by_plane(tuple(cut.normal), cut.offset)
         files[MODIFIER] = stl_bytes(*mesh_of(part))
-    # Judged by the files.
+    # From here on by the files.
     body = read_back(files[""])
     assert body.triangles is not None
     surface = Surface(body.points, body.triangles)
@@ -325,11 +313,11 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
         )
     mass, center = _weigh(surface, densities)
     facts = {"infill": [less, more], "part": mass / surface.volume}
-    return Made(files, body, center, wall, facts, tuple(notes), modifier)
+    return MovedCenter(files, body, center, wall, facts, tuple(notes), modifier)
 
 
 def _weigh(surface: Surface, densities: list[tuple[Manifold, float]]) -> tuple[float, Floats]:
-    """Mass, and center of mass (3,), of a solid of density 1 with others of some added."""
+    """Mass and center of mass (3,) of a solid of density 1 with densities added in some parts."""
     mass, moment = surface.volume, surface.volume * surface.centroid
     for part, density in densities:
         if part.is_empty():

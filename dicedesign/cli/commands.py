@@ -318,8 +318,6 @@ class BalanceArguments(WithJson):
     fewest: minimize the number of resting poses
     target (p,q,...): give the most probable poses, or --poses, these probabilities
     poses (K,L,...): pose numbers for --target
-    region (REGION): where the center of mass may be: hull, anywhere inside; hollow, where cavities
-        can bring it; or a box x,y,z,x,y,z in mm (default: hull)
     by (cavity|infill): how to move it (default: the first that works)
     size_mm (X): scale to this largest distance between two points (default: coordinates are mm)
     wall_mm (W): minimum wall thickness (default: 1.2)
@@ -339,7 +337,6 @@ class BalanceArguments(WithJson):
     fewest: bool = False
     target: str | None = None
     poses: str | None = None
-    region: str | None = None
     by: str | None = None
     size_mm: float | None = None
     wall_mm: float | None = None
@@ -368,8 +365,6 @@ class ThrowArguments(WithJson, WithWorkers):
         die's own size; for a mesh that of the table, 25)
     com (x,y,z|hull): center of mass, as for `dicedesign rest` (default: uniform solid, or that of
         the design)
-    inertia (xx,yy,zz,xy,xz,yz): inertia tensor about the center of mass per mass, in the mesh's
-        unit squared (default: uniform solid)
     seed (S): random seed (default: 0)
     jobs (J): parallel tasks (default: one per core); does not change the results
 
@@ -384,7 +379,6 @@ class ThrowArguments(WithJson, WithWorkers):
     orientations: str | None = None
     size: float | None = None
     com: str | None = None
-    inertia: str | None = None
     seed: int = 0
     extensions = "dicedesign.throws.engines:ENGINES"
 

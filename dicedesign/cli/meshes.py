@@ -275,9 +275,8 @@ def balance(options: BalanceArguments) -> int:
     from dicedesign.report.surface_figures import balance_figure
 
     goal = _make_goal(options)
-    region, infill = options.region, options.infill
+    infill = options.infill
     given: dict[str, Any] = {
-        "region": _parse_numbers("--region", region) if region and "," in region else region,
         "by": options.by,
         "size_mm": options.size_mm,
         "wall_mm": options.wall_mm,

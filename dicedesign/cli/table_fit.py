@@ -28,7 +28,6 @@ from dicedesign.throws.engines import require_engine
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
     CREDIBLE_LEVEL,
-    MORE,
     DieCheck,
     DieFit,
     Prediction,
@@ -61,9 +60,6 @@ die's."""
 
 VAGUE: Final = 0.75
 """Part of the search's range from which on an interval says that the counts do not tell."""
-
-SHARED: Final = ("restitution", "friction")
-"""Parameters that more throws are to tell."""
 
 CONFIDENCE: Final = 0.95
 """Of intervals of total variation."""
@@ -271,16 +267,11 @@ def _describe_at_hand(die: DieAtHand) -> list[str]:
         ("posterior", ".4f", fit.probabilities),
         ("+-", ".4f", fit.deviation),
     )
-    more = text_table(
-        ("throws", "d", MORE),
-        *((f"+- {name}", ".3f", left) for name, left in zip(SHARED, fit.after.T, strict=True)),
-    )
     return [
         f"{fit.die.name}\n{table}\n"
         f"total variation from the target {on_fitted.value:.4f} on the fitted table (95 % within "
         f"{low:.4f} to {high:.4f}; chance alone {on_fitted.noise_floor:.4f}), below {half:.4f} on "
         f"half of the posterior's and below {most:.4f} on {100 * CREDIBLE_LEVEL:g} %",
-        f"what more throws of it, in one session, would leave open\n{more}",
     ]
 
 
@@ -375,10 +366,6 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None)
             "posterior_probabilities": die.probabilities.tolist(),
             "posterior_standard_deviations": die.deviation.tolist(),
             "posterior_total_variation": {"median": half, f"quantile_{CREDIBLE_LEVEL:g}": most},
-            "after_more_throws": {
-                str(count): dict(zip(SHARED, row, strict=True))
-                for count, row in zip(MORE, die.after.tolist(), strict=True)
-            },
         }
     return answer
 

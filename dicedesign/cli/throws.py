@@ -19,7 +19,6 @@ from dicedesign.cli.options import (
     center_of_mass,
     check_worker_options,
     direction,
-    numbers,
     percent_intervals,
     plain_rows,
     print_json,
@@ -70,15 +69,12 @@ def throw(options: ThrowArguments) -> int:
         drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
     check_throws(drops, options.seed, options.engine, orientations)
     check_worker_options(options)
-    labels, tensor = None, None
+    labels = None
     if os.path.isdir(options.die):
         mesh, poses, labels = _read_finished(options)
     else:
         mesh, poses = read_poses(options.die, center_of_mass(options.com))
-    if options.inertia is not None:
-        xx, yy, zz, xy, xz, yz = numbers("--inertia", options.inertia, "xx,yy,zz,xy,xz,yz")
-        tensor = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    body = rigid_body(mesh, poses, tensor)
+    body = rigid_body(mesh, poses)
     if labels is not None and size is None:
         # Its files are in millimeters.
         table = table.for_size(2.0 * body.radius / MM_PER_METER)
@@ -343,8 +339,8 @@ def _summarize(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
         "frequency": verdict.frequencies,
         "interval": verdict.intervals,
         "probabilities": verdict.probabilities,
-        "posterior_mean": verdict.posterior.means,
-        "posterior_interval": verdict.posterior.intervals,
+        "posterior_mean": verdict.posterior_means,
+        "posterior_interval": verdict.posterior_intervals,
     }
     return {
         "throws": verdict.throws,
@@ -364,15 +360,15 @@ def _describe(labels: Sequence[str], verdict: RollVerdict) -> str:
     """All that throws say."""
     from dicedesign.throws.goodness_of_fit import POWER, WITHIN
 
-    level, posterior = f"{100 * verdict.confidence:g} %", verdict.posterior
+    level = f"{100 * verdict.confidence:g} %"
     table = text_table(
         ("label", "", labels),
         ("count", "d", verdict.counts),
         ("probabilities %", ".3f", 100 * verdict.probabilities),
         ("frequency %", ".3f", 100 * verdict.frequencies),
         (f"{level} interval", ">", percent_intervals(verdict.intervals)),
-        ("posterior %", ".3f", 100 * posterior.means),
-        (f"{level} credible", ">", percent_intervals(posterior.intervals)),
+        ("posterior %", ".3f", 100 * verdict.posterior_means),
+        (f"{level} credible", ">", percent_intervals(verdict.posterior_intervals)),
     )
     test, exact, variation = verdict.chi_square, verdict.exact, verdict.variation
     low, high = variation.interval

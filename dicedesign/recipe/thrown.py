@@ -34,7 +34,7 @@ from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status
 from dicedesign.results.parts import TableResult as ThrownSection
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.bias import Series, variations_on_tables
+from dicedesign.throws.bias import variations_on_tables
 from dicedesign.throws.momentum_model import (
     momentum_model,
     other_tables,
@@ -196,11 +196,8 @@ def throw(work: Work) -> None:
                 elsewhere = variations_on_tables(
                     target,
                     table_measures(load_table(name), tables),
-                    [
-                        Series(die.momentum(model.near(table)), count[:-1])
-                        for table, count in zip(tables, counts, strict=True)
-                    ],
-                    Series(die.momentum(model), die.counts(throws)[:-1]),
+                    np.array([die.momentum(near) for near in (*map(model.near, tables), model)]),
+                    np.array([*counts, die.counts(throws)])[:, :-1],
                     drops * len(tables),
                 )
     work.thrown = ThrownDie(die, die.momentum(model), throws)

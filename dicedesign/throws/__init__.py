@@ -1,1 +1,1 @@
-"""Throws: how a body lands that has momentum, simulated, counted and predicted."""
+"""Throws of bodies with momentum, simulated, counted and predicted."""

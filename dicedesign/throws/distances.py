@@ -1,9 +1,8 @@
-"""Distances between probabilities and what was thrown, with their sampling error.
+"""Distances between probabilities and throws, with their sampling error.
 
-Frequencies of few throws are never the probabilities of the die, and total variation adds up the
-deviations whatever their signs. So that of a perfect die is not 0: its mean is the noise floor,
-    beside which
-every total variation has to be read.
+Frequencies of few throws differ from the probabilities of the die, and total variation adds up all
+deviations. So it is not 0 even for a perfect die: its mean is the noise floor, with which every
+total variation must be compared.
 """
 
 from __future__ import annotations
@@ -19,58 +18,45 @@ from scipy.optimize import linprog
 from scipy.sparse import eye_array, kron, vstack
 from scipy.special import betaincinv, betaln, ndtri, xlog1py, xlogy
 
-from dicedesign.errors import InputError
+from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import TRANSPORT_TOLERANCE
 
 
-@dataclass(frozen=True)
-class Posterior:
-    """Posterior of k probabilities after some throws.
-
-    Attributes
-    ----------
-    means: (k,) summing to 1.
-    intervals: (k, 2) that hold each probability with the given confidence, and leave as much below
-        as above.
-    """
-
-    means: Floats
-    intervals: Floats
-
-
 def jeffreys_means(counts: ArrayLike) -> Floats:
-    """The means (k,) of `jeffreys_posterior`: probabilities above 0 that sum to 1."""
+    """Posterior means (k,) of probabilities under Jeffreys' prior (all Dirichlet parameters 1/2).
+
+    They are above 0 and sum to 1.
+
+    Source: Jeffreys, Proc. R. Soc. A 186, 1946.
+    """
     weights: Floats = np.asarray(counts, dtype=np.float64) + 0.5
     return weights / weights.sum()
 
 
-def jeffreys_posterior(counts: ArrayLike, confidence: float) -> Posterior:
-    """Posterior of k probabilities after `counts` (k,), at least 0, under Jeffreys' prior (all
-    Dirichlet parameters 1/2): a Dirichlet distribution with parameters `counts` + 1/2.
+def jeffreys_intervals(counts: ArrayLike, confidence: float) -> Floats:
+    """(k, 2) equal-tailed credible intervals of probabilities under Jeffreys' prior.
 
-    confidence: probability in (0, 1) that each interval holds its probability.
-
-    Source: Jeffreys, Proc. R. Soc. A 186, 1946.
+    counts: (k,) at least 0. confidence: posterior probability of each interval, in (0, 1).
     """
     weights = np.asarray(counts, dtype=np.float64) + 0.5
     others = weights.sum() - weights
-    # What lies above, too, by its own small part: 1 less a very small one is rounded to 1.
+    # The upper limit also by its small tail: 1 less a tiny tail rounds to 1.
     tail = (1.0 - confidence) / 2.0
     limits = [betaincinv(weights, others, tail), 1.0 - betaincinv(others, weights, tail)]
-    return Posterior(jeffreys_means(counts), np.stack(limits, axis=-1))
+    return np.stack(limits, axis=-1)
 
 
-BLOCK: Final = 1_000_000
-"""Counts of a block, at most, unless one series has more."""
+MAX_COUNTS: Final = 1_000_000
+"""Counts drawn at a time, at most, unless one series has more."""
 
 
 def draw_counts(probabilities: Floats, throws: int, series: int, seed: int) -> Iterator[Integers]:
-    """Yield counts (b, k) of series of throws, drawn with probabilities (k,).
+    """Yield blocks (b, k) of random counts, `series` rows in all, from probabilities (k,).
 
-    How many come at a time does not change them.
+    The size of a block does not change the counts.
     """
-    random, at_once = np.random.default_rng(seed), max(1, BLOCK // len(probabilities))
+    random, at_once = np.random.default_rng(seed), max(1, MAX_COUNTS // len(probabilities))
     for first in range(0, series, at_once):
         yield random.multinomial(throws, probabilities, size=min(at_once, series - first))
 
@@ -82,15 +68,14 @@ SEED: Final = 0
 
 @dataclass(frozen=True)
 class MeasuredDistance:
-    """A distance between given probabilities and the unknown probabilities of a die that was
-    thrown.
+    """Distance between given probabilities and the unknown probabilities of a die, from throws.
 
     Attributes
     ----------
-    value: between the given probabilities and the frequencies; of a total variation 0 to 1, of a
+    value: between the given probabilities and the frequencies; a total variation in 0 to 1, or a
         Wasserstein distance in radians, 0 to pi.
-    interval: holds that of the unknown probabilities with the asked-for confidence.
-    noise_floor: mean of `value` if the given probabilities were those of the die.
+    interval: confidence interval of the distance of the unknown probabilities.
+    noise_floor: mean of `value` for a die that has the given probabilities.
     """
 
     value: float
@@ -99,22 +84,22 @@ class MeasuredDistance:
 
 
 def total_variation(first: ArrayLike, second: ArrayLike) -> float:
-    """Half the sum of the absolute differences of two distributions (k,), 0 to 1: the largest
-    difference that they make to the probability of any event."""
+    """Half the sum of absolute differences of two distributions (k,), 0 to 1: the largest
+    difference in the probability of any event."""
     return float(np.abs(np.asarray(first) - np.asarray(second)).sum() / 2.0)
 
 
 def effective_counts(outcomes: ArrayLike, weights: ArrayLike, kinds: int) -> Floats:
-    """Counts (k,) that stand for throws of unequal weight, as of directions that stand for cells of
-    the sphere of unequal area.
+    """Equivalent counts (k,) of throws of unequal weight, such as start directions that stand for
+    cells of unequal area.
 
-    They have the proportions of the weighted frequencies, and sum to the number of throws of equal
-    weight with the same variance, the squared sum of the weights over the sum of their squares.
-    Weighted throws whose initial directions are spread evenly scatter less than that says.
+    They are proportional to the weighted frequencies. Their sum is the number of equally weighted
+    throws with the same variance: the squared sum of the weights over the sum of their squares.
+    Evenly spread start directions scatter less than that.
 
     Parameters
     ----------
-    outcomes: (n,) what each throw showed, 0 to k - 1.
+    outcomes: (n,) outcome of each throw, 0 to k - 1.
     weights: (n,) positive.
     kinds: k.
 
@@ -126,8 +111,9 @@ def effective_counts(outcomes: ArrayLike, weights: ArrayLike, kinds: int) -> Flo
 
 
 def noise_floor(probabilities: ArrayLike, throws: float) -> float:
-    """The mean total variation between the probabilities (k,) of a die and its frequencies in at
-    least one throw; of fractions of a throw, only whole ones count.
+    """Mean total variation between the probabilities (k,) of a die and its frequencies.
+
+    throws: at least 1; rounded down to a whole number.
 
     Source: the mean absolute deviation of a binomial distribution by De Moivre, 1730; Diaconis and
     Zabell, Statistical Science 6(3), 1991, eq. 1.1.
@@ -141,9 +127,11 @@ def noise_floor(probabilities: ArrayLike, throws: float) -> float:
 
 
 def event_error(probabilities: Floats, throws: float, confidence: float) -> float:
-    """What chance adds to the frequency of one event at most, with `confidence` in (0, 1), by the
-    normal limit: z sqrt(m (1 - m) / n), where m is the probability of the most probable outcome
-    (k,), but at least 1/2."""
+    """Largest sampling error of an event's frequency, with `confidence` in (0, 1).
+
+    By the normal limit z sqrt(m (1 - m) / n), where m is the largest of the probabilities (k,), but
+    at least 1/2.
+    """
     most = max(0.5, float(probabilities.max()))
     return -float(ndtri((1.0 - confidence) / 2.0)) * math.sqrt(most * (1.0 - most) / throws)
 
@@ -151,25 +139,25 @@ def event_error(probabilities: Floats, throws: float, confidence: float) -> floa
 def measure_variation(
     counts: ArrayLike, probabilities: ArrayLike, confidence: float
 ) -> MeasuredDistance:
-    """Total variation between given probabilities and those of a thrown die, with its uncertainty.
+    """Total variation between given probabilities and the unknown ones of a thrown die, with its
+    uncertainty.
 
-    The interval holds for any probabilities, also for those equal to the given ones, where neither
-    the bootstrap nor the delta method does:
+    The interval holds for any probabilities, also the given ones, where neither the bootstrap nor
+    the delta method does:
 
-    - As a metric, total variation differs by no more than the frequencies are from the
-    probabilities of the
-      die. The lower limit is less by the quantile of that, of `DRAWS` series of throws drawn with
-      a fixed seed.
-    - It is the largest difference in the probability of an event, so that the frequencies show at
-      least what they show in the event that differs most for the die. The upper limit is more by
-      what chance allows in one event, `event_error`.
+    - By the triangle inequality, total variation is wrong by at most the distance between the
+      frequencies and the die's probabilities. The lower limit subtracts a quantile of that
+      distance, from `DRAWS` series of throws drawn with a fixed seed.
+    - Total variation is the largest difference in the probability of an event, and the frequencies
+      show at least the difference in the event that differs most. The upper limit adds the
+      sampling error of one event, `event_error`.
 
-    The probabilities of the die are taken there as `jeffreys_means`. Where many labels
-    deviate a little the lower limit is a cautious one.
+    Both take the die's probabilities as `jeffreys_means`. The lower limit is conservative if many
+    labels deviate a little.
 
     Parameters
     ----------
-    counts: (k,) at least 0, those of `effective_counts` too, with a sum of at least 1.
+    counts: (k,) at least 0, also those of `effective_counts`, with a sum of at least 1.
     probabilities: (k,) summing to 1.
     confidence: in (0, 1).
     """
@@ -182,10 +170,8 @@ def measure_variation(
         for drawn in draw_counts(estimate, math.floor(throws), DRAWS, SEED)
     ]
     scatter = float(np.quantile(np.concatenate(distances), (1.0 + confidence) / 2.0))
-    limits = (
-        max(0.0, value - scatter),
-        min(1.0, value + event_error(estimate, throws, confidence)),
-    )
+    error = event_error(estimate, throws, confidence)
+    limits = max(0.0, value - scatter), min(1.0, value + error)
     return MeasuredDistance(value, limits, noise_floor(probabilities, throws))
 
 
@@ -195,28 +181,26 @@ TRANSPORT_DRAWS: Final = 200
 def measure_transport(
     directions: ArrayLike, counts: ArrayLike, probabilities: ArrayLike, confidence: float
 ) -> MeasuredDistance:
-    """Wasserstein distance between given probabilities of k rests and those of a thrown body, with
-    its uncertainty.
+    """Wasserstein distance between given probabilities of k rests and the unknown ones of a thrown
+    body, with its uncertainty.
 
-    As a metric it differs by no more than the frequencies are from the probabilities of the body.
-    Each limit is off by the quantile of that, of `TRANSPORT_DRAWS` series of throws drawn with a
-    fixed seed, where the probabilities of the body are taken as `jeffreys_means`. So the interval
-    is a cautious one, but holds for probabilities equal to the given ones, too.
+    By the triangle inequality it is wrong by at most the distance between the frequencies and the
+    body's probabilities. Both limits are off by a quantile of that distance, from
+    `TRANSPORT_DRAWS` series of throws drawn with a fixed seed from `jeffreys_means`. So the
+    interval is conservative, but holds for the given probabilities, too.
 
     Parameters
     ----------
     directions: (k, 3) of the rests.
-    counts: (k,) at least 0, those of `effective_counts` too, with a sum of at least 1.
+    counts: (k,) at least 0, also those of `effective_counts`, with a sum of at least 1.
     probabilities: (k,) summing to 1.
     confidence: in (0, 1).
-
-    Raises as `wasserstein_distance`.
     """
     came = np.asarray(counts, dtype=np.float64)
     value = wasserstein_distance(directions, came, directions, probabilities)
 
     def scatter(probabilities: Floats) -> Floats:
-        """Distances of frequencies from the probabilities (k,) that they were drawn with."""
+        """Distances of random frequencies from their probabilities (k,)."""
         series = draw_counts(probabilities, math.floor(came.sum()), TRANSPORT_DRAWS, SEED)
         pairs = ((drawn, probabilities) for block in series for drawn in block)
         return np.array([wasserstein_distance(directions, a, directions, b) for a, b in pairs])
@@ -232,29 +216,24 @@ def wasserstein_distance(
     second_directions: ArrayLike,
     second_weights: ArrayLike,
 ) -> float:
-    """The Wasserstein distance W between two distributions of directions, in radians, 0 to pi.
+    """Wasserstein distance W between two distributions of directions, in radians, 0 to pi.
 
-    It is the mean angle by which mass has to be turned to make the one into the other, at the
-    least, and is found exactly, by a linear program (HiGHS). Mass that both have at one place stays
+    It is the smallest mean angle by which mass must turn to make the one distribution into the
+    other, computed exactly by a linear program (HiGHS). Mass that both have in one place stays
     there, since angles obey the triangle inequality; so a body of 200 rests takes at most a program
     of 100 x 100.
 
     Parameters
     ----------
     first_directions, second_directions: (m, 3) and (n, 3), of any length but zero.
-    first_weights, second_weights: (m,) and (n,), at least 0; each set is divided by its sum.
-
-    Raises
-    ------
-    InputError: not one weight for each direction, a negative or infinite weight, or a sum of zero.
+    first_weights, second_weights: (m,) and (n,), at least 0, not all 0; each is divided by its sum.
 
     Source: section 4.1.
     """
-    # Imported here, as judging counts of labels does without any body.
-    from dicedesign.geometry.sphere import angle_between, unit_vectors
-
-    first = _shares("first_weights", first_directions, first_weights)
-    second = _shares("second_weights", second_directions, second_weights)
+    first, second = (
+        np.asarray(weights, dtype=np.float64) / np.sum(weights)
+        for weights in (first_weights, second_weights)
+    )
     places, place = np.unique(
         np.concatenate([first_directions, second_directions]), axis=0, return_inverse=True
     )
@@ -267,11 +246,11 @@ def wasserstein_distance(
     cost = angle_between(unit[sources][:, None], unit[sinks])
     supply, demand = surplus[sources] / moved, -surplus[sinks] / moved
     m, n = cost.shape
-    # Sums over all that a source gives, and over all that a sink gets.
+    # Sums over all that leaves a source, and over all that reaches a sink.
     sums = vstack([kron(eye_array(m), np.ones((1, n))), kron(np.ones((1, m)), eye_array(n))], "csr")
     wanted = np.concatenate([supply, demand])
-    # One equation follows from the others but for rounding, which may contradict it. That of the
-    # largest share is left out: a small one could come out negative.
+    # One equation follows from the others but for rounding, which may contradict it. The equation
+    # of the largest share is left out: a small share could come out negative.
     others = np.delete(np.arange(m + n), wanted.argmax())
     answer = linprog(
         cost.ravel(),
@@ -282,18 +261,3 @@ def wasserstein_distance(
     if not answer.success:
         raise RuntimeError(f"optimal transport: {answer.message}")
     return moved * float(answer.fun)
-
-
-def _shares(name: str, directions: ArrayLike, weights: ArrayLike) -> Floats:
-    values = np.asarray(weights, dtype=np.float64)
-    if values.shape != np.shape(directions)[:1]:
-        raise InputError(
-            f"{name}: expected {np.shape(directions)[0]}, one for each direction, got shape "
-            f"{values.shape}; give each direction a weight"
-        )
-    if not (np.isfinite(values).all() and (values >= 0.0).all() and values.sum() > 0.0):
-        raise InputError(
-            f"{name}: expected finite numbers of at least 0 that are not all 0, got a least of "
-            f"{values.min(initial=np.inf):g} and a sum of {values.sum():g}; correct them"
-        )
-    return values / values.sum()

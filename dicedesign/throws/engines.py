@@ -1,12 +1,12 @@
-"""Simulators of throws by name, what they are told about contacts, and the package's own engine:
-compiled throws of one convex hull onto one plane."""
+"""Simulators of throws, their contact parameters, and the package's own engine: compiled throws of
+one convex hull onto one plane."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -21,15 +21,10 @@ if TYPE_CHECKING:
     from dicedesign.throws.tables import Table
 
 
-class ThrowStates(Protocol):
-    """Throws of one body."""
-
-    def __call__(
-        self, body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
-    ) -> Integers:
-        """The rests (n,) of bodies let go in states (n, 13), positions in m, quaternions w, x, y,
-        z, velocities in m/s and spins in rad/s about the principal axes; -1 for those that found
-        none in time. refinement: divides the time step."""
+ThrowStates: TypeAlias = "Callable[[RigidBody, Table, Floats], Integers]"
+"""Function from a body, a table and release states (n, 13) to final rests (n,). States are
+positions in m, quaternions w, x, y, z, velocities in m/s and spins in rad/s about the principal
+axes; the rest is -1 for throws that did not come to rest in time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,10 +33,10 @@ class Engine(Extension):
 
     Attributes
     ----------
-    title: what tables call it.
-    phrase: what sentences call it, if not so.
-    require: raises InputError where it is not installed.
-    throw_states: throws a body; may raise the same.
+    title: name in tables.
+    phrase: name in sentences, if another.
+    require: raises InputError if the simulator is not installed.
+    throw_states: throws a body; may raise InputError, too.
     """
 
     title: str
@@ -62,46 +57,45 @@ ENGINES: Final = Registry(
 
 
 def require_engine(name: str) -> Engine:
-    """The engine of a name. Raises InputError where there is no such engine, or it is not
-    installed."""
+    """Engine of a name. Raises InputError if there is none, or it is not installed."""
     engine = ENGINES[name]
     engine.require()
     return engine
 
 
 GRAVITY: Final = 9.81
-"""In m/s^2."""
+"""Acceleration in m/s^2."""
 
 DEEPEST: Final = 0.05
-"""How far the fastest impact of a throw may push a vertex below the table, relative to the die's
-radius. Halving it changes probabilities by less than sampling 40,000 drops does."""
+"""Largest depth of a vertex below the table in the fastest impact of a throw, relative to the die's
+radius. Halving it changes probabilities by less than the sampling error of 40,000 drops."""
 
 STEPS_PER_CONTACT: Final = 8
-"""Time steps of one bounce."""
+"""Number of time steps of one bounce."""
 
 IMPEDANCE: Final = 0.99
-"""Of MuJoCo's soft contacts: the part of the acceleration asked of a contact that it gets; 1 is a
-problem without a unique answer."""
+"""Share of the requested contact acceleration that MuJoCo's soft contacts realize; 1 has no unique
+solution."""
 
 SETTLING: Final = 400.0
-"""How long a throw is followed after its bounces, in units of the square root of radius over
-gravity: some 14 seconds for a die of 25 mm."""
+"""Time after the bounces until a throw is given up, in units of the square root of radius over
+gravity: about 14 seconds for a die of 25 mm."""
 
 LARGEST_RATIO: Final = 100.0
-"""Damping ratio that stands for no restitution at all."""
+"""Damping ratio for a restitution of 0."""
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact for a body of mass 1, and the steps to simulate it with.
+    """Contact parameters of a body of mass 1, and time steps of the simulation.
 
     Attributes
     ----------
-    stiffness: 1/s^2, acceleration of a contact point over its depth.
-    damping: 1/s, along the normal.
-    sliding_damping: 1/s, of speed along the table, up to the limit of friction.
-    step: seconds.
-    seconds: after which a throw is given up.
+    stiffness: acceleration of a contact point per depth, 1/s^2.
+    damping: along the normal, 1/s.
+    sliding_damping: of speed along the table, up to the limit of friction, 1/s.
+    step: time step in seconds.
+    seconds: time after which a throw is given up.
     """
 
     stiffness: float
@@ -112,18 +106,18 @@ class Contact:
 
 
 def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) -> Contact:
-    """Contact parameters of a table, shared by all its throws: stiff enough for the fastest.
+    """Contact parameters of a table: stiff enough for its fastest throw.
 
-    refinement: divides the time step, at the same contact. stiffness: multiplies that of the
-    contact, and so many more time steps there are that a bounce has as many.
+    refinement: divisor of the time step. stiffness: factor of the contact's stiffness, at the same
+    number of steps in a bounce.
     """
     radius = table.size / 2.0
     height, speed, spin = (most_of(value) for value in (table.height, table.speed, table.spin))
     fastest = math.sqrt(2.0 * GRAVITY * (height + 2.0 * radius) + speed**2 + (spin * radius) ** 2)
     frequency = math.sqrt(stiffness) * fastest / (DEEPEST * radius)
     step = math.pi / frequency / STEPS_PER_CONTACT
-    # More damping than would stop a point within one step makes it bounce again. So a restitution
-    # below 0.1 is one that steps of this length cannot tell from 0.
+    # More damping than stops a point within one step makes it bounce again. So steps of this length
+    # do not distinguish a restitution below 0.1 from 0.
     most = 1.0 / (2.0 * frequency * step)
     return Contact(
         stiffness=frequency**2,
@@ -135,18 +129,18 @@ def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) ->
 
 
 def longest_throw(table: Table) -> float:
-    """Seconds after which a throw is given up: a ball would have come to lie, and `SETTLING` is for
-    what a die does besides, as tumbling, sliding and rolling."""
-    # A ball that falls for a time t bounces for 2 e t, then for 2 e^2 t and so on, where e is the
-    # restitution: t (1 + e) / (1 - e) in all.
+    """Seconds after which a throw is given up: the time until a bouncing ball is at rest, plus
+    `SETTLING` for tumbling, sliding and rolling."""
+    # A ball that falls for a time t bounces for 2 e t, then for 2 e^2 t and so on, with restitution
+    # e: t (1 + e) / (1 - e) in total.
     fall = math.sqrt(2.0 * most_of(table.height) / GRAVITY)
     bouncing = fall * ((1.0 + table.restitution) / (1.0 - table.restitution))
     return bouncing + SETTLING * math.sqrt(table.size / 2.0 / GRAVITY)
 
 
 def restitution_of(ratio: float) -> float:
-    """Speed after over speed before a bounce off a spring with a damper of a damping ratio from 0,
-    which the body leaves as soon as they would pull."""
+    """Ratio of speeds after and before a bounce off a spring and damper with a damping ratio of at
+    least 0, which the body leaves as soon as they would pull."""
     if ratio == 1.0:
         return math.exp(-2.0)
     root = math.sqrt(abs(1.0 - ratio**2))
@@ -155,8 +149,8 @@ def restitution_of(ratio: float) -> float:
 
 
 def damping_ratio(restitution: float) -> float:
-    """The damping ratio that gives a restitution from 0 to below 1."""
-    # Imported here, as reading a table does without.
+    """Damping ratio for a restitution in [0, 1)."""
+    # Imported late: reading a table does not need it.
     from scipy.optimize import brentq
 
     wanted = max(restitution, restitution_of(LARGEST_RATIO))
@@ -171,7 +165,7 @@ MISSING: Final = (
 
 
 def require() -> None:
-    """Raises InputError: the compiled kernels are missing."""
+    """Raise InputError if the compiled kernels are missing."""
     if not kernels.available():
         raise InputError(MISSING)
 
@@ -183,18 +177,18 @@ def throw_states(
     refinement: float = 1.0,
     stiffness: float = 1.0,
 ) -> Integers:
-    """The rests (n,) of bodies let go in states (n, 13); -1 for those that found none in time.
+    """Final rests (n,) of throws released in states (n, 13); -1 without a rest in time.
 
-    The equations of motion and of soft contact are those of MuJoCo, with the lowest eight of the
-    vertices below the table in contact, and so are the time steps, but that free rotation keeps its
-    angular momentum and energy. As long as no vertex can touch the table many steps are one. A
-    throw ends as soon as its energy is below every saddle on the border of the basin that it is in:
-    it can leave it no more. That is exact but for how deep a contact is at rest, some 1e-4 radii.
-    It also ends as soon as its state is not finite.
+    Equations of motion, soft contacts and time steps are MuJoCo's, with contacts at the lowest
+    eight of the vertices below the table, except that free rotation conserves angular momentum and
+    energy. Steps are merged while no vertex can touch the table. A throw ends as soon as its energy
+    is below every saddle on the border of its basin, which it cannot leave then; this is exact up
+    to the depth of a contact at rest, about 1e-4 radii. A throw also ends if its state is not
+    finite.
 
-    stiffness: as in `contact_of`.
+    refinement, stiffness: see `contact_of`.
 
-    Raises InputError: the compiled kernels are missing.
+    Raises InputError if the compiled kernels are missing.
     """
     contact = contact_of(table, refinement, stiffness)
     steps = round(contact.seconds / contact.step)
@@ -210,8 +204,8 @@ def advance(
     refinement: float = 1.0,
     stiffness: float = 1.0,
 ) -> tuple[Integers, Integers]:
-    """Advance states (n, 13) in place by at most a number of time steps. Returns the rest that
-    each cannot miss any more, or -1, and (n,) the steps taken."""
+    """Advance states (n, 13) in place by at most `steps` time steps. Returns the certain rest (n,)
+    of each, or -1, and the numbers of steps (n,)."""
     contact = contact_of(table, refinement, stiffness)
     how = (
         contact.step,

@@ -1,5 +1,5 @@
-"""Tests of counts against given probabilities and against other counts, their power, and the
-verdict of a die's throws on its probabilities."""
+"""Tests of counts against probabilities and against other counts, their power, and the verdict of
+throws on a die."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from scipy.special import chdtr, chdtrc, chdtri, chndtr, chndtrinc, gammaln, xlo
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.throws.distances import (
     MeasuredDistance,
-    Posterior,
     draw_counts,
     event_error,
-    jeffreys_posterior,
+    jeffreys_intervals,
+    jeffreys_means,
     measure_variation,
 )
 from dicedesign.tolerances import EQUAL_LIKELIHOOD, EQUAL_PROBABILITIES
 
-MOST_TABLES: Final = 1_000_000
-"""Tables of counts that are listed; where there are more, `DRAWS` are drawn at random."""
+MAX_TABLES: Final = 1_000_000
+"""Largest number of possible counts that are enumerated; of more, `DRAWS` are drawn at random."""
 
 DRAWS: Final = 100_000
 
@@ -36,10 +36,10 @@ class ChiSquareTest:
 
     Attributes
     ----------
-    statistic: at least 0; infinite if something came up that cannot.
+    statistic: at least 0; infinite if an impossible outcome came up.
     degrees: of freedom.
-    p_value: probability of a statistic no smaller, for many throws of a die as supposed; 1 without
-        a degree of freedom.
+    p_value: probability of a statistic at least as large under the null hypothesis, for many
+        throws; 1 without a degree of freedom.
     """
 
     statistic: float
@@ -49,13 +49,13 @@ class ChiSquareTest:
 
 @dataclass(frozen=True)
 class MultinomialTest:
-    """The exact test.
+    """Exact multinomial test.
 
     Attributes
     ----------
-    p_value: probability of counts that are no more probable than those observed.
-    tables: number of possible counts that were enumerated.
-    standard_error: of the p-value; 0 where all possible counts were looked at.
+    p_value: probability of counts that are at most as probable as the observed ones.
+    tables: number of possible counts that were enumerated or drawn.
+    standard_error: of the p-value; 0 if all possible counts were enumerated.
     """
 
     p_value: float
@@ -66,7 +66,7 @@ class MultinomialTest:
 def chi_square(counts: ArrayLike, probabilities: ArrayLike) -> ChiSquareTest:
     """Pearson's test of whether counts (k,), not all 0, come from probabilities (k,) that sum to 1.
 
-    Outcomes without probabilities that did not come up are left out.
+    Impossible outcomes that did not come up are left out.
 
     Source: Pearson, Philosophical Magazine 50, 1900.
     """
@@ -76,7 +76,7 @@ def chi_square(counts: ArrayLike, probabilities: ArrayLike) -> ChiSquareTest:
         return ChiSquareTest(math.inf, int(possible.sum()), 0.0)
     expected = came.sum() * p[possible]
     statistic = float((np.square(came[possible] - expected) / expected).sum())
-    return _judge(statistic, int(possible.sum()) - 1)
+    return _chi_square_test(statistic, int(possible.sum()) - 1)
 
 
 def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
@@ -85,20 +85,20 @@ def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
     both = np.stack([np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)])
     both = both[:, both.any(axis=0)]
     expected = both.sum(axis=1, keepdims=True) * both.sum(axis=0) / both.sum()
-    return _judge(float((np.square(both - expected) / expected).sum()), both.shape[1] - 1)
+    return _chi_square_test(float((np.square(both - expected) / expected).sum()), both.shape[1] - 1)
 
 
-def _judge(statistic: float, degrees: int) -> ChiSquareTest:
+def _chi_square_test(statistic: float, degrees: int) -> ChiSquareTest:
     p_value = float(chdtrc(degrees, statistic)) if degrees else 1.0
     return ChiSquareTest(statistic, degrees, p_value)
 
 
 def exact_multinomial(counts: ArrayLike, probabilities: ArrayLike) -> MultinomialTest:
-    """The exact test of whether counts come from given probabilities; unlike Pearson's it holds for
-    few throws and rare outcomes too.
+    """Exact test of whether counts come from given probabilities; unlike Pearson's it also holds
+    for few throws and rare outcomes.
 
-    All possible counts are listed, or, where they are more than `MOST_TABLES`, 100 000 are drawn
-    at random with a fixed seed. Those observed count as one more of them, so that no p-value is 0.
+    All possible counts are enumerated. If there are more than `MAX_TABLES`, `DRAWS` are drawn at
+    random with a fixed seed; the observed counts are added to them, so that no p-value is 0.
 
     Parameters
     ----------
@@ -108,19 +108,18 @@ def exact_multinomial(counts: ArrayLike, probabilities: ArrayLike) -> Multinomia
     came, p = np.asarray(counts, dtype=np.int64), np.asarray(probabilities, dtype=np.float64)
     throws, kinds = int(came.sum()), len(p)
     observed = _log_likelihood(came, p)
-    # Each term but the first is taken off.
+    # Scale of the rounding errors: the sum of the terms' sizes.
     terms = 2.0 * gammaln(throws + 1.0) - observed
     observed = observed + EQUAL_LIKELIHOOD * terms
     tables = math.comb(throws + kinds - 1, kinds - 1)
-    if tables <= MOST_TABLES:
+    if tables <= MAX_TABLES:
         every = _all_log_likelihoods(throws, p)
         return MultinomialTest(min(1.0, float(np.exp(every[every <= observed]).sum())), tables, 0.0)
     hits = 1
     for drawn in draw_counts(p, throws, DRAWS, SEED):
         hits += int((_log_likelihood(drawn, p) <= observed).sum())
-    looked_at = 1 + DRAWS
-    p_value = hits / looked_at
-    return MultinomialTest(p_value, looked_at, math.sqrt(p_value * (1.0 - p_value) / looked_at))
+    p_value = hits / (1 + DRAWS)
+    return MultinomialTest(p_value, 1 + DRAWS, math.sqrt(p_value * (1.0 - p_value) / (1 + DRAWS)))
 
 
 def _log_likelihood(counts: Integers, probabilities: Floats) -> Floats:
@@ -134,7 +133,7 @@ def _all_log_likelihoods(throws: int, probabilities: Floats) -> Floats:
     left = np.array([throws])
     likelihood = np.array([gammaln(throws + 1.0)])
     for p in probabilities[:-1]:
-        # Each table so far goes on with 0, 1, ... of what it has left.
+        # Extend each partial table by 0, 1, ... of its remaining throws.
         ways = left + 1
         starts = np.repeat(np.cumsum(ways) - ways, ways)
         count = np.arange(ways.sum()) - starts
@@ -144,34 +143,34 @@ def _all_log_likelihoods(throws: int, probabilities: Floats) -> Floats:
 
 
 LEVEL: Final = 0.05
-"""Level of the test: the share of right dice that it rejects."""
+"""Level of the test: the share of correct dice that it rejects."""
 
 LAST_TERM: Final = 1e-12
-"""Terms of the series below are left out."""
+"""Size of a term at which the series is cut off."""
 
-CERTAIN: Final = 600.0
-"""Half the sum of the noncentralities from which on the series' first term is no number, and the
-test cannot but notice."""
+MAX_NONCENTRALITY: Final = 600.0
+"""Half the sum of the noncentralities above which the first term of the series underflows, and the
+probability is 1."""
 
 
 def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats) -> float:
-    """Chance that a test at the level `LEVEL` of rolls of a die drawn at random says that its
-    probabilities are not the target's.
+    """Probability that Pearson's test at the level `LEVEL` rejects the target for rolls of one
+    random die.
 
-    The probabilities of such a die are normal; given these, counts of many rolls are normal too. So
-    Pearson's statistic, over both, is a weighted sum of squares of normal numbers.
+    The probabilities of random dice are taken as normal, and so are counts of many rolls given
+    them. So Pearson's statistic is a weighted sum of squares of normal numbers.
 
     Parameters
     ----------
-    target: (k,) positive, summing to 1. One outcome alone is never off.
-    rolls: of the one die; each outcome is expected five times or more.
+    target: (k,) positive, summing to 1.
+    rolls: number of rolls; each outcome is expected at least five times.
     covariance: (k, k) of the probabilities among dice.
-    bias: (k,) mean of the probabilities less the target.
+    bias: (k,) mean of the probabilities minus the target.
     """
     if len(target) == 1:
         return 0.0
     root = np.sqrt(target)
-    # Orthonormal directions in which frequencies can vary: all that are normal to `root`.
+    # Orthonormal directions in which frequencies can vary: the complement of `root`.
     free = np.linalg.svd(root[None])[2][1:]
     spread = rolls * free @ (covariance / np.outer(root, root)) @ free.T
     values, vectors = np.linalg.eigh(spread)
@@ -182,8 +181,8 @@ def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats)
 
 
 def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
-    """(n,) probabilities that the test rejects dice, given by their probabilities less the
-    target's (n, k)."""
+    """(n,) probabilities that Pearson's test rejects dice, given by their probabilities minus the
+    target (n, k)."""
     if len(target) == 1:
         return np.zeros(len(biases))
     shares = (biases**2 / target).sum(axis=1) - biases.sum(axis=1) ** 2
@@ -193,13 +192,15 @@ def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
 
 
 def weighted_chi_square_tail(value: float, weights: Floats, noncentralities: Floats) -> float:
-    """Probability that `sum(weights * x)` is above a value, for independent x that are chi-square
-    of one degree of freedom and of noncentralities (r,); weights: (r,) positive.
+    """Probability that `sum(weights * x)` exceeds a value, for independent x with noncentral
+    chi-square distributions of one degree of freedom and noncentralities (r,).
+
+    weights: (r,) positive.
 
     Source: Ruben, Annals of Mathematical Statistics 33, 1962, as a series of central chi-squares
-    with the smallest weight as their scale.
+    scaled by the smallest weight.
     """
-    if noncentralities.sum() / 2.0 > CERTAIN:
+    if noncentralities.sum() / 2.0 > MAX_NONCENTRALITY:
         return 1.0
     least = weights.min()
     gaps = 1.0 - least / weights
@@ -219,42 +220,43 @@ def weighted_chi_square_tail(value: float, weights: Floats, noncentralities: Flo
 
 
 FEWEST_EXPECTED: Final = 5.0
-"""Of an outcome that is expected less often the statistic of Pearson's test is not distributed as
-it supposes: Cochran, Biometrics 10(4), 1954."""
+"""Smallest expected count for which Pearson's statistic is close to chi-square: Cochran,
+Biometrics 10(4), 1954."""
 
 POWER: Final = 0.8
-"""Probability with which a wrong die is to be found out."""
+"""Power: probability with which a wrong die is to be rejected."""
 
 WITHIN: Final = 0.02
-"""Total variation up to which a die counts as right."""
+"""Total variation up to which a die counts as correct."""
 
 
 @dataclass(frozen=True)
 class RollVerdict:
-    """The verdict of counts of k outcomes on given probabilities.
+    """Verdict of counts of k outcomes on given probabilities.
 
     Attributes
     ----------
-    counts, probabilities: (k,) what came up, and what was to come up.
-    confidence: of all intervals; 1 less is the level of the test.
-    intervals: (k, 2) exact limits of each probability.
-    posterior: posterior of the probabilities, by the prior of Jeffreys.
+    counts, probabilities: (k,) observed counts, and given probabilities.
+    confidence: of all intervals; the level of the test is 1 - confidence.
+    intervals: (k, 2) exact confidence intervals of the probabilities.
+    posterior_means, posterior_intervals: (k,) and (k, 2) under Jeffreys' prior.
     chi_square: Pearson's test of the probabilities.
-    exact: the exact test, where an outcome is expected fewer than 5 times.
+    exact: the exact test, if an outcome is expected fewer than `FEWEST_EXPECTED` times.
     variation: total variation of the die's probabilities from the given ones.
-    to_reject: throws, those made among them, after which a die whose probabilities are the
-        frequencies seen is rejected with probability `POWER`; None if these are the given
-        probabilities. Frequencies deviate by chance, too: of a perfect die it is a few times the
-            throws made.
-    to_confirm: the same until a die with the given probabilities has, in the mean, shown to be
-        within a total variation of `WITHIN`.
+    to_reject: total number of throws after which a die with the observed frequencies as
+        probabilities is rejected with probability `POWER`; None if these are the given
+        probabilities. Since frequencies deviate by chance, it is a few times `throws` for a perfect
+        die.
+    to_confirm: total number of throws after which a die with the given probabilities is, on
+        average, confirmed to be within a total variation of `WITHIN`.
     """
 
     counts: Integers
     probabilities: Floats
     confidence: float
     intervals: Floats
-    posterior: Posterior
+    posterior_means: Floats
+    posterior_intervals: Floats
     chi_square: ChiSquareTest
     exact: MultinomialTest | None
     variation: MeasuredDistance
@@ -278,7 +280,7 @@ class RollVerdict:
 
     @property
     def rejected(self) -> bool:
-        """True if the die does not have the given probabilities, as far as the test can tell."""
+        """Whether the test rejects the given probabilities."""
         return self.p_value <= 1.0 - self.confidence
 
 
@@ -293,57 +295,51 @@ def judge_rolls(counts: ArrayLike, probabilities: ArrayLike, confidence: float) 
     """
     came, wanted = np.asarray(counts, dtype=np.int64), np.asarray(probabilities, dtype=np.float64)
     throws = int(came.sum())
-    frequencies = came / throws
     rare = throws * wanted.min() < FEWEST_EXPECTED
     variation = measure_variation(came, wanted, confidence)
-    different = variation.value > EQUAL_PROBABILITIES
     return RollVerdict(
         counts=came,
         probabilities=wanted,
         confidence=confidence,
         intervals=exact_intervals(came, throws, confidence),
-        posterior=jeffreys_posterior(came, confidence),
+        posterior_means=jeffreys_means(came),
+        posterior_intervals=jeffreys_intervals(came, confidence),
         chi_square=chi_square(came, wanted),
         exact=exact_multinomial(came, wanted) if rare else None,
         variation=variation,
-        to_reject=throws_to_reject(frequencies, wanted, 1.0 - confidence, POWER)
-        if different
+        to_reject=throws_to_reject(came / throws, wanted, 1.0 - confidence)
+        if variation.value > EQUAL_PROBABILITIES
         else None,
         to_confirm=throws_to_confirm(wanted, WITHIN, confidence),
     )
 
 
-def throws_to_reject(
-    true_probabilities: ArrayLike, probabilities: ArrayLike, level: float, power: float
-) -> int:
-    """Number of throws after which Pearson's test at `level` rejects `probabilities` with
-    probability `power`, for a die with `true_probabilities`.
+def throws_to_reject(true_probabilities: ArrayLike, probabilities: ArrayLike, level: float) -> int:
+    """Number of throws after which Pearson's test rejects `probabilities` with probability `POWER`,
+    for a die with `true_probabilities`.
 
     The statistic then has a noncentral chi-square distribution with k - 1 degrees of freedom.
 
     Parameters
     ----------
     true_probabilities, probabilities: (k,) different, summing to 1; `probabilities` positive.
-    level, power: in (0, 1), the power larger than the level.
+    level: of the test, in 0 to `POWER`.
 
     Source: Cohen, Statistical Power Analysis, 1988, chapter 7.
     """
-    p, q = (
-        np.asarray(true_probabilities, dtype=np.float64),
-        np.asarray(probabilities, dtype=np.float64),
-    )
+    p, q = np.asarray(true_probabilities), np.asarray(probabilities, dtype=np.float64)
     effect = float((np.square(p - q) / q).sum())
     degrees = len(q) - 1
-    noncentrality = float(chndtrinc(chdtri(degrees, level), degrees, 1.0 - power))
+    noncentrality = float(chndtrinc(chdtri(degrees, level), degrees, 1.0 - POWER))
     return math.ceil(noncentrality / effect)
 
 
 def throws_to_confirm(probabilities: ArrayLike, within: float, confidence: float) -> int:
-    """Throws after which a die with these probabilities (k,) exactly has, in the mean, shown with
-    `confidence` in (0, 1) that it is within a total variation `within` > 0 of them.
+    """Number of throws after which a die with exactly these probabilities (k,) is, on average,
+    confirmed to be within a total variation `within` > 0 of them.
 
-    It is where the upper limit of `measure_variation`, the noise floor plus what chance allows,
-    falls to `within`, by the normal limit of the noise floor.
+    The upper limit of `measure_variation`, noise floor plus sampling error, then falls to
+    `within`, by the normal limit of the noise floor. confidence: in (0, 1).
     """
     q = np.asarray(probabilities, dtype=np.float64)
     floor = float(np.sqrt(q * (1.0 - q) * 2.0 / math.pi).sum()) / 2.0

@@ -1,8 +1,7 @@
-"""The momentum model's parameters: models of many tables and of one, what they depend on of a
-table, and their files.
+"""Parameters of the momentum model, for all tables of a range or for one, and their files.
 
-A die of any size thrown by a table is the same as one of another size whose heights, speeds and
-spins are as large compared with its size and gravity. So five dimensionless numbers tell a table.
+A throw depends on restitution and friction, and on height, speed and spin relative to the size of
+the die and gravity: five dimensionless numbers.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import compress
 from types import ModuleType
@@ -22,38 +21,43 @@ from dicedesign.errors import InputError, named
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines import GRAVITY
-from dicedesign.throws.tables import Table, least_of, load_table, read_packaged, table_entries
-from dicedesign.throws.tables import scale as spread_by
+from dicedesign.throws.tables import (
+    TABLE_NUMBERS,
+    Table,
+    least_of,
+    load_table,
+    read_packaged,
+    table_entries,
+)
+from dicedesign.throws.tables import scale as scale_spread
 from dicedesign.throws.transition_features import CARRY_FEATURES, SMOOTHING, TRANSITION_FEATURES
 from dicedesign.tolerances import ROUNDING
 
-TABLE_NUMBERS: Final = ("restitution", "friction", "height", "speed", "spin")
-"""Parameters of a table that throws depend on, besides the size."""
-
 TABLE_TERMS: Final = 21
-"""Terms of a quadratic polynomial in the table's numbers."""
+"""Number of terms of a quadratic polynomial in the table's numbers."""
 
 CENTERS: Final = np.array([0.4, -1.0, 1.6, 0.8, 0.9])
-"""About which the scaled numbers are taken,"""
+"""Centers of the scaled numbers."""
 
 EXTENTS: Final = np.array([0.4, 1.3, 1.4, 0.8, 0.9])
-"""and over what, so that those of usual tables are within -1 and 1."""
+"""Units of the scaled numbers; usual tables are within -1 and 1."""
 
 ROUNDED: Final = 1e-5
+"""Relative rounding of the range in a file."""
 
 UNITS: Final = {"height": " m", "speed": " m/s", "spin": " rad/s"}
 
 
 def dimensionless(table: Table) -> Floats:
     """(5,) restitution, friction, height over size, speed over the root of gravity times size, spin
-    times the root of size over gravity; of a range its mean."""
+    times the root of size over gravity; the mean of a range."""
     middles = [np.mean(getattr(table, name)) for name in TABLE_NUMBERS]
     return np.array(middles) / _units(table.size)
 
 
 def table_terms(table: Table) -> Floats:
-    """(`TABLE_TERMS`,) what a model's numbers are linear in: 1, the `scale_numbers` numbers of a
-    table and their products by twos. Its friction and height are above 0."""
+    """(`TABLE_TERMS`,) terms in which a model is linear: 1, the `scale_numbers` of a table, and
+    their pairwise products. Friction and height must be above 0."""
     numbers = np.array([1.0, *scale_numbers(dimensionless(table))])
     return np.outer(numbers, numbers)[np.triu_indices(len(numbers))]
 
@@ -68,13 +72,13 @@ def scale_numbers(numbers: Floats) -> Floats:
 
 
 def _units(size: float) -> Floats:
-    """(5,) of the numbers, for dice of a size in m."""
+    """(5,) units of the numbers, for dice of a size in m."""
     return np.array([1.0, 1.0, size, math.sqrt(GRAVITY * size), math.sqrt(GRAVITY / size)])
 
 
 @dataclass(frozen=True)
 class TableRange:
-    """Tables, those within a box of the numbers of `dimensionless`.
+    """Box of tables in the numbers of `dimensionless`.
 
     Attributes
     ----------
@@ -85,15 +89,14 @@ class TableRange:
     most: Floats
 
     def nearest(self, table: Table) -> Table:
-        """The table, or one with the numbers that are beyond the range at its end."""
+        """Nearest table in the range, with numbers outside of it moved to its end."""
         return move_table(table, np.clip(dimensionless(table), self.least, self.most))
 
     def require(self, table: Table, remedy: str) -> None:
-        """Raise InputError, which names the parameter, for a table beyond the range."""
+        """Raise InputError, naming the parameter, for a table outside of the range."""
         units, numbers = _units(table.size), dimensionless(table)
         for place, name in enumerate(TABLE_NUMBERS):
             least, most = self.least[place], self.most[place]
-            # What files have is rounded.
             slack = ROUNDED * most
             if not least - slack <= numbers[place] <= most + slack:
                 low, high = least * units[place], most * units[place]
@@ -105,14 +108,13 @@ class TableRange:
 
 
 def move_table(table: Table, numbers: Floats) -> Table:
-    """A table with those numbers that differ from its own; ranges stay as wide as they are
-    compared with their mean."""
+    """Table with other dimensionless numbers (5,); ranges keep their width relative to the mean."""
     values = dict(zip(TABLE_NUMBERS, (numbers * _units(table.size)).tolist(), strict=True))
     changed: dict[str, Any] = {}
     for name in compress(TABLE_NUMBERS, numbers != dimensionless(table)):
         spread, value = getattr(table, name), values[name]
         is_wide = isinstance(spread, tuple)
-        changed[name] = spread_by(spread, value / float(np.mean(spread))) if is_wide else value
+        changed[name] = scale_spread(spread, value / float(np.mean(spread))) if is_wide else value
     if least_of(changed.get("height", table.height)) < table.size:
         # A die falls from no less than its size.
         changed["height"] = max(values["height"], table.size)
@@ -120,16 +122,16 @@ def move_table(table: Table, numbers: Floats) -> Table:
 
 
 CHANGES: Final = (0.2, -0.2)
-"""Parts by which the restitution of a livelier and of a duller table is higher. Of all that makes a
-throw it is what changes the probabilities most."""
+"""Relative changes of the restitution for a livelier and a duller table. Restitution changes
+probabilities more than any other parameter."""
 
-MOST_OTHERS: Final = 4
-"""Tables that stand for a posterior."""
+MAX_OTHERS: Final = 4
+"""Number of tables that represent a posterior."""
 
 
 def other_tables(table: Table, posterior: Sequence[Table] = ()) -> tuple[Table, ...]:
-    """Few tables that stand for what the table may be instead: of a posterior those that its others
-    are nearest to, without one a livelier and a duller table. None where nothing bounces."""
+    """Few tables that represent the uncertainty of a table: greedy medoids of a posterior, else a
+    livelier and a duller table, which are left out if nothing bounces."""
     if not posterior:
         livelier = (table.livelier(change) for change in CHANGES)
         return tuple(other for other in livelier if other != table)
@@ -139,7 +141,7 @@ def other_tables(table: Table, posterior: Sequence[Table] = ()) -> tuple[Table, 
     apart = np.linalg.norm(numbers[:, None] - numbers, axis=2)
     nearest = np.full(len(posterior), np.inf)
     chosen: list[int] = []
-    while len(chosen) < min(MOST_OTHERS, len(posterior)):
+    while len(chosen) < min(MAX_OTHERS, len(posterior)):
         left = np.minimum(nearest, apart).sum(axis=1)
         left[chosen] = np.inf
         chosen.append(int(left.argmin()))
@@ -148,9 +150,9 @@ def other_tables(table: Table, posterior: Sequence[Table] = ()) -> tuple[Table, 
 
 
 def table_measures(table: Table, others: Sequence[Table]) -> Floats:
-    """(n, d) of other tables, 0 for the table itself: differences in what the momentum model knows
-    of them (`scale_numbers`), each over the root of its mean square; those in which none differs
-    are left out."""
+    """(n, d) measures of n other tables, 0 for the table itself: differences of their
+    `scale_numbers` from the table's, relative to the root mean square; without the numbers in which
+    no table differs."""
     if not others:
         return np.zeros((0, 0))
     own = scale_numbers(dimensionless(table))
@@ -162,19 +164,18 @@ def table_measures(table: Table, others: Sequence[Table]) -> Floats:
 
 
 LEAST_DEVIATION: Final = 1e-9
-"""Of a feature: finer is rounding."""
+"""Smallest standard deviation of a feature; below it is rounding."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """A linear map plus one hidden layer of hyperbolic tangents, of features that are brought to
-    mean 0 and standard deviation 1 first.
+    """Linear map plus one hidden layer of hyperbolic tangents, of features that are scaled to mean
+    0 and standard deviation 1.
 
     Attributes
     ----------
     mean, deviation: (d,); linear: (d, o); bias: (o,); inward: (d, h); shift: (h,);
-    outward: (h, o). Deviations are `LEAST_DEVIATION` to 1000, all others -1000 to 1000. Bias and
-    shift may be (n, o) and (n, h), for each of the features (n, d) that it is asked about.
+    outward: (h, o). Bias and shift may be (n, o) and (n, h), one row for each row of features.
     """
 
     mean: Any
@@ -192,7 +193,7 @@ class Network:
         return scaled @ self.linear + self.bias + hidden @ self.outward
 
     def unscale(self) -> tuple[Floats, ...]:
-        """The maps and their constants, of NumPy, that take features as they are."""
+        """Linear map, bias, inward map, shift and outward map for unscaled features, in NumPy."""
         linear, inward = (part / self.deviation[:, None] for part in (self.linear, self.inward))
         bias, shift = self.bias - self.mean @ linear, self.shift - self.mean @ inward
         return linear, bias, inward, shift, self.outward
@@ -206,8 +207,7 @@ CARRY_OUTPUTS: Final = 3
 """Logarithm of the rate of a carry, in three terms."""
 
 WEIGHTS: Final = (-1e3, 1e3)
-"""Range of a model's numbers but those of `RANGES`. The weights that training punishes are below a
-third of it, as it begins with a loss below 14."""
+"""Range of a model's numbers that are not in `RANGES`."""
 
 RANGES: Final = {
     "deviation": (LEAST_DEVIATION, 1e3),
@@ -217,18 +217,18 @@ RANGES: Final = {
     "speed": (0.0, 1e5),
     "spin": (0.0, 1e5),
 }
-"""Of some of a model's numbers, by name: far beyond what any table comes to, and within it all
+"""Ranges of some of a model's numbers, by name: far wider than any table needs, but within them all
 probabilities are finite with the sum 1."""
 
 
 @dataclass(frozen=True)
 class GeneralModel:
-    """Parameters of momentum models of all tables of a range, NumPy or torch. What depends on the
-    table is linear in its `table_terms`, and has a row for each of these.
+    """Parameters of the momentum model for all tables of a range, NumPy or torch. Parameters that
+    depend on the table are linear in its `table_terms` and have a row for each term.
 
     Attributes
     ----------
-    range: in which the models hold.
+    range: tables for which the model holds.
     numbers: (t, 3) of `MomentumModel.hot`, `cooling` and `carry_barrier`.
     transitions, carries: networks of `TRANSITION_OUTPUTS` and `CARRY_OUTPUTS`, with biases (t, o)
         and shifts (t, h).
@@ -241,105 +241,87 @@ class GeneralModel:
 
 
 def general_model_of(plain: Any) -> GeneralModel:
-    """A model from plain data, as in a file.
+    """Model from plain data of a file.
 
     Raises
     ------
-    InputError: something is missing, is no number in its range of `RANGES`, else in `WEIGHTS`, or
-        has another shape than in `GeneralModel` and `Network`.
+    InputError: an entry is missing, has another shape than in `GeneralModel` and `Network`, or a
+        number outside of its range in `RANGES`, else `WEIGHTS`.
     """
-    if not isinstance(plain, dict):
-        raise InputError(
-            f"momentum: expected an object with the numbers of a model, got {plain!r:.40}; "
-            "train one with `python -m benchmarks train` in a checkout"
+
+    def value_at(path: str) -> Any:
+        value = plain
+        for key in path.split("."):
+            value = value.get(key) if isinstance(value, dict) else None
+        return value
+
+    def entry(path: str, *shape: int) -> Floats:
+        value = value_at(path)
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            array = np.array(np.nan)
+        least, most = RANGES.get(path.rpartition(".")[-1], WEIGHTS)
+        if array.shape != shape or not ((least <= array) & (array <= most)).all():
+            raise InputError(
+                f"momentum model: {path}: expected numbers of shape {shape} from {least:g} to "
+                f"{most:g}, got {value!r:.60}; make the table's model again with "
+                "`python -m benchmarks train` in a checkout"
+            )
+        return array
+
+    def network(key: str, columns: int, outputs: int) -> Network:
+        outward = value_at(f"{key}.outward")
+        hidden = len(outward) if isinstance(outward, list) else 0
+        return Network(
+            mean=entry(f"{key}.mean", columns),
+            deviation=entry(f"{key}.deviation", columns),
+            linear=entry(f"{key}.linear", columns, outputs),
+            bias=entry(f"{key}.bias", TABLE_TERMS, outputs),
+            inward=entry(f"{key}.inward", columns, hidden),
+            shift=entry(f"{key}.shift", TABLE_TERMS, hidden),
+            outward=entry(f"{key}.outward", hidden, outputs),
         )
-    entries = _part(plain, "range", TABLE_NUMBERS)
-    limits = np.array([_array(entries, f"range.{name}", (2,)) for name in TABLE_NUMBERS])
-    for name, (least, most) in zip(TABLE_NUMBERS, limits, strict=True):
-        if least > most:
-            raise _wrong(f"range.{name}", "the lower limit first", f"{least:g}, {most:g}")
+
+    limits = np.array([entry(f"range.{name}", 2) for name in TABLE_NUMBERS])
     return GeneralModel(
         TableRange(*limits.T),
-        _array(plain, "numbers", (TABLE_TERMS, 3)),
-        _network(plain, "transitions", TRANSITION_FEATURES, TRANSITION_OUTPUTS),
-        _network(plain, "carries", CARRY_FEATURES, CARRY_OUTPUTS),
-    )
-
-
-def _network(plain: dict[str, Any], key: str, columns: int, outputs: int) -> Network:
-    names = tuple(field.name for field in fields(Network))
-    entries = _part(plain, key, names)
-    hidden = len(entries["outward"]) if isinstance(entries["outward"], list) else 0
-    shapes = [(columns,), (columns,), (columns, outputs), (TABLE_TERMS, outputs)]
-    shapes += [(columns, hidden), (TABLE_TERMS, hidden), (hidden, outputs)]
-    each = zip(names, shapes, strict=True)
-    return Network(*(_array(entries, f"{key}.{name}", shape) for name, shape in each))
-
-
-def _part(plain: dict[str, Any], key: str, names: tuple[str, ...]) -> dict[str, Any]:
-    """The entries of a network or of a range."""
-    part = plain.get(key)
-    if not isinstance(part, dict) or set(part) != set(names):
-        got = ", ".join(part) if isinstance(part, dict) else type(part).__name__
-        raise _wrong(key, f"an object with {', '.join(names)}", got)
-    return part
-
-
-def _array(plain: dict[str, Any], path: str, shape: tuple[int, ...]) -> Floats:
-    """The numbers of an entry, named by its whole path."""
-    name = path.rpartition(".")[-1]
-    try:
-        array = np.array(plain.get(name))
-    except ValueError:
-        raise _wrong(path, "rows of the same length", "others") from None
-    if array.dtype.kind not in "iuf":
-        raise _wrong(path, "numbers", f"{plain.get(name)!r:.60}")
-    if array.shape != shape:
-        raise _wrong(path, f"numbers of shape {shape}", f"{array.shape}")
-    least, most = RANGES.get(name, WEIGHTS)
-    outside = array[~((least <= array) & (array <= most))]
-    if outside.size:
-        raise _wrong(path, f"numbers from {least:g} to {most:g}", f"{outside.flat[0]:g}")
-    return array.astype(np.float64)
-
-
-def _wrong(path: str, expected: str, got: str) -> InputError:
-    return InputError(
-        f"momentum model: {path}: expected {expected}, got {got}; make the table's model again "
-        "with `python -m benchmarks train` in a checkout"
+        entry("numbers", TABLE_TERMS, 3),
+        network("transitions", TRANSITION_FEATURES, TRANSITION_OUTPUTS),
+        network("carries", CARRY_FEATURES, CARRY_OUTPUTS),
     )
 
 
 IMPACTS: Final = 12
-"""Impacts in which a die may leave its basin."""
+"""Number of impacts in which a die may leave its basin."""
 
 CARRIES: Final = 3
-"""Carries, at most, after one of them."""
+"""Largest number of carries after an impact."""
 
-MOST_RATE: Final = 8.0
-"""Logarithm of the rates of transitions and carries, at most; a die as good as certainly goes
-then."""
+MAX_LOG_RATE: Final = 8.0
+"""Upper bound of the logarithm of the rates of transitions and carries; they are practically
+certain then."""
 
-MOST_STRETCH: Final = 3.0
-"""Logarithm of the factor that a transition's features may put before its barrier, at most."""
+MAX_LOG_STRETCH: Final = 3.0
+"""Upper bound of the logarithm of the factor of a transition's barrier."""
 
 NO_BARRIER: Final = 0.003
-"""Barrier over the radius below which a rest is left the more surely the lower it is."""
+"""Barrier relative to the radius below which leaving a rest becomes certain."""
 
 NUMBERS: Final = np.array([(-20.0, 20.0), (0.0, 20.0), (0.0, 100.0)])
-"""Range of `hot`, `cooling` and `carry_barrier`: beyond it they are taken at its ends."""
+"""Range of `hot`, `cooling` and `carry_barrier`, to which they are clipped."""
 
 
 @dataclass(frozen=True)
 class MomentumModel(kernels.Handled):
-    """Parameters of the model on one table, NumPy or torch.
+    """Parameters of the momentum model for one table, NumPy or torch.
 
     Attributes
     ----------
-    hot: logarithm of the temperature at first, in radii, -20 to 20. cooling: logarithm of its
-        decrease, 0 to 20. carry_barrier: weight of the second barrier of a carry, 0 to 100.
+    hot: logarithm of the initial temperature, in radii, -20 to 20. cooling: decrease of the
+        logarithm, 0 to 20. carry_barrier: weight of the second barrier of a carry, 0 to 100.
     transitions, carries: networks of `TRANSITION_OUTPUTS` and `CARRY_OUTPUTS`.
-    general: NumPy, whose model on this table it is.
+    general: the model of all tables that this one comes from, in NumPy.
     """
 
     hot: Any
@@ -351,7 +333,7 @@ class MomentumModel(kernels.Handled):
 
     @classmethod
     def of(cls, general: GeneralModel, table: Table) -> MomentumModel:
-        """Model of a table. Raises InputError: the table is not in the model's range."""
+        """Model of a table. Raises InputError if the table is outside of the model's range."""
         general.range.require(
             table, "make a model of its own with `python -m benchmarks train` in a checkout"
         )
@@ -364,11 +346,11 @@ class MomentumModel(kernels.Handled):
         return cls(hot, cooling, carry_barrier, transitions, carries, general)
 
     def near(self, table: Table) -> MomentumModel:
-        """Model of another table, or of the nearest one in its range."""
+        """Model of another table, or of the nearest table in the range."""
         return self.of(self.general, self.general.range.nearest(table))
 
     def convert(self, convert: Callable[[Any], Any]) -> MomentumModel:
-        """Model with its arrays converted."""
+        """Model with converted arrays."""
         numbers = self.hot, self.cooling, self.carry_barrier
         hot, cooling, carry_barrier = map(convert, numbers)
         transitions, carries = (
@@ -379,7 +361,7 @@ class MomentumModel(kernels.Handled):
 
     @cached_property
     def handle(self) -> Any:
-        """This model as kernels take it, in NumPy."""
+        """Handle of this model for the kernels, in NumPy."""
         networks = self.transitions, self.carries
         numbers = [np.array([self.hot, self.cooling, self.carry_barrier])]
         numbers += [part.ravel() for network in networks for part in network.unscale()]
@@ -388,17 +370,18 @@ class MomentumModel(kernels.Handled):
             np.concatenate(numbers),
             [len(network.shift) for network in networks],
             (IMPACTS, CARRIES),
-            (MOST_RATE, MOST_STRETCH, NO_BARRIER, *SMOOTHING, ROUNDING),
+            (MAX_LOG_RATE, MAX_LOG_STRETCH, NO_BARRIER, *SMOOTHING, ROUNDING),
         )
 
 
 def momentum_model(table: str) -> MomentumModel | None:
-    """Momentum model of a table, by its name or the path of a JSON file: the table's own, else the
-    general one; None for tables with drag.
+    """Momentum model of a table, by its name or the path of a JSON file: the model in its file,
+    else the general one; None for tables with drag.
 
     Raises
     ------
-    InputError: there is no such table, its own model is none, or it is not in the model's range.
+    InputError: there is no such table, the model in its file is invalid, or the table is outside of
+        the model's range.
     """
     thrown = load_table(table)
     if thrown.drag > 0.0:
@@ -412,5 +395,5 @@ def momentum_model(table: str) -> MomentumModel | None:
 
 @cache
 def general_model() -> GeneralModel:
-    """The model of all tables that comes with the package."""
+    """Model of all tables that comes with the package."""
     return general_model_of(json.loads(read_packaged("momentum")))

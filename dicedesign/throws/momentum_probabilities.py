@@ -1,16 +1,14 @@
 """The momentum model: probabilities of a thrown die from its Morse-Smale complex.
 
-A die that hits the table with much energy leaves it in some basin with the probabilities of its
-area. From then on every impact takes energy, and lets the die leave its basin over one of the
-saddles around it, the less often the higher that is above the rest compared with the energy that is
-left; the latter is a temperature that falls from impact to impact. A die that has gone over a
-saddle may be carried on over the next at once, if it keeps enough of its speed. How often it leaves
-and is carried on depends on the features of `dicedesign.throws.transition_features`, by two small
-networks that are fitted to simulated throws of random dice. What the table is changes the
-temperature, and the networks as further features would.
+A die that hits the table with much energy is in each basin with the probability of its area. Every
+impact takes energy and lets the die leave its basin over a saddle, the less often the higher the
+saddle is above the rest relative to the remaining energy, a temperature that falls from impact to
+impact. A die that passes a saddle with enough speed may be carried over the next one at once. The
+rates of both depend on the features of `dicedesign.throws.transition_features`, by two small
+networks fitted to simulated throws of random dice. The table changes the temperature, and is a
+further input of the networks.
 
-Written once, for NumPy and torch; a compiled kernel takes the place of all of it where NumPy
-would be slow.
+Written once, for NumPy and torch; a compiled kernel replaces it for NumPy.
 """
 
 from __future__ import annotations
@@ -31,8 +29,8 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import (
     CARRIES,
     IMPACTS,
-    MOST_RATE,
-    MOST_STRETCH,
+    MAX_LOG_RATE,
+    MAX_LOG_STRETCH,
     NO_BARRIER,
     MomentumModel,
     momentum_model,
@@ -48,8 +46,8 @@ def landing_probabilities(
     """Probabilities (k,) of the rests of a thrown body, nonnegative and with the sum of the
     probabilities without momentum.
 
-    model: its constants may be (m,) for each transition and its biases and shifts (m, o), (t, o)
-        and so on, of a body of parts that know nothing of each other, each on a table of its own.
+    model: its constants may be (m,), one for each transition, and its biases and shifts (m, o) and
+        (t, o), if the body is a batch of independent bodies, each on its own table.
     """
     rests, ways = transitions.rests, len(transitions.source)
     if ways == 0:
@@ -63,8 +61,8 @@ def landing_probabilities(
     temperature = xp.exp(model.hot + model.cooling * times + 0.0 * known)
     going = model.transitions(features.transitions, xp)
     going_on = model.carries(features.carries, xp)
-    stretch = xp.exp(MOST_STRETCH * xp.tanh(going[:, 3] / MOST_STRETCH))
-    # One of no height may come out below 0 by rounding.
+    stretch = xp.exp(MAX_LOG_STRETCH * xp.tanh(going[:, 3] / MAX_LOG_STRETCH))
+    # Rounding may make a barrier of no height negative.
     barriers = xp.where(known > ROUNDING, known, ROUNDING)
     free = -xp.log(-xp.expm1(-barriers / NO_BARRIER))
     rates = _bounded_exp((going[:, :3] @ terms).T - stretch * known / temperature + free, xp)
@@ -73,7 +71,7 @@ def landing_probabilities(
     probabilities = features.probabilities
     for rate, weight in zip(rates, weights, strict=True):
         leaving = _sums(rate, source, rests)
-        # A rest that nothing leads away from is never left.
+        # A rest without transitions is never left.
         share = -xp.expm1(-leaving) / (leaving + 1e-300)
         gone = probabilities * share
         flow = gone[source] * rate
@@ -88,12 +86,12 @@ def landing_probabilities(
 
 
 def _bounded_exp(logarithm: Any, xp: ModuleType) -> Any:
-    """Exponential of a logarithm that is smoothly kept below `MOST_RATE`."""
-    return xp.exp(-xp.logaddexp(-logarithm, 0.0 * logarithm - MOST_RATE))
+    """Exponential of a logarithm that is smoothly bounded by `MAX_LOG_RATE`."""
+    return xp.exp(-xp.logaddexp(-logarithm, 0.0 * logarithm - MAX_LOG_RATE))
 
 
 def _sums(values: Any, index: Any, count: int) -> Any:
-    """(count,) sums of the values of each index."""
+    """(count,) sums of values by index."""
     if isinstance(values, np.ndarray):
         return np.bincount(index, values, count)
     return values.new_zeros(count).index_add(0, index, values)
@@ -107,10 +105,10 @@ def hull_probabilities(
     probabilities: Floats,
     model: MomentumModel,
 ) -> Floats:
-    """Probabilities (k,) of a thrown body's rests, numbered as in `paths.rests`.
+    """Probabilities (k,) of a thrown body's rests, in the order of `paths.rests`.
 
-    center: (3,) center of mass; inertia: (3, 3) tensor of inertia about it over the mass, in the
-    squared unit of length; probabilities: (k,) without momentum; model: in NumPy.
+    center: (3,) center of mass; inertia: (3, 3) tensor of inertia about it per mass, in the squared
+    unit of length; probabilities: (k,) without momentum; model: in NumPy.
     """
     thrown = kernels.throw_probabilities(hull, paths, model, center, inertia, probabilities)
     if thrown is None:
@@ -122,9 +120,9 @@ def hull_probabilities(
 
 def throw_probabilities(body: Body, poses: RestPoses, table: str = "board-game") -> Floats:
     """Probabilities (k,) of the rests of a body that is thrown onto a table, in the order of
-    `poses`, by the momentum model. The body has the inertia that `rigid_body` gives it.
+    `poses`, by the momentum model and with the inertia of `rigid_body`.
 
-    table: its name, or the path of its .json file. Raises InputError: as `momentum_model`, or for
+    table: its name, or the path of its .json file. Raises InputError as `momentum_model`, or for
     rests under a prior.
     """
     return momentum_probabilities(poses, rigid_body(body, poses), momentum_model(table))
@@ -135,7 +133,7 @@ def momentum_probabilities(
 ) -> Floats:
     """Probabilities (k,) of a thrown body's rests, in the order of `poses`.
 
-    Of a body that balances within rounding they are the mean of both sides, as those of `poses`.
+    For a body that balances within rounding they are the mean of both sides, as in `poses`.
     Raises InputError for rests under a prior.
     """
     if poses.prior is not None:

@@ -1,4 +1,4 @@
-"""Throws in MuJoCo, with the same contacts and the same end as the package's own."""
+"""Throws in MuJoCo, with the contacts and the criterion of rest of the package's own engine."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 def rest_below(body: RigidBody, down: Floats) -> int:
-    """The rest in whose basin a direction lies; -1 where rounding hides the path to it.
+    """Rest in whose basin a direction is; -1 if rounding hides the path to it.
 
-    down: (3,) unit vector that points down, in the frame of the principal axes. The path is that
-    without momentum: it runs away from the lowest vertex, over ridges into the next cell, along
-    hinges to a facet, and heights fall along it.
+    down: (3,) unit vector that points down, in the frame of the principal axes. The path without
+    momentum is followed: away from the lowest vertex, over ridges into the next cell, or along
+    hinges to a facet.
     """
     vertices = body.vertices
     p = int(np.argmax(vertices @ down))
@@ -50,10 +50,11 @@ def rest_below(body: RigidBody, down: Floats) -> int:
 
 
 def final_rest(body: RigidBody, down: Floats, energy: float) -> int:
-    """The rest that a body cannot miss any more, or -1.
+    """Certain rest of a moving body, or -1: it cannot leave a basin if its energy is below every
+    saddle on the border.
 
-    down: as for `rest_below`; energy: all of it, as the height in radii to which it would lift the
-    center of mass. Below every saddle on the border of a basin, a body cannot leave it.
+    down: see `rest_below`; energy: total energy, as the height in radii to which it would lift the
+    center of mass.
     """
     if energy >= body.barriers.max():
         return -1
@@ -64,9 +65,9 @@ def final_rest(body: RigidBody, down: Floats, energy: float) -> int:
 STEPS_PER_CHECK: Final = 32
 
 STEPS_IN_FLIGHT: Final = 4
-"""Time steps in place of so many while a die cannot touch the table. Those of Runge and Kutta turn
-one that spins as fast as all the energy of a throw makes it by 0.2 rad each, and change the energy
-of its spin by less than 1e-5 in a second."""
+"""Time steps that replace `STEPS_PER_CHECK` while a die cannot touch the table. At the fastest spin
+of a throw's energy, each Runge-Kutta step turns the die by 0.2 rad, and the energy of the spin
+changes by less than 1e-5 in a second."""
 
 _SCENE: Final = """<mujoco>
 <compiler boundmass="0" boundinertia="0" inertiafromgeom="false"/>
@@ -79,13 +80,13 @@ _SCENE: Final = """<mujoco>
 <contact><pair geom1="table" geom2="die" condim="{rows}" friction="{friction} {friction}"
  solref="{stiffness} {damping}" solreffriction="-1 {sliding}" solimp="{impedance} {impedance}"/>
 </contact></mujoco>"""
-"""The inertia is the body's own, so it does not matter that the mesh is turned into the principal
-frame of its hull: MuJoCo turns it back within the body. Restitution is a spring with a damper,
-which negative numbers of `solref` stand for."""
+"""MuJoCo scene. The inertia is given, so it does not matter that MuJoCo turns the mesh into the
+principal frame of its hull: it turns it back within the body. Negative numbers of `solref` are
+stiffness and damping of the contact."""
 
 
 def require() -> ModuleType:
-    """MuJoCo. Raises InputError: it is not installed."""
+    """Module of MuJoCo. Raises InputError if it is not installed."""
     try:
         import mujoco
     except ImportError as error:
@@ -94,17 +95,15 @@ def require() -> ModuleType:
     return module
 
 
-def throw_states(
-    body: RigidBody, table: Table, states: Floats, refinement: float = 1.0
-) -> Integers:
-    """As `dicedesign.throws.engines.throw_states`, in MuJoCo.
+def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
+    """Final rests (n,) of throws released in states (n, 13); -1 without a rest in time.
 
-    Raises InputError: MuJoCo is not installed.
+    Raises InputError if MuJoCo is not installed.
     """
     mujoco = require()
-    contact = contact_of(table, refinement)
+    contact = contact_of(table)
     model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
-    # Of the spin alone: a brake of the fall would not make a die stand otherwise, only later.
+    # Drag of the spin alone: drag of the fall would only delay the rest.
     scale = table.size / 2.0
     model.dof_damping[3:6] = table.drag * scale**2 * body.moments.mean()
     data = mujoco.MjData(model)
@@ -135,8 +134,7 @@ def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
     scale = table.size / 2.0
     return _SCENE.format(
         step=contact.step,
-        # Steps of first order, which take drag best, change the energy of a spin, the more the
-        # faster it is.
+        # Euler's steps handle drag best, but change the energy of a fast spin.
         integrator="Euler" if table.drag > 0.0 else "RK4",
         gravity=-GRAVITY,
         vertices=_format_numbers((body.vertices * scale).ravel()),

@@ -1,5 +1,5 @@
-"""Probabilities of a die as smooth functions of how it is thrown, the likelihood of what came up in
-sessions that nobody measured, and points by their weights under a posterior."""
+"""Probabilities of a die as smooth functions of the parameters of throws, the likelihood of counts
+in unmeasured sessions, and weighted points of a posterior."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from dicedesign.throws.sessions import Offsets, session_points
 from dicedesign.throws.throw_counts import CountedDie
 
 LENGTHS: Final = (0.05, 50.0)
-"""Range of the lengths over which probabilities change, in units of the parameters' ranges; the
-upper end stands for no influence."""
+"""Range of the correlation lengths, in units of the parameters' ranges; the upper end means no
+influence."""
 
 VARIANCES: Final = (1e-3, 20.0)
-"""Range of the variance of logarithmic probabilities over all throws."""
+"""Range of the variance of logarithmic probabilities over the unit cube."""
 
 EXCESSES: Final = (1e-5, 0.3)
-"""Range of the variance at one point beyond that of counting."""
+"""Range of the noise variance in excess of the counting noise."""
 
 LEVEL: Final = 4.0
-"""Prior variance of the mean logarithmic probabilities about that of the observations."""
+"""Prior variance of the mean logarithmic probabilities about the mean of the observations."""
 
 NODES: Final = 9
-"""Of the Gauss-Hermite rule, exact for polynomials of degree 17."""
+"""Nodes of the Gauss-Hermite rule, exact for polynomials of degree 17."""
 
 
 class LogProbabilityProcess:
-    """A Gaussian process through noisy logarithmic probabilities at points of the unit cube.
+    """Gaussian process of noisy logarithmic probabilities at points of the unit cube.
 
     Its covariance is squared exponential with a length for each parameter. Lengths, variance and
-    excess noise are those of the largest marginal likelihood.
+    excess noise maximize the marginal likelihood.
 
     Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2 and
     5.4.
@@ -79,7 +79,7 @@ class LogProbabilityProcess:
         self._weights = cho_solve(self._factor, residuals)
 
     def _covariance(self, points: Floats) -> Floats:
-        """(m, n) between points (m, d) and those observed."""
+        """(m, n) covariances between points (m, d) and the observed ones."""
         squares = cdist(points / self.lengths, self.points / self.lengths, "sqeuclidean")
         return np.asarray(self.variance * np.exp(-0.5 * squares) + LEVEL)
 
@@ -93,25 +93,24 @@ class LogProbabilityProcess:
         return np.asarray(self.variance + LEVEL - np.square(solved).sum(axis=0))
 
     def surprises(self) -> Floats:
-        """(n,) how far each value is from what the others predict, in standard deviations."""
+        """(n,) errors of the leave-one-out predictions, in standard deviations."""
         inverse = cho_solve(self._factor, np.eye(len(self.points)))
         return np.asarray(self._weights / np.sqrt(np.diag(inverse)))
 
 
 BLOCK: Final = 2**13
-"""Sets whose probabilities are found at a time, which bounds the memory."""
+"""Sets whose probabilities are computed at a time, to bound the memory."""
 
 
 @dataclass(frozen=True)
 class ProbabilitySurrogate:
-    """The probabilities of one die's g outcomes, each against those after it, as independent
-    processes.
+    """Surrogate of the probabilities of one die's g outcomes, by independent processes.
 
     Attributes
     ----------
-    die: what was thrown in a session, and what came up.
-    processes: g - 1; number j is of the logarithm of the probabilities of outcome j over the sum of
-        those after it.
+    die: the die with its counts.
+    processes: g - 1; process j models the logarithm of the probability of outcome j over the sum of
+        the probabilities of later outcomes.
     """
 
     die: CountedDie
@@ -119,10 +118,11 @@ class ProbabilitySurrogate:
 
     @classmethod
     def through(cls, die: CountedDie, points: Floats, counts: Integers) -> ProbabilitySurrogate:
-        """The surrogate of simulated counts (n, g) at points (n, d) of the unit cube.
+        """Surrogate of simulated counts (n, g) at points (n, d) of the unit cube.
 
-        Source: empirical logits, Cox, Analysis of Binary Data, 1970, chapter 3. That such ratios of
-        multinomial counts are independent lets each be fitted alone.
+        The ratios are fitted separately, as such ratios of multinomial counts are independent.
+
+        Source: empirical logits, Cox, Analysis of Binary Data, 1970, chapter 3.
         """
         after = counts.sum(axis=1, keepdims=True) - counts.cumsum(axis=1)
         came, others = counts[:, :-1] + 0.5, after[:, :-1] + 0.5
@@ -131,8 +131,8 @@ class ProbabilitySurrogate:
         return cls(die, tuple(LogProbabilityProcess(points, *process) for process in each))
 
     def probabilities(self, points: Floats, rng: np.random.Generator | None = None) -> Floats:
-        """Expected probabilities (m, g) at points (m, d), or with random numbers probabilities as
-        they may be, each point's independently of others'."""
+        """Expected probabilities (m, g) at points (m, d), or with a generator, random probabilities
+        of the posterior, independent at each point."""
         left, probabilities = np.ones(len(points)), []
         for process in self.processes:
             logarithms = process.means(points)
@@ -145,12 +145,10 @@ class ProbabilitySurrogate:
         return np.stack([*probabilities, left], axis=1)
 
     def log_likelihood(self, points: Floats, exact: bool) -> Floats:
-        """Logarithm (m,) of the probability of the die's real counts over that of the same
-        counts if their frequencies were the probabilities.
+        """Log likelihood (m,) of the die's real counts, minus its largest possible value.
 
-        exact: take the mean of the probability over what the probabilities may be, not that of the
-            expected
-        probabilities, which is cheaper.
+        exact: average the likelihood over the surrogate's uncertainty, instead of taking it at the
+            expected probabilities, which is faster.
         """
         nodes, weights = np.polynomial.hermite_e.hermegauss(NODES if exact else 1)
         counts = self.die.counts
@@ -166,8 +164,8 @@ class ProbabilitySurrogate:
         return total
 
     def by_session(self, points: Floats, offsets: Offsets, exact: bool) -> Floats:
-        """Logarithms (n, k) of the likelihood of its counts in sessions (k, 4) at points (n, 5) of
-        the prior; exact: as of `log_likelihood`."""
+        """Log likelihoods (n, k) of the die's counts in sessions (k, 4) at points (n, 5) of the
+        prior; exact: see `log_likelihood`."""
         at_once = max(1, BLOCK // len(offsets))
         parts = []
         for first in range(0, len(points), at_once):
@@ -180,8 +178,8 @@ class ProbabilitySurrogate:
 def log_likelihoods(
     surrogates: Sequence[ProbabilitySurrogate], points: Floats, offsets: Offsets, exact: bool
 ) -> Floats:
-    """(n, dice) logarithms of the mean likelihood over equally likely sessions (k, 4), each die
-    thrown in one of its own, at points (n, 5) of the prior."""
+    """(n, dice) logarithms of the likelihoods, averaged over equally likely sessions (k, 4), at
+    points (n, 5) of the prior."""
     means = [
         logsumexp(one.by_session(points, offsets, exact), axis=1) - np.log(len(offsets))
         for one in surrogates
@@ -190,29 +188,29 @@ def log_likelihoods(
 
 
 DEGREES: Final = 5.0
-"""Of freedom of the t distributions that points are drawn from, whose tails are heavier than those
-of a posterior."""
+"""Degrees of freedom of the proposal t distributions, whose tails are heavier than a
+posterior's."""
 
 WIDER: Final = 1.3
-"""Factor on their covariance, for the same reason."""
+"""Factor of the proposals' covariance, for heavier tails."""
 
 FEWEST: Final = 60.0
-"""Equally weighted points that a covariance is from, at least: weights that leave fewer are raised
-to a power below 1 until they do not."""
+"""Least effective sample size for a covariance; weights are raised to a power below 1 until it is
+reached."""
 
-MOST_ROUNDS: Final = 8
-"""Of points that are drawn before those for the posterior without each of the counts."""
+MAX_ROUNDS: Final = 8
+"""Largest number of rounds of points for the posterior of all counts."""
 
 
 @dataclass(frozen=True)
 class WeightedPoints:
-    """Points with the likelihoods of several counts.
+    """Weighted points of a posterior of several counts.
 
     Attributes
     ----------
     points: (n, d) of the unit cube, in which the prior is flat.
-    log_priors: (n,) logarithms of the prior over the density that the points were drawn with.
-    log_likelihoods: (n, c) of each of c counts.
+    log_priors: (n,) logarithms of prior over proposal density.
+    log_likelihoods: (n, c) of c counts.
     """
 
     points: Floats
@@ -220,8 +218,8 @@ class WeightedPoints:
     log_likelihoods: Floats
 
     def weights(self, without: int | None = None, power: float = 1.0) -> Floats:
-        """(n,) summing to 1, of the posterior of all counts, or of all but one of them; power: of
-        each weight before they are scaled."""
+        """Weights (n,) with the sum 1 for the posterior of all counts, or all but one of them;
+        power: exponent of each weight before normalization."""
         columns = [i for i in range(self.log_likelihoods.shape[1]) if i != without]
         logarithms = power * (self.log_priors + self.log_likelihoods[:, columns].sum(axis=1))
         return np.asarray(np.exp(logarithms - logsumexp(logarithms)))
@@ -240,32 +238,31 @@ def sample_posterior(
     *,
     leave_one_out: bool,
 ) -> WeightedPoints:
-    """Points where the posterior is, by importance.
+    """Sample a posterior by adaptive importance sampling.
 
-    Points are spread over the prior, and then drawn from t distributions of the mean and the
-    covariance that the posterior has by the points before, of logits, which have no limits: once,
-    or several times where the posterior is narrow beside the prior; and at last as many for the
-    posterior without each of the counts. Each is weighted by the mixture of all densities that
-    points were drawn with.
+    Points are spread over the prior, then drawn from t distributions of logits with the mean and
+    covariance of the posterior by the earlier points: once, or several times if the posterior is
+    much narrower than the prior; finally also for the posteriors without each of the counts.
+    Weights refer to the mixture of all proposal densities.
 
     Source: Veach and Guibas, Optimally combining sampling techniques for Monte Carlo rendering,
     1995 (the balance heuristic).
 
     Parameters
     ----------
-    log_likelihoods: of points (n, d), an array (n, c) for c counts.
-    each: points for each distribution, a power of 2.
-    leave_one_out: whether weights without one of the counts are wanted.
+    log_likelihoods: function of points (n, d) with values (n, c) for c counts.
+    each: points for each proposal distribution, a power of 2.
+    leave_one_out: whether weights without one of the counts are needed.
     """
     spread = qmc.Sobol(dimensions, rng=rng).random_base2(each.bit_length() - 1)
     points = np.clip(spread, 1e-9, 1.0 - 1e-9)
     sample = WeightedPoints(points, np.zeros(len(points)), log_likelihoods(points))
     proposals = []
 
-    def more(left_out: Sequence[int | None]) -> WeightedPoints:
+    def add(left_out: Sequence[int | None]) -> WeightedPoints:
         new = [_proposal(sample, without, rng) for without in left_out]
         proposals.extend(new)
-        # A point at the very border of the cube has no weight in any case.
+        # Points at the border of the cube have no weight anyway.
         drawn = expit(np.concatenate([proposal.rvs(each) for proposal in new]))
         added = np.clip(drawn, 1e-12, 1.0 - 1e-12)
         points = np.concatenate([sample.points, added])
@@ -278,19 +275,19 @@ def sample_posterior(
             np.concatenate([sample.log_likelihoods, log_likelihoods(added)]),
         )
 
-    for _ in range(MOST_ROUNDS):
-        sample = more([None])
+    for _ in range(MAX_ROUNDS):
+        sample = add([None])
         if effective(sample.weights()) >= FEWEST:
             break
     counts = range(sample.log_likelihoods.shape[1]) if leave_one_out else ()
-    return more([None, *counts])
+    return add([None, *counts])
 
 
 def _proposal(points_so_far: WeightedPoints, without: int | None, rng: np.random.Generator) -> Any:
-    """A t distribution for logits of points."""
+    """Proposal t distribution of logits of points."""
     power, places = 1.0, logit(points_so_far.points)
     weights = points_so_far.weights(without)
-    # Powers of the logarithms, as weights themselves may have come to 0.
+    # Powers of logarithms, as weights may underflow.
     while effective(weights) < FEWEST:
         power /= 2.0
         weights = points_so_far.weights(without, power)

@@ -1,4 +1,4 @@
-"""A body to throw, and its orientations and motions at the moment it is let go."""
+"""Rigid bodies to throw, and their orientations and motions at release."""
 
 from __future__ import annotations
 
@@ -7,39 +7,37 @@ from functools import cache
 from typing import Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.meshes.body import Body, solid_triangles
 from dicedesign.geometry.triangles import solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.tables import Table, draw
-from dicedesign.tolerances import INERTIA_TOLERANCE, VOLUME_TOLERANCE
+from dicedesign.tolerances import VOLUME_TOLERANCE
 
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A body in the frame of its principal axes about its center of mass, in units of its radius:
-    the largest distance of a point from the center of mass.
+    """Body in the frame of its principal axes about its center of mass, in units of its radius: the
+    largest distance of a point from the center of mass.
 
-    The hull touches the table, whatever hollows the body has. The neighbors of vertex v are the
-    entries `start[v] : start[v + 1]` of `neighbors`, `left` and `right`.
+    Its hull touches the table. The neighbors of vertex v are the entries `start[v] : start[v + 1]`
+    of `neighbors`, `left` and `right`.
 
     Attributes
     ----------
-    name: what messages call it.
+    name: used in messages.
     radius: in the body's unit of length.
     axes: (3, 3) principal axes as columns, in the body's own frame, right-handed.
     moments: (3,) principal moments of inertia, ascending, for a mass and a radius of 1.
     vertices: (n, 3) of the hull.
     start: (n + 1,); neighbors: (h,) vertices; left, right: (h,) facets beside the edges to them.
     normals: (m, 3) of the hull's facets.
-    rest_of_facet: (m,) the rest to which each facet rolls without momentum.
+    rest_of_facet: (m,) rest to which the body rolls from each facet without momentum.
     rest_normals: (k, 3) of the rests, in the order of `RestPoses`.
     rest_heights: (k,) of the center of mass at rest.
-    barriers: (k,) height of the lowest saddle on the border of each basin; infinite if there is
-        none.
+    barriers: (k,) height of the lowest saddle on the border of each basin; infinite without one.
     """
 
     name: str
@@ -59,38 +57,32 @@ class RigidBody:
 
     @property
     def inertia(self) -> Floats:
-        """(3, 3) tensor of inertia about the center of mass over the mass, in the body's frame and
+        """(3, 3) tensor of inertia about the center of mass per mass, in the body's frame and
         squared unit of length."""
         tensor: Floats = (self.axes * self.moments) @ self.axes.T * self.radius**2
         return tensor
 
 
-def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -> RigidBody:
-    """The rigid body of a mesh.
+def rigid_body(body: Body, poses: RestPoses, inertia: Floats | None = None) -> RigidBody:
+    """Rigid body of a mesh or point cloud.
 
     Parameters
     ----------
     body: the mesh or point cloud; poses: its rests.
-    inertia: (3, 3) tensor of inertia about the center of mass over the mass, in the body's frame
-        and squared unit of length; None takes that of the body's densities, or that of the uniform
-        solid about its centroid, or of the uniform solid hull where the body bounds no solid.
+    inertia: (3, 3) tensor of inertia about the center of mass per mass, in the body's frame and
+        squared unit of length; None takes the tensor of the body's densities, or of the uniform
+        solid about its centroid, or of the uniform solid hull if the body bounds no solid.
 
-    Raises
-    ------
-    InputError: the tensor is that of no body within the hull: not symmetric, not positive
-        definite, with a moment larger than the two others together, or too large.
-    DegenerateBodyError: there is none, and the mesh is closed and encloses no volume.
+    Raises DegenerateBodyError if the mesh is closed and encloses no volume.
     """
     hull, center, morse = poses.hull, poses.center_of_mass, poses.morse
     arms = hull.vertices - center
     radius = float(np.linalg.norm(arms, axis=1).max())
-    tensor = _solid_inertia(body, poses) if inertia is None else _check_inertia(inertia, radius)
-    moments, axes = np.linalg.eigh(tensor)
+    moments, axes = np.linalg.eigh(_solid_inertia(body, poses) if inertia is None else inertia)
     if np.linalg.det(axes) < 0.0:
         axes = axes * np.array([1.0, 1.0, -1.0])
     vertices = np.ascontiguousarray(arms @ axes / radius)
-    order = np.argsort(hull.tail, kind="stable")
-    counts = np.bincount(hull.tail, minlength=len(vertices))
+    start, order = hull.outgoing
     barriers = np.full(len(poses.facets), np.inf)
     heights = (morse.saddles @ axes @ vertices.T).max(axis=1, initial=-np.inf)
     for basins in morse.saddle_basins.T:
@@ -102,7 +94,7 @@ def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -
         axes=axes,
         moments=moments / radius**2,
         vertices=vertices,
-        start=np.concatenate([[0], np.cumsum(counts)]),
+        start=start,
         neighbors=hull.head[order],
         left=hull.facet[order],
         right=hull.facet[hull.twin[order]],
@@ -115,10 +107,10 @@ def rigid_body(body: Body, poses: RestPoses, inertia: ArrayLike | None = None) -
 
 
 def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
-    known = body.mass_properties
-    if known is not None and poses.center_of_mass_source != "uniform solid hull":
-        return known.inertia
-    solid = None if poses.center_of_mass_source == "uniform solid hull" else solid_triangles(body)
+    is_solid_hull = poses.center_of_mass_source == "uniform solid hull"
+    if body.mass_properties is not None and not is_solid_hull:
+        return body.mass_properties.inertia
+    solid = None if is_solid_hull else solid_triangles(body)
     if solid is None:
         return solid_inertia(poses.hull.vertices, poses.hull.triangles)
     volume, _ = solid_properties(body.points, solid[0])
@@ -126,60 +118,32 @@ def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
     if abs(volume) <= VOLUME_TOLERANCE * extent**3:
         raise DegenerateBodyError(
             f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
-            f"extent of {extent:.3g}; give its inertia"
+            f"extent of {extent:.3g}; repair the mesh"
         )
     return solid_inertia(body.points, solid[0])
 
 
-def _check_inertia(inertia: ArrayLike, radius: float) -> Floats:
-    tensor = np.asarray(inertia, dtype=np.float64)
-    expected = "inertia: expected a symmetric (3, 3) tensor of finite numbers"
-    if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
-        raise InputError(f"{expected}, got {np.asarray(inertia).tolist()}; give xx,yy,zz,xy,xz,yz")
-    size = float(np.abs(tensor).max())
-    if np.abs(tensor - tensor.T).max() > INERTIA_TOLERANCE * size:
-        raise InputError(f"{expected}, got {tensor.tolist()}; make it equal to its transpose")
-    least, middle, most = np.linalg.eigvalsh(tensor).tolist()
-    moments = f"{least:.6g}, {middle:.6g} and {most:.6g}"
-    if not least > INERTIA_TOLERANCE * size:
-        raise InputError(
-            "inertia: expected a positive definite tensor, got principal moments of "
-            f"{moments}; correct it or leave it out"
-        )
-    if most > (least + middle) * (1.0 + INERTIA_TOLERANCE):
-        raise InputError(
-            "inertia: expected no principal moment larger than the two others together, as of "
-            f"every body, got {moments}; correct it or leave it out"
-        )
-    if least + middle + most > 2.0 * radius**2 * (1.0 + INERTIA_TOLERANCE):
-        raise InputError(
-            f"inertia: expected that of a mass of 1 within {radius:.6g} of its center, whose "
-            f"moments sum to at most {2.0 * radius**2:.6g}, got {moments}; divide by the mass and "
-            "use the unit of the mesh"
-        )
-    return 0.5 * (tensor + tensor.T)
-
-
 Orientations = Literal["uniform", "icosahedron"]
-"""At random, or the paper's: up directions at the vertices of a subdivided icosahedron."""
+"""Random, or the paper's: up directions at the vertices of a subdivided icosahedron."""
 
 ORIENTATIONS: Final[tuple[Orientations, ...]] = get_args(Orientations)
 
 UPSIDE_DOWN: Final = 1e-12
-"""Nearer to down than this, as a part of the vertical, the shortest turn up has no certain axis."""
+"""Distance of a direction's vertical part from -1 below which the shortest turn up is
+undetermined."""
 
 PAPER_DIRECTIONS: Final = 1212
-"""Vertices of the icosahedron whose edges are cut into `SUBDIVISIONS` parts: 10 times their square
-plus 2. Source: section 4.1."""
+"""Vertices of the icosahedron whose edges are divided into `SUBDIVISIONS` parts: 10 times its
+square plus 2. Source: section 4.1."""
 
 SUBDIVISIONS: Final = 11
 
 
 @cache
 def up_directions() -> tuple[Floats, Floats]:
-    """The paper's up directions (1212, 3), unit vectors, and the part of the sphere that each
-    stands for, (1212,) summing to 1: the area of its Voronoi cell."""
-    # Imported here, as most throws do without.
+    """The paper's up directions (1212, 3), unit vectors, and the areas (1212,) of their Voronoi
+    cells, with the sum 1."""
+    # Imported late: most throws need neither.
     from scipy.spatial import ConvexHull, SphericalVoronoi
 
     golden = (1.0 + np.sqrt(5.0)) / 2.0
@@ -198,7 +162,7 @@ def up_directions() -> tuple[Floats, Floats]:
 
 
 def drop_weights(drops: int, orientations: Orientations) -> Floats:
-    """Weights (n,) of drops over the paper's directions, with mean 1."""
+    """Weights (n,) of drops, with mean 1: areas of the paper's directions, or equal."""
     if orientations == "uniform":
         return np.ones(drops)
     return PAPER_DIRECTIONS * up_directions()[1][np.arange(drops) % PAPER_DIRECTIONS]
@@ -212,12 +176,13 @@ def release_states(
     rng: np.random.Generator,
     down: Floats | None = None,
 ) -> Floats:
-    """States (n, 13) of a body at release: position (m), quaternion w, x, y, z from principal axes
-    to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
+    """Random states (n, 13) of a body at release: position (m), quaternion w, x, y, z from
+    principal axes to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
 
-    numbers: (n,) of the drops, which say the paper's direction. Of those the body is turned about
-    the vertical at random, as of throws that begin with one direction `down` (3,) of the body's
-    frame, unit, downward. Nothing is drawn for a height, speed or spin that is one number.
+    numbers: (n,) of the drops, which select the paper's directions. down: (3,) unit direction of
+    the body's frame that points down, or None; then, and with the paper's directions, the body is
+    turned about the vertical at random. Nothing is drawn for a height, speed or spin that is one
+    number.
     """
     count = len(numbers)
     states = np.zeros((count, 13))
@@ -225,7 +190,7 @@ def release_states(
     turns /= np.linalg.norm(turns, axis=1)[:, None]
     if orientations == "icosahedron":
         yaw = np.arctan2(turns[:, 1], turns[:, 0])
-        turns = _standing(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
+        turns = _turn_up(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
     axes = rng.normal(size=(count, 3))
     spins = np.reshape(draw(table.spin, count, rng), (-1, 1))
     states[:, 10:13] = spins * axes / np.linalg.norm(axes, axis=1)[:, None]
@@ -233,27 +198,27 @@ def release_states(
     heights = draw(table.height, count, rng)
     if down is not None:
         yaw = rng.uniform(-np.pi, np.pi, count)
-        turns = _standing(np.tile(-down @ body.axes, (count, 1)), yaw)
-        # Each seed's throws stay those that they were.
+        turns = _turn_up(np.tile(-down @ body.axes, (count, 1)), yaw)
+        # Drawn again so that throws of earlier versions' seeds stay the same.
         heights = draw(table.height, count, rng)
     states[:, 3:7] = turns
-    # Of the lowest point over the center of mass.
+    # Height of the lowest point relative to the center of mass.
     lowest = (vertical(turns) @ body.vertices.T).min(axis=1) * table.size / 2.0
     states[:, 2] = heights - lowest
     return states
 
 
 def vertical(turns: Floats) -> Floats:
-    """(..., 3) directions of the body that are up after it is turned by quaternions (..., 4)."""
+    """(..., 3) directions of the body that point up after a turn by quaternions (..., 4)."""
     w, x, y, z = turns.T
     up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
     return np.stack(up, axis=-1)
 
 
-def _standing(up: Floats, yaw: Floats) -> Floats:
-    """Quaternions (n, 4) that turn directions (n, 3) of the body up, and then by angles (n,) about
-    the vertical, in radians."""
-    # The shortest turn from u to z has the axis u x z; near its antipode that is any across it.
+def _turn_up(up: Floats, yaw: Floats) -> Floats:
+    """Quaternions (n, 4) that turn directions (n, 3) of the body up and then turn about the
+    vertical by angles (n,) in radians."""
+    # The shortest turn from u to z is about u x z; from the opposite of z, about any normal of z.
     real = 1.0 + up[:, 2]
     turn = np.stack([real, up[:, 1], -up[:, 0], np.zeros(len(up))], axis=1)
     turn[real < UPSIDE_DOWN] = (0.0, 1.0, 0.0, 0.0)

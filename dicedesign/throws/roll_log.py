@@ -1,4 +1,4 @@
-"""CSV files of one die's throws, and throws that are written into one as they come."""
+"""CSV files of one die's throws, read at once or written throw by throw."""
 
 from __future__ import annotations
 
@@ -15,30 +15,29 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.files import atomic_write, read_text
 
-MOST: Final = 10**9
-"""No count is larger."""
+MAX_COUNT: Final = 10**9
+"""Largest count."""
 
 QUOTED: Final = 40
-"""Characters of a wrong entry that are quoted."""
+"""Number of characters of a wrong entry that are quoted."""
 
 COUNTED: Final = ["label", "count"]
 
 ONE_BY_ONE: Final = ["label"]
-"""The two headers that a file of one die may have."""
+"""Headers of a file of one die: with counts, or with one throw on each line."""
 
-MOST_NAMED: Final = 30
-"""Labels that an error names."""
+MAX_NAMED: Final = 30
+"""Largest number of labels in a message."""
 
 Rows = list[tuple[int, list[str]]]
-"""Lines of a file with their numbers."""
+"""Numbers and entries of lines."""
 
 
 def read_counts(path: Path, labels: Sequence[str]) -> Integers:
-    """Counts (k,) of k distinct labels, from a CSV file.
+    """Read counts (k,) of k distinct labels from a CSV file.
 
-    The file has the columns label and count, each label at most once, those that never came up
-    perhaps not at all; or only the column label, with one throw on each line. Empty lines and
-    blanks around entries are ignored.
+    The file has the columns label and count, with each label at most once; or only the column
+    label, with one throw on each line. Empty lines and blanks around entries are ignored.
 
     Raises
     ------
@@ -60,28 +59,27 @@ def read_counts(path: Path, labels: Sequence[str]) -> Integers:
 
 
 class RollLog:
-    """Throws of one die in the order in which they came, in a file that always has all of them.
+    """Throws of one die in order, saved to a file after each change.
 
     Attributes
     ----------
     path: of the file.
-    labels: k distinct ones, of the die.
-    throws: the label of each, in order.
+    labels: k distinct labels of the die.
+    throws: labels of the throws, in order.
     """
 
     def __init__(self, path: Path, labels: Sequence[str]) -> None:
-        """Go on with the throws of a file, or begin a new one.
+        """Continue the throws of a file, or begin a new one.
 
         Raises
         ------
-        InputError: the file cannot be read, does not have the column label alone, or has an unknown
-            label.
-        OutputError: it cannot be written.
+        InputError: the file cannot be read, has other columns than label, or an unknown label.
+        OutputError: the file cannot be written.
         """
         self.path = path
         self.labels = tuple(labels)
         self.throws: list[str] = []
-        # A label in several lines is typed in one.
+        # A label of several lines is typed in one line.
         written = {_in_one_line(label): label for label in labels}
         folded = Counter(map(str.casefold, written))
         self._typed = {
@@ -95,14 +93,14 @@ class RollLog:
 
     @property
     def counts(self) -> Integers:
-        """(k,) how often each label came up."""
+        """(k,) counts of the labels."""
         return np.array([self.throws.count(label) for label in self.labels], dtype=np.int64)
 
     def add(self, text: str) -> list[str]:
-        """Write down the throws of a text, and return their labels: those of one label, or of
-        several with commas or blanks between them, in capital or small letters.
+        """Add the throws of a text, and return their labels: one label, or several separated by
+        commas or blanks. Case is ignored where labels stay distinct.
 
-        Raises InputError: one is unknown; then none is written down.
+        Raises InputError for an unknown label; then none is added.
         """
         parts = text.split(",") if "," in text else text.split()
         if self._label(text) in self.labels:
@@ -115,7 +113,7 @@ class RollLog:
         return added
 
     def undo(self) -> str | None:
-        """Take the last throw back, and return its label; None where there was none."""
+        """Remove the last throw, and return its label; None if there is none."""
         if not self.throws:
             return None
         label = self.throws.pop()
@@ -123,7 +121,7 @@ class RollLog:
         return label
 
     def _label(self, text: str) -> str:
-        """The label that a text is, or the text."""
+        """Label for a typed text, or the text."""
         typed = _in_one_line(text)
         return self._typed.get(typed, self._typed.get(typed.casefold(), text.strip()))
 
@@ -139,8 +137,7 @@ def _in_one_line(text: str) -> str:
 
 
 def _rows_of_one_die(path: Path, labels: Sequence[str], headers: Sequence[list[str]]) -> Rows:
-    """The lines of a file after the first, which has to be one of some headers; each begins with a
-    label of the die."""
+    """Lines of a file after one of the given headers; each begins with a label of the die."""
     columns, rows = csv_rows(path)
     if [entry.lower() for entry in columns] not in headers:
         either = " or ".join(",".join(one) for one in headers)
@@ -162,7 +159,7 @@ def _rows_of_one_die(path: Path, labels: Sequence[str], headers: Sequence[list[s
 def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
     """Raise InputError for a label that the die does not have."""
     if label not in labels:
-        examples = ", ".join(labels[:MOST_NAMED]) + ", ..." * (len(labels) > MOST_NAMED)
+        examples = ", ".join(labels[:MAX_NAMED]) + ", ..." * (len(labels) > MAX_NAMED)
         raise InputError(
             f"{where}: expected a label of the die ({examples}), got {label!r}; correct it, or "
             "leave out throws that show no label"
@@ -170,10 +167,10 @@ def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
 
 
 def csv_rows(path: Path) -> tuple[list[str], Rows]:
-    """The first line of a file of throws, and the lines after it; those that are empty are left
-    out, and so are the blanks around entries.
+    """First line of a file of throws, and later lines, without empty lines and blanks around
+    entries.
 
-    Raises InputError: the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     text = read_text(path, "a CSV file of throws")
     try:
@@ -188,7 +185,7 @@ def csv_rows(path: Path) -> tuple[list[str], Rows]:
 
 
 def check_lengths(path: Path, columns: list[str], rows: Rows) -> None:
-    """Raise InputError for a line that has not one entry for each column."""
+    """Raise InputError for a line with another number of entries than columns."""
     for line, row in rows:
         if len(row) != len(columns):
             raise InputError(
@@ -198,12 +195,12 @@ def check_lengths(path: Path, columns: list[str], rows: Rows) -> None:
 
 
 def whole_count(where: str, text: str) -> int:
-    """A number of throws. Raises InputError: it is no whole number from 0 to `MOST`."""
-    # int() would take "1_000" as well, and take long over thousands of digits.
+    """Count of throws. Raises InputError unless it is a whole number from 0 to `MAX_COUNT`."""
+    # int() would also accept "1_000", and is slow for thousands of digits.
     digits = text.lstrip("0") or text
-    if text.isascii() and text.isdigit() and len(digits) <= QUOTED and int(digits) <= MOST:
+    if text.isascii() and text.isdigit() and len(digits) <= QUOTED and int(digits) <= MAX_COUNT:
         return int(digits)
     raise InputError(
-        f"{where}: expected a whole number from 0 to {MOST}, got {text[:QUOTED]!r}; "
+        f"{where}: expected a whole number from 0 to {MAX_COUNT}, got {text[:QUOTED]!r}; "
         "correct the count"
     )

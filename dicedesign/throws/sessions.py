@@ -1,4 +1,4 @@
-"""How dice are thrown by people whom nobody measured: what all throws share, what differs between
+"""Prior of unmeasured throws by people: parameters that all throws share, variation between
 sessions and within one, and simulated throws of such sessions."""
 
 from __future__ import annotations
@@ -27,26 +27,24 @@ PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
     "speed": (0.15, 2.5),
     "spin": (5.0, 100.0),
 }
-"""What all sessions share, with its limits in the units of `Table`: restitution and friction, which
-die and table have, and the center of all hands. The prior is flat between them, of the hand in its
-logarithms. A speed or a spin below its least is nothing beside that of the fall."""
+"""Shared parameters with their limits, in the units of `Table`: restitution and friction, and the
+center of the sessions' height, speed and spin. The prior is flat between the limits, for the last
+three in logarithms. A speed or spin below the lower limit is negligible in a fall."""
 
 BETWEEN: Final = 0.3
-"""Standard deviation of the logarithm of a session's height, speed and spin about the center, each
-independently: two sessions of three are within a factor of 1.35. People asked to throw a die in the
-    same way
-differ by about as much as that; the counts of four dice cannot tell it."""
+"""Standard deviation of the logarithms of a session's height, speed and spin, independently: two of
+three sessions are within a factor of 1.35 of the center. People who are asked to throw a die in the
+same way differ by about as much; the counts of four dice do not determine it."""
 
 WITHIN: Final = 0.5
-"""A throw has a height, speed and spin of its own: any from this part below the session's mean to
-as much above it."""
+"""Largest relative deviation of a throw's height, speed and spin from the session's means."""
 
 SIZES: Final = (0.015, 0.035)
-"""In m, of a die whose size nobody wrote down."""
+"""Range of unknown sizes of dice, in m."""
 
 SIZE: Final = 0.025
-"""In m, of the dice that are simulated. One of another size s does the same when it is thrown from
-a height, at a speed and with a spin that are s, the root of s and one over that root as large."""
+"""Size of simulated dice, in m. A die that is s times as large behaves equally if its height, speed
+and spin are s, sqrt(s) and 1 / sqrt(s) times as large."""
 
 SIMULATED: Final[Mapping[str, tuple[float, float]]] = {
     **PARAMETERS,
@@ -54,31 +52,29 @@ SIMULATED: Final[Mapping[str, tuple[float, float]]] = {
     "speed": (0.12, 3.2),
     "spin": (4.0, 130.0),
 }
-"""Limits of the mean hand of a simulated session, for dice of `SIZE`; hands beyond count as at the
-limit. The least height has the lowest throws begin at the die's own size above the table."""
+"""Limits of the means of a simulated session, for dice of `SIZE`; means outside are clipped. At the
+least height, the lowest throws begin at the die's own size."""
 
 LOWEST: Final = 0.08
-"""Least mean height in m of a session that is drawn for other dice: those of up to 40 mm can be
-thrown from half of it."""
+"""Least mean height in m of posterior tables, so that dice of up to 40 mm fit below half of it."""
 
 BY_SIZE: Final = np.array([-1.0, -0.5, 0.5])
-"""Exponents of a die's size in its height, speed and spin as one of `SIZE`."""
+"""Exponents of a die's relative size in its equivalent height, speed and spin."""
 
 Offsets = Floats
-"""(k, 4) of sessions: the logarithms of their height, speed and spin over the center's, and a
-number in (0, 1) for a size that is not known."""
+"""(k, 4) sessions: logarithms of height, speed and spin relative to the center's, and a number in
+(0, 1) that selects an unknown size."""
 
 
 def session_offsets(sessions: int, rng: np.random.Generator) -> Offsets:
-    """Equally likely sessions, spread evenly. sessions: a power of 2."""
+    """Equally likely sessions, evenly spread. sessions: their number, a power of 2."""
     even = qmc.Sobol(4, rng=rng).random_base2(sessions.bit_length() - 1)
     # The normal quantile of 0 is infinite.
     return np.column_stack([BETWEEN * ndtri(np.maximum(even[:, :3], 1e-9)), even[:, 3]])
 
 
 def shared_values(points: Floats, limits: Mapping[str, tuple[float, float]] = PARAMETERS) -> Floats:
-    """Values (..., 5) of the parameters at points (..., 5) of the unit cube of the prior, or of
-    that with other limits."""
+    """Values (..., 5) of parameters at points (..., 5) of the unit cube between their limits."""
     least, most = _coordinates(np.array(list(limits.values())).T)
     values: Floats = least + (most - least) * points
     values[..., 2:] = np.exp(values[..., 2:])
@@ -91,10 +87,10 @@ def _coordinates(values: Floats) -> Floats:
 
 
 def _session_values(points: Floats, offsets: Offsets, size: float | None) -> Floats:
-    """Values (..., 5) of restitution, friction and the hand, for dice of `SIZE`, of sessions
-    (..., 4) of a die at points (..., 5) of the prior's unit cube.
+    """Values (..., 5) of the parameters of sessions (..., 4) at points (..., 5) of the prior's unit
+    cube, converted to dice of `SIZE`.
 
-    size: of the die in m; None has that of the session.
+    size: of the die in m; None takes the session's.
     """
     sizes = SIZES[0] + (SIZES[1] - SIZES[0]) * offsets[..., 3] if size is None else np.array(size)
     moved = offsets[..., :3] + np.log(sizes / SIZE)[..., None] * BY_SIZE
@@ -102,38 +98,38 @@ def _session_values(points: Floats, offsets: Offsets, size: float | None) -> Flo
 
 
 def session_points(points: Floats, offsets: Offsets, size: float | None) -> Floats:
-    """Values of a session as points (..., 5) of the unit cube of simulated sets."""
+    """Points (..., 5) of sessions in the unit cube of simulated sets; see `_session_values`."""
     least, most = _coordinates(np.array(list(SIMULATED.values())).T)
     coordinates = _coordinates(_session_values(points, offsets, size))
     return np.clip((coordinates - least) / (most - least), 0.0, 1.0)
 
 
 def draw_values(points: Floats, offsets: Offsets) -> Floats:
-    """Values (n, 5) with sizes drawn for dice of `SIZE` and larger ones."""
+    """Values (n, 5) of sessions of dice of `SIZE`, from heights that also suit larger dice."""
     values = _session_values(points, offsets, SIZE)
     values[:, 2] = np.maximum(values[:, 2], LOWEST)
     return values
 
 
 def table_of(start: Table, values: Floats) -> Table:
-    """A table with restitution, friction and a session's mean height, speed and spin (5,), to three
-    digits, for dice of `SIZE`. start: has the name and the source."""
-
-    def rounded(value: float) -> float:
-        """No counts determine more."""
-        return float(f"{value:.3g}")
-
-    restitution, friction, *means = map(rounded, values)
+    """Table with restitution, friction and a session's mean height, speed and spin (5,), to three
+    digits, for dice of `SIZE`. start: name and source."""
+    restitution, friction, *means = map(round_value, values)
     height, speed, spin = (
-        (rounded((1.0 - WITHIN) * mean), rounded((1.0 + WITHIN) * mean)) for mean in means
+        (round_value((1.0 - WITHIN) * mean), round_value((1.0 + WITHIN) * mean)) for mean in means
     )
     return Table(
         start.name, restitution, friction, height, speed, spin, size=SIZE, source=start.source
     )
 
 
+def round_value(value: float) -> float:
+    """Round to three digits; no counts determine more."""
+    return float(f"{value:.3g}")
+
+
 COUNTS: Final = "counts"
-"""Rows of a checkpoint: what came up with each die for each set of parameters."""
+"""Name of the rows of a checkpoint: counts of each die for each set of parameters."""
 
 
 def set_counts(
@@ -151,9 +147,9 @@ def set_counts(
 
     Parameters
     ----------
-    start: has the name of the tables. drops: of each die for each set; seed: of all sets.
-    first: number of the first of the points among all, which makes their seeds.
-    checkpoint: what it has is taken from it, and what is simulated is added.
+    start: name of the tables. drops: of each die for each set; seed: of all sets.
+    first: number of the first point among all points; determines the seeds.
+    checkpoint: earlier simulations are read from it, new ones are added.
     progress: called with the number of drops of each die that was thrown.
     """
     tasks = []
@@ -177,10 +173,9 @@ def set_counts(
 
 
 def outcome_counts(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> Integers:
-    """Counts (g,) of a die's outcomes on a table, as a die of its size.
+    """Simulated counts (g,) of a die's outcomes on a table, as a die of the table's size.
 
-    drops: how often it is thrown; seed: one of several numbers, from which different ones are
-    unrelated.
+    drops: number of throws; seed: several numbers, any change of which gives unrelated throws.
     """
     (own,) = np.random.SeedSequence(seed).generate_state(1).tolist()
     return die.by_outcome(simulate(die.body, table, drops, own).counts)

@@ -1,5 +1,4 @@
-"""Throws of one body, and of a finished die onto its table, whatever engine ran them: where many
-end, and a film of one."""
+"""Simulated throws of one body, throws of a finished die onto its table, and films of a throw."""
 
 from __future__ import annotations
 
@@ -42,7 +41,7 @@ from dicedesign.throws.tables import Table, most_of
 from dicedesign.tolerances import STANDING_ANGLE
 
 DROPS_PER_TASK: Final = 500
-"""Drops that share a generator of random numbers, so that they fall alike whoever runs them."""
+"""Drops that share a random generator, so that results do not depend on the workers."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +50,11 @@ class Throws:
 
     Attributes
     ----------
-    table: how it was thrown; engine: by which simulator; seed: of its random numbers.
-    outcomes: (n,) the rest at which each drop ended, in the order of `RestPoses`; -1 for those that
-        ended on no facet in time.
-    weights: (n,) how much each drop counts, 1 on the mean.
-    rests: how many rests the body has.
+    table: parameters of the throws; engine: name of the simulator; seed: of its random numbers.
+    outcomes: (n,) final rest of each drop, in the order of `RestPoses`; -1 for drops that ended on
+        no facet in time.
+    weights: (n,) weight of each drop, 1 on average.
+    rests: number of rests of the body.
     """
 
     table: Table
@@ -67,21 +66,21 @@ class Throws:
 
     @property
     def drops(self) -> int:
-        """Number of all."""
+        """Number of drops."""
         return len(self.outcomes)
 
     @cached_property
     def counts(self) -> Integers:
-        """(k,) drops that ended at each rest."""
+        """(k,) numbers of drops that ended at each rest."""
         return np.bincount(self.outcomes[self.outcomes >= 0], minlength=self.rests)
 
     @cached_property
     def unresolved(self) -> int:
-        """Drops that ended on an edge, stuck or still moving; they count for no rest."""
+        """Number of drops that ended on an edge, stuck or still moving; they count for no rest."""
         return int((self.outcomes < 0).sum())
 
     def require_rest(self) -> None:
-        """Raise InputError where no drop came to rest."""
+        """Raise InputError if no drop came to rest."""
         if self.unresolved == self.drops:
             raise InputError(
                 f"table {self.table.name}: expected throws that come to rest, got none of "
@@ -90,7 +89,7 @@ class Throws:
 
     @cached_property
     def frequencies(self) -> Floats:
-        """(k,) of the rests among the drops that were resolved, by weight; NaN if none was."""
+        """(k,) weighted frequencies of the rests among resolved drops; NaN if there are none."""
         landed = self.outcomes >= 0
         weights = self.weights[landed]
         total = np.bincount(self.outcomes[landed], weights, minlength=self.rests)
@@ -100,11 +99,11 @@ class Throws:
 
 
 def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
-    """Raise InputError for a number of drops or a seed that cannot be used, or an engine or kind of
-    orientations that there is not."""
+    """Raise InputError for an invalid number of drops or seed, or an unknown engine or kind of
+    orientations."""
     check_whole("drops", drops)
     check_whole("seed", seed, least=0, most=MOST_SEED)
-    # Raises where there is no such engine.
+    # Raises for an unknown engine.
     ENGINES[engine]
     if orientations not in ORIENTATIONS:
         raise InputError(
@@ -127,28 +126,26 @@ def simulate(
     *,
     engine: str = "native",
     orientations: Orientations = "uniform",
-    refinement: float = 1.0,
     workers: Executor | None = None,
     progress: Callable[[int], None] | None = None,
     on_quiet: Callable[[], None] | None = None,
 ) -> Throws:
-    """Throw a body many times. No engine knows of the momentum-free model, except that a drop ends
-    where that says it must.
+    """Simulate throws of a body.
 
     Parameters
     ----------
-    drops: how many, above 0. seed: the same gives the same drops, in whatever number of workers.
-    orientations: at which it is let go. refinement: divides the time step.
-    workers: run tasks of `DROPS_PER_TASK` drops; None runs them here. A task whose worker is lost
-        runs again.
-    progress: called with the number of drops of each task that ended.
-    on_quiet: called whenever the task that is waited for has not ended for some seconds.
+    drops: number of throws, above 0. seed: determines the drops, for any number of workers.
+    orientations: distribution of orientations at release.
+    workers: run tasks of `DROPS_PER_TASK` drops; None runs them in this thread. A task whose worker
+        is lost runs again.
+    progress: called with the number of drops of each finished task.
+    on_quiet: called every few seconds while the next task is unfinished.
 
     Raises
     ------
-    InputError: as `check_throws`, the engine is not installed, or a table without friction would
-        let the die slide or spin for ever.
-    DiceError: workers are lost again and again, or the executor cannot go on.
+    InputError: as `check_throws`, the engine is not installed, or the table has no friction but the
+        throws have a speed or a spin.
+    DiceError: workers are lost repeatedly, or the executor fails.
     """
     check_throws(drops, seed, engine, orientations)
     if table.friction == 0.0 and max(most_of(table.speed), most_of(table.spin)) > 0.0:
@@ -158,8 +155,7 @@ def simulate(
         )
     blocks = np.split(np.arange(drops), range(DROPS_PER_TASK, drops, DROPS_PER_TASK))
     tasks = [
-        partial(throw_task, body, table, numbers, seed, engine, orientations, refinement)
-        for numbers in blocks
+        partial(throw_task, body, table, numbers, seed, engine, orientations) for numbers in blocks
     ]
     ended = (task() for task in tasks) if workers is None else in_order(tasks, workers, on_quiet)
     outcomes = []
@@ -184,13 +180,12 @@ def throw_task(
     seed: int,
     engine: str,
     orientations: Orientations,
-    refinement: float,
 ) -> Integers:
-    """The rests (n,) of drops (n,), the first of which has a multiple of `DROPS_PER_TASK` as its
-    number; -1 for those that found none."""
+    """Rests (n,) of drops with consecutive numbers (n,), from a multiple of `DROPS_PER_TASK` on; -1
+    without a rest."""
     count, rng = len(numbers), np.random.default_rng([seed, int(numbers[0]) // DROPS_PER_TASK])
     states = release_states(body, table, numbers, orientations, rng)
-    outcomes = np.asarray(ENGINES[engine].throw_states(body, table, states, refinement))
+    outcomes = np.asarray(ENGINES[engine].throw_states(body, table, states))
     rests = len(body.rest_heights)
     if outcomes.shape != (count,) or outcomes.dtype.kind != "i":
         raise InputError(
@@ -206,17 +201,17 @@ def throw_task(
 
 
 CONFIDENCE: Final = 0.95
-"""Of every interval."""
+"""Confidence of all intervals."""
 
 
 @dataclass(frozen=True, eq=False)
 class DieOnTable:
-    """A die in mm, ready to be thrown.
+    """Die in mm on its table.
 
     Attributes
     ----------
-    solid: as it is; body: the same about its center of mass.
-    poses: its rests; outcomes: what they count for.
+    solid: the die; body: the die as a rigid body.
+    poses: its rests; outcomes: their outcomes.
     table: with the die's own size.
     """
 
@@ -230,22 +225,22 @@ class DieOnTable:
     def of(
         cls, solid: Body, center_of_mass: Floats | None, directions: Floats, table: Table
     ) -> DieOnTable:
-        """A solid with center of mass (3,), None for the uniform one, whose outcomes have
-        directions (k, 3)."""
+        """Die from a solid with center of mass (3,), or None for the uniform solid's, and outcomes
+        of directions (k, 3)."""
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
         sized = table.for_size(2e-3 * body.radius)
         return cls(solid, body, poses, outcome_probabilities(poses, directions), sized)
 
     def momentum(self, model: MomentumModel | None) -> Floats:
-        """(k,) probabilities of the outcomes by a momentum model; None for no momentum."""
+        """(k,) probabilities of the outcomes by a momentum model; None is without momentum."""
         probabilities: Floats = self.outcomes.sums(
             momentum_probabilities(self.poses, self.body, model)
         )
         return probabilities
 
     def simulate(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
-        """Simulated throws. Raises InputError: none of them came to rest."""
+        """Simulate throws. Raises InputError if none of them came to rest."""
         throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
         throws.require_rest()
         return throws
@@ -253,18 +248,18 @@ class DieOnTable:
     def counts_on(
         self, tables: Sequence[Table], drops: int, seed: int, engine: str, workers: Executor
     ) -> list[Integers]:
-        """Counts of throws onto each of some tables, with consecutive seeds."""
+        """Counts (k + 1,) of throws onto each of several tables, with consecutive seeds."""
 
-        def counted(place: int) -> Integers:
+        def count_on(place: int) -> Integers:
             table = tables[place].for_size_above(self.table.size)
             return self.counts(simulate(self.body, table, drops, seed + place, engine=engine))
 
-        # Engines are loaded by the first who asks for one, who is alone here.
+        # Load the engine before threads do.
         require_engine(engine)
-        return list(workers.map(counted, range(len(tables))))
+        return list(workers.map(count_on, range(len(tables))))
 
     def counts(self, throws: Throws) -> Integers:
-        """(k + 1,) of the outcomes, and of throws that came to rest elsewhere."""
+        """Counts (k + 1,) of the outcomes, and of throws that came to rest elsewhere."""
         by_outcome = self.outcomes.sums(throws.counts)
         return np.append(by_outcome, int(throws.counts.sum()) - int(by_outcome.sum()))
 
@@ -275,9 +270,9 @@ class ThrownDie:
 
     Attributes
     ----------
-    die: as it was thrown.
+    die: the die on its table.
     momentum: (k,) probabilities of the outcomes by the momentum model.
-    throws: the simulated ones, or None.
+    throws: simulated throws, or None.
     """
 
     die: DieOnTable
@@ -285,12 +280,11 @@ class ThrownDie:
     throws: Throws | None
 
     def measure(self, target: Floats) -> SimulatedThrows | None:
-        """The throws against a target (k,); None without throws."""
+        """Comparison of the throws with a target (k,); None without throws."""
         throws = self.throws
         if throws is None:
             return None
         counts, resolved = self.die.counts(throws), throws.drops - throws.unresolved
-        # None of the target is elsewhere.
         variation = measure_variation(counts, np.append(target, 0.0), CONFIDENCE)
         intervals = exact_intervals(counts[:-1], resolved, CONFIDENCE)
         return SimulatedThrows(
@@ -309,37 +303,37 @@ class ThrownDie:
 
 @contextmanager
 def throwing_threads() -> Iterator[Executor]:
-    """Threads for throws; they suffice where an engine runs without Python's lock."""
+    """Thread pool for throws; the native engine runs without Python's lock."""
     workers = ThreadPoolExecutor(os.cpu_count())
     try:
         yield workers
     finally:
-        # An interrupt does not wait for throws that have not begun.
+        # An interrupt cancels throws that have not begun.
         workers.shutdown(wait=True, cancel_futures=True)
 
 
 FRAMES_PER_SECOND: Final = 100
-"""Of the motion, not of its display."""
+"""Frames per second of the motion, not of its display."""
 
 CANDIDATES: Final = 25
-"""Throws of which that of median length is filmed: neither one that stops at once nor a freak."""
+"""Throws of which the one of median length is filmed."""
 
 SETTLED: Final = 0.02
-"""Speed below which a die is at rest to the eye, in units of the square root of radius times
-gravity: some 7 mm/s for a die of 25 mm."""
+"""Speed below which a die looks at rest, in units of the square root of radius times gravity: about
+7 mm/s for a die of 25 mm."""
 
 
 @dataclass(frozen=True)
 class Film:
-    """The poses of one thrown body.
+    """Film of one thrown body.
 
     Attributes
     ----------
-    body: what was thrown; table: onto what.
-    seconds: (f,) since it was let go, 1 / `FRAMES_PER_SECOND` apart.
-    positions: (f, 3) of the center of mass in m, the table being z = 0.
+    body: the thrown body; table: parameters of the throw.
+    seconds: (f,) since the release, 1 / `FRAMES_PER_SECOND` apart.
+    positions: (f, 3) of the center of mass in m, with the table at z = 0.
     quaternions: (f, 4) unit, w, x, y, z, from the principal axes to the world.
-    rest: that it lies on in the end, in the order of `RestPoses`; -1 for a throw that was given up.
+    rest: final rest, in the order of `RestPoses`; -1 for a throw that was given up.
     """
 
     body: RigidBody
@@ -357,8 +351,8 @@ class Film:
     def place_points(self, points: Floats, center_of_mass: ArrayLike, frame: int) -> Floats:
         """Positions (n, 3) in m of points (n, 3) of the body in a frame.
 
-        points, center_of_mass: in the body's own frame and unit of length. They are scaled like the
-        body, to the size of the table's die.
+        points, center_of_mass: in the body's own frame and unit of length; scaled to the size of
+        the table's die.
         """
         arms = (points - np.asarray(center_of_mass)) @ self.body.axes
         arms *= self.table.size / (2.0 * self.body.radius)
@@ -366,25 +360,23 @@ class Film:
 
 
 def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None = None) -> Film:
-    """Film a typical throw, until the body is at rest to the eye.
+    """Film a typical throw, the one of median length of `CANDIDATES`, until the body looks at rest
+    or the time of simulations is up.
 
-    It is that of median length of `CANDIDATES` throws. A throw that has not come to rest in the
-    time that simulations give it is given up there.
+    seed: at least 0, determines the film. down: (3,) unit direction of the body's own frame that
+    points down at release; None for random orientations.
 
-    seed: at least 0; the same gives the same film. down: (3,) unit direction of the body's own
-    frame that is downward as it is let go; None for orientations at random.
-
-    Raises InputError: the compiled kernels are missing.
+    Raises InputError if the compiled kernels are missing.
     """
     contact = contact_of(table)
     rng = np.random.default_rng(seed)
     states = release_states(body, table, np.arange(CANDIDATES), "uniform", rng, down)
     _, steps = advance(body, table, states.copy(), round(contact.seconds / contact.step))
     state = states[[np.argsort(steps, kind="stable")[CANDIDATES // 2]]]
-    # Whole steps to a frame.
+    # A whole number of steps in a frame.
     steps_per_frame = math.ceil(1.0 / (FRAMES_PER_SECOND * contact.step))
     refinement = steps_per_frame * FRAMES_PER_SECOND * contact.step
-    # Engines stop where the end is certain, which is while the body still rocks.
+    # Without barriers, the simulation goes on while the body still rocks.
     unstopped = replace(body, barriers=np.full_like(body.barriers, -np.inf))
     frames = [state[0].copy()]
     rest, radius = -1, table.size / 2.0

@@ -1,5 +1,5 @@
-"""One table fitted to counts of several real dice, each thrown in a session of its own, and what it
-predicts of a die."""
+"""A table fitted to counts of several real dice, each thrown in a session of its own, and its
+predictions for dice."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from dicedesign.throws.probability_surrogate import (
 from dicedesign.throws.sessions import (
     PARAMETERS,
     draw_values,
+    round_value,
     session_offsets,
     session_points,
     set_counts,
@@ -44,22 +45,21 @@ from dicedesign.throws.tables import Table
 from dicedesign.throws.throw_counts import CountedDie
 
 SERIES: Final = 4000
-"""Series of throws that are drawn for a p-value, whose standard error so is below 0.008."""
+"""Simulated series of throws for a p-value, whose standard error is then below 0.008."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Counts of one die beside their posterior prediction.
+    """Comparison of the counts of one die with their posterior prediction.
 
     Attributes
     ----------
-    probabilities, deviation: (g,) mean and standard deviation of the probabilities by the
-        prediction.
-    p_value: part of predicted series of throws that go no better with the prediction than the real
-        one, by the ratio of their likelihood by the prediction over that by their own frequencies.
+    probabilities, deviation: (g,) mean and standard deviation of the predicted probabilities.
+    p_value: share of predicted series of throws with at most the likelihood ratio of the real
+        series: likelihood by the prediction over likelihood by the series' own frequencies.
     standard_error: of the p-value.
-    worst: the outcome that came up most unlike the prediction.
-    interval: that holds its count in 95 % of predicted series.
+    worst: outcome whose count deviates most from the prediction.
+    interval: of its count in 95 % of predicted series.
     """
 
     probabilities: Floats
@@ -71,7 +71,7 @@ class Prediction:
 
 
 def predict(counts: Integers, probabilities: Floats, rng: np.random.Generator) -> Prediction:
-    """Counts (g,) against a prediction: equally likely probabilities (m, g).
+    """Compare counts (g,) with a prediction, equally likely probabilities (m, g).
 
     Source: Gelman, Meng and Stern, Statistica Sinica 6, 1996, with the likelihood ratio of the
     mixture of all probabilities as discrepancy.
@@ -82,7 +82,7 @@ def predict(counts: Integers, probabilities: Floats, rng: np.random.Generator) -
     # In place: temporary arrays of this size take most of the time.
     likelihoods = np.logaddexp.reduce(both @ np.log(probabilities).T, axis=1)
     fits = likelihoods - xlogy(both, both / throws).sum(axis=1)
-    # The real series counts as one more, so that no p-value is 0; equal ones differ by rounding.
+    # The real series is included, so that no p-value is 0. Equal ratios may differ by rounding.
     worse = int((fits <= fits[0] + 1e-9 * abs(fits[0])).sum())
     p_value = worse / len(both)
     spread = np.maximum(series.std(axis=0), 0.5)
@@ -98,48 +98,18 @@ def predict(counts: Integers, probabilities: Floats, rng: np.random.Generator) -
     )
 
 
-def expected_deviations(values: Floats, probabilities: Floats, throws: Sequence[int]) -> Floats:
-    """Standard deviations (t, p) that are left of p parameters after each of t numbers of throws.
-
-    The best estimate that is linear in the frequencies takes part of the variance, the more, the
-    larger the covariance of a parameter with the probabilities is beside what sessions and chance
-    do to the frequencies. Estimates that are not linear leave no more.
-
-    Source: Goldstein and Wooff, Bayes Linear Statistics, 2007, section 1.3.
-
-    Parameters
-    ----------
-    values: (m, p) equally likely sets of parameters, as they are known before.
-    probabilities: (m, g) of the die in a session at each.
-    throws: in one session.
-    """
-    known, part = values - values.mean(axis=0), probabilities - probabilities.mean(axis=0)
-    covariance = known.T @ part / len(probabilities)
-    between = part.T @ part / len(probabilities)
-    chance = np.diag(probabilities.mean(axis=0)) - probabilities.T @ probabilities / len(
-        probabilities
-    )
-    left = []
-    for count in throws:
-        # Frequencies sum to 1, which leaves one direction without variance.
-        gain = covariance @ np.linalg.pinv(between + chance / count, hermitian=True) @ covariance.T
-        left.append(np.sqrt(np.maximum(known.var(axis=0) - np.diag(gain), 0.0)))
-    return np.array(left)
-
-
 @dataclass(frozen=True)
 class DieCheck:
-    """Real throws of one die beside simulated ones.
+    """Comparison of real and simulated throws of one die.
 
     Attributes
     ----------
-    die: what was thrown.
-    simulated: (g,) how often each outcome came up in simulation.
-    unresolved: simulated drops that ended nowhere.
-    chi_square: whether real and simulated throws can have the same probabilities, whatever these
-        are.
-    exact: whether the real ones can have the probabilities simulated, as if those were known.
-    geometric: whether the real ones can have the probabilities without momentum.
+    die: the die with its real counts.
+    simulated: (g,) simulated counts.
+    unresolved: number of simulated drops without a rest.
+    chi_square: two-sample test of real and simulated counts.
+    exact: exact test of the real counts against the simulated probabilities, taken as known.
+    geometric: test of the real counts against the probabilities without momentum.
     """
 
     die: CountedDie
@@ -151,7 +121,7 @@ class DieCheck:
 
     @property
     def probabilities(self) -> Floats:
-        """(g,) simulated probabilities, above 0, by the prior of Jeffreys."""
+        """(g,) simulated probabilities, above 0, under Jeffreys' prior."""
         return jeffreys_means(self.simulated)
 
 
@@ -164,10 +134,10 @@ def check_table(
     workers: Executor | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[DieCheck, ...]:
-    """Throw each die on a table, and compare with its counts.
+    """Simulate throws of each die on a table, and compare them with its counts.
 
-    Parameters and errors: as of `simulate`. Dice whose size is unknown have the table's; larger
-    ones than it lets fall are let go from as high as they are large.
+    Parameters and errors are as in `simulate`. Dice of unknown size have the table's; dice larger
+    than the least height are released from their own size.
     """
     checks = []
     for die in dice:
@@ -187,23 +157,20 @@ def check_table(
     return tuple(checks)
 
 
-MORE: Final = (50, 100, 200, 400, 800, 1600)
-"""Numbers of throws whose information is predicted."""
-
 CREDIBLE_LEVEL: Final = 0.9
 """Posterior probability of the interval of each parameter."""
 
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """One shared parameter by the counts, in the unit of `Table`.
+    """Posterior of one shared parameter, in the unit of `Table`.
 
     Attributes
     ----------
-    fitted: its value in the fitted set.
+    fitted: value in the fitted set.
     mean, standard_deviation: of the posterior.
-    interval: that holds it with the posterior probability `CREDIBLE_LEVEL`, as much below as above.
-    searched: limits of the search, between which the prior is flat.
+    interval: equal-tailed credible interval of the level `CREDIBLE_LEVEL`.
+    searched: limits of the flat prior.
     """
 
     fitted: float
@@ -215,21 +182,19 @@ class FittedParameter:
 
 @dataclass(frozen=True, eq=False)
 class DieFit:
-    """One die by the posterior.
+    """Predictions of the posterior for one die.
 
     Attributes
     ----------
-    die: with its counts, which may all be 0 where the die was not fitted to.
+    die: with its counts, which may be 0 if they were not used in the fit.
     probabilities, deviation: (g,) mean and standard deviation of its probabilities in a new
         session.
-    whole: what the posterior of all counts predicts of more throws in the session of that die; its
-        p-value is a little flattered, as the counts themselves are in the posterior. None for a die
-        that was not fitted to.
-    left_out: what the posterior of the other dice's counts alone predicts of a session of the die.
-        None without counts.
-    drawn: (m, g) equally likely probabilities in a new session, by the surrogate's best estimate.
-    after: (t, 2) standard deviations of restitution and friction that `MORE` throws of the die
-        would be expected to leave.
+    whole: prediction of more throws in the die's own session, by the posterior of all counts. Its
+        p-value is slightly optimistic, as the counts are part of the posterior. None for a die that
+        was not used in the fit.
+    left_out: prediction of a session of the die, by the posterior of the other dice's counts. None
+        without counts.
+    drawn: (m, g) equally likely probabilities in a new session, by the surrogate's means.
     """
 
     die: CountedDie
@@ -238,29 +203,26 @@ class DieFit:
     whole: Prediction | None
     left_out: Prediction | None
     drawn: Floats
-    after: Floats
 
 
 @dataclass(frozen=True)
 class TableFit:
-    """A fitted table with its uncertainty.
+    """Fitted table with its uncertainty.
 
     Attributes
     ----------
-    table: under which, as the hand of all sessions, the counts are likeliest; to three digits (see
+    table: most likely table with the same throws in all sessions, to three digits (see
         `SHARPNESS`).
-    posterior: equally likely tables, each with the hand of a session drawn too.
-    parameters: each of `PARAMETERS`, in that order; the hand is the center of all sessions.
-    correlations: (5, 5) of the posterior, of the hand's logarithms.
-    dice: those that were fitted to, and then those that were not.
-    evaluations: sets of parameters that were simulated; drops: of each die for each set.
-    log_likelihood: of the counts of all dice at `table`, by the surrogates, less what frequencies
-        equal to the probabilities would give.
-    surprise: root mean square deviation of simulated log probabilities from what the surrogates
-        predict without them, in standard deviations: near 1 if they are right about their
-            uncertainty.
-    effective_points: of the points at which the posterior was computed, how many equal ones would
-        be as good.
+    posterior: equally likely tables, each with the throws of a random session.
+    parameters: posteriors of `PARAMETERS`, in that order; height, speed and spin are the centers of
+        all sessions.
+    correlations: (5, 5) of the posterior, with logarithms of height, speed and spin.
+    dice: the fitted dice, then the others.
+    evaluations: number of simulated sets of parameters; drops: of each die for each set.
+    log_likelihood: of all counts at `table` by the surrogates, minus its largest possible value.
+    surprise: root mean square error of the surrogates' leave-one-out predictions of simulated log
+        probabilities, in standard deviations; near 1 if their uncertainty is right.
+    effective_points: effective sample size of the posterior's points.
     """
 
     table: Table
@@ -276,32 +238,32 @@ class TableFit:
 
 
 FIRST: Final = 0.5
-"""Part of the evaluations that are spread over all throws; the others are where the posterior is
-after the first, in `ROUNDS` rounds."""
+"""Share of the evaluations that are spread over the prior; the others follow the posterior, in
+`ROUNDS` rounds."""
 
 ROUNDS: Final = 4
 
 SHARPNESS: Final = 8
-"""The fitted set is the mean of the likelihood raised to this power: near the likeliest set where
-the counts tell, and in the middle where they do not."""
+"""Power of the likelihood whose mean is the fitted set: near the most likely set for parameters
+that the counts determine, and central for others."""
 
 FEWEST_EVALUATIONS: Final = 32
 
 PILOT: Final = (2**11, 2**3)
 
 FINAL: Final = (2**12, 2**5)
-"""Points for each distribution that the posterior is drawn with, and sessions at each, while it is
-only asked where to simulate and at last."""
+"""Points for each proposal distribution of the posterior, and sessions at each point, before and
+after the last simulation."""
 
 DRAWS: Final = 2**10
-"""Sets that stand for the posterior in predictions."""
+"""Number of sets that represent the posterior in predictions."""
 
 TABLES: Final = 32
-"""Sets of the posterior that a fitted table brings along."""
+"""Number of posterior tables of a fitted table."""
 
 
 def check_effort(evaluations: int, drops: int, seed: int) -> None:
-    """Raise InputError for fewer than `FEWEST_EVALUATIONS`, no drop, or a seed below 0."""
+    """Raise InputError for fewer than `FEWEST_EVALUATIONS`, no drop, or an invalid seed."""
     check_whole("evaluations", evaluations, FEWEST_EVALUATIONS)
     check_whole("drops", drops)
     check_whole("seed", seed, least=0, most=MOST_SEED)
@@ -319,43 +281,44 @@ def fit_table(
     checkpoint: Checkpoint | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> TableFit:
-    """Fit a table to what came up.
+    """Fit a table to counts of real dice.
 
-    Restitution and friction are the same for all dice, and so is the center of all hands; each die
-    was thrown in a session with a hand of its own about it (see `sessions`). Sets of restitution,
-    friction and a session's hand are simulated, first all over the limits and then where the
-    posterior is. Through the simulated probabilities of every die goes a smooth surrogate, which
-    averages over the sampling noise of neighboring sets; the likelihood of the real counts is the
-    mean of that by its probabilities over its own uncertainty and over sessions. Each set has
-    random numbers of its own. Common ones would make the noise of neighboring sets the same only
-    if the same drop ended alike in both, but bounces part them: of the published 2d6, let go alike,
-        12 % end on the
-    same rest when the restitution differs by a thousandth, and 12 % by chance.
+    Restitution and friction are the same for all dice, and so is the center of the sessions'
+    throws; each die was thrown in a session with its own height, speed and spin (see `sessions`).
+    Sets of restitution, friction and a session's throws are simulated, first over the prior and
+    then over the posterior. The simulated probabilities of each die are interpolated by a smooth
+    surrogate. The likelihood of the real counts is averaged over the surrogate's uncertainty and
+    over sessions. Each set has its own random numbers: common ones would not correlate the noise of
+    neighboring sets, since bounces separate equal throws. Of the published 2d6, released alike, 12
+    % end on the same rest if the restitution differs by a thousandth, and 12 % by chance.
 
     Parameters
     ----------
-    start: has the name and the source.
-    evaluations: sets of parameters, at least `FEWEST_EVALUATIONS`. drops: of each die, above 0.
-    seed: of the drops and of the sets.
-    others: dice that are predicted and not fitted to.
-    checkpoint: of the same arguments; what was simulated before is taken from it, and what is
-        simulated is added.
+    start: name and source of the table.
+    evaluations, drops, seed: see `check_effort`; drops are of each die for each set.
+    others: dice that are predicted but not used in the fit.
+    checkpoint: of the same arguments; earlier simulations are read from it, new ones are added.
     progress: called with the number of drops of each die that was thrown.
-
-    The numbers are as of `check_effort`.
     """
     saved = checkpoint or Checkpoint()
     every = [*dice, *others]
     first = round(FIRST * evaluations)
     rng = np.random.default_rng(seed)
-    sets = qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first]
-    counts = set_counts(every, start, sets, drops, seed, 0, workers, saved, progress)
+    sets = np.empty((0, len(PARAMETERS)))
+    counts = [np.empty((0, len(die.labels)), dtype=np.int64) for die in every]
+
+    def add(points: Floats) -> None:
+        """Simulate throws at further points (n, 5)."""
+        nonlocal sets
+        added = set_counts(every, start, points, drops, seed, len(sets), workers, saved, progress)
+        sets = np.concatenate([sets, points])
+        counts[:] = map(np.concatenate, zip(counts, added, strict=True))
 
     def surrogates_of(dice: Sequence[CountedDie]) -> list[ProbabilitySurrogate]:
         each = zip(dice, counts, strict=False)
         return [ProbabilitySurrogate.through(die, sets, of_die) for die, of_die in each]
 
-    def weighted(
+    def sample(
         surrogates: Sequence[ProbabilitySurrogate], effort: tuple[int, int], is_final: bool
     ) -> WeightedPoints:
         offsets = session_offsets(effort[1], rng)
@@ -367,22 +330,20 @@ def fit_table(
             leave_one_out=is_final,
         )
 
+    add(qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first])
     for batch in np.array_split(np.arange(first, evaluations), ROUNDS):
-        # Hands of sessions with unknown sizes spread the sets as far as any die's.
+        # Sessions of unknown size, so that the sets spread as far as any die's.
         offsets = session_offsets(2 ** (len(batch) - 1).bit_length(), rng)[: len(batch)]
-        pilot = weighted(surrogates_of(dice), PILOT, False)
+        pilot = sample(surrogates_of(dice), PILOT, False)
         drawn = _resample(pilot.points, pilot.weights(), len(batch), rng)
-        more = session_points(drawn, offsets, None)
-        added = set_counts(every, start, more, drops, seed, len(sets), workers, saved, progress)
-        sets = np.concatenate([sets, more])
-        counts = [np.concatenate(pair) for pair in zip(counts, added, strict=True)]
+        add(session_points(drawn, offsets, None))
     surrogates = surrogates_of(every)
     fitted_to = surrogates[: len(dice)]
-    posterior = weighted(fitted_to, FINAL, True)
+    posterior = sample(fitted_to, FINAL, True)
     center = np.array([[0.0, 0.0, 0.0, 0.5]])
 
     def heights(points: Floats) -> Floats:
-        """Logarithms (n,) of the likelihood of all counts, if all sessions had the hand."""
+        """Log likelihoods (n,) of all counts, with the central throws in all sessions."""
         return np.asarray(log_likelihoods(fitted_to, points, center, True).sum(axis=1))
 
     logarithms = posterior.log_priors + SHARPNESS * heights(posterior.points)
@@ -410,8 +371,7 @@ def fit_table(
 
 
 def _resample(points: Floats, weights: Floats, count: int, rng: np.random.Generator) -> Floats:
-    """(count, d) equally likely points, each as often as its weight has it to one less or more, in
-    random order."""
+    """Equally likely points (count, d) in random order, by systematic resampling."""
     places = (np.arange(count) + rng.random()) / count
     numbers = np.searchsorted(weights.cumsum(), places).clip(max=len(weights) - 1)
     return points[rng.permutation(numbers)]
@@ -423,7 +383,7 @@ def _die_fit(
     number: int | None,
     rng: np.random.Generator,
 ) -> DieFit:
-    """The predictions of a die; number: its place in the likelihoods, None if it has none."""
+    """Predictions for a die; number: its column in the likelihoods, or None."""
     die = surrogate.die
     points = _resample(posterior.points, posterior.weights(), DRAWS, rng)
     fresh = session_points(points, session_offsets(DRAWS, rng), die.size)
@@ -446,12 +406,11 @@ def _die_fit(
         whole=whole,
         left_out=left_out,
         drawn=surrogate.probabilities(fresh),
-        after=expected_deviations(shared_values(points)[:, :2], probabilities, MORE),
     )
 
 
 def _summary(posterior: WeightedPoints, best: Floats) -> tuple[dict[str, FittedParameter], Floats]:
-    """The parameters, and their correlations (5, 5)."""
+    """Posteriors of the parameters, and their correlations (5, 5)."""
     weights, values = posterior.weights(), shared_values(posterior.points)
     means = weights @ values
     deviations = np.sqrt(weights @ (values - means) ** 2)
@@ -463,9 +422,7 @@ def _summary(posterior: WeightedPoints, best: Floats) -> tuple[dict[str, FittedP
         tail = (1.0 - CREDIBLE_LEVEL) / 2.0
         at = np.searchsorted(weights[order].cumsum(), [tail, 1.0 - tail])
         low, high = values[order[np.minimum(at, len(order) - 1)], i].tolist()
-        # No counts determine more digits than these.
-        fitted = float(f"{best[i]:.3g}")
         parameters[name] = FittedParameter(
-            fitted, float(means[i]), float(deviations[i]), (low, high), searched
+            round_value(best[i]), float(means[i]), float(deviations[i]), (low, high), searched
         )
     return parameters, scaled.T @ (weights[:, None] * scaled)

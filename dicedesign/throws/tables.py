@@ -1,4 +1,4 @@
-"""Tables: how dice are thrown, by whom, and onto what."""
+"""Tables: surfaces on which dice land, and the distribution of throws onto them."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ if TYPE_CHECKING:
 
 
 Spread: TypeAlias = float | tuple[float, float]
-"""A number, the same in every throw; or the least and the most, between which each throw has one,
-all equally likely and independent of everything else."""
+"""A number, the same in every throw; or a range (least, most), from which each throw draws its own
+uniformly and independently."""
 
 
 def least_of(spread: Spread) -> float:
-    """The least value of any throw."""
+    """Least value of any throw."""
     return float(np.min(spread))
 
 
 def most_of(spread: Spread) -> float:
-    """The largest value of any throw."""
+    """Largest value of any throw."""
     return float(np.max(spread))
 
 
 def scale(spread: Spread, factor: float) -> Spread:
-    """Every value times a number above 0."""
+    """Product of every value and a number above 0."""
     if isinstance(spread, tuple):
         return factor * spread[0], factor * spread[1]
     return factor * spread
 
 
 def draw(spread: Spread, count: int, rng: np.random.Generator) -> float | Floats:
-    """Values (count,) drawn from a range, or the one number if it is no range."""
+    """Values (count,) drawn from a range, or the number itself."""
     return rng.uniform(*spread, count) if isinstance(spread, tuple) else spread
 
 
@@ -51,10 +51,10 @@ class Hand:
 
     Attributes
     ----------
-    line: what it does, in a line.
-    height, speed, spin: as of `Table`.
-    phrase: how the die is thrown, for sentences: "Throw it ...".
-    source: where the numbers come from.
+    line: description for tables.
+    height, speed, spin: see `Table`.
+    phrase: manner of throwing, after "Throw it ...".
+    source: source of the numbers.
     """
 
     name: str
@@ -67,11 +67,14 @@ class Hand:
 
 
 SPREADS: Final = ("height", "speed", "spin")
-"""Parameters that may differ from one throw to the next."""
+"""Parameters of a throw, which may be ranges."""
+
+TABLE_NUMBERS: Final = ("restitution", "friction", *SPREADS)
+"""Parameters on which throws depend, besides the size of the die."""
 
 
 def read_packaged(name: str) -> str:
-    """The text of a file that comes with the package."""
+    """Text of a file that comes with the package."""
     return resources.files("dicedesign.throws").joinpath(f"named/{name}.json").read_text()
 
 
@@ -83,25 +86,25 @@ HANDS: Final = {
     name: Hand(name, **{key: _frozen(value) for key, value in entries.items()})
     for name, entries in json.loads(read_packaged("hands")).items()
 }
-"""All hands, by name."""
+"""Named throw distributions."""
 
 
-def hand_named(name: object) -> Hand:
-    """Raises InputError where there is no such hand."""
-    if not isinstance(name, str) or name not in HANDS:
+def hand_named(name: str) -> Hand:
+    """Throw distribution of a name. Raises InputError for an unknown name."""
+    if name not in HANDS:
         raise InputError(f"hand: expected {', '.join(HANDS)}, got {name!r}; take one of them")
     return HANDS[name]
 
 
 TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
-"""The tables that come with the package, each in a file of its own."""
+"""Tables that come with the package, one file each."""
 
 MOST_RESTITUTION: Final = 0.95
 
 LEAST_SIZE: Final = 1e-4
 
 MOST_SIZE: Final = 10.0
-"""Of dice, in m."""
+"""Largest size of dice, in m."""
 
 _LIMITS: Final = {
     "restitution": (0.0, MOST_RESTITUTION, "0 (dead) to 0.95"),
@@ -113,36 +116,32 @@ _LIMITS: Final = {
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
 
-_DRAWN: Final = ("restitution", "friction", *SPREADS)
-"""Parameters in which tables of a posterior differ."""
-
-_BESIDE: Final = {"posterior", "momentum"}
-"""Entries of a file that are not of its table."""
+_EXTRA_ENTRIES: Final = {"posterior", "momentum"}
+"""Entries of a file that are no parameters of its table."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """One way to throw dice of one size onto one plane.
+    """Parameters of throws of dice of one size onto a plane.
 
     Attributes
     ----------
-    name: what reports call it.
-    restitution: speed along the normal kept by a point that hits the table, 0 to 0.95.
+    name: used in reports.
+    restitution: share of its normal speed that a point keeps when it hits the table, 0 to 0.95.
     friction: Coulomb's coefficient.
-    height: of the die's lowest point over the table when it is let go, in m; 0 sets it down. Else
-        the die must be no larger than the least.
-    speed: along the table at that moment, in m/s.
-    spin: angular speed at that moment, in rad/s, about an axis of random direction.
+    height: height of the die's lowest point over the table at release, in m; 0 sets the die down.
+        Otherwise at least the size of the die.
+    speed: along the table at release, in m/s.
+    spin: angular speed at release, in rad/s, about a random axis.
     size: of the die, in m: twice the largest distance of a point from its center of mass.
-    drag: rate in 1/s at which spin is lost, by a die with the same moment of inertia about every
-        axis; above 0 for throws without momentum only.
-    source: where the numbers come from.
+    drag: rate of loss of spin in 1/s, for a die with equal moments of inertia; above 0 only for
+        throws without momentum.
+    source: source of the numbers.
 
-    Height, speed and spin are numbers, or ranges (least, most): then each throw has its own, all
-    between these equally likely, the three of them independent.
+    Height, speed and spin are numbers or ranges (least, most), see `Spread`.
 
-    Raises InputError: a number is beyond its limits, a range is reversed or empty, or the die is
-    larger than the least height.
+    Raises InputError: a number is outside of its limits, a range is reversed or empty, or the die
+    is larger than the least height.
     """
 
     name: str
@@ -191,7 +190,7 @@ class Table:
         return tuple(ends) if is_range else value
 
     def livelier(self, change: float) -> Table:
-        """A table whose restitution is higher by this part, but not above `MOST_RESTITUTION`."""
+        """Table whose restitution is (1 + change) times as large, at most `MOST_RESTITUTION`."""
         return replace(self, restitution=min((1.0 + change) * self.restitution, MOST_RESTITUTION))
 
     def for_size(self, size: float | None) -> Table:
@@ -209,73 +208,69 @@ class Table:
     def with_hand(self, hand: str) -> Table:
         """Table with another throw distribution, one of `HANDS`.
 
-        Raises InputError: there is no such way, the die is larger than its least height, or nothing
-        has momentum on this table.
+        Raises InputError: the name is unknown, the die is larger than the least height, or the
+        table has drag.
         """
         way = hand_named(hand)
+        source = f"{self.source}; {way.phrase}, {way.source}"
         if self.drag > 0.0:
             raise InputError(
                 f"table {self.name}: expected a table on which dice have momentum for the hand "
                 f"{hand}, got one with drag; leave the hand out, or take another table"
             )
-        return replace(self, name=f"{self.name}:{hand}", **_throw_by(way, self.source))
+        return replace(self, name=f"{self.name}:{hand}", source=source, **_motion(way))
 
     @property
     def hand(self) -> Hand | None:
-        """The one of `HANDS` whose height, speed and spin it has, if any."""
+        """The throw distribution of `HANDS` with the same height, speed and spin, if any."""
         own = _motion(self)
         return next((way for way in HANDS.values() if _motion(way) == own), None)
 
     def as_dict(self) -> dict[str, Any]:
-        """The table as plain data, ranges as lists."""
+        """Table as plain data, with ranges as lists."""
         plain = asdict(self)
         return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items()}
 
 
-def _motion(thrown: Hand | Table) -> dict[str, Spread]:
+def _motion(thrown: Hand | Table) -> dict[str, Any]:
     return {key: getattr(thrown, key) for key in SPREADS}
 
 
-def _throw_by(way: Hand, source: object) -> dict[str, Any]:
-    """Height, speed and spin of a hand, and the source of these beside that of a table."""
-    return {**_motion(way), "source": f"{source}; {way.phrase}, {way.source}"}
-
-
 def load_table(name: str) -> Table:
-    """A table by its name, or from a JSON file by its path (ending in .json). A colon and one of
-    `HANDS` after these, as in "board-game:cup", take another way to throw.
+    """Table by its name, or from a JSON file by its path (ending in .json). A suffix with one of
+    `HANDS`, as in "board-game:cup", selects another throw distribution.
 
     Raises
     ------
-    InputError: there is none of that name, the file cannot be read, it is no table, or there is no
-        such way to throw.
+    InputError: the table or the throw distribution is unknown, or the file cannot be read or is not
+        a table.
     """
     return _table(table_entries(name))
 
 
 def posterior_tables(name: str) -> tuple[Table, ...]:
-    """Equally likely tables that a fitted one may be, each with the hand of a session; none where
-    its file does not say.
+    """Equally likely tables of a fitted table's posterior, each with the throws of a session; empty
+    if its file has none.
 
     The entry "posterior" of the file lists objects with restitution, friction, height, speed and
-    spin, numbers or ranges; all else they have from the table.
+    spin, numbers or ranges; the other parameters are the table's.
 
-    Raises InputError: as `load_table`, or the entry is no such list, or an empty one.
+    Raises InputError as `load_table`, or if the entry is not such a list.
     """
     entries = table_entries(name)
     table = _table(entries)
     if "posterior" not in entries:
         return ()
     listed = entries["posterior"]
-    if (
-        not isinstance(listed, list)
-        or not listed
-        or not all(isinstance(row, dict) and set(row) == set(_DRAWN) for row in listed)
+    if not (
+        isinstance(listed, list)
+        and listed
+        and all(isinstance(row, dict) and set(row) == set(TABLE_NUMBERS) for row in listed)
     ):
         raise InputError(
             f"table {name}: expected as posterior a list of at least one object with "
-            f"{', '.join(_DRAWN)}; make it again with `dicedesign table fit`, or take posterior "
-            "out of the file"
+            f"{', '.join(TABLE_NUMBERS)}; make it again with `dicedesign table fit`, or remove "
+            "posterior from the file"
         )
     return tuple(
         replace(table, **row, name=f"{table.name} {number} of {len(listed)}")
@@ -284,22 +279,22 @@ def posterior_tables(name: str) -> tuple[Table, ...]:
 
 
 def posterior_entries(tables: Sequence[Table]) -> list[dict[str, Any]]:
-    """The entry "posterior" of a file, of equally likely tables."""
-    return [{key: table.as_dict()[key] for key in _DRAWN} for table in tables]
+    """Entry "posterior" of a file, for equally likely tables."""
+    return [{key: table.as_dict()[key] for key in TABLE_NUMBERS} for table in tables]
 
 
 def _table(entries: dict[str, Any]) -> Table:
-    return Table(**{key: entries[key] for key in entries.keys() - _BESIDE})
+    return Table(**{key: entries[key] for key in entries.keys() - _EXTRA_ENTRIES})
 
 
 def with_hand(name: str, hand: str | None) -> str:
-    """The name of a table with another way to throw, for `load_table`; None leaves its own."""
+    """Name of a table with another throw distribution, for `load_table`; None keeps its own."""
     return name if hand is None else f"{name}:{hand}"
 
 
 def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, "posterior" where it was fitted,
-    and "momentum" where it has a momentum model of its own. Raises InputError as `load_table`."""
+    """Entries of the file of a table: the attributes of `Table`, perhaps "posterior", the tables of
+    a fit, and "momentum", a momentum model. Raises InputError as `load_table`."""
     place, _, hand = name.rpartition(":")
     if place not in TABLE_NAMES and not place.endswith(".json"):
         return _entries_of_file(name)
@@ -327,17 +322,12 @@ def _entries_of_file(name: str) -> dict[str, Any]:
         entries = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"table {name}: expected JSON, but {error}; correct it") from error
-    if isinstance(entries, dict) and "hand" in entries and not set(entries) & set(SPREADS):
-        with named(f"table {name}"):
-            way = hand_named(entries.pop("hand"))
-        entries |= _throw_by(way, entries.get("source", "given"))
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
-    if not isinstance(entries, dict) or not needed <= set(entries) <= known | _BESIDE:
+    if not isinstance(entries, dict) or not needed <= set(entries) <= known | _EXTRA_ENTRIES:
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
-            f"table {name}: expected an object with {', '.join(sorted(needed))} (or hand in place "
-            f"of {', '.join(SPREADS)}) and at most size, drag, source, posterior and momentum, "
-            f"got {got}; correct it"
+            f"table {name}: expected an object with {', '.join(sorted(needed))} and at most size, "
+            f"drag, source, posterior and momentum, got {got}; correct it"
         )
     return entries

@@ -1,4 +1,4 @@
-"""Files of counts of several dice, each with the die that was thrown."""
+"""Files with counts of several dice and their meshes."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ GEOMETRIC: Final = "geometric"
 CENTER: Final = "com"
 
 SIZE: Final = "size_mm"
-"""Columns of a file of several dice: those that every one has, and those that it may have."""
+"""Columns of a file of several dice: required and optional ones."""
 
 
 @dataclass(frozen=True)
 class CountedDie:
-    """A real die and what came up.
+    """Real die with its counts.
 
     Attributes
     ----------
-    name: as in the file.
-    body: the die.
-    size: twice the largest distance of a point from its center of mass, in m; None if unknown.
-    labels: of the g outcomes; those that cannot be distinguished are one, such as "2 or 12".
-    counts: (g,) how often each came up.
-    geometric: (g,) their probabilities without momentum, summing to 1.
-    group_of_rest: (k,) the outcome that each rest shows; -1 for none.
-    poses: its rests.
+    name: name of the die in the file.
+    body: the die as a rigid body.
+    size: twice the largest distance of a point from the center of mass, in m; None if unknown.
+    labels: of the g outcomes; indistinguishable outcomes are merged, as in "2 or 12".
+    counts: (g,) of the outcomes.
+    geometric: (g,) probabilities of the outcomes without momentum, summing to 1.
+    group_of_rest: (k,) outcome of each rest; -1 for none.
+    poses: rests of the die.
     """
 
     name: str
@@ -63,34 +63,33 @@ class CountedDie:
     poses: RestPoses
 
     def by_outcome(self, rests: Integers) -> Integers:
-        """Sums (g,) of counts (k,) over the rests of each outcome; those that show none are left
-        out."""
+        """Sums (g,) of counts (k,) over the rests of each outcome."""
         return sums_by_outcome(rests, self.group_of_rest, len(self.labels))
 
 
-FoundDie = tuple[RigidBody, RestPoses, OutcomeGroups]
-"""A die whose outcomes were found on it."""
+MatchedDie = tuple[RigidBody, RestPoses, OutcomeGroups]
+"""Die with the outcomes of its rests."""
 
 
 def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[CountedDie, ...]:
-    """The dice of a CSV file with a line for each outcome.
+    """Read dice with their counts from a CSV file with a line for each outcome.
 
-    Needed columns: `die`, a name; `mesh`, the path of a mesh file or of the folder of a finished
-    run, relative to the CSV file; `outcome`; and `throws`, how often it came up. With a mesh file
-    also `geometric`, the outcome's probabilities without momentum, by which outcomes are found on
-    the mesh (see `match_by_probability`); perhaps `com`, its center of mass "x y z" where it is not
-    the centroid; and perhaps `size_mm`, the die's largest extent across it. A run's folder tells
-    all three. Other columns are ignored.
+    Required columns: `die`, a name; `mesh`, the path of a mesh file or of the folder of a finished
+    run, relative to the CSV file; `outcome`; and `throws`, its count. A mesh file also needs
+    `geometric`, the outcome's probability without momentum, by which outcomes are matched with
+    rests (see `match_by_probability`). Optional with a mesh file: `com`, the center of mass "x y z"
+    if it is not the centroid, and `size_mm`, twice the largest distance of a point from it. Other
+    columns are ignored.
 
     Parameters
     ----------
-    dice: names of those wanted; None takes all.
+    dice: names of the dice to read; None reads all.
 
     Raises
     ------
-    InputError: the file cannot be read, lacks a column or a die, has a die twice or an outcome
-        twice, a count that is no whole number, a size or a center of mass that no die has, a die
-        without throws, or outcomes that cannot be found on its mesh.
+    InputError: the file cannot be read, lacks a column or a die, repeats an outcome, has an invalid
+        count, size or center of mass, a die without throws, or outcomes that do not match its
+        mesh.
     """
     columns, rows = csv_rows(path)
     if not set(NEEDED) <= set(columns) or len(set(columns)) < len(columns):
@@ -115,9 +114,9 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
 
 
 def read_die_without_counts(folder: Path) -> tuple[CountedDie, Floats]:
-    """The die of a finished run's folder, without throws, and the target (g,) of its outcomes.
+    """Die of a finished run's folder, with counts of 0, and the target (g,) of its outcomes.
 
-    Raises InputError: no run left that folder, or one of its labels is on no stable facet.
+    Raises InputError if the folder is not of a run, or a label is on no stable facet.
     """
     result = read_result(folder)
     labels, die = result.labels, _read_designed_die(folder, result.labels)
@@ -126,16 +125,16 @@ def read_die_without_counts(folder: Path) -> tuple[CountedDie, Floats]:
 
 
 def read_rolled_die(folder: Path, rolls: Path) -> CountedDie:
-    """The die of a finished run's folder, with the throws of a file as of `read_counts`.
+    """Die of a finished run's folder, with counts from a file; see `read_counts`.
 
-    Raises InputError: as that, no run left that folder, or one of its labels is on no stable facet.
+    Raises InputError as `read_counts` and `read_die_without_counts`.
     """
     die, _ = read_die_without_counts(folder)
     return replace(die, counts=read_counts(rolls, die.labels))
 
 
 def throws_digest(dice: Sequence[CountedDie]) -> str:
-    """SHA-256 of dice and of what came up."""
+    """SHA-256 of dice and their counts."""
     digest = hashlib.sha256()
     for die in dice:
         digest.update(repr((die.name, die.size, die.labels)).encode())
@@ -147,7 +146,7 @@ def throws_digest(dice: Sequence[CountedDie]) -> str:
 
 
 def _make_counted_die(
-    name: str, size: float | None, labels: Sequence[str], counts: Integers, die: FoundDie
+    name: str, size: float | None, labels: Sequence[str], counts: Integers, die: MatchedDie
 ) -> CountedDie:
     body, poses, groups = die
     probabilities = sums_by_outcome(poses.probabilities, groups.group_of_rest, len(labels))
@@ -159,13 +158,13 @@ def _make_counted_die(
 
 @dataclass(frozen=True)
 class _Line:
-    """Entries by column. where: the file and the number of the line, for messages."""
+    """Entries of a line by column. where: file and line number, for messages."""
 
     where: str
     row: dict[str, str]
 
     def number(self, column: str, text: str | None = None) -> float:
-        """Number in a column, or of a text in it. Raises InputError for none."""
+        """Number in a column, or in a part of its text. Raises InputError if it is not finite."""
         text = self.row[column] if text is None else text
         try:
             number = float(text)
@@ -220,8 +219,8 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
     return _make_counted_die(name, size, labels, counts, die)
 
 
-def _measure_mesh(path: Path, name: str, mesh: Path, lines: list[_Line]) -> FoundDie:
-    """The die of a mesh file, whose outcomes are found by their probabilities."""
+def _measure_mesh(path: Path, name: str, mesh: Path, lines: list[_Line]) -> MatchedDie:
+    """Die of a mesh file, with outcomes matched by their probabilities."""
     first, center = lines[0], None
     if GEOMETRIC not in first.row:
         raise InputError(
@@ -243,8 +242,8 @@ def _measure_mesh(path: Path, name: str, mesh: Path, lines: list[_Line]) -> Foun
     return rigid_body(body, poses), poses, groups
 
 
-def _read_designed_die(folder: Path, outcomes: Sequence[str]) -> FoundDie:
-    """The die that a run left, whose facets have labels."""
+def _read_designed_die(folder: Path, outcomes: Sequence[str]) -> MatchedDie:
+    """Die of a run's folder, with outcomes matched by the labels of its facets."""
     die = read_result(folder)
     shown = [
         (outcomes.index(label), normal)

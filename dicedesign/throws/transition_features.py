@@ -1,12 +1,11 @@
 """Transitions of a body from rest to rest as integers, and their features for the momentum model.
 
-A transition leads from one rest over a saddle to another; every dividing saddle is two, there and
-back. Two transitions in a row, the second of which leaves the rest that the first leads to, are a
-carry.
+A transition leads from one rest over a saddle to another; each dividing saddle has two, one in each
+direction. Two successive transitions over different saddles are a carry.
 
 Lengths are in units of the radius, the largest distance of a corner from the center of mass, and
-moments of inertia in units of mass times squared radius. The features do not change when the body
-is moved, turned, mirrored or scaled.
+moments of inertia in units of mass times squared radius. The features are invariant under motions,
+reflections and scaling of the body.
 
 Formulas are written once, for NumPy and torch; `dicedesign.kernels.ops` has them compiled.
 """
@@ -26,16 +25,16 @@ from dicedesign.runtime.arrays import Booleans, Integers, ragged_ranges
 
 @dataclass(frozen=True)
 class Transitions:
-    """The transitions and carries of a body, as integers.
+    """Transitions and carries of a body, as integers.
 
     Attributes
     ----------
-    corners: (k, c) vertices of each rest's facet, counter-clockwise seen from outside; after the
-        last comes the first again.
-    real: (k, c) whether an edge begins at each of them.
+    corners: (k, c) vertices of each rest's facet, counter-clockwise seen from outside, padded with
+        the first one.
+    real: (k, c) False for padding.
     tail, head: (m,) ends of the edge of each transition's saddle.
-    source, target: (m,) rest that each transition leaves, and leads to.
-    first, second: (t,) the transitions of each carry.
+    source, target: (m,) rests before and after each transition.
+    first, second: (t,) transitions of each carry.
     """
 
     corners: Integers
@@ -49,7 +48,7 @@ class Transitions:
 
     @classmethod
     def of(cls, hull: ConvexHull, paths: Separatrices) -> Transitions:
-        """Features of a hull with its separatrices; rests are numbered as in `paths.rests`."""
+        """Transitions of a hull with its separatrices; rests are numbered as in `paths.rests`."""
         start, end = hull.facet_start[paths.rests], hull.facet_start[paths.rests + 1]
         counts = end - start
         corners = np.repeat(hull.tail[start][:, None], int(counts.max()), axis=1)
@@ -69,49 +68,50 @@ class Transitions:
 
 
 TRANSITION_FEATURES: Final = 29
-"""Columns of `Features.transitions`."""
+"""Number of columns of `Features.transitions`."""
 
 CARRY_FEATURES: Final = 14
-"""Columns of `Features.carries`."""
+"""Number of columns of `Features.carries`."""
 
 LOG_SOFTENING: Final = 0.003
-"""Added to a barrier before its logarithm is taken."""
+"""Length added to a barrier in its logarithm."""
 
 SPEED_SOFTENING: Final = 0.01
-"""Squared ratio of speeds to which one below 0, which turns back, is smoothed."""
+"""Squared ratio of speeds at which the positive part of a ratio is smoothed."""
 
 ENERGY_SOFTENING: Final = 0.02
-"""Added to the part of the energy that is kept before it divides."""
+"""Share of energy added to a divisor."""
 
 MOST_LACKING: Final = 3.0
-"""Of the energy that a carry may lack."""
+"""Upper bound of the energy that a carry lacks."""
 
 SHARPNESS: Final = 10.0
-"""Of the smoothed positive part of the energy lacking."""
+"""Sharpness of the smoothed positive part of the lacking energy."""
 
 SMOOTHING: Final = (LOG_SOFTENING, SPEED_SOFTENING, ENERGY_SOFTENING, MOST_LACKING, SHARPNESS)
-"""These constants in the order in which kernels take them."""
+"""These constants in the order of the kernels."""
 
 
 @dataclass(frozen=True)
 class Features:
-    """Everything that the momentum model knows of a body, NumPy or torch.
+    """Features of a body for the momentum model, NumPy or torch.
 
     Attributes
     ----------
     probabilities: (k,) of the rests without momentum.
-    barriers: (m,) height of each transition's saddle over the rest that it leaves.
-    transitions: (m, 29) barrier and that of the way back; their logarithms; height of the saddle;
-        logarithm of its narrowness; angles to the saddle from the rest before and after, and
-        between these; inertia about the hinge; what rocking and landing keep of the speed, and how
-        far the corners are that hit; trace of the inertia. Then, before and after, logarithm of the
-        probabilities, area, logarithm of the polar dual's area, inner and outer radius of the
-        facet, what rocking around it keeps, and inertia about its normal.
-    exits: (t,) height of the second saddle of each carry over the rest between.
-    carries: (t, 14) speed and energy kept; straightness; second barrier; drop from the first
-        saddle; energy lacking; whether it is a return; softened energy lacking; of the first
-        transition what landing keeps, angle from the saddle, inertia about the hinge and reach
-        after it; of the second the angle to its saddle and that one's narrowness.
+    barriers: (m,) height of each transition's saddle over its source.
+    transitions: (m, 29) barriers forward and back; their logarithms; height of the saddle;
+        logarithm of its narrowness; angles to the saddle from source and target, and between these;
+        inertia about the hinge; shares of the speed kept by rocking and by landing, and distances
+        of the corners that hit; trace of the inertia. Then, for source and target: logarithm of the
+        probability, area, logarithm of the polar dual's area, inner and outer radius of the facet,
+        share of the speed kept by rocking around it, and inertia about its normal.
+    exits: (t,) height of the second saddle of each carry over the rest in between.
+    carries: (t, 14) shares of speed and energy kept; straightness; second barrier; drop from the
+        first saddle; lacking energy; whether it is a return; smoothed lacking energy; of the first
+        transition the share kept by landing, angle from the saddle, inertia about the hinge and
+        distance of the corner that hits; of the second the angle to its saddle and its
+        narrowness.
     """
 
     probabilities: Any
@@ -129,10 +129,10 @@ def body_features(
     probabilities: Any,
     xp: ModuleType,
 ) -> Features:
-    """The features of a body.
+    """Features of a body.
 
     vertices: (n, 3) of the hull, any unit; center: (3,) center of mass; inertia: (3, 3) tensor of
-    inertia about it over the mass, in the squared unit; probabilities: (k,) of the rests without
+    inertia about it per mass, in the squared unit; probabilities: (k,) of the rests without
     momentum.
     """
     arms = vertices - center
@@ -151,9 +151,9 @@ def body_features(
     narrowness = xp.log(1.0 / _dot(foot - tail, edge) + 1.0 / _dot(head - foot, edge))
 
     def land(rests: Integers) -> tuple[Any, Any]:
-        """The part of its angular speed that a body keeps when it lands flat on a rest's facet,
-        having turned about a hinge, and hits with the corner farthest from that; and how far that
-        is."""
+        """Share of the angular speed that a body keeps when it turns about the hinge, lands flat on
+        a rest's facet and hits with the corner farthest from the hinge; and distance of the
+        corner."""
         own, tangent = corners[rests], _unit(_across(saddle, normals[rests]), xp)
         along = -_dot(own - foot[:, None], tangent[:, None])
         farthest = xp.arange(len(rests)), along.argmax(-1)
@@ -186,7 +186,7 @@ def body_features(
     # The body turns about the hinge from i to j.
     forward = _dot(xp.linalg.cross(_across(normals[j], saddle), saddle), edge) > 0.0
     axis = edge * (forward * 2.0 - 1.0)[:, None]
-    # It lands on the second hinge with no slip.
+    # It lands on the second hinge without slip.
     velocity = xp.linalg.cross(axis[a], -foot[a])
     momentum = _dot(axis[b], axis[a] @ inertia)
     momentum = momentum + _dot(axis[b], xp.linalg.cross(-foot[b], velocity))
@@ -195,7 +195,7 @@ def body_features(
     energy = (
         (momentum_share + xp.sqrt(momentum_share * momentum_share + SPEED_SOFTENING)) / 2.0
     ) ** 2
-    # The cosine of the angle by which its way across the facet between them bends.
+    # Cosine of the angle by which the path bends on the facet in between.
     coming, going = (_unit(_across(saddle[way], normals[j[a]]), xp) for way in (a, b))
     exits, drop = height[b] - heights[j[a]], height[a] - heights[j[a]]
     lacking = exits / (energy + ENERGY_SOFTENING) - drop
@@ -225,7 +225,7 @@ def _measure_rests(
     transitions: Transitions, arms: Any, inertia: Any, probabilities: Any, xp: ModuleType
 ) -> tuple[Any, Any, Any, tuple[Any, ...]]:
     """Corners (k, c, 3), normals (k, 3) and heights (k,) of the rests' facets, and columns (k,) of
-    `Features.transitions` that are of a rest alone."""
+    `Features.transitions` that depend on one rest only."""
     real = xp.asarray(transitions.real)
     a = arms[transitions.corners]
     b = xp.roll(a, -1, 1)
@@ -258,17 +258,17 @@ def _measure_rests(
 
 
 def _values(value: Any) -> Any:
-    """The least or largest values, as torch gives their places with them."""
+    """Values of a minimum or maximum, which torch returns with their places."""
     return getattr(value, "values", value)
 
 
 def _dot(a: Any, b: Any) -> Any:
-    """(...) products of vectors (..., 3)."""
+    """(...) dot products of vectors (..., 3)."""
     return (a * b).sum(-1)
 
 
 def _across(vector: Any, axis: Any) -> Any:
-    """Parts of vectors (..., 3) that are normal to unit vectors (..., 3)."""
+    """Components of vectors (..., 3) normal to unit vectors (..., 3)."""
     return vector - axis * _dot(axis, vector)[..., None]
 
 

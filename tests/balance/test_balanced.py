@@ -1,4 +1,4 @@
-"""Bodies whose center of mass is moved, from a mesh to files that were read back."""
+"""Bodies with a moved center of mass, from a mesh to files."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ QUICK = CenterSearch(samples=60, descents=2, steps=20)
 
 
 def leaning(scale: float = 1.0) -> Body:
-    """A box that leans, of 30 x 36 x 48 or so times a scale."""
+    """Leaning box of about 30 x 36 x 48 times a scale."""
     surface = box((30.0, 36.0, 48.0), (14.0, 8.0, 0.0))
     return make_body(scale * surface.points, surface.triangles, "leaning.stl")
 
 
 def probabilities_of_file(data: bytes, directions: np.ndarray) -> np.ndarray:
-    """By its volume and its hull alone: read by trimesh."""
+    """Probabilities by volume and hull of the file, read by trimesh."""
     mesh = trimesh.load(io.BytesIO(data), file_type="stl")
     poses = rest_poses(mesh.convex_hull.vertices.astype(np.float32), mesh.center_mass)
     near = directions @ poses.normals.T > np.cos(np.radians(5.0))
@@ -61,7 +61,7 @@ def test_a_body_stands_better(by: str) -> None:
 
 
 def test_given_probabilities_of_chosen_poses() -> None:
-    # Those with another center of mass that a cavity leads to.
+    # The probabilities with another center of mass that a cavity reaches.
     poses = rest_poses(leaning())
     other = rest_poses(leaning(), poses.center_of_mass + np.array([1.0, -1.0, 1.5]))
     near = poses.normals[:3] @ other.normals.T > np.cos(np.radians(5.0))
@@ -87,7 +87,7 @@ def test_a_goal_that_no_center_of_mass_reaches() -> None:
     found = balance_body(body, FewestRests(), BalanceOptions(by="cavity", search=QUICK))
     assert not found.reached
     assert (found.rests, found.rests_before) == (6, 6)
-    assert any("fewer rests" in note for note in found.notes)
+    assert any("within reach" in note for note in found.notes)
 
 
 def test_meshes_that_bound_no_solid() -> None:

@@ -1,4 +1,4 @@
-"""Cavities that bring the center of mass to a place: reach, made, and measured."""
+"""Cavities that move the center of mass: reach, construction and measurement."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from dicedesign.geometry.surfaces.self_intersections import intersecting_triangl
 from dicedesign.geometry.triangles import Surface, join_surfaces
 
 
-def test_none_takes_less_than_a_slab_at_the_far_side() -> None:
+def test_the_smallest_cavity_of_a_cube_is_a_slab() -> None:
     center, half = 0.05, 0.7
     cavity = balancing_cavity(dented_cube(0.0), 1.0 - half, np.array([center, 0.0, 0.0]))
-    # Moment of the slab from -half to x about the place, and that of the cube.
+    # Moments of the slab from -half to x, and of the cube, about the new center.
     area, moment = 4.0 * half**2, 8.0 * center
     x = center - np.sqrt((half + center) ** 2 - 2.0 * moment / area)
     slab = area * (x + half)
@@ -42,15 +42,15 @@ def test_a_surface_with_dents_has_walls_of_the_thickness() -> None:
     assert least_wall(surface, cavity) <= nearest + 1e-12
 
 
-def test_a_place_that_no_cavity_leads_to() -> None:
+def test_a_center_out_of_reach() -> None:
     with pytest.raises(InputError, match="hollow: expected a center of mass that cavities lead to"):
         balancing_cavity(dented_cube(0.0), 0.3, np.array([0.4, 0.0, 0.0]))
 
 
 def farthest(half: float) -> float:
-    """Shift x along an edge of a cube of side 2 with all hollow of an inner one, of half its side
-    as given, that lies behind the center of mass which it then has: the moment of the cube about
-    that, 8 x, is what the hollow takes away."""
+    """Farthest shift x along an edge of a cube of side 2 with a cavity in an inner cube of side
+    2 half. The cavity is all behind the new center of mass, about which the moment of the cube,
+    8 x, equals the moment of the cavity."""
     x = 0.0
     for _ in range(100):
         x = 4.0 * half**2 * (half + x) ** 2 / 16.0

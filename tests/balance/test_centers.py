@@ -1,5 +1,4 @@
-"""Goals, regions, probabilities as functions of the center of mass, and centers that serve
-goals."""
+"""Goals, regions, gradients of probabilities, and best centers of mass."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ from dicedesign.balance.goals import (
     Standing,
     rests_at,
 )
-from dicedesign.balance.regions import box_region, least_within
+from dicedesign.balance.regions import Halfspaces, least_within
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
@@ -28,16 +27,13 @@ from dicedesign.rest.poses import rest_poses
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: EqualProbabilities(1), "equal: expected a number of poses from 2"),
+        (lambda: EqualProbabilities(1), "equal: expected a whole number of at least 2"),
         (lambda: Standing(), "stand: expected the number of a pose or the direction .* neither"),
         (lambda: Standing(1, (0.0, 0.0, 1.0)), "got both"),
-        (lambda: Standing(pose=0), "1 for the most probable, got 0"),
+        (lambda: Standing(pose=0), "stand: expected a whole number above 0, got 0"),
         (lambda: Standing(down=(0.0, 0.0, 0.0)), "other than 0,0,0"),
-        (
-            lambda: GivenProbabilities((0.5, 0.6)),
-            "a sum of at most 1, got 0.5, 0.6 with a sum of 1.1",
-        ),
-        (lambda: GivenProbabilities((float("nan"),)), "from 1 to 100 probabilities"),
+        (lambda: GivenProbabilities((0.5, 0.6)), "a sum of at most 1, got 0.5, 0.6;"),
+        (lambda: GivenProbabilities((float("nan"),)), "of 1 to 100 poses, above 0"),
         (lambda: GivenProbabilities((0.5, 0.2), (1,)), "poses: expected 2 numbers of poses"),
         (lambda: GivenProbabilities((0.5, 0.2), (1, 1)), "each once"),
     ],
@@ -47,20 +43,24 @@ def test_goals_that_are_refused(make: Callable[[], object], said: str) -> None:
         make()
 
 
-def test_what_two_boxes_have_in_common() -> None:
-    one = box_region(np.array([0.0, 0.0, 0.0]), np.array([2.0, 2.0, 2.0]))
-    other = box_region(np.array([1.0, -1.0, 1.5]), np.array([3.0, 1.0, 4.0]))
-    common = one.and_within(other).corners()
+def test_the_intersection_of_two_boxes() -> None:
+    corners = box((2.0, 2.0, 2.0)).points
+    one, other = (
+        Halfspaces.of_hull(convex_hull(corners * scale + shift))
+        for scale, shift in ((1.0, 0.0), ([1.0, 1.0, 1.25], [1.0, -1.0, 1.5]))
+    )
+    both = one.and_within(other)
+    common = both.corners()
     assert common is not None
     np.testing.assert_allclose(common.vertices.min(axis=0), [1.0, 0.0, 1.5], atol=1e-12)
     np.testing.assert_allclose(common.vertices.max(axis=0), [2.0, 1.0, 2.0], atol=1e-12)
-    place, depth = one.and_within(other).deepest
+    place, depth = both.deepest
     assert depth == pytest.approx(0.25)
     assert place[2] == pytest.approx(1.75)
 
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (0.03, -0.05, 0.02), (-0.1, 0.04, 0.05)])
-def test_slopes_are_those_of_finite_differences(shift: tuple[float, float, float]) -> None:
+def test_slopes_against_finite_differences(shift: tuple[float, float, float]) -> None:
     hull = convex_hull(box((1.0, 1.3, 1.7), (0.4, 0.2, 0.0)).points)
     center = hull.centroid + np.array(shift)
     rests = rests_at(hull, center)
@@ -78,10 +78,10 @@ BLOCK = rest_poses(box((1.0, 1.3, 1.7), (0.5, 0.3, 0.0)).points)
 """A leaning box without symmetry but about its middle."""
 
 
-def test_a_cube_stands_as_well_as_its_solid_angle_lets_it() -> None:
+def test_a_standing_cube_has_the_solid_angle_of_its_face() -> None:
     poses = rest_poses(box((2.0, 2.0, 2.0)).points - 1.0)
     found = best_center(poses, Standing(down=(0.0, 0.0, -1.0)), whole_hull(poses.hull), 1e-3, QUICK)
-    # It is 5 % of the half side above the face, in the middle.
+    # The center is 5 % of the half side above the middle of the face.
     height = 0.05
     angle = 4.0 * np.arctan(1.0 / (height * np.sqrt(2.0 + height * height)))
     assert found.probabilities[0] == pytest.approx(angle / (4.0 * np.pi), abs=1e-5)
@@ -113,7 +113,7 @@ def test_no_center_of_a_grid_has_fewer_rests() -> None:
         ),
     ],
 )
-def test_poses_that_a_body_has_not(goal: Standing | GivenProbabilities, said: str) -> None:
+def test_poses_that_a_body_does_not_have(goal: Standing | GivenProbabilities, said: str) -> None:
     poses = rest_poses(box((1.0, 2.0, 3.0)).points)
     with pytest.raises(InputError, match=said):
         best_center(poses, goal, whole_hull(poses.hull), 1e-3, QUICK)
@@ -130,18 +130,18 @@ def test_the_bunny_has_six_poses_of_nearer_probabilities_and_fewer_others() -> N
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_way_into_the_region_goes_downhill(seed: int) -> None:
+def test_the_constrained_minimum_has_no_descent_direction(seed: int) -> None:
     random = np.random.default_rng(seed)
     region = convex_hull(random.normal(size=(20, 3)) + 0.2)
     root = random.normal(size=(3, 3))
     form, slope = root @ root.T, 3.0 * random.normal(size=3)
     least = least_within(form, slope, region.normals, region.heights(np.zeros(3)))
     assert region.depths(least[None]).min() >= -1e-9
-    # Of a convex function, that is what makes a place the least.
+    # Optimality condition of a convex function.
     assert ((region.vertices - least) @ (form @ least + slope)).min() >= -1e-7
 
 
-def test_a_region_is_kept_to() -> None:
+def test_the_center_stays_in_the_region() -> None:
     low, high = BLOCK.center_of_mass - 0.1, BLOCK.center_of_mass + 0.1
     region = convex_hull(low + box((1.0, 1.0, 1.0)).points * (high - low))
     found = best_center(BLOCK, Standing(pose=2), region, 1e-3, QUICK)

@@ -1,4 +1,4 @@
-"""Cavities and infill that put a center of mass in its place, by their files."""
+"""Cavities and infill that move a center of mass, by their files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import trimesh
 from common.boxes import box
 
 from dicedesign.balance.options import BodyMaterial
-from dicedesign.balance.ways import Made, move_center, reachable_shifts
+from dicedesign.balance.ways import MovedCenter, move_center, reachable_shifts
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import winding_number
@@ -24,13 +24,13 @@ MIDDLE = SIZES / 2.0
 WALL = 2.0
 
 
-def read(made: Made, rest: str = "") -> trimesh.Trimesh:
-    """A file, by other code than what wrote it."""
+def read(made: MovedCenter, rest: str = "") -> trimesh.Trimesh:
+    """Read a file by another library."""
     return trimesh.load(io.BytesIO(made.files[rest]), file_type="stl")
 
 
 def depths(points: np.ndarray) -> np.ndarray:
-    """Within the block: the distance from its nearest side."""
+    """Distances from the nearest side of the block."""
     return np.minimum(points, SIZES - points).min(axis=-1)
 
 
@@ -53,20 +53,20 @@ def test_a_cavity_with_a_drain() -> None:
     made = move_center(BLOCK, center, "cavity", BodyMaterial(wall_mm=WALL, drain_mm=diameter))
     mesh = read(made)
     np.testing.assert_allclose(mesh.center_mass, center, atol=1e-5)
-    # One surface, a ball's but for the hole: the cavity is open to the outside.
+    # One surface of genus 0: the cavity is open to the outside.
     assert mesh.is_watertight
     assert mesh.body_count == 1
     assert mesh.euler_number == 2
-    # A box still, so that the hull and what it stands on are the same.
+    # The hull is unchanged.
     np.testing.assert_allclose(mesh.convex_hull.volume, SIZES.prod(), rtol=1e-6)
     (hole,) = made.facts["drains"]
     mouth, inward = np.array(hole["mouth"]), np.array(hole["inward"])
     assert depths(mouth) == pytest.approx(0.0, abs=1e-4)
-    # All along the axis there is nothing, from the outside to the cavity and beyond.
+    # The axis is empty from the outside into the cavity.
     along = mouth + np.linspace(0.01, hole["length_mm"] + 0.3, 7)[:, None] * inward
     corners = np.asarray(mesh.triangles)
     assert [round(winding_number(place, corners)) for place in along] == [0] * 7
-    # Walls elsewhere are as they are wanted.
+    # Walls away from the hole have the wanted thickness.
     aside = np.linalg.norm(np.cross(mesh.vertices - mouth, inward), axis=1)
     inner = mesh.vertices[(depths(mesh.vertices) > 1e-3) & (aside > 0.6 * diameter)]
     assert depths(inner).min() >= 0.99 * WALL
@@ -79,7 +79,7 @@ def test_two_infills() -> None:
     np.testing.assert_allclose(made.center, center, atol=1e-5)
     outside, sparse = read(made), read(made, "_sparse.stl")
     np.testing.assert_allclose(outside.volume, SIZES.prod(), rtol=1e-6)
-    # By cubes of a quarter of a millimeter, with the exact depth within a box. The part is convex.
+    # By cubes of 0.25 mm, with exact depths in a box. The sparse part is convex.
     axes = [np.arange(0.125, size, 0.25) for size in SIZES]
     cubes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     hull = convex_hull(np.asarray(sparse.vertices), single_precision=True)
@@ -101,7 +101,7 @@ def test_what_is_within_reach_can_be_made(way: str) -> None:
 
 
 @pytest.mark.parametrize("way", ["cavity", "infill"])
-def test_a_place_too_far_away(way: str) -> None:
+def test_a_center_out_of_reach(way: str) -> None:
     with pytest.raises(InputError, match=r"expected .* got"):
         move_center(BLOCK, MIDDLE + np.array([13.0, 0.0, 0.0]), way, BodyMaterial(wall_mm=WALL))
 

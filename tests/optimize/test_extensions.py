@@ -99,7 +99,7 @@ ENGINES.register(
         line="as dice roll without momentum",
         title="set down",
         require=lambda: None,
-        throw_states=lambda body, table, states, refinement=1.0: np.zeros(len(states), np.int64),
+        throw_states=lambda body, table, states: np.zeros(len(states), np.int64),
     )
 )
 '''

@@ -1,5 +1,5 @@
-"""What engines are told about contacts, and the package's own engine, against closed forms,
-conservation laws and symmetry."""
+"""Contact parameters and the package's own engine, against closed forms, conservation laws and
+symmetry."""
 
 from __future__ import annotations
 
@@ -77,8 +77,7 @@ def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
 @compiled_only
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
 def test_a_ball_bounces(restitution: float) -> None:
-    """An octahedron that falls straight onto a vertex keeps that part of its speed, and comes up to
-    its square of the height."""
+    """An octahedron that falls onto a vertex rises to the squared restitution times the height."""
     body, _ = thrown(OCTAHEDRON)
     table = replace(BOARD, restitution=restitution, speed=0.0, spin=0.0)
     state = sample_states(body, table, 1)
@@ -98,15 +97,15 @@ def test_a_ball_bounces(restitution: float) -> None:
 
 @compiled_only
 @pytest.mark.parametrize("table", [BOARD, WOOD])
-def test_what_a_body_cannot_miss_it_does_not(table: Table) -> None:
-    """Throws go on after their rest is certain, and end at no other."""
+def test_certain_rests_are_reached(table: Table) -> None:
+    """Throws that continue after their rest is certain end at no other rest."""
     for seed in (1, 4):
         body, _ = random_body(seed)
         states = sample_states(body, table, 80)
         rests, _ = advance(body, table, states, 100_000)
         assert (rests >= 0).all()
         for _ in range(100):
-            # Until it is looked at again. Steps of finite length may lift its energy for a moment.
+            # Until the next check. Finite steps may raise the energy for a moment.
             again, _ = advance(body, table, states, 16)
             assert ((again == rests) | (again == -1)).all()
         np.testing.assert_array_equal(again, rests)
@@ -118,10 +117,10 @@ def test_a_box_has_the_probabilities_of_its_symmetry() -> None:
     throws = simulate(body, BOARD, 3000, 1)
     assert throws.unresolved == 0
     pairs = throws.counts.reshape(3, 2)
-    # Opposite sides are alike.
+    # Opposite sides are equally probable.
     for pair in pairs:
         assert fits(pair, [0.5, 0.5]) > 1e-3
-    # Momentum makes the likely ones likelier.
+    # Momentum favors the most probable sides.
     assert fits(throws.counts, poses.probabilities) < 1e-6
     assert pairs[0].sum() / 3000 > poses.probabilities[:2].sum()
 
@@ -144,7 +143,7 @@ def bounce(ratio: float) -> tuple[float, float]:
         return force(time, state) if time > 0.0 and state[1] > 0.0 else 1.0
 
     leaves.terminal = True  # type: ignore[attr-defined]
-    found = solve_ivp(
+    solution = solve_ivp(
         lambda t, y: (y[1], force(t, y)),
         (0.0, 100.0),
         (0.0, -1.0),
@@ -153,7 +152,7 @@ def bounce(ratio: float) -> tuple[float, float]:
         atol=1e-13,
         max_step=0.05,
     )
-    return float(found.y_events[0][0][1]), float(-found.y[0].min())
+    return float(solution.y_events[0][0][1]), float(-solution.y[0].min())
 
 
 @pytest.mark.parametrize("restitution", [0.05, 0.1, np.exp(-2.0), 0.3, 0.5, 0.7, 0.9])
@@ -164,8 +163,8 @@ def test_the_damping_ratio_of_a_restitution(restitution: float) -> None:
 
 
 @pytest.mark.parametrize("table", [BOARD, load_table("hard-wood"), load_table("paper")])
-def test_the_fastest_impact_goes_no_deeper_than_it_may(table: Table) -> None:
-    """That of the whole body at once; depths scale with speed over frequency."""
+def test_the_depth_of_the_fastest_impact(table: Table) -> None:
+    """Of the whole body at once; depths scale with speed over frequency."""
     contact = contact_of(table)
     radius = table.size / 2.0
     frequency = np.sqrt(contact.stiffness)
@@ -175,7 +174,7 @@ def test_the_fastest_impact_goes_no_deeper_than_it_may(table: Table) -> None:
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])
-def test_a_throw_is_followed_while_a_ball_bounces(restitution: float) -> None:
+def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
     table = replace(BOARD, height=30.0, restitution=restitution)
     speed = np.sqrt(2.0 * GRAVITY * 30.0)
     bounces = 2.0 * speed * restitution ** np.arange(1, 1000) / GRAVITY

@@ -1,5 +1,5 @@
-"""Tests of probabilities and their power, against SciPy, brute force and published throws, and
-verdicts on throws."""
+"""Statistical tests and their power against SciPy, brute force and published throws, and verdicts
+on throws."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from dicedesign.throws.goodness_of_fit import (
 
 
 def published(die: str, column: str) -> np.ndarray:
-    """(k,) of a printed die, summed over outcomes that its symmetry cannot tell apart."""
+    """(k,) column of a printed die, summed over outcomes that are equivalent by symmetry."""
     with public_data("published/throws.csv").open() as file:
         values = np.array([float(row[column]) for row in csv.DictReader(file) if row["die"] == die])
     half = len(values) // 2
@@ -44,7 +44,7 @@ def published(die: str, column: str) -> np.ndarray:
     ],
 )
 def test_published_throws(die: str, model: str, statistic: float, degrees: int) -> None:
-    """The figures that were found of them before this package was written."""
+    """Against figures from before this package."""
     counts, probabilities = published(die, "throws"), published(die, model)
     found = chi_square(counts, probabilities / probabilities.sum())
     assert found.statistic == pytest.approx(statistic, abs=0.06)
@@ -96,7 +96,7 @@ def test_the_exact_test_by_brute_force(counts: list[int], probabilities: list[fl
 def test_drawn_tables_agree_with_all(monkeypatch: pytest.MonkeyPatch) -> None:
     counts, probabilities = [9, 4, 6, 1], [0.25, 0.25, 0.25, 0.25]
     every = exact_multinomial(counts, probabilities)
-    monkeypatch.setattr(module, "MOST_TABLES", 0)
+    monkeypatch.setattr(module, "MAX_TABLES", 0)
     drawn = exact_multinomial(counts, probabilities)
     assert abs(drawn.p_value - every.p_value) < 4 * drawn.standard_error
     assert drawn.standard_error == pytest.approx(
@@ -106,8 +106,8 @@ def test_drawn_tables_agree_with_all(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("off", [3, 700])
-def test_tables_that_are_equally_likely_are_told_of_many_throws_too(off: int) -> None:
-    """The one seen, and that with its two counts exchanged: logarithms near 1e7 are rounded."""
+def test_equally_likely_counts_of_many_throws(off: int) -> None:
+    """Exchanged counts are equally likely, though logarithms near 1e7 are rounded."""
     few, many = 499_999 - off, 499_999 + off
     found = exact_multinomial([few, many], [0.5, 0.5])
     assert found.p_value == pytest.approx(stats.binomtest(few, 999_998, 0.5).pvalue, rel=1e-7)
@@ -129,7 +129,7 @@ def test_a_bias_alone_is_the_noncentral_test() -> None:
     assert chances_noticed(np.ones(1), 1000, np.zeros((2, 1))).tolist() == [0.0, 0.0]
 
 
-def test_dice_that_are_rolled_are_noticed_as_often() -> None:
+def test_the_chance_noticed_against_simulated_rolls() -> None:
     rng = np.random.default_rng(4)
     slopes = rng.normal(0.0, 0.008, size=(4, 6))
     slopes -= slopes.mean(axis=0)
@@ -141,8 +141,7 @@ def test_dice_that_are_rolled_are_noticed_as_often() -> None:
     noticed = (statistic > stats.chi2.isf(0.05, 3)).mean()
     predicted = chance_noticed(PRINTED, 1000, slopes @ slopes.T, bias)
     assert 0.15 < predicted < 0.6
-    # Four standard errors, and what counts being whole and probabilities not quite the target's
-    # come to.
+    # Four standard errors, and an allowance for the normal approximation.
     assert noticed == pytest.approx(predicted, abs=4 * np.sqrt(0.25 / dice) + 0.01)
 
 
@@ -176,7 +175,7 @@ def test_rare_outcomes_are_tested_exactly() -> None:
     verdict = judge_rolls([29, 3], probabilities, 0.95)
     assert verdict.exact is not None
     assert verdict.p_value == pytest.approx(stats.binomtest(3, 32, 0.03).pvalue)
-    # Pearson's test sees a deviation where there is too little to see.
+    # Pearson's test is not valid for rare outcomes.
     assert verdict.chi_square.p_value < 0.05 < verdict.p_value
     assert not verdict.rejected
 
@@ -184,13 +183,13 @@ def test_rare_outcomes_are_tested_exactly() -> None:
 def test_as_in_cohens_table() -> None:
     """87 throws with 1 and 143 with 5 degrees of freedom for w = 0.3 at level 0.05, power 0.8."""
     coin = np.array([0.65, 0.35])
-    assert throws_to_reject(coin, [0.5, 0.5], 0.05, 0.8) in (87, 88)
+    assert throws_to_reject(coin, [0.5, 0.5], 0.05) in (87, 88)
     side = 0.3 / np.sqrt(12)
     loaded = FAIR + np.array([side, -side, 0, 0, 0, 0])
-    assert throws_to_reject(loaded, FAIR, 0.05, 0.8) in (142, 143)
+    assert throws_to_reject(loaded, FAIR, 0.05) in (142, 143)
 
 
-def test_a_perfect_die_shows_to_be_one() -> None:
+def test_throws_to_confirm_a_perfect_die() -> None:
     throws = throws_to_confirm(FAIR, 0.02, 0.95)
     limit = noise_floor(FAIR, throws) + 1.96 * 0.5 / np.sqrt(throws)
     assert limit == pytest.approx(0.02, rel=1e-3)

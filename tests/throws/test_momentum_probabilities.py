@@ -41,14 +41,14 @@ def random_points(seed: int, count: int) -> Floats:
 
 
 def coin() -> Floats:
-    """A plate with two parallel rests and, on opposite sides, a saddle each between these."""
+    """Plate with two parallel rests and two saddles between them, on opposite sides."""
     outline = np.array([[1.0, 0.1], [0.1, 0.8], [-0.9, 0.2], [-0.15, -0.7], [0.6, -0.5]])
     lower = np.column_stack([outline, np.full(5, -0.2)])
     upper = np.column_stack([0.8 * outline, np.full(5, 0.15)])
     return np.concatenate([lower, upper])
 
 
-# Corners are as far from something as others: there are derivatives to either side.
+# Corners at equal distances: only one-sided derivatives exist.
 WITH_TIES = ("coin", "box")
 
 BODIES: dict[str, Callable[[], Floats]] = {
@@ -72,7 +72,7 @@ def smooth_points(request: pytest.FixtureRequest) -> Floats:
 
 
 def both_ways(points: Floats) -> list[RestEvaluation]:
-    """The uniform solid, and the body with its center of mass given a bit aside."""
+    """Rests of the uniform solid, and with a given center of mass near its centroid."""
     hull = convex_hull(points)
     vertices = torch.tensor(hull.vertices, requires_grad=True)
     aside = 0.95 * hull.centroid + 0.05 * hull.vertices[:3].mean(axis=0)
@@ -98,7 +98,7 @@ def assert_near(found: Floats, expected: Floats, tolerance: float) -> None:
 
 
 @compiled_only
-def test_probabilities_are_those_of_the_formulas(points: Floats) -> None:
+def test_kernel_probabilities_against_the_formulas(points: Floats) -> None:
     for rests in both_ways(points):
         found = BOARD_GAME.probabilities(rests)
         with without_kernels():
@@ -115,7 +115,7 @@ def test_probabilities_are_those_of_the_formulas(points: Floats) -> None:
 
 
 @compiled_only
-def test_gradients_are_those_of_the_formulas(smooth_points: Floats) -> None:
+def test_kernel_gradients_against_the_formulas(smooth_points: Floats) -> None:
     for rests in both_ways(smooth_points):
         if len(rests.probability_values) > 50:
             continue
@@ -130,7 +130,7 @@ def test_gradients_are_those_of_the_formulas(smooth_points: Floats) -> None:
 
 
 @pytest.mark.parametrize("name", ["random 8", "random 13", "two saddles between two rests"])
-def test_the_jacobian_is_that_of_differences(name: str) -> None:
+def test_the_jacobian_against_finite_differences(name: str) -> None:
     hull = convex_hull(BODIES[name]())
     vertices = torch.tensor(hull.vertices)
     found = BOARD_GAME.jacobian(RestEvaluation(classify(hull, hull.centroid), vertices))
@@ -154,7 +154,7 @@ def test_the_jacobian_is_that_of_differences(name: str) -> None:
 
 
 def test_one_rest_is_always_reached() -> None:
-    # About a ball with its weight near one facet.
+    # A ball with its weight near one facet.
     points = np.random.default_rng(2).normal(size=(20, 3))
     hull = convex_hull(points / np.linalg.norm(points, axis=1)[:, None])
     center = 0.9 * hull.vertices[hull.tail[: hull.facet_start[1]]].mean(axis=0)
@@ -184,12 +184,12 @@ def test_a_tied_body_has_the_probabilities_of_both_sides() -> None:
         found = momentum_probabilities(poses, body, BOARD_GAME.model[0])
         with without_kernels():
             expected = momentum_probabilities(poses, body, BOARD_GAME.model[0])
-        # Barriers as low as the center is moved aside are known to a few digits.
+        # Barriers of the size of the perturbation have few exact digits.
         assert found == pytest.approx(expected, abs=1e-4)
         assert found.sum() == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
+def test_negative_barriers_by_rounding_count_as_zero() -> None:
     hull = convex_hull(random_points(8, 8))
     rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
     assert BOARD_GAME.model is not None

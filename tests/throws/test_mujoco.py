@@ -1,4 +1,4 @@
-"""MuJoCo beside the package's own engine, and rests that cannot be missed."""
+"""MuJoCo against the package's own engine, and certain rests."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from dicedesign.throws.tables import Table, load_table
 def test_compiled_and_in_python(seed: int) -> None:
     body, _ = random_body(seed)
     downs = unit_vectors(np.random.default_rng(seed).normal(size=(200, 3)))
-    found = kernels.compiled.rests_below(
+    compiled = kernels.compiled.rests_below(
         body.vertices,
         body.start,
         body.neighbors,
@@ -39,7 +39,7 @@ def test_compiled_and_in_python(seed: int) -> None:
         body.barriers,
         downs,
     )
-    np.testing.assert_array_equal(found, [rest_below(body, down) for down in downs])
+    np.testing.assert_array_equal(compiled, [rest_below(body, down) for down in downs])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -55,7 +55,7 @@ CARPET, PAPER = load_table("carpet"), load_table("paper")
 
 
 def balanced(points: np.ndarray) -> np.ndarray:
-    """Points whose hull has the same moment of inertia about every axis."""
+    """Points whose hull has equal moments of inertia."""
     body, _ = thrown(points)
     # Second moments of its mass along the principal axes.
     squares = body.moments.sum() / 2.0 - body.moments
@@ -66,15 +66,15 @@ def balanced(points: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("table", [BOARD, PAPER])
 @pytest.mark.parametrize("points", [OCTAHEDRON, random_points(1)])
 def test_throw_by_throw(table: Table, points: np.ndarray) -> None:
-    """Most to 1e-5 until well after the first impacts: MuJoCo rounds corners to 24 bits, and
-    differs where more of them touch than it looks for. Its steps of free rotation are right only
-    of bodies that need no torque for it."""
+    """Most throws agree to 1e-5 until after the first impacts. MuJoCo rounds corners to 24 bits,
+    and limits the number of contacts. Its steps of free rotation are exact for equal moments
+    only."""
     mujoco = pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
     body, _ = thrown(balanced(points))
     assert np.ptp(body.moments) < 1e-9
     contact = contact_of(table)
     model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
-    # Our own steps of a contact.
+    # The native engine's integrator in contacts.
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     data = mujoco.MjData(model)
     states = sample_states(body, table, 20)

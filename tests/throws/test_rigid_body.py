@@ -1,5 +1,5 @@
-"""Bodies to throw: inertia by closed forms and another library, axes, rests and barriers; the
-paper's directions, and how bodies are let go."""
+"""Rigid bodies against closed forms and another library, the paper's directions, and states at
+release."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pytest
 import trimesh
 from common.thrown import (
     BOARD,
-    OCTAHEDRON,
     box,
     random_body,
     random_points,
@@ -20,7 +19,6 @@ from common.thrown import (
 )
 from scipy.stats import kstest
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.rigid_body import (
@@ -40,14 +38,14 @@ def test_a_box() -> None:
     assert body.radius == pytest.approx(np.sqrt(squared))
     expected = np.array([a * a + b * b, a * a + c * c, b * b + c * c]) / 3.0 / squared
     np.testing.assert_allclose(body.moments, expected, rtol=1e-13)
-    # The most probable rest is on the largest side, and nearest to tipping over its long edges.
+    # The most probable rest is on the largest side, and tips most easily over its long edges.
     np.testing.assert_allclose(body.rest_heights * body.radius, [a, a, b, b, c, c])
     over = np.hypot([a, a, b, b, c, c], [b, b, a, a, a, a])
     np.testing.assert_allclose(body.barriers * body.radius, over, rtol=1e-13)
 
 
 def test_a_hollow_body() -> None:
-    """The hull touches the table, and the cavity weighs nothing."""
+    """A cavity changes the inertia, not the hull."""
     outer, inner = trimesh.creation.box((2.0, 2.0, 2.0)), trimesh.creation.box((1.0, 1.0, 1.0))
     inner.invert()
     both = trimesh.util.concatenate([outer, inner])
@@ -73,41 +71,12 @@ def test_against_another_library(seed: int) -> None:
     assert np.linalg.norm(body.vertices, axis=1).max() == pytest.approx(1.0)
 
 
-def test_a_given_inertia() -> None:
-    body = make_body(box(1.0, 2.0, 3.0))
-    poses = rest_poses(body)
-    tensor = np.diag([13.0, 10.0, 5.0]) / 3.0
-    given, solid = rigid_body(body, poses, tensor), rigid_body(body, poses)
-    np.testing.assert_allclose(given.moments, solid.moments, rtol=1e-13)
-    np.testing.assert_allclose(np.abs(given.axes), np.abs(solid.axes), atol=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("tensor", "message"),
-    [
-        (np.diag([0.1, 0.1, np.nan]), "of finite numbers, got .*; give xx,yy,zz,xy,xz,yz"),
-        ([[0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0.1]], "make it equal to its transpose"),
-        (
-            np.diag([0.1, 0.2, -0.1]),
-            "inertia: expected a positive definite tensor, got principal moments of -0.1, 0.1 and "
-            "0.2; correct it or leave it out",
-        ),
-        (np.diag([0.1, 0.1, 0.3]), "no principal moment larger than the two others together"),
-        (np.diag([1.0, 1.0, 1.0]), "whose moments sum to at most 2, got 1, 1 and 1; divide by the"),
-    ],
-)
-def test_tensors_of_no_body(tensor: object, message: str) -> None:
-    body = make_body(OCTAHEDRON)
-    with pytest.raises(InputError, match=message):
-        rigid_body(body, rest_poses(body), tensor)
-
-
 def test_the_paper_has_1212_directions() -> None:
     directions, areas = up_directions()
     assert directions.shape == (PAPER_DIRECTIONS, 3) == (1212, 3)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=1e-14)
     assert areas.sum() == pytest.approx(1.0)
-    # Those of the icosahedron's corners have five neighbors and are the smallest.
+    # The cells of the icosahedron's corners have five neighbors and are the smallest.
     assert np.count_nonzero(areas < 1.01 * areas.min()) == 12
     assert areas.max() < 2.0 * areas.min()
     # Neighbors are nearly as far apart as on a regular grid of as many points.
@@ -118,7 +87,7 @@ def test_the_paper_has_1212_directions() -> None:
 
 @pytest.mark.parametrize("orientations", ["uniform", "icosahedron"])
 @pytest.mark.parametrize("how", [BOARD, load_table("carpet")])
-def test_bodies_are_let_go_above_the_table(orientations: Orientations, how: Table) -> None:
+def test_states_at_release(orientations: Orientations, how: Table) -> None:
     body = random_body(2)[0]
     states = release_states(body, how, np.arange(400), orientations, np.random.default_rng(0))
     np.testing.assert_allclose(np.linalg.norm(states[:, 3:7], axis=1), 1.0, rtol=1e-14)
@@ -144,7 +113,7 @@ def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
     found = np.stack([states[:, 2] + lowest, *motions])
     for values, (low, high) in zip(found, (SPREAD.height, SPREAD.speed, SPREAD.spin), strict=True):
         assert kstest(values, "uniform", (low, high - low)).pvalue > 1e-3
-    # Nor do they tell how it is turned.
+    # They are independent of the orientation, too.
     known = np.concatenate([found, states[:, 3:7].T])
     correlations = np.corrcoef(known) - np.eye(len(known))
     assert np.abs(correlations[:3]).max() < 4.0 / np.sqrt(count)

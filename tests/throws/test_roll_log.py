@@ -1,4 +1,4 @@
-"""Files of one die's throws, and throws that are written down as they come."""
+"""Files of one die's throws, read at once or written throw by throw."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_bad_files(tmp_path: Path, text: str | bytes, message: str) -> None:
         read_counts(written(tmp_path, text), LABELS)
 
 
-def test_throws_are_in_the_file_as_they_come(tmp_path: Path) -> None:
+def test_each_throw_is_saved(tmp_path: Path) -> None:
     path = tmp_path / "new.csv"
     log = RollLog(path, LABELS)
     assert path.read_text() == "label\n"
@@ -72,7 +72,7 @@ def test_throws_are_in_the_file_as_they_come(tmp_path: Path) -> None:
     assert read_counts(path, LABELS).tolist() == [2, 3, 0]
 
 
-def test_a_line_with_a_wrong_label_is_not_written_down(tmp_path: Path) -> None:
+def test_a_line_with_a_wrong_label_is_not_saved(tmp_path: Path) -> None:
     log = RollLog(tmp_path / "new.csv", LABELS)
     log.add("1")
     with pytest.raises(InputError, match=r"^roll: expected a label of the die .*, got '3'"):
@@ -80,7 +80,7 @@ def test_a_line_with_a_wrong_label_is_not_written_down(tmp_path: Path) -> None:
     assert RollLog(tmp_path / "new.csv", LABELS).throws == ["1"]
 
 
-def test_labels_are_told_apart_by_capitals_only_if_they_have_to(tmp_path: Path) -> None:
+def test_case_matters_only_for_ambiguous_labels(tmp_path: Path) -> None:
     log = RollLog(tmp_path / "new.csv", ["a", "A", "Two\nlines"])
     assert log.add("A a a") == ["A", "a", "a"]
     assert log.add("two lines") == ["Two\nlines"]
@@ -95,7 +95,7 @@ def test_labels_are_told_apart_by_capitals_only_if_they_have_to(tmp_path: Path) 
         ("label\n1\n5\n", r"line 3: expected a label of the die"),
     ],
 )
-def test_files_of_others_are_not_written_over(tmp_path: Path, text: str, message: str) -> None:
+def test_other_files_are_not_overwritten(tmp_path: Path, text: str, message: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(InputError, match=message):
         RollLog(path, LABELS)

@@ -1,4 +1,4 @@
-"""Many throws of one body, by whatever number of workers, and films of throws."""
+"""Simulated throws of one body with any number of workers, and films of throws."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BOARD, CARPET = load_table("board-game"), load_table("carpet")
 
 
 @compiled_only
-def test_the_same_in_any_number_of_workers() -> None:
+def test_results_do_not_depend_on_the_workers() -> None:
     body, _ = random_body(1)
     alone = simulate(body, CARPET, 1100, 5)
     with local_workers(2) as workers:
@@ -34,7 +34,7 @@ def test_the_same_in_any_number_of_workers() -> None:
 
 
 @compiled_only
-def test_what_lost_workers_left_is_thrown_again() -> None:
+def test_tasks_of_lost_workers_run_again() -> None:
     body, _ = random_body(1)
     lossy = Lossy(lambda count: count in (1, 2, 3))
     np.testing.assert_array_equal(
@@ -47,7 +47,7 @@ def test_the_papers_orientations() -> None:
     body, poses = random_body(1)
     throws = simulate(body, CARPET, PAPER_DIRECTIONS, orientations="icosahedron")
     assert throws.frequencies.sum() == pytest.approx(1.0)
-    # A grid is better than chance.
+    # A grid scatters less than random orientations.
     errors = throws.frequencies - poses.probabilities
     chance = np.sqrt(poses.probabilities * (1.0 - poses.probabilities) / PAPER_DIRECTIONS)
     assert np.sqrt((errors**2).mean()) < 0.7 * np.sqrt((chance**2).mean())
@@ -57,10 +57,10 @@ TABLE = Table("test", restitution=0.5, friction=0.3, height=0.1, speed=0.2, spin
 
 
 @compiled_only
-def test_a_cube_flies_as_it_should() -> None:
+def test_the_flight_of_a_cube() -> None:
     body, _ = thrown(box(1, 1, 1))
     film = throw_film(body, TABLE)
-    # Until its lowest corner, wherever that is, may touch the table.
+    # Until its lowest corner may touch the table.
     flight = int(np.sqrt(2 * (TABLE.height - TABLE.size) / GRAVITY) * FRAMES_PER_SECOND)
     times = film.seconds[: flight + 1]
     np.testing.assert_allclose(times, np.arange(flight + 1) / FRAMES_PER_SECOND)
@@ -69,7 +69,7 @@ def test_a_cube_flies_as_it_should() -> None:
     np.testing.assert_allclose(way[:, 1], 0.0, atol=1e-12)
     step = contact_of(TABLE).step
     np.testing.assert_allclose(way[:, 2], -GRAVITY / 2 * times * (times + step), atol=1e-5)
-    # All axes through a cube's center have the same moment, so it keeps its axis.
+    # All moments of a cube are equal, so its axis is constant.
     turns = Rotation.from_matrix(film.rotations[: flight + 1])
     turned = (turns[0].inv() * turns).as_rotvec()
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), TABLE.spin * times, atol=1e-9)
@@ -78,7 +78,7 @@ def test_a_cube_flies_as_it_should() -> None:
 
 @compiled_only
 @pytest.mark.parametrize("seed", range(2))
-def test_the_body_falls_on_the_table_and_lies_on_a_rest(seed: int) -> None:
+def test_a_film_ends_at_a_rest_on_the_table(seed: int) -> None:
     body, poses = random_body(seed)
     film = throw_film(body, TABLE, seed)
     points, radius = random_points(seed), TABLE.size / 2
@@ -93,7 +93,7 @@ def test_the_body_falls_on_the_table_and_lies_on_a_rest(seed: int) -> None:
     assert down[2] == pytest.approx(1.0, abs=2e-4)
     speed = np.linalg.norm(film.positions[-1] - film.positions[-2]) * FRAMES_PER_SECOND
     assert speed < 3.0 * SETTLED * np.sqrt(GRAVITY * radius)
-    # It is only moved, turned and scaled.
+    # Points are only moved, turned and scaled.
     scale = TABLE.size / (2 * body.radius)
     for placed in (first, last):
         gram = (placed - placed[0]) @ (placed - placed[0]).T

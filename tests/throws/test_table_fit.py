@@ -1,4 +1,4 @@
-"""Fits of tables to counts, against posteriors known otherwise, and what is predicted of a die."""
+"""Fits of tables to counts, and predictions, against posteriors by quadrature."""
 
 from __future__ import annotations
 
@@ -23,17 +23,12 @@ from dicedesign.throws.probability_surrogate import (
     effective,
     sample_posterior,
 )
-from dicedesign.throws.sessions import (
-    BETWEEN,
-    PARAMETERS,
-    SIZE,
-)
+from dicedesign.throws.sessions import BETWEEN, PARAMETERS, SIZE
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
     SERIES,
     TableFit,
     check_table,
-    expected_deviations,
     fit_table,
     predict,
 )
@@ -41,8 +36,8 @@ from dicedesign.throws.tables import Table, least_of, load_table
 from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
 
 
-def test_a_posterior_that_is_narrow_beside_the_prior() -> None:
-    """As of a million throws, of which the prior's points are too far off to have any weight."""
+def test_a_posterior_much_narrower_than_the_prior() -> None:
+    """As after a million throws; no point of the prior has any weight."""
     center, deviation = np.array([0.3, 0.7, 0.5]), 1e-4
 
     def narrow(points: np.ndarray) -> np.ndarray:
@@ -62,7 +57,7 @@ def curve(points: np.ndarray) -> np.ndarray:
 
 
 def test_prediction_is_the_conditional_distribution() -> None:
-    """Against the joint normal distribution of observed and new values, inverted as a block."""
+    """Against the joint normal distribution of observed and new values."""
     rng = np.random.default_rng(3)
     points, new = rng.random((15, 2)), rng.random((4, 2))
     noise = rng.uniform(0.01, 0.1, 15)
@@ -96,8 +91,8 @@ START = Table("mine", 0.0, 0.0, 0.0, 0.0, 0.0, source="counts")
 
 
 @compiled_only
-def test_a_larger_die_does_the_same_when_it_is_thrown_as_much_more() -> None:
-    """To the last bit, as a factor of four in length is one of two in time and speed."""
+def test_throws_scale_with_the_size_of_the_die() -> None:
+    """To the last bit: a factor of four in length is one of two in time and speed."""
     body, _ = random_body(2)
     table = Table("small", 0.5, 0.4, (0.03, 0.1), (0.1, 0.4), (10.0, 40.0), size=0.025)
     large = Table("large", 0.5, 0.4, (0.12, 0.4), (0.2, 0.8), (5.0, 20.0), size=0.1)
@@ -106,7 +101,7 @@ def test_a_larger_die_does_the_same_when_it_is_thrown_as_much_more() -> None:
 
 
 def die(name: str, counts: Sequence[int], size: float | None = SIZE) -> CountedDie:
-    """A box whose three pairs of sides are two outcomes."""
+    """Box with two outcomes."""
     body, poses = thrown(box(1.0, 1.2, 1.4))
     shows = (np.abs(poses.normals).argmax(axis=1) > 0).astype(np.int64)
     even = np.array([0.5, 0.5])
@@ -149,7 +144,7 @@ def by_height(height: np.ndarray, restitution: np.ndarray) -> np.ndarray:
 
 
 def supposed(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
-    """Counts from known probabilities in place of simulated ones."""
+    """Counts from known probabilities instead of simulated ones."""
     restitution = np.array(table.restitution)
     if die.name == "hand":
         p = by_height(np.mean(table.height), restitution)
@@ -190,7 +185,7 @@ def likelihoods() -> tuple[np.ndarray, np.ndarray]:
     return p**160 * (1 - p) ** 240 * 1e110, q**200 * (1 - q) ** 300 * 1e140
 
 
-def test_posterior_is_that_of_the_known_probabilities(fit: TableFit) -> None:
+def test_the_posterior_of_known_probabilities(fit: TableFit) -> None:
     """Against quadrature over the two parameters on which the probabilities depend."""
     e, mu = grid()
     first, second = likelihoods()
@@ -261,16 +256,7 @@ def test_sessions_differ_in_hands() -> None:
         assert found.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
 
 
-def test_one_parameter_on_which_two_probabilities_depend() -> None:
-    """Normal to a good approximation: precisions add up."""
-    value = np.random.default_rng(0).normal(0.5, 0.02, 100_000)
-    probabilities = np.stack([value, 1.0 - value], axis=1)
-    found = expected_deviations(value[:, None], probabilities, [100, 1000])
-    for count, left in zip((100, 1000), found[:, 0], strict=True):
-        assert left == pytest.approx((1.0 / 0.02**2 + count / 0.25) ** -0.5, rel=0.01)
-
-
-def test_by_probabilities_that_are_known_it_is_the_likelihood_ratio_test() -> None:
+def test_prediction_with_known_probabilities_is_the_likelihood_ratio_test() -> None:
     """Against all possible counts."""
     throws, p = 30, 0.3
     every = np.arange(throws + 1)
@@ -284,7 +270,7 @@ def test_by_probabilities_that_are_known_it_is_the_likelihood_ratio_test() -> No
         assert found.deviation == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
-def test_the_outcome_that_is_least_as_predicted() -> None:
+def test_the_outcome_farthest_from_the_prediction() -> None:
     probabilities = np.tile([0.1, 0.3, 0.6], (50, 1))
     found = predict(np.array([60, 90, 150]), probabilities, np.random.default_rng(4))
     assert found.worst == 0
@@ -298,7 +284,7 @@ DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)
 
 @compiled_only
 def test_a_die_thrown_on_the_same_table() -> None:
-    """Sides of a box that was dropped without a bounce, and one that nobody counts."""
+    """Box that was dropped without a bounce, with one side of no outcome."""
     body, poses = thrown(box(1.0, 1.2, 1.4))
     sides = np.abs(poses.normals).argmax(axis=1)
     groups = np.where(poses.normals[:, 2] > 0.5, -1, sides)
@@ -306,9 +292,9 @@ def test_a_die_thrown_on_the_same_table() -> None:
     real = np.array([seen[groups == side].sum() for side in range(3)])
     probabilities = np.array([0.1, 0.2, 0.7])
     die = CountedDie("box", body, 0.03, ("x", "y", "z"), real, probabilities, groups, poses)
-    told: list[int] = []
-    (check,) = check_table([die], DEAD, 700, 2, progress=told.append)
-    assert sum(told) == 700
+    progress: list[int] = []
+    (check,) = check_table([die], DEAD, 700, 2, progress=progress.append)
+    assert sum(progress) == 700
     assert check.unresolved == 0
     same = simulate(body, Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0, size=0.03), 700, seed=2).counts
     wanted = [same[groups == side].sum() for side in range(3)]
@@ -322,9 +308,8 @@ def test_a_die_thrown_on_the_same_table() -> None:
 
 
 @compiled_only
-def test_no_published_die_rejects_the_board_game() -> None:
-    """While two reject the probabilities without momentum. Of four dice one has p below 0.05 on
-    many a seed, without being rejected."""
+def test_published_dice_are_consistent_with_board_game() -> None:
+    """And two of them not with the probabilities without momentum."""
     throws = public_data("published/throws.csv")
     names = ["binomial2", "binomial3", "binomial4", "2d6_hendecahedron"]
     checks = check_table(read_throw_counts(throws, names), load_table("board-game"), 4000, 12)

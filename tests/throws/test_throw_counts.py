@@ -1,4 +1,4 @@
-"""Counts of several dice from a file."""
+"""Files with counts of several dice."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def box(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """What a run leaves of a box with three labels, one of them on a facet it calls a slope."""
+    """Folder of a run: a box with three labels, and a facet without one."""
     normals = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
     facets = zip(["x", "x", "y", "y", None, "z"], normals, strict=True)
     labels, center = ["x", "y", "z", "w"], [0.0, 0.0, 1.0]
@@ -44,7 +44,7 @@ def test_the_published_dice() -> None:
     dice = read_throw_counts(public_data("published/throws.csv"), names)
     assert [die.name for die in dice] == names
     two, three, many = dice
-    # The middle outcome of the first is a facet that is broken in two by 0.7 degrees.
+    # The middle outcome of the first die is a facet of two triangles, 0.7 degrees apart.
     assert two.labels == ("1", "0 or 2")
     assert two.counts.tolist() == [49, 51]
     assert two.group_of_rest.tolist() == [1, 1, 0, 0]
@@ -59,7 +59,7 @@ def test_the_published_dice() -> None:
 
 
 def test_a_mesh(box: Path, tmp_path: Path) -> None:
-    """Other columns and empty lines do not matter, nor blanks; sizes are in millimeters."""
+    """Other columns, empty lines and blanks are ignored; sizes are in millimeters."""
     text = "note,die,mesh,outcome,throws,geometric,size_mm\n"
     probabilities = _probabilities(box)
     for i, name in enumerate("ABCDEF"):
@@ -74,14 +74,12 @@ def test_a_mesh(box: Path, tmp_path: Path) -> None:
 
 
 def _probabilities(box: Path) -> np.ndarray:
-    """Of a box's sides without momentum, from the solid angles of its spherical caps: here from
-    `dicedesign rest`, which other tests prove."""
+    """Probabilities of a box's sides without momentum."""
     return rest_poses(read_body(box)).probabilities
 
 
 def test_a_run(run: Path, tmp_path: Path) -> None:
-    """Its labels say which facet is which, its size is in millimeters, and it needs no
-    probabilities."""
+    """Outcomes are matched by labels, without probabilities; the size is in millimeters."""
     text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\nb,run,y,9\n"
     (die,) = read_throw_counts(written(tmp_path, text))
     assert die.labels == ("z", "x", "y")
@@ -110,9 +108,7 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
         ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
     ],
 )
-def test_files_that_cannot_be_used(
-    box: Path, run: Path, tmp_path: Path, text: str, message: str
-) -> None:
+def test_invalid_files(box: Path, run: Path, tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read_throw_counts(written(tmp_path, text))
 
@@ -126,7 +122,7 @@ def test_files_that_cannot_be_used(
         ("9 0 0", "", r"throws.csv, line 2: center of mass: expected a point strictly inside"),
     ],
 )
-def test_sizes_and_centers_that_cannot_be(
+def test_invalid_sizes_and_centers(
     box: Path, tmp_path: Path, com: str, size: str, message: str
 ) -> None:
     rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_probabilities(box))]
