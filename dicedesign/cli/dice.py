@@ -17,9 +17,9 @@ from dicedesign.cli.commands import (
     WithResults,
 )
 from dicedesign.cli.options import (
-    check_worker_options,
+    columns_of,
     note_missing_kernels,
-    print_note,
+    print_notes,
     text_table,
     workers_of,
 )
@@ -116,8 +116,7 @@ def _run(
         describe = bar.set_description_str
         callbacks = Callbacks(describe, on_step, on_round, describe)
         result = run(recipe, options.out, enlarge=enlarge, resume=resume, callbacks=callbacks)
-    for note in result.notes:
-        print_note(note)
+    print_notes(*result.notes)
     _print_result(result)
     return 0 if result.converged else 1
 
@@ -209,7 +208,6 @@ def search(options: SearchArguments) -> int:
     from dicedesign.search.trials import run_search
 
     check_whole("--trials", options.trials)
-    check_worker_options(options)
     recipe = read_recipe(options.recipe)
     if recipe.method.exact is not None and recipe.method.exact.refine is not None:
         raise InputError(
@@ -231,13 +229,13 @@ def search(options: SearchArguments) -> int:
     ):
         finished = study.finished()
         before, converged = len(finished), _count_converged(finished)
-        workers.advance(before)
+        workers.bar.update(before)
 
         def on_trial(result: dict[str, Any]) -> None:
             nonlocal converged
             converged += result["status"] == "converged"
             workers.bar.set_postfix_str(f"{converged} converged", refresh=False)
-            workers.advance(1)
+            workers.bar.update(1)
 
         if before < options.trials:
             run_search(
@@ -246,12 +244,11 @@ def search(options: SearchArguments) -> int:
                 workers.executor,
                 workers.jobs,
                 on_trial=on_trial,
-                on_quiet=workers.on_quiet,
             )
             finished = study.finished()
         board = write_results(folder, recipe, finished)
     if before:
-        print_note(f"{before} trials were already in {printable(folder)}")
+        print_notes(f"{before} trials were already in {folder}")
     print(f"{recipe.name}: {_count_converged(finished)} of {len(finished)} trials converged")
     files = ["leaderboard.html", "leaderboard.json", "leaderboard.csv", "pareto.png"]
     if board:
@@ -263,8 +260,8 @@ def search(options: SearchArguments) -> int:
             ("max |p - q|", ".1e", "max_abs_error"),
             ("asymmetry", ".4f", "asymmetry"),
         )
-        values = [(name, form, [entry[key] for entry in board]) for name, form, key in columns]
-        print(text_table(*values, ("front", "", ["yes" * entry["on_front"] for entry in board])))
+        on_front = ["yes" * entry["on_front"] for entry in board]
+        print(text_table(*columns_of(board, *columns), ("front", "", on_front)))
         files += ["best.yaml", "trial_N.yaml of the trials above"]
     print(f"files in {printable(folder)}: {', '.join(files)}")
     return 0 if board else 1
@@ -278,11 +275,5 @@ def view(options: ViewArguments) -> int:
     """Serve the page of `dicedesign view`."""
     from dicedesign.view.application import serve_view
 
-    serve_view(
-        options.path,
-        options.host,
-        options.port,
-        browser=not options.no_browser,
-        on_address=lambda address: print(address, flush=True),
-    )
+    serve_view(options.path, options.host, options.port, browser=not options.no_browser)
     return 0

@@ -22,7 +22,7 @@ from types import UnionType
 from typing import Any, Final, get_args, get_origin, get_type_hints
 
 from dicedesign.cli.commands import COMMANDS, Command
-from dicedesign.errors import DiceError, InputError, printable
+from dicedesign.errors import DiceError, printable
 
 __all__ = ["main"]
 
@@ -70,11 +70,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: list[str]) -> int:
-    if words[:1] == ["bench"]:
-        raise InputError(
-            "bench: expected a command of the installed package, got one that is now a script of "
-            "its source; run `python -m benchmarks NAME` in a checkout"
-        )
     joined: list[str] = []
     for word in words:
         # `--com -1,0,0` as `--com=-1,0,0`, which argparse would take for another option.

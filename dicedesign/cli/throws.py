@@ -16,14 +16,12 @@ import numpy as np
 
 from dicedesign.cli.commands import RollsArguments, ThrowArguments
 from dicedesign.cli.options import (
-    center_of_mass,
-    check_worker_options,
     direction,
     numbers,
     percent_intervals,
     plain_rows,
     print_json,
-    print_note,
+    print_notes,
     read_poses,
     text_table,
     workers_of,
@@ -62,19 +60,18 @@ def throw(options: ThrowArguments) -> int:
     try:
         model = momentum_model(name)
     except InputError as error:
-        print_note(f"without probabilities by the momentum model, as {printable(error)}")
+        print_notes(f"without probabilities by the momentum model, as {error}")
     table = table.for_size(size)
     orientations: Any = options.orientations or ("icosahedron" if name == "paper" else "uniform")
     drops = options.drops
     if drops is None:
         drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
     check_throws(drops, options.seed, options.engine, orientations)
-    check_worker_options(options)
     labels, tensor = None, None
     if os.path.isdir(options.die):
         mesh, poses, labels = _read_finished(options)
     else:
-        mesh, poses = read_poses(options.die, center_of_mass(options.com))
+        mesh, poses = read_poses(options.die, options.com)
     if options.inertia is not None:
         xx, yy, zz, xy, xz, yz = numbers("--inertia", options.inertia, "xx,yy,zz,xy,xz,yz")
         tensor = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
@@ -93,8 +90,7 @@ def throw(options: ThrowArguments) -> int:
             engine=options.engine,
             orientations=orientations,
             workers=workers.executor,
-            progress=workers.advance,
-            on_quiet=workers.on_quiet,
+            progress=workers.bar.update,
         )
     seconds = time.perf_counter() - started
     columns: dict[str, Any] = {
@@ -124,8 +120,8 @@ def _read_finished(options: ThrowArguments) -> tuple[Body, RestPoses, list[str |
     from dicedesign.results.folder import read_result
 
     die = read_result(options.die)
-    center = np.array(die.center_of_mass) if options.com is None else center_of_mass(options.com)
-    body, poses = read_poses(die.plain_file, center)
+    center = np.array(die.center_of_mass)
+    body, poses = read_poses(die.plain_file, options.com, center=center)
     normals = np.array([normal for _, normal in die.outcome_normals]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, normals).tolist()
     return body, poses, [None if facet < 0 else die.outcome_normals[facet][0] for facet in facets]
@@ -267,7 +263,7 @@ def _read_probabilities(path: Path) -> tuple[list[str], list[float], str]:
 
     die = read_result(path)
     if not die.converged:
-        print_note(f"{printable(path)}: this die does not meet its target ({die.status})")
+        print_notes(f"{path}: this die does not meet its target ({die.status})")
     return list(die.labels), list(die.target), "target of its design"
 
 

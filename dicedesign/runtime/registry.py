@@ -205,12 +205,10 @@ class Numbers:
     def __getattr__(self, name: str) -> float:
         if name.startswith("_"):
             raise AttributeError(name)
-        if name in self._values:
-            return self._values[name]
-        later = self.list_numbers().get(name)
-        if later is None:
-            raise AttributeError(f"{type(self).__name__} has no {name!r}")
-        return later.default
+        try:
+            return self._values[name] if name in self._values else self.list_numbers()[name].default
+        except KeyError:
+            raise AttributeError(f"{type(self).__name__} has no {name!r}") from None
 
     def __eq__(self, other: object) -> bool:
         return type(other) is type(self) and other.as_dict() == self.as_dict()
@@ -221,9 +219,6 @@ class Numbers:
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self.as_dict().items())
         return f"{type(self).__name__}({given})"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (type(self), self.as_dict())
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -249,7 +244,3 @@ class Numbers:
             for number in cls.list_numbers().values()
         }
         return {"type": "object", "properties": keys, "additionalProperties": False}
-
-
-def _rebuild(kind: type[Own], given: Mapping[str, float]) -> Own:
-    return kind(**given)

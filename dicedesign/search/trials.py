@@ -77,7 +77,6 @@ def run_search(
     jobs: int,
     *,
     on_trial: Callable[[dict[str, Any]], None] | None = None,
-    on_quiet: Callable[[], None] | None = None,
 ) -> None:
     """Run trials until the study has the wanted number of finished ones.
 
@@ -92,7 +91,6 @@ def run_search(
     executor: runs them; processes or machines that can import this package.
     jobs: how many run at a time, at least 1.
     on_trial: called with each result once it is kept.
-    on_quiet: called whenever no trial has ended for some seconds.
 
     Raises
     ------
@@ -116,7 +114,7 @@ def run_search(
     def submit(trial: _Trial) -> Future[dict[str, Any]]:
         return executor.submit(run_trial, trial.recipe)
 
-    for trial, future in iterate_completed(next_trial, submit, jobs, on_quiet):
+    for trial, future in iterate_completed(next_trial, submit, jobs):
         try:
             result = future.result()
         except DiceError:

@@ -130,7 +130,6 @@ def simulate(
     refinement: float = 1.0,
     workers: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    on_quiet: Callable[[], None] | None = None,
 ) -> Throws:
     """Throw a body many times. No engine knows of the momentum-free model, except that a drop ends
     where that says it must.
@@ -142,7 +141,6 @@ def simulate(
     workers: run tasks of `DROPS_PER_TASK` drops; None runs them here. A task whose worker is lost
         runs again.
     progress: called with the number of drops of each task that ended.
-    on_quiet: called whenever the task that is waited for has not ended for some seconds.
 
     Raises
     ------
@@ -161,7 +159,7 @@ def simulate(
         partial(throw_task, body, table, numbers, seed, engine, orientations, refinement)
         for numbers in blocks
     ]
-    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers, on_quiet)
+    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers)
     outcomes = []
     for outcome in ended:
         outcomes.append(outcome)

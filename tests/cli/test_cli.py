@@ -196,7 +196,5 @@ def test_a_prior_of_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     seen = box.with_name("seen.csv")
     seen.write_text("x,y,z\n0,0,-1\n0.1,0,-2\n0,1,0.1\n0,0,-3\n")
     assert main(["rest", str(box), "--prior", f"samples:{seen}", "--json"]) == 0
-    told = capsys.readouterr()
-    rests = json.loads(told.out)["rests"]
+    rests = json.loads(capsys.readouterr().out)["rests"]
     assert [rest["probability"] for rest in rests[:3]] == [0.75, 0.25, 0.0]
-    assert "vmf:" in told.err

@@ -5,10 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from time import sleep
+from typing import Any
 
 import pytest
 from common.inline_executor import Inline, Late, Lossy
@@ -20,28 +20,22 @@ from dicedesign.runtime.workers import (
     is_lost_worker,
     iterate_completed,
     local_workers,
+    open_workers,
     run_in_batches,
 )
 
 
-@pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waits are long after a moment."""
-    monkeypatch.setattr(workers, "QUIET", 1e-3)
-
-
-@pytest.mark.usefixtures("impatient")
-def test_as_many_run_at_a_time_as_asked() -> None:
-    """Tasks end in the wrong order, and only where nothing else happens."""
+def test_as_many_run_at_a_time_as_permitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tasks end in the wrong order, and only when nothing else happens."""
     late, tasks, running = Late(), iter(range(8)), []
 
-    def on_quiet() -> None:
+    def wait_for_one(futures: Any, **options: Any) -> Any:
         running.append(len(late.waiting))
         late.end_one()
+        return wait(futures, **options)
 
-    ended = iterate_completed(
-        lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6, on_quiet
-    )
+    monkeypatch.setattr(workers, "wait", wait_for_one)
+    ended = iterate_completed(lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6)
     squares = {task: future.result() for task, future in ended}
     assert squares == {n: n**2 for n in range(8)}
     assert list(squares) != list(range(8))
@@ -110,14 +104,6 @@ def test_an_error_of_a_task_is_none_of_its_worker() -> None:
         list(in_order([lambda: 1 // 0], Inline()))
 
 
-@pytest.mark.usefixtures("impatient")
-def test_a_long_wait_is_told() -> None:
-    told: list[int] = []
-    with ThreadPoolExecutor(1) as workers:
-        list(in_order([partial(sleep, 0.05)], workers, lambda: told.append(1)))
-    assert told
-
-
 def test_a_local_worker_that_dies_is_replaced() -> None:
     others = set(multiprocessing.active_children())
     with local_workers(1) as workers:
@@ -125,3 +111,10 @@ def test_a_local_worker_that_dies_is_replaced() -> None:
         assert is_lost_worker(lost.exception() or RuntimeError())
         assert workers.submit(pow, 3, 2).result() == 9
     assert set(multiprocessing.active_children()) == others
+
+
+def test_no_more_processes_than_pieces_of_work(capsys: pytest.CaptureFixture[str]) -> None:
+    with open_workers("files", 12, 10, jobs=64) as workers:
+        assert workers.jobs == 2
+        assert workers.executor.submit(pow, 3, 2).result() == 9
+    assert capsys.readouterr() == ("", "")

@@ -72,7 +72,7 @@ def test_one_step_at_a_time(make_session) -> None:
     assert session.state == "paused"
     assert session.shape is None
     for number in range(1, 5):
-        session.step()
+        session.run(1)
         wait_for(session)
         assert session.state == "paused"
         assert len(session.shapes) == number
@@ -102,7 +102,7 @@ def test_a_pause_holds(make_session) -> None:
 def test_undo_restores_the_previous_shape(make_session) -> None:
     session = make_session({"fair": 5})
     for _ in range(4):
-        session.step()
+        session.run(1)
         wait_for(session)
     first, second, third, _ = session.shapes
     session.undo()
@@ -110,7 +110,7 @@ def test_undo_restores_the_previous_shape(make_session) -> None:
     session.undo()
     assert session.shape is second
     assert session.state == "paused"
-    session.step()
+    session.run(1)
     wait_for(session)
     assert session.shapes[:2] == (first, second)
     assert len(session.shapes) == 3
@@ -168,7 +168,7 @@ def test_weights_change_during_a_run(make_session) -> None:
 def test_another_method_continues_from_the_current_shape(make_session) -> None:
     session = make_session({"fair": 6}, method="paper")
     for _ in range(5):
-        session.step()
+        session.run(1)
         wait_for(session)
     before = session.shape
     session.change(replace(session.request, method="exact", prefer=Preferences()))
@@ -179,7 +179,7 @@ def test_another_method_continues_from_the_current_shape(make_session) -> None:
 
 def test_pinned_facets_stay_until_they_are_unpinned(make_session) -> None:
     session = make_session({"sum_of_dice": [4, 4]}, prefer=Preferences(roundness=1.0))
-    session.step()
+    session.run(1)
     wait_for(session)
     before = session.shape
     session.change(replace(session.request, pinned=("3", "6")))
@@ -296,7 +296,7 @@ def test_random_button_presses_still_converge(make_session) -> None:
         if session.shape is not None:
             session.swap(*rng.choice(session.labels, 2, replace=False).tolist())
 
-    acts = (session.run, session.pause, session.step, session.undo, change, swap)
+    acts = (session.run, session.pause, lambda: session.run(1), session.undo, change, swap)
     for _ in range(60):
         acts[rng.integers(len(acts))]()
         session.wait(float(rng.choice([0.0, 0.01])))

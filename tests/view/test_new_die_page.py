@@ -105,7 +105,7 @@ def test_steps_undo_pins_and_swaps(new_die: NewDie, tmp_path: Path) -> None:
         new_die.page.wait_for_function(
             f"document.querySelector('#design')?.innerText.includes('paused; step {number};')"
         )
-        parallel.step()
+        parallel.run(1)
         assert parallel.wait(60.0)
         probabilities = new_die.numbers("facets", 3)
         np.testing.assert_allclose(
