@@ -69,7 +69,7 @@ class WithRests(Command):
 @dataclass(kw_only=True)
 class WithBody(WithRests, WithJson):
     help_text = """Options:
-    mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or cell densities as NPY or NPZ
+    mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ...
     part (FILE:DENSITY): a closed mesh inside MESH with its own density, relative to MESH; 0 is a
         cavity; may be repeated, the last one wins where parts overlap"""
     part: tuple[str, ...] = ()
@@ -503,7 +503,7 @@ COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
     "repair": (RepairArguments, "meshes:repair"),
     "balance": (BalanceArguments, "meshes:balance"),
     "throw": (ThrowArguments, "throws:throw"),
-    "rolls": (RollsArguments, "throws:judge_rolls"),
+    "rolls": (RollsArguments, "rolls:judge_rolls"),
     "table": (TableArguments, "table_fit:fit"),
     "view": (ViewArguments, "dice:view"),
 }

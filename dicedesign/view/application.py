@@ -48,7 +48,7 @@ class View:
             listening.close()
             raise
         self.page = Page(listening)
-        self.viewport = Viewport(self.page)
+        self.viewport = Viewport(self.page, body)
         panels: dict[str, Callable[[], object]] = {
             "Body": lambda: BodyPanel(self.viewport, source),
             "New die": lambda: NewDiePanel(self.viewport),

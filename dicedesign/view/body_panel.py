@@ -87,8 +87,7 @@ class ProbabilityControls:
     def _choose(self, name: str) -> None:
         self.table = None if name == NO_TABLE else name
         self._model = None if self.table is None else momentum_model(self.table)
-        if self._viewport.viewed is not None:
-            self._refresh(self._viewport.viewed)
+        self._refresh(self._viewport.viewed)
 
     def _refresh(self, viewed: ViewedBody) -> None:
         thrown = None
@@ -103,7 +102,7 @@ class ProbabilityControls:
 
     def _stand(self, index: int) -> None:
         viewed = self._viewport.viewed
-        if viewed is None or index >= len(viewed.rows):
+        if index >= len(viewed.rows):
             return
         row = viewed.rows[index]
         if row.rest < 0:
@@ -147,14 +146,11 @@ class MotionControls:
 
     def _release(self, down: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is not None:
-            motion = release_motion(viewed, self._viewport.pose, down / np.linalg.norm(down))
-            self._move(viewed, motion, "It came to rest on")
+        motion = release_motion(viewed, self._viewport.pose, down / np.linalg.norm(down))
+        self._move(viewed, motion, "It came to rest on")
 
     def _throw(self, down: Floats | None) -> None:
         viewed = self._viewport.viewed
-        if viewed is None:
-            return
         table = load_table(self._probabilities.table or DEFAULT_TABLE)
         seed = int(self._rng.integers(2**31))
 
@@ -207,8 +203,6 @@ class BodyPanel:
 
     def _save(self, client: Any) -> None:
         viewed, page = self._viewport.viewed, self._viewport.page
-        if viewed is None:
-            return
         if not viewed.has_uniform_center:
             page.notify(
                 "The file is a solid of one density. Its center of mass is the centroid of the "

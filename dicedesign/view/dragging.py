@@ -37,7 +37,7 @@ class DragControls:
         self._target = CENTER
         self._facet, self._corner = 0, 0
         self._base: ViewedBody | None = None
-        self._first: ViewedBody | None = None
+        self._first = viewport.viewed
         self._history: deque[ViewedBody] = deque(maxlen=MAX_UNDO_STEPS)
         target = page.gui.add_dropdown(
             "Drag",
@@ -94,8 +94,6 @@ class DragControls:
     def _place_controls(self) -> None:
         """Show the center of mass in its field, and put the gizmo on its target."""
         viewed = self._viewport.viewed
-        if viewed is None:
-            return
         self._corner = min(self._corner, len(viewed.hull.vertices) - 1)
         self._facet = min(self._facet, len(viewed.hull.normals) - 1)
         # Adding zero removes the sign of a zero.
@@ -117,8 +115,6 @@ class DragControls:
 
     def _click(self, facet: int, point: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is None or self._target not in (CORNER, FACET):
-            return
         corners = facet_vertices(viewed.hull, facet)
         distances = np.linalg.norm(viewed.hull.vertices[corners] - point, axis=1)
         self._facet, self._corner = facet, int(corners[distances.argmin()])
@@ -126,8 +122,6 @@ class DragControls:
 
     def _drag(self, phase: str, wxyz: Floats, position: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is None:
-            return
         if phase == "start":
             self._viewport.hold()
             self._base = viewed
@@ -156,7 +150,7 @@ class DragControls:
     def _commit(self, base: ViewedBody) -> None:
         """End a change: `base` can be restored, and the body rolls to rest."""
         viewed = self._viewport.viewed
-        if viewed is None or viewed is base:
+        if viewed is base:
             return
         self._history.append(base)
         if viewed.hull is not base.hull:
@@ -172,17 +166,15 @@ class DragControls:
 
     def _set_center(self, center: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is not None:
-            moved, is_outside = viewed.with_center(center)
-            self._viewport.update(moved)
-            self._commit(viewed)
-            self._viewport.page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
+        moved, is_outside = viewed.with_center(center)
+        self._viewport.update(moved)
+        self._commit(viewed)
+        self._viewport.page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
 
     def _make_uniform(self) -> None:
         viewed = self._viewport.viewed
-        if viewed is not None:
-            self._viewport.update(viewed.with_uniform_center())
-            self._commit(viewed)
+        self._viewport.update(viewed.with_uniform_center())
+        self._commit(viewed)
 
     def _undo(self) -> None:
         if self._history:
@@ -190,7 +182,7 @@ class DragControls:
 
     def _restart(self) -> None:
         viewed = self._viewport.viewed
-        if self._first is not None and viewed is not None and viewed is not self._first:
+        if viewed is not self._first:
             self._history.append(viewed)
             self._restore(self._first)
 

@@ -407,7 +407,7 @@ class NewDiePanel:
             outcomes=Outcomes(session.labels, shape.directions, shape.target),
             poses=shape.poses,
         )
-        was_in_view = self._shape_body is not None and self._viewport.viewed is self._shape_body
+        was_in_view = self._viewport.viewed is self._shape_body
         self._shape_body = self._panel_body = body
         if was_in_view:
             self._viewport.update(body)

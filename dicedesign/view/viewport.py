@@ -29,7 +29,7 @@ class Viewport:
 
     Attributes
     ----------
-    viewed: body in view, or None.
+    viewed: body in view; it appears with `show`.
     frame: coordinates of the body in the scene.
     pose: (4, 4) motion of the body onto the plane z = 0, in its own unit.
     on_change: called with the body after every change of it; on_show: whenever another body comes
@@ -38,10 +38,9 @@ class Viewport:
     on_direction: called after a click on the sphere, with the direction (3,).
     """
 
-    def __init__(self, page: Page) -> None:
-        self.page = page
-        self.viewed: ViewedBody | None = None
-        self.frame = SceneFrame(np.zeros(3), 1.0)
+    def __init__(self, page: Page, viewed: ViewedBody) -> None:
+        self.page, self.viewed = page, viewed
+        self.frame = SceneFrame.of(viewed.hull)
         self.pose = np.eye(4)
         self.on_change: list[Callable[[ViewedBody], None]] = []
         self.on_show: list[Callable[[ViewedBody], None]] = []
@@ -78,8 +77,7 @@ class Viewport:
     def show(self, viewed: ViewedBody) -> None:
         """Show another body on its most probable rest."""
         self.hold()
-        self.viewed = None
-        self.frame = SceneFrame.of(viewed.hull)
+        self.viewed, self.frame = viewed, SceneFrame.of(viewed.hull)
         self._show_mesh(viewed)
         self.update(viewed)
         self.put(viewed.poses.transforms[0])
@@ -89,7 +87,7 @@ class Viewport:
     def update(self, viewed: ViewedBody) -> None:
         """Show the body after a change."""
         before, self.viewed = self.viewed, viewed
-        if before is not None and viewed.is_dragged != before.is_dragged:
+        if viewed.is_dragged != before.is_dragged:
             self._show_mesh(viewed)
         with self.page.server.atomic():
             self._body.update(viewed, self.frame)
@@ -152,19 +150,17 @@ class Viewport:
             return decimate(points, triangles)
 
         def show(mesh: Any) -> None:
-            if self.viewed is not None and self.viewed.shape is shape:
+            if self.viewed.shape is shape:
                 self._body.show_mesh(self.frame.to_scene(mesh[0]), mesh[1])
 
         self.page.start(work, show)
 
     def _click_body(self, origin: Floats, direction: Floats) -> None:
-        if self.viewed is not None:
-            wxyz, position = self.frame.place(self.pose)
-            to_body = Rotation.from_quat(wxyz, scalar_first=True).inv()
-            start = self.frame.from_scene(to_body.apply(origin - position))
-            self.on_facet(*facet_on_ray(self.viewed.hull, start, to_body.apply(direction)))
+        wxyz, position = self.frame.place(self.pose)
+        to_body = Rotation.from_quat(wxyz, scalar_first=True).inv()
+        start = self.frame.from_scene(to_body.apply(origin - position))
+        self.on_facet(*facet_on_ray(self.viewed.hull, start, to_body.apply(direction)))
 
     def _click_sphere(self, origin: Floats, direction: Floats) -> None:
-        if self.viewed is not None:
-            start = (origin - SPHERE_POSITION) / SPHERE_RADIUS
-            self.on_direction(direction_on_ray(start, direction))
+        start = (origin - SPHERE_POSITION) / SPHERE_RADIUS
+        self.on_direction(direction_on_ray(start, direction))

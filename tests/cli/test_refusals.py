@@ -339,7 +339,16 @@ def test_help_fits_a_screen_and_its_example_is_valid(
     assert make_parser(command).parse_args(words).command == command
 
 
-@pytest.mark.parametrize("command", ["design", "design --target 1/2,1/2 --size-mm large", "roll"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "design",
+        "design --target 1/2,1/2 --size-mm large",
+        "roll",
+        "rolls die",
+        "rolls die counts.csv --log log.csv",
+    ],
+)
 def test_usage(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(command.split())

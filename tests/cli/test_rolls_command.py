@@ -241,12 +241,3 @@ def test_what_was_typed_outlives_the_process(die: Path, tmp_path: Path) -> None:
         assert process.returncode == (0 if sent == signal.SIGINT else -sent)
     assert "3 throws, tested" in out
     assert log.read_text().split() == ["label", "5", "4", "6"]
-
-
-def test_a_file_or_a_log(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for given in ([], [str(tmp_path / "a.csv"), "--log", str(tmp_path / "b.csv")]):
-        with pytest.raises(SystemExit) as ended:
-            main(["rolls", str(die), *given])
-        assert ended.value.code == 2
-        assert "--log" in capsys.readouterr().err
-    assert not (tmp_path / "b.csv").exists()

@@ -101,8 +101,6 @@ def test_another_hand(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert answer(capsys, box, *few, "--table", "paper", "--hand", "cup")["drops"] == 200
     assert main(["throw", str(box), *map(str, few), "--hand", "cup"]) == 0
     assert "geometric % momentum % facet normal" in " ".join(capsys.readouterr().out.split())
-    assert main(["throw", str(box), "--hand", "foot"]) == 2
-    assert "hand: expected cup, hand, tower, got 'foot'; take one" in capsys.readouterr().err
 
 
 @compiled_only
@@ -126,8 +124,6 @@ def test_a_table_beyond_the_momentum_model_is_thrown_onto_all_the_same(
 
 @compiled_only
 def test_the_papers_orientations(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["throw", str(box), "--table", "paper", "--drops", "300"]) == 2
-    assert "drops: expected a multiple of 1212 with" in capsys.readouterr().err
     found = answer(capsys, box, "--orientations", "icosahedron", "--table", "carpet", "--jobs", 1)
     assert found["drops"] == 1212
     assert sum(rest["frequency"] for rest in found["rests"]) == pytest.approx(1.0)
@@ -185,17 +181,8 @@ def test_a_missing_extra(box: Path) -> None:
         "workers.local_workers = lambda jobs: nullcontext(Inline());"
         "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
     )
-    command = [
-        sys.executable,
-        "-c",
-        script,
-        "throw",
-        str(box),
-        "--engine",
-        "mujoco",
-        "--drops",
-        "1",
-    ]
+    throw = ["throw", str(box), "--engine", "mujoco", "--drops", "1"]
+    command = [sys.executable, "-c", script, *throw]
     tests = Path(__file__).parents[1]
     done = subprocess.run(command, cwd=tests, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")

@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import re
 import signal
-import socket
 import subprocess
 import sys
 import urllib.request
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -68,12 +66,6 @@ def test_what_cannot_be_opened_is_told(tmp_path: Path, capsys: pytest.CaptureFix
     assert "flat.obj" in said(capsys, str(tmp_path / "open.yaml"), *port)
     assert "expected a folder with meshes" in said(capsys, str(tmp_path / "empty"), *port)
     assert "result.json: expected the result" in said(capsys, str(tmp_path / "half"), *port)
-
-
-def test_a_taken_port_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    with closing(socket.create_server(("127.0.0.1", 0))) as taken:
-        port = str(taken.getsockname()[1])
-        assert "take another" in said(capsys, "--port", port)
 
 
 def test_a_missing_extra_is_named(

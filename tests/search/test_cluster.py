@@ -149,9 +149,11 @@ def test_a_scheduler_that_goes_leaves_what_is_finished(
             process.kill()
 
     with open_study(tmp_path / "out", recipe) as study:
-        with cluster_workers(address) as (executor, _):
-            with pytest.raises(DiceError, match="expected a Dask scheduler until the end"):
-                run_search(study, 1000, executor, 2, on_trial=on_trial)
+        with (
+            cluster_workers(address) as (executor, _),
+            pytest.raises(DiceError, match="expected a Dask scheduler until the end"),
+        ):
+            run_search(study, 1000, executor, 2, on_trial=on_trial)
         kept = study.finished()
         assert kept
         run_search(study, len(kept) + 1, Inline(), 1)

@@ -22,7 +22,6 @@ from dicedesign.recipe.recipe import Recipe
 from dicedesign.report.curve_charts import pareto_chart
 from dicedesign.report.pages import lying_die_png
 from dicedesign.search.leaderboard import leaders, pareto_front, rank_trials, write_results
-from dicedesign.search.trials import run_trial
 
 TETRAHEDRON = [[9.0, 9.0, 9.0], [9.0, -9.0, -9.0], [-9.0, 9.0, -9.0], [-9.0, -9.0, 9.0]]
 
@@ -108,6 +107,7 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
     table = json.loads((folder / "leaderboard.json").read_text())
     assert table["leaderboard"] == board
     assert table["trials"] == 30
+    assert [entry["as_given"] for entry in board] == [number == 0 for number in numbers]
     assert table["converged"] == len(rank_trials(trials))
     assert [entry["number"] for entry in board if entry["on_front"]] == [
         number for number in numbers if number in table["front"]
@@ -145,26 +145,6 @@ def test_the_assignment_is_told_where_it_was_varied(tmp_path: Path, is_assigned:
     recipe = parse_recipe({**entries, "target": {"binomial": 2} if is_assigned else {"fair": 3}})
     for entry in write_results(tmp_path, recipe, made(recipe, 6)):
         assert ("assignment" in entry["varied"]) == is_assigned
-
-
-def test_the_recipe_as_given_is_marked(tmp_path: Path, recipe: Recipe) -> None:
-    trials = [{**trial, "status": "converged"} for trial in made(recipe, 4, 3)]
-    assert all(trial["inradius_mm"] for trial in trials)
-    write_results(tmp_path, recipe, trials)
-    text = (tmp_path / "leaderboard.html").read_text()
-    assert text.count("<br>as given<br>") == 1
-    assert "trial_0.yaml<br>as given<br>seed 3</td>" in text
-    write_results(tmp_path, recipe, trials[1:])
-    assert "<br>as given<br>" not in (tmp_path / "leaderboard.html").read_text()
-
-
-def test_best_is_what_was_found(tmp_path: Path, recipe: Recipe) -> None:
-    """To the last bit, through the file."""
-    result = run_trial(recipe.as_dict())
-    write_results(tmp_path, recipe, [{"number": 0, "recipe": recipe.as_dict(), **result}])
-    again = run_trial(read_recipe(tmp_path / "best.yaml").as_dict())
-    assert again["vertices"] == result["vertices"]
-    assert again["margin_deg"] == result["margin_deg"]
 
 
 def test_a_lying_die_is_seen_whole() -> None:

@@ -41,19 +41,6 @@ def varied() -> Recipe:
     )
 
 
-def test_a_search_goes_on_as_if_it_had_not_stopped(tmp_path: Path, varied: Recipe) -> None:
-    """Past the trials that the sampler draws at random."""
-    first = searched(tmp_path / "a", varied, 3)
-    assert [trial["number"] for trial in first] == [0, 1, 2]
-    assert searched(tmp_path / "a", varied, 3) == first
-    both = searched(tmp_path / "a", varied, 12)
-    assert both[:3] == first
-    assert len(both) == 12
-    assert both == searched(tmp_path / "b", varied, 12)
-    assert {trial["status"] for trial in both} == {"converged", "no_progress"}
-    assert len({str(trial["recipe"]["assignment"]) for trial in both}) > 5
-
-
 @pytest.mark.parametrize("weight", [0.0, 0.005, 40.0])
 def test_the_first_trial_is_the_recipe(tmp_path: Path, weight: float) -> None:
     recipe = parse_recipe(

@@ -14,16 +14,6 @@ from dicedesign.view.sources import open_source
 from dicedesign.view.viewed_body import MAX_DRAWN_TRIANGLES, decimate
 
 
-def test_a_mesh_has_its_rests(tmp_path: Path) -> None:
-    path = box_file(tmp_path)
-    source = open_source(path)
-    assert source.names == ("box.obj",)
-    viewed = source.load("box.obj", print)
-    expected = dd.rest_poses(dd.read_body(path))
-    np.testing.assert_array_equal(viewed.poses.probabilities, expected.probabilities)
-    assert viewed.has_uniform_center
-
-
 def test_a_folder_of_meshes_has_them_all(tmp_path: Path) -> None:
     (tmp_path / "more").mkdir()
     box_file(tmp_path, name="b.obj")
