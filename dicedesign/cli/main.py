@@ -117,8 +117,7 @@ def _describe_error(error: BaseException) -> tuple[int, str]:
 
 
 def make_parser(word: str) -> argparse.ArgumentParser:
-    """Parser of a command line that begins with a word: lists all commands, and has the options of
-    that one alone."""
+    """Parser of a command line that starts with `word`; only that command has its options."""
     parser = argparse.ArgumentParser(
         prog="dicedesign",
         description="Design solid objects by the probabilities with which they come to rest.",

@@ -88,8 +88,8 @@ def fit(options: TableArguments) -> int:
         checkpoint_file, name = out.with_suffix(".checkpoint.npz"), printable(out.stem)
     source = "fitted to " + ", ".join(f"{die.counts.sum()} throws of {die.name}" for die in dice)
     start = Table(name, 0.0, 0.0, 0.0, 0.0, 0.0, source=source)
-    fresh = max(1, round(CHECKED * options.evaluations * options.drops))
-    total = (options.evaluations * options.drops + fresh) * (len(dice) + len(others))
+    new_drops = max(1, round(CHECKED * options.evaluations * options.drops))
+    total = (options.evaluations * options.drops + new_drops) * (len(dice) + len(others))
     work = {
         "set of throws": throws_digest(dice),
         "set of other dice": throws_digest(others),
@@ -103,7 +103,7 @@ def fit(options: TableArguments) -> int:
         workers_of(options, "drops", total) as workers,
     ):
         if checkpoint_file is not None and os.path.exists(checkpoint_file):
-            print_notes(f"goes on from {checkpoint_file}")
+            print_notes(f"resumes from {checkpoint_file}")
         share: dict[str, Any] = {"workers": workers.executor, "progress": workers.bar.update}
         fit = fit_table(
             dice,
@@ -116,12 +116,12 @@ def fit(options: TableArguments) -> int:
             **share,
         )
         # No evaluation has this seed.
-        checks = check_table(counted, fit.table, fresh, options.seed, **share)
+        checks = check_table(counted, fit.table, new_drops, options.seed, **share)
         answer = _plain(fit, checks)
         if designed is not None:
             die, target = designed
             table = fit.table.for_size_above(die.size)
-            throws = simulate(die.body, table, fresh, options.seed, **share)
+            throws = simulate(die.body, table, new_drops, options.seed, **share)
             answer["die_at_hand"] = _predict(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
             entries = fit.table.as_dict() | {"posterior": posterior_entries(fit.posterior)}
@@ -354,7 +354,7 @@ def _sentences(answer: dict[str, Any]) -> list[str]:
         f"each; log likelihood {answer['log_likelihood']:.2f}, of probabilities equal to all "
         "frequencies 0",
         f"the surrogate's predictions were {answer['surprise']:.2f} of its standard deviations off",
-        f"with {drops} fresh drops {verdict} the fitted set at the level {LEVEL:g}",
+        f"with {drops} new drops {verdict} the fitted set at the level {LEVEL:g}",
     ]
     unexplained = [die for die in dice if die["die"] in answer["unexplained"]]
     for die in dice:
@@ -369,7 +369,7 @@ def _sentences(answer: dict[str, Any]) -> list[str]:
     if vague:
         lines.append(f"these throws say little about: {', '.join(vague)}")
     lines += [
-        f"{die['die']}: {die['unresolved']} fresh drops came to no rest"
+        f"{die['die']}: {die['unresolved']} new drops came to no rest"
         for die in dice
         if die["unresolved"]
     ]

@@ -123,17 +123,17 @@ def _judge_throws(throws: Throws, poses: RestPoses, columns: dict[str, Any]) -> 
     None.
     """
     landed = throws.outcomes >= 0
-    came, probabilities = np.zeros(throws.rests), poses.probabilities
+    counts, probabilities = np.zeros(throws.rests), poses.probabilities
     variation = transport = test = None
     if landed.any():
-        came = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
-        variation = asdict(measure_variation(came, probabilities, CONFIDENCE))
-        transport = asdict(measure_transport(poses.normals, came, probabilities, CONFIDENCE))
+        counts = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
+        variation = asdict(measure_variation(counts, probabilities, CONFIDENCE))
+        transport = asdict(measure_transport(poses.normals, counts, probabilities, CONFIDENCE))
         if throws.rests > 1:
-            test = asdict(chi_square(came, probabilities))
+            test = asdict(chi_square(counts, probabilities))
     else:
         columns["frequency"] = [None] * throws.rests
-    columns["interval"] = exact_intervals(came, float(came.sum()), CONFIDENCE)
+    columns["interval"] = exact_intervals(counts, float(counts.sum()), CONFIDENCE)
     return {
         "drops": throws.drops,
         "unresolved": throws.unresolved,

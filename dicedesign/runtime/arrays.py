@@ -51,9 +51,9 @@ def exact_intervals(counts: ArrayLike, throws: float, confidence: float) -> Floa
     """
     from scipy.special import betaincinv
 
-    came = np.asarray(counts, dtype=np.float64)
-    missed, tail = throws - came, (1.0 - confidence) / 2.0
+    hits = np.asarray(counts, dtype=np.float64)
+    misses, tail = throws - hits, (1.0 - confidence) / 2.0
     # At its ends, the beta distribution has no second parameter, and the limit is 0 or 1.
-    lower = np.where(came > 0, betaincinv(np.maximum(came, 1), missed + 1, tail), 0.0)
-    upper = np.where(missed > 0, 1.0 - betaincinv(np.maximum(missed, 1), came + 1, tail), 1.0)
+    lower = np.where(hits > 0, betaincinv(np.maximum(hits, 1), misses + 1, tail), 0.0)
+    upper = np.where(misses > 0, 1.0 - betaincinv(np.maximum(misses, 1), hits + 1, tail), 1.0)
     return np.stack([lower, upper], axis=-1)

@@ -61,7 +61,7 @@ class AutosavedFile:
         if _state(self.path) not in (None, self._written):
             raise OutputError(
                 f"{self.path}: expected {self._kind} that only this run writes, but another one "
-                "is writing it; wait until that one has ended, then run the same command to go on"
+                "is writing it; wait until that one has ended, then repeat the command to resume"
             )
         with hold_interrupts("nothing half-written was left"):
             atomic_write(self.path, data)
@@ -222,7 +222,7 @@ class Checkpoint:
         self._file.save()
         if isinstance(error, KeyboardInterrupt) and any(self._rows.values()):
             raise KeyboardInterrupt(
-                f"what was done is in {self._file.path}; run the same command to go on"
+                f"the results so far are in {self._file.path}; repeat the command to resume"
             ) from error
 
 

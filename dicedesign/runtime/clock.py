@@ -19,7 +19,7 @@ class Clock:
         the process in 10^6 bytes, None if the system does not report it.
     peak_since: "stage", or "start" if the system cannot reset the peak; then "peak_mb" is the peak
         since the process started.
-    on_stage: called with the name of each stage when it begins.
+    on_stage: called with the name of each stage when it starts.
     """
 
     stages: list[dict[str, Any]] = field(default_factory=list)

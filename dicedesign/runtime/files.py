@@ -1,4 +1,4 @@
-"""Reading of whole files, atomic writing, JSON, and locked folders."""
+"""Read whole files, write files atomically, make JSON, and lock folders."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def open_output_folder(folder: Path) -> Iterator[None]:
 
     Raises
     ------
-    OutputError: the folder cannot be made or written.
+    OutputError: the folder cannot be created or written.
     """
     missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
     try:
@@ -201,11 +201,11 @@ def open_output_folder(folder: Path) -> Iterator[None]:
 
 
 def make_writable_folder(folder: Path) -> None:
-    """Make a folder for results if it is missing, and try whether files can be made in it.
+    """Make a folder for results if it is missing, and check that it is writable.
 
     Raises
     ------
-    OutputError: it cannot be made or written.
+    OutputError: it cannot be created or written.
     """
     probe = _partial_file(folder / "probe")
     try:

@@ -1,5 +1,4 @@
-"""Registries of extensions: built-in ones, those of installed packages, and those of scripts; and
-named numbers that extensions declare."""
+"""Registries of extensions, and named numbers that extensions declare."""
 
 from __future__ import annotations
 
@@ -112,7 +111,7 @@ class Registry(Generic[Kind]):
             )
         if entries.get(entry.name, entry) != entry:
             raise InputError(
-                f"{self.kind} {entry.name!r}: expected a name of its own, got one that is taken; "
+                f"{self.kind} {entry.name!r}: expected a name of its own, got one in use; "
                 "choose another"
             )
         entries[entry.name] = entry
@@ -170,8 +169,8 @@ class Numbers:
         for name in declared:
             if hasattr(type(self), name):
                 raise InputError(
-                    f"{self.prefix}{name}: expected another name, got that of an attribute of the "
-                    "class; choose another"
+                    f"{self.prefix}{name}: expected another name, got an attribute of the class; "
+                    "choose another"
                 )
         for name, value in given.items():
             number = declared.get(name)

@@ -286,7 +286,7 @@ class DesignSession:
             self._turn.notify_all()
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until nothing runs, at most so many seconds; return whether that is so."""
+        """Wait until nothing runs, for at most `seconds`; return whether nothing runs."""
         with self._turn:
             return self._turn.wait_for(lambda: self._thread is None or self._is_held, seconds)
 

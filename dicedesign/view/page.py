@@ -147,7 +147,7 @@ MAX_DIGITS: Final = 8
 
 
 class Page:
-    """A served page. Every browser that opens it shows the same.
+    """Served page. All browsers that open it show the same content.
 
     Viser calls callbacks from several threads in any order, so `enqueue` makes all changes in one
     thread. `close` ends everything.

@@ -131,6 +131,6 @@ def test_a_fit_in_spite_of_kills_is_the_same(
     assert fit("--throws", throws, "--out", parts) == 0
     captured = capsys.readouterr()
     assert captured.out == told
-    assert captured.err.startswith("note: goes on from ")
+    assert captured.err.startswith("note: resumes from ")
     assert parts.read_bytes() == whole.read_bytes()
     assert not list(tmp_path.glob("**/*.npz"))
