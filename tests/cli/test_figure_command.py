@@ -13,7 +13,7 @@ from dicedesign.cli.main import main
 
 @pytest.fixture
 def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working directory with two meshes and a recipe."""
+    """Working directory with two meshes and a recipe."""
     monkeypatch.chdir(tmp_path)
     trimesh.creation.box((1, 2, 3)).export("box.stl")
     trimesh.creation.cylinder(1, 2, sections=11).export("rod.obj")

@@ -1,5 +1,4 @@
-"""What a command cannot do ends with exit code 2 and one line that names the thing, and leaves
-nothing behind."""
+"""Refused commands end with exit code 2, one line of error, and no files."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ CONCAVE = "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod
 PAPER = "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
 
 BOX = (0.32251078, 0.32251078, 0.1213636, 0.1213636, 0.05612562, 0.05612562)
-"""Probabilities of its rests."""
+"""Probabilities of the box's rests."""
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
 
@@ -240,7 +239,7 @@ ENTRIES = {
     "{edges: {radius_mm: 5.9}}": "circle that is left flat on facet",
     "{files: [stl, dxf]}": "files: expected formats out of",
 }
-"""What is changed in a recipe for a fair d4, and the refusal."""
+"""Changes of a recipe for a fair d4, and the error."""
 
 KEYS = (
     "engrave.depth_mm margin_mm min_height_mm max_height_mm stroke_mm border_mm content icons font "
@@ -252,14 +251,14 @@ KEYS = (
     "files",
     "data_sheet",
 )
-"""An entry of a recipe, and those within it."""
+"""Entries of a recipe, each with its nested entries."""
 
 WRONG = "-1 .nan .inf 1.0e+300 wrong [1] {wrong: 1}".replace("wrong: 1", "wrong:_1").split()
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with meshes, recipes, fonts and pictures, most of them broken."""
+    """Working directory with meshes, recipes, fonts and pictures, most of them broken."""
     monkeypatch.chdir(tmp_path)
     for name in ("within", "rubbish", "nothing"):
         (tmp_path / name).mkdir()
@@ -282,12 +281,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line by which a command is refused."""
+    """Run a command, and return its one line of error."""
     before = sorted(Path().rglob("*"))
     assert main(arguments) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    (line,) = [line for line in said.err.splitlines() if not line.startswith("note: ")]
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
     assert line.startswith("dicedesign: ")
     assert sorted(Path().rglob("*")) == before
     return line
@@ -370,7 +369,7 @@ def test_usage(command: str, capsys: pytest.CaptureFixture[str]) -> None:
         "table fit --throws NAME",
     ],
 )
-def test_names_that_no_file_can_have(
+def test_impossible_file_names_are_refused(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

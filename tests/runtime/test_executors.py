@@ -1,4 +1,4 @@
-"""Loops over tasks: how many run at a time, workers that are lost, and long waits."""
+"""Loops over tasks, their order and their number, and lost workers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_as_many_run_at_a_time_as_permitted(monkeypatch: pytest.MonkeyPatch) -> 
     assert running == [6, 6, 6, 5, 4, 3, 2, 1]
 
 
-def test_a_task_that_failed_may_be_given_again() -> None:
+def test_a_failed_task_can_be_retried() -> None:
     lossy, waiting, done = Lossy(lambda count, task: task == "b" and count < 4), ["b", "a"], []
 
     def next_task() -> str | None:
@@ -58,7 +58,7 @@ def test_a_task_that_failed_may_be_given_again() -> None:
     assert [task for (task,) in lossy.submitted] == ["a", "b", "b", "b"]
 
 
-def test_small_items_share_a_task_and_few_are_spread_over_all_workers() -> None:
+def test_small_items_share_tasks_that_suffice_for_all_workers() -> None:
     sizes = [100] * 2000 + [600_000, 300_000, 200_000, 5_000_000, 100]
     lossy, done = Lossy(lambda *_: False), list[int]()
     submit = partial(lossy.submit, list)
@@ -71,7 +71,7 @@ def test_small_items_share_a_task_and_few_are_spread_over_all_workers() -> None:
         assert [len(task) for (task,) in lossy.submitted] == expected
 
 
-def test_items_whose_worker_is_lost_run_again_alone() -> None:
+def test_items_of_lost_workers_are_retried_alone() -> None:
     lossy, done = Lossy(lambda count, task: 42 in task), list[int]()
     assert run_in_batches(range(100), partial(lossy.submit, list), 1, done.extend) == [42]
     assert sorted(done) == [number for number in range(100) if number != 42]
@@ -80,7 +80,7 @@ def test_items_whose_worker_is_lost_run_again_alone() -> None:
         run_in_batches([1], lambda task: Inline().submit(lambda: 1 // 0), 1, done.extend)
 
 
-def test_results_come_in_order_though_workers_are_lost() -> None:
+def test_results_are_in_order_in_spite_of_lost_workers() -> None:
     tasks = [partial(pow, number, 2) for number in range(5)]
     lossy = Lossy(lambda count: count in (2, 4, 6))
     assert list(in_order(tasks, lossy)) == [0, 1, 4, 9, 16]
@@ -89,7 +89,7 @@ def test_results_come_in_order_though_workers_are_lost() -> None:
         list(in_order(tasks, Lossy(lambda count: count > 3)))
 
 
-def test_all_that_a_lost_worker_took_along_runs_side_by_side_again() -> None:
+def test_all_tasks_of_lost_workers_are_retried_in_parallel() -> None:
     lossy = Lossy(lambda count: count <= 6)
     results = in_order([partial(pow, number, 2) for number in range(6)], lossy)
     assert next(results) == 0
@@ -97,7 +97,7 @@ def test_all_that_a_lost_worker_took_along_runs_side_by_side_again() -> None:
     assert list(results) == [1, 4, 9, 16, 25]
 
 
-def test_an_error_of_a_task_is_none_of_its_worker() -> None:
+def test_an_error_of_a_task_is_no_lost_worker() -> None:
     assert is_lost_worker(BrokenProcessPool())
     assert not is_lost_worker(RuntimeError())
     with pytest.raises(ZeroDivisionError):
