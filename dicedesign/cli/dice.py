@@ -209,15 +209,12 @@ def search(options: SearchArguments) -> int:
 
     check_whole("--trials", options.trials)
     recipe = read_recipe(options.recipe)
-    if recipe.method.exact is not None and recipe.method.exact.refine is not None:
+    exact = recipe.method.exact
+    if recipe.method.concave is not None or (exact is not None and exact.refine is not None):
         raise InputError(
-            f"{options.recipe}: expected no method.exact.refine in a search, whose trials take "
-            "seconds, got one; leave it out, and add it to the best recipe"
-        )
-    if recipe.method.concave is not None:
-        raise InputError(
-            f"{options.recipe}: expected a method for convex dice in a search, got concave; such a "
-            "recipe is for dicedesign run alone, which searches itself"
+            f"{options.recipe}: expected a method whose trials take seconds in a search, got "
+            "method.concave or method.exact.refine; add refine to the best recipe, and run concave "
+            "recipes by dicedesign run, which searches itself"
         )
     # A start that does not suit the target fails in every trial.
     design_recipe(recipe, last="start")

@@ -53,7 +53,7 @@ DIRECTIONS: Final = even_directions(6000)
 DOT_SIZE: Final = 0.036
 """Size of dots without gaps on a unit sphere."""
 
-LINE_WIDTH: Final = 0.014
+LINE_WIDTH: Final = 0.01
 
 MAX_LABELS: Final = 24
 

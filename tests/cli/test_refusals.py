@@ -187,7 +187,7 @@ COMMANDS = {
     "run concave.yaml --set start.mesh.path=ball.stl --set target.fair=3": "nearly a sphere",
     "run concave.yaml --set start.mesh.path=box.stl --set target.fair=3": "take method: {exact",
     "run concave.yaml --set 'start={prism: {}}'": "start: expected a surface to keep",
-    "search concave.yaml --trials 1": "expected a method for convex dice in a search, got concave",
+    "search concave.yaml --trials 1": "expected a method whose trials take seconds in a search",
     "design --target 2d6,1/2": "--target: expected a number or a fraction such as 1/36, got '2d6'",
     "design --target 1/0,1/2": "--target: expected a number or a fraction such as 1/36, got '1/0'",
     "design --target 1e400,1/2": "--target: expected a number or a fraction such as 1/36, got",

@@ -109,7 +109,7 @@ def test_links_are_followed(tmp_path: Path) -> None:
 
 
 def device(path: Path, name: str) -> Path:
-    """System device for a test to write to; for root, a copy, as a bug could replace the original."""
+    """System device for a test to write to; for root a copy, as a bug could replace the device."""
     own = Path("/dev") / name
     if os.geteuid() != 0:
         return own
