@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from typing import Any, ClassVar, Final, Generic, TypeVar
@@ -33,25 +33,23 @@ class Extension:
 Kind = TypeVar("Kind", bound=Extension)
 
 
+@dataclass(eq=False)
 class Registry(Generic[Kind]):
     """Extensions of one kind: built-in ones as listed, then the others.
 
     Attributes
     ----------
     kind: name of the kind in the singular, for messages.
-    type: class of the extensions.
+    entry_type: class of the extensions.
     builtin: extensions of this package, or their addresses "module:NAME", imported on first use.
     group: entry points of installed packages, whose values are such addresses.
     """
 
-    def __init__(
-        self, kind: str, type: type[Kind], builtin: Sequence[Kind | str], group: str
-    ) -> None:
-        self.kind = kind
-        self.type = type
-        self.builtin = tuple(builtin)
-        self.group = group
-        self._entries: dict[str, Kind] | None = None
+    kind: str
+    entry_type: type[Kind]
+    builtin: Sequence[Kind | str]
+    group: str
+    _entries: dict[str, Kind] | None = field(default=None, init=False)
 
     def register(self, entry: Kind) -> Kind:
         """Add an extension in this process and return it. Raises InputError if its name is taken or
@@ -98,16 +96,16 @@ class Registry(Generic[Kind]):
                 package = point.dist.name if point.dist else "an installed package"
                 raise InputError(
                     f"{self.kind} {point.name!r} of {package}: expected the address of a "
-                    f"{self.type.__name__}, but {error}; fix or uninstall that package"
+                    f"{self.entry_type.__name__}, but {error}; fix or uninstall that package"
                 ) from error
         self._entries = entries
         return entries
 
     def _add(self, entries: dict[str, Kind], entry: Kind) -> Kind:
-        if not isinstance(entry, self.type):
+        if not isinstance(entry, self.entry_type):
             raise InputError(
-                f"{self.kind}: expected a {self.type.__name__}, got {entry!r}; register it with "
-                "the others of its kind"
+                f"{self.kind}: expected a {self.entry_type.__name__}, got {entry!r}; register "
+                "it with the others of its kind"
             )
         if entries.get(entry.name, entry) != entry:
             raise InputError(
@@ -163,15 +161,8 @@ class Numbers:
     """Prefix of names in messages."""
 
     def __init__(self, **given: float) -> None:
-        """Raises InputError for an unknown name, a value that is not allowed, and a declared name
-        that is an attribute of the class."""
+        """Raises InputError for an unknown name, and a value that is not allowed."""
         declared = self.list_numbers()
-        for name in declared:
-            if hasattr(type(self), name):
-                raise InputError(
-                    f"{self.prefix}{name}: expected another name, got an attribute of the class; "
-                    "choose another"
-                )
         for name, value in given.items():
             number = declared.get(name)
             if number is None:
