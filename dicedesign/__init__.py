@@ -1,8 +1,7 @@
-"""Design solid objects by the odds with which they come to rest.
+"""Design solid objects by the probabilities with which they come to rest.
 
-Public names are those of the file `__init__.pyi` beside this one. Each is imported on first use, so
-that a query of a mesh never loads torch. What only some need is in `energies`, `methods`, `starts`
-and `extensions`.
+`__init__.pyi` lists the public names. Each is imported on first use, so that a query of a mesh
+never loads torch. Names for special uses are in `energies`, `methods`, `starts` and `extensions`.
 """
 
 import ast

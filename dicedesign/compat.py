@@ -1,4 +1,4 @@
-"""Exact functions with the names and results of functions of other libraries."""
+"""Exact replacements for functions of other libraries, with equal names and results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["compute_stable_poses"]
 
 _MOST_REFUSED: Final = 1000
-"""Centers of mass outside of the hull for each one inside, after which no more are drawn."""
+"""Maximum number of random centers of mass for each one inside the hull."""
 
 
 def compute_stable_poses(
@@ -28,21 +28,21 @@ def compute_stable_poses(
     threshold: float = 0.0,
     seed: int | np.random.Generator | None = None,
 ) -> tuple[Floats, Floats]:
-    """Resting poses of a mesh with their probabilities, as `trimesh.poses.compute_stable_poses`
-    gives them, in place of which it can be imported. See "In place of trimesh" in
-    docs/researchers.md for where the two differ.
+    """Resting poses of a mesh with their probabilities, a replacement for
+    `trimesh.poses.compute_stable_poses`. See "In place of trimesh" in docs/researchers.md for the
+    differences.
 
     Parameters
     ----------
     mesh: a `trimesh.Trimesh`, or what `rest_poses` takes.
-    center_mass: (3,) in the mesh's unit, strictly inside the hull; None for the mesh's own where it
-        bounds a volume, and else as in `rest_poses`.
+    center_mass: (3,) in the mesh's unit, strictly inside the hull; None takes the mesh's own if it
+        bounds a volume, else the default of `rest_poses`.
     sigma: variance of a Gaussian error of the center of mass along each axis, in squared length
-        units, at least 0. The probabilities are the mean over `n_samples` centers drawn from it
-        that are inside the hull, each with its exact probabilities.
-    n_samples: how many, above 0; of no effect where sigma is 0.
-    threshold: poses of no larger probability are left out; the others are not scaled.
-    seed: of the centers drawn.
+        units, at least 0. The probabilities are the mean of the exact probabilities over
+        `n_samples` random centers inside the hull.
+    n_samples: number of centers, above 0; no effect if sigma is 0.
+    threshold: poses with at most this probability are omitted; the others are not scaled.
+    seed: random seed of the centers.
 
     Returns
     -------
@@ -51,11 +51,11 @@ def compute_stable_poses(
 
     Raises
     ------
-    DegenerateBodyError, OutsideHullError: as `rest_poses`; also where almost no center that is
-        drawn is inside the hull.
+    DegenerateBodyError, OutsideHullError: as `rest_poses`; also if almost no random center is
+        inside the hull.
     InputError: another argument is not as described.
     """
-    # Imported late, as all public names are.
+    # Importing the package loads none of these.
     from dicedesign.rest.poses import analyze, generator_of, rest_poses
 
     if not (is_finite_number(sigma) and sigma >= 0.0):
@@ -85,7 +85,7 @@ def compute_stable_poses(
 
 
 def _inside(poses: RestPoses, scatter: float, count: int, chance: np.random.Generator) -> Floats:
-    """(count, 3) points inside the hull around the center of mass."""
+    """Draw points (count, 3) inside the hull around the center of mass."""
     hull = poses.hull
     depths = hull.heights(poses.center_of_mass)
     centers: list[Floats] = []
@@ -106,16 +106,16 @@ def _inside(poses: RestPoses, scatter: float, count: int, chance: np.random.Gene
 
 
 def _facets_in(hull: ConvexHull, sample: RestPoses) -> Integers:
-    """Facets (k,) of a hull on which a sample's rests are. The sample's own hull differs where
-    `find_basins` made it again."""
+    """Facets (k,) of a hull for a sample's rests, whose hull may have been rebuilt from the same
+    corners if facets are uneven."""
     if sample.hull is hull:
         return sample.facets
     return np.asarray((sample.normals @ hull.normals.T).argmax(axis=1))
 
 
 def _transform(hull: ConvexHull, normal: Floats) -> Floats:
-    """The motion (4, 4) that turns a normal down, x becoming a level direction of the mesh, and
-    lifts the hull onto z = 0."""
+    """Motion (4, 4) that turns a normal down and a level direction of the mesh to x, and lifts the
+    hull onto z = 0."""
     up = -normal
     level = np.array([-up[1], up[0], 0.0])
     length = float(np.linalg.norm(level))

@@ -1,4 +1,4 @@
-"""The energy of the paper's method: its terms, weights and what they see."""
+"""Energy of the paper's method: its terms, their weights and their state."""
 
 from dicedesign.optimize.energy import ClusteredRests as ClusteredRests
 from dicedesign.optimize.energy import Clusters as Clusters

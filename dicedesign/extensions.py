@@ -1,4 +1,4 @@
-"""What an extension is declared with, and the registries that know it."""
+"""Classes that declare extensions, and their registries."""
 
 from dicedesign.fabricate.printers import PRINTERS as PRINTERS
 from dicedesign.fabricate.printers import Printer as Printer

@@ -1,4 +1,4 @@
-"""Solvers with their options, and the coordinates that they move."""
+"""Solvers with their options and coordinates."""
 
 from dicedesign.optimize.coordinates import FacetCoordinates as FacetCoordinates
 from dicedesign.optimize.coordinates import SymmetricCoordinates as SymmetricCoordinates

@@ -1,4 +1,4 @@
-"""The meshes in a folder, thousands of them analyzed: a few in each task, tasks side by side."""
+"""Analysis of all meshes of a folder, in parallel tasks of a few files each."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 
 @dataclass(frozen=True)
 class FolderFiles:
-    """Files in a folder and the folders within.
+    """Files in a folder and its subfolders.
 
     Attributes
     ----------
     meshes: size in bytes and time of the last change in nanoseconds of each mesh or point file, by
         its path in the folder with slashes, in the order of the paths.
-    others: how many other files there are.
+    others: number of other files.
     """
 
     meshes: dict[str, tuple[int, int]]
@@ -32,7 +32,7 @@ class FolderFiles:
 
 
 def list_folder(folder: Path) -> FolderFiles:
-    """Files of a folder, those that begin with a dot left out. Links to folders are not followed.
+    """List the files of a folder, except hidden ones. Links to folders are not followed.
 
     Raises InputError: there is no mesh, or a folder cannot be read.
     """
@@ -55,7 +55,7 @@ def list_folder(folder: Path) -> FolderFiles:
                 status = os.stat(os.path.join(parent, name))
                 state = (status.st_size, status.st_mtime_ns)
             except OSError:
-                # A link that leads nowhere: reading it says so.
+                # A broken link, which gets an error when it is read.
                 state = (0, 0)
             meshes[start + name] = state
     if not meshes:
@@ -73,7 +73,7 @@ def _unreadable(error: OSError) -> NoReturn:
 
 
 Center = tuple[float, float, float] | Literal["hull"] | None
-"""A center of mass, as in `rest_poses`."""
+"""Center of mass, as in `rest_poses`."""
 
 
 def analyze_files(
@@ -82,13 +82,13 @@ def analyze_files(
     center_of_mass: Center = None,
     coplanar_tolerance: float | None = None,
 ) -> dict[str, Entry]:
-    """Entries of some files. A file that cannot be analyzed gets an entry with the reason.
+    """Analyze files of a folder. A file that cannot be analyzed gets an entry with the reason.
 
-    folder: where they are.
-    stamps: of each file, by its path within the folder.
+    folder: path of the folder.
+    stamps: stamp of each file, by its path in the folder.
     center_of_mass, coplanar_tolerance: see `rest_poses`.
     """
-    # Imported by the workers; the process that hands out the work needs none of it.
+    # Only the workers need these.
     from dicedesign.geometry.meshes.reading import read_body, without_solids
     from dicedesign.rest.poses import rest_poses
 
@@ -102,10 +102,10 @@ def analyze_files(
             seconds = time.perf_counter() - started
             entries[file] = make_entry(file, stamp, poses, seconds)
         except Exception as error:
-            # Thousands of files are not given up for one, even where the fault is ours.
-            said = str(error) if isinstance(error, DiceError) else f"{file}: {error!r}"
+            # An unexpected error must not end the analysis of the other files.
+            text = str(error) if isinstance(error, DiceError) else f"{file}: {error!r}"
             seconds = time.perf_counter() - started
-            reason = said.replace(str(path), file)
+            reason = text.replace(str(path), file)
             entries[file] = broken_entry(file, stamp, reason, seconds)
     return entries
 
@@ -119,22 +119,19 @@ def run_batch(
     coplanar_tolerance: float | None = None,
     *,
     on_entries: Callable[[dict[str, Entry]], None],
-    on_quiet: Callable[[], None] | None = None,
 ) -> None:
-    """Analyze files of a folder. Files whose worker was lost run again at the end, one at a time,
-    so that none is blamed for another.
+    """Analyze files of a folder in parallel. Files whose worker was lost are retried at the end,
+    one at a time.
 
     Parameters
     ----------
     folder, stamps, center_of_mass, coplanar_tolerance: see `analyze_files`.
-    executor: runs it; processes or machines that can import this package and see the folder.
-    jobs: how many workers there are, at least 1.
-    on_entries: called with the entries of each task once it has ended.
-    on_quiet: called whenever no task has ended for some seconds.
+    executor: processes or machines that can import this package and read the folder.
+    jobs: number of workers, at least 1.
+    on_entries: called with the entries of each finished task.
 
-    Raises DiceError: the executor cannot go on.
+    Raises DiceError: the executor is broken.
     """
-
     lost = run_in_batches(
         list(stamps.items()),
         lambda task: executor.submit(
@@ -142,7 +139,6 @@ def run_batch(
         ),
         jobs,
         on_entries,
-        on_quiet,
         size_of=lambda item: item[1].size,
     )
     for file, stamp in lost:

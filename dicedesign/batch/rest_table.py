@@ -1,4 +1,4 @@
-"""The table of rests of a folder of meshes: its rows, one for each rest, and its file."""
+"""Table of the rests of a folder of meshes: a row for each rest, and its file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STAMPED: dict[str, ColumnType] = {
     "com": "text",
     "coplanar_tolerance": "text",
 }
-"""Columns that tell whether rows are still those of the file and of the options."""
+"""Columns that show whether the file or the options have changed since."""
 
 COLUMNS: dict[str, ColumnType] = {
     "file": "text",
@@ -51,8 +51,8 @@ COLUMNS: dict[str, ColumnType] = {
     "error": "text",
     **STAMPED,
 }
-"""Of the table. Lengths are in the mesh's unit; rests are numbered from 1, the most probable first;
-columns from "rests" on are of the file."""
+"""Columns of the table. Lengths are in the mesh's unit; rests are numbered from 1, the most
+probable first; columns from "rests" on are the same in all rows of a file."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ class Stamp:
 
     Attributes
     ----------
-    size: of the file, in bytes.
+    size: size in bytes.
     modified: time of its last change, in nanoseconds since 1970.
-    com, coplanar_tolerance: the options as text, empty where they were left out.
+    com, coplanar_tolerance: options as text, empty if they are left out.
     """
 
     size: int
@@ -74,13 +74,13 @@ class Stamp:
 
 @dataclass(frozen=True)
 class Entry:
-    """The rows of one file.
+    """Rows of one file.
 
     Attributes
     ----------
     stamp: see `Stamp`.
-    text: the rows as CSV.
-    rests: their number; 0 for a file that could not be analyzed.
+    text: rows as CSV.
+    rests: number of rests; 0 for a file that could not be analyzed.
     """
 
     stamp: Stamp
@@ -89,10 +89,10 @@ class Entry:
 
 
 def make_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Entry:
-    """The rows of a file's rests; `seconds` were spent on reading and analyzing it."""
+    """Rows of a file's rests. seconds: time to read and analyze it."""
     count = len(poses.probabilities)
-    # What the rows have in common becomes text once.
-    name = csv_line([escape_name(file)])[:-1]
+    # The common part of the rows becomes text once.
+    name = csv_line([file])[:-1]
     end = csv_line(
         [
             count,
@@ -124,9 +124,9 @@ def make_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Ent
 
 
 def broken_entry(file: str, stamp: Stamp, error: str, seconds: float = 0.0) -> Entry:
-    """The row of a file that could not be analyzed, with the reason in one line."""
+    """Row of a file that could not be analyzed, with the reason in one line."""
     row: dict[str, object] = dict.fromkeys(COLUMNS, "")
-    row |= {"file": escape_name(file), "rests": 0, "seconds": round(seconds, 6)}
+    row |= {"file": file, "rests": 0, "seconds": round(seconds, 6)}
     row |= {"error": " ".join(error.split())}
     row |= zip(STAMPED, astuple(stamp), strict=True)
     return Entry(stamp, csv_line(row.values()), 0)
@@ -135,8 +135,8 @@ def broken_entry(file: str, stamp: Stamp, error: str, seconds: float = 0.0) -> E
 def csv_line(fields: Iterable[object]) -> str:
     """Fields as a line of CSV with its line feed.
 
-    Unlike that of Python, a carriage return is quoted too, which would end the row for its reader.
-    What is not UTF-8 is an escape, such as `\\udcff`.
+    Unlike Python's writer, it quotes a carriage return too, which would end the row for its reader.
+    Bytes that are not UTF-8 are written as escapes, such as `\\udcff`.
     """
     texts = [str(field).encode("utf-8", "backslashreplace").decode() for field in fields]
     quoted = ['"' + t.replace('"', '""') + '"' if _SPECIAL.search(t) else t for t in texts]
@@ -145,42 +145,15 @@ def csv_line(fields: Iterable[object]) -> str:
 
 _SPECIAL = re.compile('[,"\r\n]')
 
-_ESCAPED = re.compile(r"(\\+)(udc[89a-f][0-9a-f])")
-
-_TO_ESCAPE = re.compile(r"(\\*)(udc[89a-f][0-9a-f]|[\udc80-\udcff])")
-
-
-def escape_name(name: str) -> str:
-    """The name of a file as a table has it: a byte that is not UTF-8 is an escape, such as
-    `\\udcff`, and backslashes before one, or before letters that would look like one, are
-    doubled."""
-
-    def escape(match: re.Match[str]) -> str:
-        slashes, rest = match.groups()
-        return 2 * slashes + (rest if len(rest) > 1 else f"\\u{ord(rest):x}")
-
-    return _TO_ESCAPE.sub(escape, name)
-
-
-def _own_name(escaped: str) -> str:
-    """The name that `escape_name` has made this from."""
-
-    def unescape(match: re.Match[str]) -> str:
-        slashes, rest = match.groups()
-        byte = chr(int(rest[1:], 16)) if len(slashes) % 2 else rest
-        return slashes[: len(slashes) // 2] + byte
-
-    return _ESCAPED.sub(unescape, escaped)
-
 
 def entries_of(rows: Iterable[Sequence[str]]) -> dict[str, Entry]:
-    """The entries of a table's rows, by file. A file whose rows are not all there has none.
+    """Entries of a table's rows, by file. A file with missing rows has none.
 
     Raises ValueError: a row has no stamp.
     """
     of_file: dict[str, list[Sequence[str]]] = {}
     for row in rows:
-        of_file.setdefault(_own_name(row[0]), []).append(row)
+        of_file.setdefault(row[0], []).append(row)
     entries = {}
     for file, own in of_file.items():
         last = dict(zip(COLUMNS, own[-1], strict=True))
@@ -193,13 +166,13 @@ def entries_of(rows: Iterable[Sequence[str]]) -> dict[str, Entry]:
 
 @dataclass(frozen=True)
 class TableFormat:
-    """A way to keep a table in a file.
+    """File format of a table.
 
     Attributes
     ----------
-    encode: the content of the file for the table as CSV, beginning with the names of its columns.
-    decode: the rows in the content of a file, their values as they are in CSV, without the names.
-        Raises ValueError or csv.Error where it is no such table.
+    encode: makes the content of a file from the table as CSV with the names of its columns.
+    decode: yields the rows in the content of a file, values as in CSV, without the names. Raises
+        ValueError or csv.Error for other content.
     """
 
     encode: Callable[[str], bytes]
@@ -209,7 +182,7 @@ class TableFormat:
 def table_format(path: Path | None) -> TableFormat:
     """Format of a table by the ending of its path.
 
-    Raises InputError, naming the option --out: it tells none, or Parquet, and pyarrow is missing.
+    Raises InputError: another ending, or Parquet without pyarrow.
     """
     ending = "" if path is None else path.suffix.lower()
     if ending not in _FORMATS:
@@ -245,7 +218,7 @@ def _parquet_bytes(text: str) -> bytes:
         parse_options=arrow_csv.ParseOptions(newlines_in_values=True),
         convert_options=arrow_csv.ConvertOptions(
             column_types=schema([(name, _ARROW[kind]) for name, kind in COLUMNS.items()]),
-            # Numbers that are left out; texts are empty.
+            # Missing numbers; missing texts are empty.
             null_values=[""],
             strings_can_be_null=False,
         ),
@@ -281,23 +254,18 @@ _FORMATS = {
     ".csv": TableFormat(str.encode, _csv_rows),
     ".parquet": TableFormat(_parquet_bytes, _parquet_rows),
 }
-"""By the ending of a path, in lower case."""
+"""Formats by the ending of a path, in lower case."""
 
 
 class RestTable:
-    """Entries by file name, kept in a file: at intervals, and when the context ends, however it
-    does.
+    """Entries by file name, saved to a file at intervals and at the end of the context.
 
-    The file is CSV or Parquet, as its ending says, and is replaced as a whole, so that at any time
-    it holds whole entries only, in the order of their names. Nothing else is kept beside it: what
-    a run goes on from is the table itself.
+    The file is CSV or Parquet by its ending. It is replaced as a whole, so that it always holds
+    complete entries, in the order of their names. A run resumes from the table itself.
     """
 
     def __init__(self, path: Path, entries: Mapping[str, Entry]) -> None:
-        """Writes the file, so that one that cannot be written is noticed at once.
-
-        Raises OutputError; InputError as `table_format`.
-        """
+        """Write the file. Raises OutputError; InputError as `table_format`."""
         self.path = path
         self.entries = dict(entries)
         self._format = table_format(path)
@@ -306,7 +274,7 @@ class RestTable:
 
     @staticmethod
     def read(path: Path) -> dict[str, Entry]:
-        """The entries of a table that an earlier run left; none where there is no file.
+        """Entries of the table of an earlier run; none without a file.
 
         Raises InputError: the file is no such table, or as `table_format`.
         """
@@ -323,14 +291,14 @@ class RestTable:
             ) from error
 
     def add(self, entries: Mapping[str, Entry]) -> None:
-        """Take entries in, and write the table if that is due. Raises OutputError."""
+        """Add entries, and write the table if that is due. Raises OutputError."""
         self.entries.update(entries)
         self._file.change()
 
     def save(self) -> None:
-        """Write the table if there is anything new.
+        """Write the table if it is new.
 
-        Raises OutputError: that cannot be done, or another run has written the table meanwhile.
+        Raises OutputError: it cannot be written, or another run has written it meanwhile.
         """
         self._file.save()
 

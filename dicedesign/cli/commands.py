@@ -10,6 +10,11 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import ClassVar, Final, Literal
 
+from dicedesign.errors import InputError, check_whole
+
+MAX_JOBS: Final = 4096
+"""Limit of `--jobs`."""
+
 
 @dataclass(kw_only=True)
 class Command:
@@ -39,6 +44,16 @@ class WithWorkers(Command):
     jobs: int | None = None
     scheduler: str | None = None
 
+    def __post_init__(self) -> None:
+        """Raise InputError for an impossible number of jobs or address."""
+        if self.jobs is not None:
+            check_whole("--jobs", self.jobs, most=MAX_JOBS)
+        if self.scheduler is not None and "://" not in self.scheduler:
+            raise InputError(
+                "--scheduler: expected an address such as tcp://10.0.0.5:8786, got "
+                f"{self.scheduler!r}; the scheduler prints its own when it starts"
+            )
+
 
 @dataclass(kw_only=True)
 class WithRests(Command):
@@ -54,7 +69,7 @@ class WithRests(Command):
 @dataclass(kw_only=True)
 class WithBody(WithRests, WithJson):
     help_text = """Options:
-    mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or cell densities as NPY or NPZ
+    mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ...
     part (FILE:DENSITY): a closed mesh inside MESH with its own density, relative to MESH; 0 is a
         cavity; may be repeated, the last one wins where parts overlap"""
     part: tuple[str, ...] = ()
@@ -164,7 +179,6 @@ class RestArguments(WithBody, WithWorkers):
         vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv (default:
         uniform)
     figure (FILE.png): draw the Morse-Smale complex
-    heights (FILE.png): draw the height of the center of mass over all directions
     out (TABLE): of a folder: table to write or resume, .csv or .parquet (needs the extra 'parquet')
     jobs (J): of a folder: parallel processes (default: one per core, or per thread of the cluster,
         whose workers need the same files)
@@ -176,7 +190,6 @@ class RestArguments(WithBody, WithWorkers):
     table: str | None = None
     prior: str | None = None
     figure: Path | None = None
-    heights: Path | None = None
     out: Path | None = None
 
 
@@ -189,7 +202,6 @@ class DropArguments(WithBody):
     Options:
     down (x,y,z): direction in the body's frame that points down at release
     max_angle_deg (A): split rotations larger than this
-    figure (FILE.png): draw each change of contact, and the path on the Gauss map
 
     Example: dicedesign drop die.stl --down 0.3,0.2,-1"""
 
@@ -197,7 +209,6 @@ class DropArguments(WithBody):
     _: KW_ONLY
     down: str
     max_angle_deg: float | None = None
-    figure: Path | None = None
 
 
 @dataclass
@@ -486,7 +497,7 @@ COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
     "repair": (RepairArguments, "meshes:repair"),
     "balance": (BalanceArguments, "meshes:balance"),
     "throw": (ThrowArguments, "throws:throw"),
-    "rolls": (RollsArguments, "throws:judge_rolls"),
+    "rolls": (RollsArguments, "rolls:judge_rolls"),
     "table": (TableArguments, "table_fit:fit"),
     "view": (ViewArguments, "dice:view"),
 }

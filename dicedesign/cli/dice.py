@@ -17,9 +17,9 @@ from dicedesign.cli.commands import (
     WithResults,
 )
 from dicedesign.cli.options import (
-    check_worker_options,
+    columns_of,
     note_missing_kernels,
-    print_note,
+    print_notes,
     text_table,
     workers_of,
 )
@@ -116,8 +116,7 @@ def _run(
         describe = bar.set_description_str
         callbacks = Callbacks(describe, on_step, on_round, describe)
         result = run(recipe, options.out, enlarge=enlarge, resume=resume, callbacks=callbacks)
-    for note in result.notes:
-        print_note(note)
+    print_notes(*result.notes)
     _print_result(result)
     return 0 if result.converged else 1
 
@@ -154,8 +153,8 @@ def _apply_options(recipe: Recipe, options: WithResults) -> Recipe:
 def _print_result(result: Result) -> None:
     """Print the verdict, a table of target and probabilities, and the files.
 
-    A thrown die has its probabilities by model and by throws too, a concave one those of all rests
-    without an outcome.
+    The table of a thrown die also has the probabilities by model and by throws; that of a concave
+    die has a row for all rests without an outcome.
     """
     print(f"{result.name}: {result.message}")
     probabilities: dict[str, Sequence[float]] = {
@@ -209,17 +208,13 @@ def search(options: SearchArguments) -> int:
     from dicedesign.search.trials import run_search
 
     check_whole("--trials", options.trials)
-    check_worker_options(options)
     recipe = read_recipe(options.recipe)
-    if recipe.method.exact is not None and recipe.method.exact.refine is not None:
+    exact = recipe.method.exact
+    if recipe.method.concave is not None or (exact is not None and exact.refine is not None):
         raise InputError(
-            f"{options.recipe}: expected no method.exact.refine in a search, whose trials take "
-            "seconds, got one; leave it out, and add it to the best recipe"
-        )
-    if recipe.method.concave is not None:
-        raise InputError(
-            f"{options.recipe}: expected a method for convex dice in a search, got concave; such a "
-            "recipe is for dicedesign run alone, which searches itself"
+            f"{options.recipe}: expected a method whose trials take seconds in a search, got "
+            "method.concave or method.exact.refine; add refine to the best recipe, and run concave "
+            "recipes by dicedesign run, which searches itself"
         )
     # A start that does not suit the target fails in every trial.
     design_recipe(recipe, last="start")
@@ -231,13 +226,13 @@ def search(options: SearchArguments) -> int:
     ):
         finished = study.finished()
         before, converged = len(finished), _count_converged(finished)
-        workers.advance(before)
+        workers.bar.update(before)
 
         def on_trial(result: dict[str, Any]) -> None:
             nonlocal converged
             converged += result["status"] == "converged"
             workers.bar.set_postfix_str(f"{converged} converged", refresh=False)
-            workers.advance(1)
+            workers.bar.update(1)
 
         if before < options.trials:
             run_search(
@@ -246,12 +241,11 @@ def search(options: SearchArguments) -> int:
                 workers.executor,
                 workers.jobs,
                 on_trial=on_trial,
-                on_quiet=workers.on_quiet,
             )
             finished = study.finished()
         board = write_results(folder, recipe, finished)
     if before:
-        print_note(f"{before} trials were already in {printable(folder)}")
+        print_notes(f"{before} trials were already in {folder}")
     print(f"{recipe.name}: {_count_converged(finished)} of {len(finished)} trials converged")
     files = ["leaderboard.html", "leaderboard.json", "leaderboard.csv", "pareto.png"]
     if board:
@@ -263,8 +257,8 @@ def search(options: SearchArguments) -> int:
             ("max |p - q|", ".1e", "max_abs_error"),
             ("asymmetry", ".4f", "asymmetry"),
         )
-        values = [(name, form, [entry[key] for entry in board]) for name, form, key in columns]
-        print(text_table(*values, ("front", "", ["yes" * entry["on_front"] for entry in board])))
+        on_front = ["yes" * entry["on_front"] for entry in board]
+        print(text_table(*columns_of(board, *columns), ("front", "", on_front)))
         files += ["best.yaml", "trial_N.yaml of the trials above"]
     print(f"files in {printable(folder)}: {', '.join(files)}")
     return 0 if board else 1
@@ -278,11 +272,5 @@ def view(options: ViewArguments) -> int:
     """Serve the page of `dicedesign view`."""
     from dicedesign.view.application import serve_view
 
-    serve_view(
-        options.path,
-        options.host,
-        options.port,
-        browser=not options.no_browser,
-        on_address=lambda address: print(address, flush=True),
-    )
+    serve_view(options.path, options.host, options.port, browser=not options.no_browser)
     return 0

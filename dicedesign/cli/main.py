@@ -22,7 +22,7 @@ from types import UnionType
 from typing import Any, Final, get_args, get_origin, get_type_hints
 
 from dicedesign.cli.commands import COMMANDS, Command
-from dicedesign.errors import DiceError, InputError, printable
+from dicedesign.errors import DiceError, printable
 
 __all__ = ["main"]
 
@@ -70,11 +70,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: list[str]) -> int:
-    if words[:1] == ["bench"]:
-        raise InputError(
-            "bench: expected a command of the installed package, got one that is now a script of "
-            "its source; run `python -m benchmarks NAME` in a checkout"
-        )
     joined: list[str] = []
     for word in words:
         # `--com -1,0,0` as `--com=-1,0,0`, which argparse would take for another option.
@@ -122,8 +117,7 @@ def _describe_error(error: BaseException) -> tuple[int, str]:
 
 
 def make_parser(word: str) -> argparse.ArgumentParser:
-    """Parser of a command line that begins with a word: lists all commands, and has the options of
-    that one alone."""
+    """Parser of a command line that starts with `word`; only that command has its options."""
     parser = argparse.ArgumentParser(
         prog="dicedesign",
         description="Design solid objects by the probabilities with which they come to rest.",

@@ -20,14 +20,14 @@ from dicedesign.cli.commands import (
 )
 from dicedesign.cli.options import (
     center_of_mass,
-    check_worker_options,
     direction,
     numbers,
     percents,
+    print_files,
     print_json,
-    print_note,
+    print_notes,
+    require_ending,
     text_table,
-    vector,
     workers_of,
 )
 from dicedesign.errors import MOST_SEED, InputError, check_whole, printable
@@ -52,7 +52,6 @@ def pose_meshes(options: PoseArguments) -> int:
 
     check_whole("--pose", options.pose)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
-    check_worker_options(options)
     choice = PoseChoice(
         number=options.pose,
         seed=options.seed if options.random else None,
@@ -82,13 +81,12 @@ def pose_meshes(options: PoseArguments) -> int:
                 choice,
                 workers.executor,
                 workers.jobs,
-                on_done=workers.advance,
-                on_quiet=workers.on_quiet,
+                on_done=workers.bar.update,
             )
     posed = [pose for pose in poses if not pose.error]
-    for pose in poses:
-        for note in (pose.error,) if pose.error else pose.notes if len(poses) == 1 else ():
-            print_note(printable(note))
+    print_notes(*(pose.error for pose in poses if pose.error))
+    if len(poses) == 1:
+        print_notes(*poses[0].notes)
     if options.json:
         files = [
             {"file": str(pose.job.source), "error": pose.error}
@@ -113,7 +111,7 @@ def pose_meshes(options: PoseArguments) -> int:
         )
         print(table)
     if len(posed) < len(poses):
-        print_note(f"{len(poses) - len(posed)} files could not be posed")
+        print_notes(f"{len(poses) - len(posed)} files could not be posed")
     return 0 if posed else 1
 
 
@@ -166,8 +164,7 @@ def scatter(options: ScatterArguments) -> int:
 
     check_whole("--count", options.count, most=MAX_BODIES)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
-    if options.out.suffix.lower() != ".glb":
-        raise InputError(f"--out: expected a path that ends in .glb, got {options.out}; rename it")
+    require_ending("--out", options.out, ".glb")
     sides = None if options.floor is None else numbers("--floor", options.floor, "w,d")
     lengths = [("--floor", side) for side in sides or ()]
     if options.size is not None:
@@ -244,8 +241,7 @@ def repair(options: RepairArguments) -> int:
     if repaired is not None:
         files.append(options.out.with_name(f"{options.out.stem}_repair.png"))
         atomic_write(files[1], repair_figure(repaired, upward_of(options.mesh)).png())
-    for note in notes:
-        print_note(printable(note))
+    print_notes(*notes)
     if repaired is not None:
         numbers = repaired.numbers
         handles = "not closed" if numbers.handles_before is None else numbers.handles_before
@@ -264,7 +260,7 @@ def repair(options: RepairArguments) -> int:
         names, *columns = zip(*rows, strict=True)
         before, after = ([str(value) for value in column] for column in columns)
         print(text_table(("", "", names), ("before", ">", before), ("after", ">", after)))
-    print(f"files: {', '.join(map(printable, files))}")
+    print_files(files)
     return 0
 
 
@@ -277,13 +273,10 @@ def balance(options: BalanceArguments) -> int:
     goal = _make_goal(options)
     infill = options.infill
     given: dict[str, Any] = {
-        "by": options.by,
-        "size_mm": options.size_mm,
-        "wall_mm": options.wall_mm,
-        "drain_mm": options.drain_mm,
         "infill": None if infill is None else _parse_numbers("--infill", infill),
-        "tolerance": options.tolerance,
     }
+    for name in ("by", "size_mm", "wall_mm", "drain_mm", "tolerance"):
+        given[name] = getattr(options, name)
     settings = BalanceOptions(**{name: value for name, value in given.items() if value is not None})
     file = options.out
     if file.suffix.lower() != ".stl":
@@ -295,7 +288,7 @@ def balance(options: BalanceArguments) -> int:
     with open_output_folder(file.parent):
         _refuse_overwriting(options.mesh, file, "another file than the mesh")
         body = read_body(options.mesh)
-        result = balance_body(body, goal, settings, on_way=lambda way: print_note(f"by {way} ..."))
+        result = balance_body(body, goal, settings, on_way=lambda way: print_notes(f"by {way} ..."))
         contents = {
             file.with_name(file.stem + end) if end else file: data
             for end, data in result.made.files.items()
@@ -304,13 +297,12 @@ def balance(options: BalanceArguments) -> int:
         contents[file.with_name(f"{file.stem}_balance.json")] = json_text(result.data()).encode()
         for path, data in contents.items():
             atomic_write(path, data)
-    for note in result.notes:
-        print_note(printable(note))
+    print_notes(*result.notes)
     if options.json:
         print_json({**result.data(), "files": [str(path) for path in contents]})
     else:
         _print_balance(options.mesh, result)
-        print(f"files: {', '.join(map(printable, contents))}")
+        print_files(contents)
     return 0 if result.reached else 1
 
 
@@ -329,7 +321,7 @@ def _make_goal(options: BalanceArguments) -> Goal:
     if options.stand is not None:
         return Standing(pose=options.stand)
     if options.stand_down is not None:
-        return Standing(down=vector("--stand-down", options.stand_down))
+        return Standing(down=numbers("--stand-down", options.stand_down))
     if options.target is None:
         return FewestRests()
     poses = None
@@ -397,9 +389,8 @@ def draw_figure(options: FigureArguments) -> int:
     if options.steps is not None:
         check_whole("--steps", options.steps)
     out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
-    if out.suffix.lower() != ".png":
-        raise InputError(f"--out: expected a path that ends in .png, got {out}; rename it")
-    down = None if options.down is None else vector("--down", options.down)
+    require_ending("--out", out, ".png")
+    down = None if options.down is None else numbers("--down", options.down)
     with progress_bar("steps") as bar:
         subject = subject_of(
             options.subject,
@@ -412,5 +403,5 @@ def draw_figure(options: FigureArguments) -> int:
         )
         data = figure.draw(subject).png()
     atomic_write(out, data)
-    print(f"files: {printable(out)}")
+    print_files([out])
     return 0

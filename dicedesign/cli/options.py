@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from dicedesign.cli.commands import WithWorkers
-from dicedesign.errors import InputError, check_whole
+from dicedesign.errors import InputError, printable
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.files import json_text
 
@@ -27,20 +27,6 @@ MISSING_KERNELS: Final = (
     "without the compiled kernels this takes many times as long; install the package where "
     "there is a C++ compiler"
 )
-
-MAX_JOBS: Final = 4096
-"""Limit of `--jobs`."""
-
-
-def check_worker_options(options: WithWorkers) -> None:
-    """Raise InputError for an impossible number of jobs or address."""
-    if options.jobs is not None:
-        check_whole("--jobs", options.jobs, most=MAX_JOBS)
-    if options.scheduler is not None and "://" not in options.scheduler:
-        raise InputError(
-            "--scheduler: expected an address such as tcp://10.0.0.5:8786, got "
-            f"{options.scheduler!r}; the scheduler prints its own when it starts"
-        )
 
 
 def workers_of(
@@ -58,12 +44,24 @@ def note_missing_kernels() -> None:
     """Print a note on stderr if the compiled kernels are missing."""
     if not kernels.available():
         with suppress(OSError):
-            print_note(MISSING_KERNELS)
+            print_notes(MISSING_KERNELS)
 
 
-def print_note(text: str) -> None:
-    """Print a note on stderr."""
-    print(f"note: {text}", file=sys.stderr)
+def print_notes(*texts: object) -> None:
+    """Print notes on stderr, one line each."""
+    for text in texts:
+        print(f"note: {printable(text)}", file=sys.stderr)
+
+
+def require_ending(option: str, path: Path, ending: str) -> None:
+    """Raise InputError with the option's name if a path has another ending, in any case."""
+    if path.suffix.lower() != ending:
+        raise InputError(f"{option}: expected a path that ends in {ending}, got {path}; rename it")
+
+
+def print_files(paths: Iterable[Path]) -> None:
+    """Print the paths of the files that were written."""
+    print(f"files: {', '.join(map(printable, paths))}")
 
 
 def direction(vector: Iterable[float]) -> str:
@@ -97,6 +95,14 @@ def text_table(*columns: tuple[str, str, Iterable[object] | None]) -> str:
     return "\n".join("  ".join(row).rstrip() for row in zip(*texts, strict=True))
 
 
+def columns_of(
+    rows: Iterable[Mapping[str, Any]], *columns: tuple[str, str, str]
+) -> list[tuple[str, str, list[Any]]]:
+    """Columns of `text_table`: name and format, and the values of a key of each row."""
+    rows = list(rows)
+    return [(name, form, [row[key] for row in rows]) for name, form, key in columns]
+
+
 def plain_rows(columns: Mapping[str, Iterable[object] | None]) -> list[dict[str, Any]]:
     """Rows of a table as mappings of plain data; columns that are None are skipped."""
     values = {
@@ -114,42 +120,38 @@ def print_json(plain: object) -> None:
     print(json_text(plain), end="")
 
 
-def numbers(option: str, text: str, form: str) -> list[float]:
-    """Parse finite numbers from a text of a form such as "x,y,z". Raises InputError with the
-    option's name."""
+def numbers(option: str, text: str, form: str = "x,y,z") -> Any:
+    """Parse a tuple of finite numbers from a text of a form. Raises InputError with the option's
+    name."""
     count = form.count(",") + 1
     try:
-        values = [float(part) for part in text.split(",")]
+        values = tuple(float(part) for part in text.split(","))
     except ValueError:
-        values = []
+        values = ()
     if len(values) != count or not all(map(math.isfinite, values)):
-        word = {2: "two", 3: "three", 6: "six"}[count]
-        raise InputError(f"{option}: expected {word} numbers {form}, got {text!r}")
+        raise InputError(f"{option}: expected {count} numbers {form}, got {text!r}; correct it")
     return values
-
-
-def vector(option: str, text: str) -> tuple[float, float, float]:
-    """Parse three finite numbers "x,y,z". Raises InputError with the option's name."""
-    x, y, z = numbers(option, text, "x,y,z")
-    return x, y, z
 
 
 def center_of_mass(text: str | None) -> Center:
     """Parse the value of `--com`."""
     if text is None or text == "hull":
         return text  # type: ignore[return-value]
-    return vector("--com", text)
+    center: Center = numbers("--com", text)
+    return center
 
 
 def read_poses(
     path: Path,
-    center: Center | Floats = None,
+    com: str | None = None,
     coplanar_tolerance: float | None = None,
-    parts: Sequence[str] = (),
+    parts: Iterable[str] = (),
+    *,
+    center: Floats | None = None,
 ) -> tuple[Body, RestPoses]:
     """Read a body and compute its rests; print their notes on stderr.
 
-    center, coplanar_tolerance: as in `rest_poses`; parts: values of `--part`.
+    com, coplanar_tolerance, parts: values of options; center: center of mass without `--com`.
     """
     # Commands about designed dice do not need these imports.
     from dicedesign.geometry.meshes.reading import read_body, without_solids
@@ -162,9 +164,9 @@ def read_poses(
         from dicedesign.geometry.meshes.manifold import weighted_body
 
         body = weighted_body([(body, 1.0), *others])
-    poses = rest_poses(body, center, coplanar_tolerance=coplanar_tolerance)
-    for each in poses.notes:
-        print_note(each)
+    place = center if com is None else center_of_mass(com)
+    poses = rest_poses(body, place, coplanar_tolerance=coplanar_tolerance)
+    print_notes(*poses.notes)
     return body, poses
 
 

@@ -6,23 +6,22 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from dicedesign.cli.commands import DropArguments, RestArguments
 from dicedesign.cli.options import (
     center_of_mass,
-    check_worker_options,
     direction,
+    numbers,
     percents,
     plain_rows,
     print_json,
-    print_note,
+    print_notes,
     read_poses,
     text_table,
-    vector,
     workers_of,
 )
 from dicedesign.errors import InputError, named, printable
-from dicedesign.rest.poses import RestPoses
-from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
 
 if TYPE_CHECKING:
@@ -39,11 +38,14 @@ def list_rests(options: RestArguments) -> int:
                 f"--{name}: expected a folder of meshes, got {options.mesh}; leave --{name} out "
                 "or name a folder"
             )
-    body, poses = read_poses(
-        options.mesh, center_of_mass(options.com), options.coplanar_tolerance, options.part
-    )
+    body, poses = read_poses(options.mesh, options.com, options.coplanar_tolerance, options.part)
     if options.prior is not None:
-        poses = _under_prior(options, options.prior, poses)
+        if options.table is not None:
+            raise InputError(
+                "--prior: expected none with --table, which throws bodies from uniformly random "
+                "orientations, got both; leave one of them out"
+            )
+        poses = poses.under(options.prior)
     thrown = None
     if options.table is not None:
         from dicedesign.throws.momentum_model import momentum_model
@@ -53,14 +55,31 @@ def list_rests(options: RestArguments) -> int:
         with named("--table"):
             model = momentum_model(options.table)
         thrown = momentum_probabilities(poses, rigid_body(body, poses), model)
-    if options.figure is not None or options.heights is not None:
-        from dicedesign.report.gauss_map import gauss_map_figure, heights_figure
+    if options.figure is not None:
+        from dicedesign.report.gauss_map import gauss_map_figure
 
-        for path, draw in ((options.figure, gauss_map_figure), (options.heights, heights_figure)):
-            if path is not None:
-                atomic_write(path, draw(poses).png())
+        atomic_write(options.figure, gauss_map_figure(poses).png())
+    margins = np.degrees(poses.margins)
+    columns: dict[str, Any] = {
+        "normal": poses.normals,
+        "probability": poses.probabilities,
+        "error": poses.errors,
+        "thrown": thrown,
+        "transform": poses.transforms,
+        "area": poses.areas,
+        "margin_deg": margins,
+    }
     if options.json:
-        print_json(rest_summary(poses, thrown))
+        hull = {"vertices": len(poses.hull.vertices), "facets": len(poses.hull.normals)}
+        print_json(
+            {
+                "center_of_mass": poses.center_of_mass.tolist(),
+                "center_of_mass_source": poses.center_of_mass_source,
+                "hull": hull,
+                "rests": plain_rows(columns),
+                "seconds": poses.seconds,
+            }
+        )
         return 0
     center = ", ".join(f"{x:.6g}" for x in poses.center_of_mass)
     print(
@@ -71,7 +90,6 @@ def list_rests(options: RestArguments) -> int:
     )
     if options.prior is not None:
         print(f"under the prior {printable(options.prior)}")
-    margins = [f"{math.degrees(margin):.2f} deg" for margin in poses.margins]
     table = text_table(
         ("rest", "d", range(1, len(margins) + 1)),
         ("probability", ">", percents(poses.probabilities, ".5f")),
@@ -79,61 +97,20 @@ def list_rests(options: RestArguments) -> int:
         ("error", ">", percents(poses.errors, ".1e")),
         ("facet normal (down)", "", map(direction, poses.normals)),
         ("area", ".4g", poses.areas),
-        ("margin", ">", margins),
+        ("margin", ">", [f"{margin:.2f} deg" for margin in margins]),
     )
     print(f"\n{table}")
     return 0
 
 
-def rest_summary(poses: RestPoses, thrown: Floats | None = None) -> dict[str, Any]:
-    """The answer as plain data. thrown: (k,) probabilities of a thrown body, where they were asked
-    for."""
-    columns = {
-        "normal": poses.normals,
-        "probability": poses.probabilities,
-        "error": poses.errors,
-        "thrown": thrown,
-        "transform": poses.transforms,
-        "area": poses.areas,
-        "margin_deg": [math.degrees(margin) for margin in poses.margins],
-    }
-    return {
-        "center_of_mass": poses.center_of_mass.tolist(),
-        "center_of_mass_source": poses.center_of_mass_source,
-        "hull": {"vertices": len(poses.hull.vertices), "facets": len(poses.hull.normals)},
-        "rests": plain_rows(columns),
-        "seconds": poses.seconds,
-    }
-
-
-def _under_prior(options: RestArguments, text: str, poses: RestPoses) -> RestPoses:
-    """The rests with the probabilities that `--prior` asks for."""
-    from dicedesign.rest.density_priors import VonMisesFisher
-    from dicedesign.rest.prior import SampledDirections, read_prior
-
-    if options.table is not None:
-        raise InputError(
-            "--prior: expected none with --table, onto which bodies are thrown with any side down "
-            "alike, got both; leave one of them out"
-        )
-    prior = read_prior(text)
-    if isinstance(prior, SampledDirections):
-        near = VonMisesFisher.fitted(prior.directions)
-        axis = ",".join(f"{x:.6g}" for x in near.axis)
-        print_note(
-            f"the density of one axis nearest to the samples is vmf:{axis}:{near.concentration:.6g}"
-        )
-    return poses.under(prior)
-
-
 def _list_folder(options: RestArguments) -> int:
     """Analyze the meshes of a folder."""
-    # Imported here, as one mesh does without.
+    # One mesh needs none of these.
     from dicedesign.batch.batch import list_folder, run_batch
     from dicedesign.batch.rest_table import RestTable, Stamp, table_format
 
     com, tolerance, path = center_of_mass(options.com), options.coplanar_tolerance, options.out
-    for name in ("table", "json", "figure", "heights", "prior", "part"):
+    for name in ("table", "json", "figure", "prior", "part"):
         if getattr(options, name) not in (None, False, ()):
             raise InputError(
                 f"--{name}: expected one mesh, got the folder {options.mesh}; name a file, or "
@@ -144,8 +121,7 @@ def _list_folder(options: RestArguments) -> int:
             f"--coplanar-tolerance: expected a number in [0, 1), got {tolerance}; leave it out for "
             "the default"
         )
-    check_worker_options(options)
-    # Better known before the work than after.
+    # A wrong ending fails before the work.
     table_format(path)
     assert path is not None
     files = list_folder(options.mesh)
@@ -162,7 +138,7 @@ def _list_folder(options: RestArguments) -> int:
         (len(before.keys() - stamps.keys()), f"files of {path} are gone, and so are their rows"),
     ):
         if count:
-            print_note(f"{count} {printable(what)}")
+            print_notes(f"{count} {what}")
     pending = {file: stamp for file, stamp in stamps.items() if file not in unchanged}
     with RestTable(path, unchanged) as table:
         if pending:
@@ -170,7 +146,7 @@ def _list_folder(options: RestArguments) -> int:
 
                 def on_entries(entries: dict[str, Entry]) -> None:
                     table.add(entries)
-                    workers.advance(len(entries))
+                    workers.bar.update(len(entries))
 
                 run_batch(
                     str(options.mesh.resolve()),
@@ -180,7 +156,6 @@ def _list_folder(options: RestArguments) -> int:
                     com,
                     tolerance,
                     on_entries=on_entries,
-                    on_quiet=workers.on_quiet,
                 )
     return _print_counts(table)
 
@@ -188,7 +163,7 @@ def _list_folder(options: RestArguments) -> int:
 def _check_table(
     options: RestArguments, before: dict[str, Entry], stamps: dict[str, Stamp]
 ) -> None:
-    """Rows that answer another question, or are of another folder, are neither kept nor lost."""
+    """Raise InputError for a table with other options, or of another folder."""
     stamp = next(iter(stamps.values()))
     for entry in before.values():
         for name in ("com", "coplanar_tolerance"):
@@ -208,19 +183,19 @@ def _check_table(
 
 def _print_counts(table: RestTable) -> int:
     counts = [entry.rests for entry in table.entries.values()]
-    analyzed, broken = sum(count > 0 for count in counts), counts.count(0)
+    analyzed, failed = sum(count > 0 for count in counts), counts.count(0)
     print(f"{printable(table.path)}: {analyzed} files with {sum(counts)} resting poses")
-    if broken:
-        print_note(f"{broken} files could not be analyzed; see the column 'error'")
+    if failed:
+        print_notes(f"{failed} files could not be analyzed; see the column 'error'")
     return 0 if analyzed else 1
 
 
 def drop(options: DropArguments) -> int:
     """Print the steps of a roll."""
-    # Imported here, as `rest` does without.
+    # `rest` does not need this.
     from dicedesign.rest.roll import SMALLEST_ANGLE, roll_steps
 
-    down = vector("--down", options.down)
+    down = numbers("--down", options.down)
     largest = None
     if options.max_angle_deg is not None:
         largest = math.radians(options.max_angle_deg)
@@ -229,17 +204,9 @@ def drop(options: DropArguments) -> int:
                 f"--max-angle-deg: expected at least {math.degrees(SMALLEST_ANGLE):.2g}, got "
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
-    body, poses = read_poses(
-        options.mesh, center_of_mass(options.com), options.coplanar_tolerance, options.part
-    )
+    _, poses = read_poses(options.mesh, options.com, options.coplanar_tolerance, options.part)
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
-    if options.figure is not None:
-        from dicedesign.report.figures import surface_to_draw
-        from dicedesign.report.motion_pictures import drop_figure
-
-        surface = surface_to_draw(body.points, body.triangles, poses.hull)
-        atomic_write(options.figure, drop_figure(surface, poses, down).png())
     columns: dict[str, Any] = {
         "down": [step.down for step in steps],
         "contact": [step.contact for step in steps],

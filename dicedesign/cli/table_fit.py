@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.metadata import version
 from itertools import repeat
 from typing import Any, Final
@@ -13,9 +13,10 @@ import numpy as np
 
 from dicedesign.cli.commands import TableArguments
 from dicedesign.cli.options import (
-    check_worker_options,
+    columns_of,
     print_json,
-    print_note,
+    print_notes,
+    require_ending,
     text_table,
     workers_of,
 )
@@ -23,7 +24,7 @@ from dicedesign.errors import InputError, printable
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
-from dicedesign.throws.distances import MeasuredDistance, jeffreys_means, measure_variation
+from dicedesign.throws.distances import jeffreys_means, measure_variation
 from dicedesign.throws.engines import require_engine
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
@@ -46,76 +47,45 @@ from dicedesign.throws.throw_counts import (
 )
 
 CHECKED: Final = 1 / 12
-"""Fresh drops of each die at the fitted table, as a part of those of all evaluations."""
+"""New drops of each die at the fitted table, as a part of the drops of all evaluations."""
 
 UNITS: Final = {"height": "m", "speed": "m/s", "spin": "rad/s"}
-"""Of the parameters that have one."""
+"""Units of the parameters that have one."""
 
 LEVEL: Final = 0.05
-"""p-value up to which a die rejects a table."""
+"""p-value up to which the counts of a die are inconsistent with a table."""
 
 IMPOSSIBLE: Final = 0.001
-"""p-value by the posterior of all counts, its own among them, up to which no table explains a
-die's."""
+"""p-value under the posterior of all counts up to which no table explains the counts of a die."""
 
 VAGUE: Final = 0.75
-"""Part of the search's range from which on an interval says that the counts do not tell."""
+"""Part of the searched range from which on a credible interval is uninformative."""
 
 CONFIDENCE: Final = 0.95
-"""Of intervals of total variation."""
-
-
-@dataclass(frozen=True)
-class DieAtHand:
-    """A die that was not thrown yet.
-
-    Attributes
-    ----------
-    fit: what the posterior says of it.
-    simulated: (g,) what came up in fresh drops on the fitted table.
-    target: (g,) probabilities that it was designed for.
-    """
-
-    fit: DieFit
-    simulated: Integers
-    target: Floats
-
-    @property
-    def on_fitted(self) -> MeasuredDistance:
-        """Total variation from the target on the fitted table."""
-        return measure_variation(self.simulated, self.target, CONFIDENCE)
-
-    @property
-    def by_posterior(self) -> tuple[float, float]:
-        """Total variations below which it is on half of all tables, and on `CREDIBLE_LEVEL` of
-        them."""
-        each = np.abs(self.fit.drawn - self.target).sum(axis=1) / 2.0
-        half, most = np.quantile(each, [0.5, CREDIBLE_LEVEL]).tolist()
-        return half, most
+"""Confidence of intervals of total variation."""
 
 
 def fit(options: TableArguments) -> int:
     """Print the fitted table, and write it."""
-    check_worker_options(options)
     require_engine("native")
     check_effort(options.evaluations, options.drops, options.seed)
     out = options.out
-    if out is not None and out.suffix != ".json":
-        raise InputError(f"--out: expected a path that ends in .json, got {out}; rename it")
+    if out is not None:
+        require_ending("--out", out, ".json")
     dice, others = _read_dice(options)
-    designed = None if options.die is None else read_die_without_counts(options.die)
     counted = (*dice, *others)
+    designed = None if options.die is None else read_die_without_counts(options.die)
     if designed is not None:
         others = (*others, designed[0])
     checkpoint_file, name = None, "fitted"
     if out is not None:
-        # Better known before the simulations than after.
+        # A folder that cannot be written fails before the simulations.
         make_writable_folder(out.parent)
         checkpoint_file, name = out.with_suffix(".checkpoint.npz"), printable(out.stem)
     source = "fitted to " + ", ".join(f"{die.counts.sum()} throws of {die.name}" for die in dice)
     start = Table(name, 0.0, 0.0, 0.0, 0.0, 0.0, source=source)
-    fresh = max(1, round(CHECKED * options.evaluations * options.drops))
-    total = (options.evaluations * options.drops + fresh) * (len(dice) + len(others))
+    new_drops = max(1, round(CHECKED * options.evaluations * options.drops))
+    total = (options.evaluations * options.drops + new_drops) * (len(dice) + len(others))
     work = {
         "set of throws": throws_digest(dice),
         "set of other dice": throws_digest(others),
@@ -129,8 +99,8 @@ def fit(options: TableArguments) -> int:
         workers_of(options, "drops", total) as workers,
     ):
         if checkpoint_file is not None and os.path.exists(checkpoint_file):
-            print_note(f"goes on from {printable(checkpoint_file)}")
-        share: dict[str, Any] = {"workers": workers.executor, "progress": workers.advance}
+            print_notes(f"resumes from {checkpoint_file}")
+        share: dict[str, Any] = {"workers": workers.executor, "progress": workers.bar.update}
         fit = fit_table(
             dice,
             start,
@@ -141,30 +111,29 @@ def fit(options: TableArguments) -> int:
             checkpoint=checkpoint,
             **share,
         )
-        # A seed that no evaluation had.
-        checks = check_table(counted, fit.table, fresh, options.seed, **share)
-        at_hand = None
+        # No evaluation has this seed.
+        checks = check_table(counted, fit.table, new_drops, options.seed, **share)
+        answer = _plain(fit, checks)
         if designed is not None:
             die, target = designed
-            throws = simulate(
-                die.body, fit.table.for_size_above(die.size), fresh, options.seed, **share
-            )
-            at_hand = DieAtHand(fit.dice[-1], die.by_outcome(throws.counts), target)
+            table = fit.table.for_size_above(die.size)
+            throws = simulate(die.body, table, new_drops, options.seed, **share)
+            answer["die_at_hand"] = _predict(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
             entries = fit.table.as_dict() | {"posterior": posterior_entries(fit.posterior)}
             atomic_write(out, json_text(entries).encode())
-            print_note(f"wrote {printable(out)}")
+            print_notes(f"wrote {out}")
     if options.json:
-        print_json(_plain(fit, checks, at_hand))
+        print_json(answer)
     else:
-        print(_describe(fit, checks, at_hand))
-    return 1 if _unexplained(fit) else 0
+        print(_describe(answer))
+    return 1 if answer["unexplained"] else 0
 
 
 def _read_dice(
     options: TableArguments,
 ) -> tuple[tuple[CountedDie, ...], tuple[CountedDie, ...]]:
-    """The dice that are fitted to, and those that are predicted."""
+    """Read the dice that are fitted to, and those that are predicted."""
     wanted, checked = (
         None if text is None else [name.strip() for name in text.split(",")]
         for text in (options.dice, options.check)
@@ -192,137 +161,9 @@ def _read_dice(
     return dice, others
 
 
-def _unexplained(fit: TableFit) -> list[DieFit]:
-    """The dice whose counts no table explains."""
-    return [die for die in fit.dice if die.whole and die.whole.p_value <= IMPOSSIBLE]
-
-
-def _describe(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None) -> str:
-    """The answer for people; checks: of the dice with counts, in the order of the fit."""
-    entries, dice = fit.parameters.values(), fit.dice[: len(checks)]
-    ranges = [
-        [f"{low:.3g} to {high:.3g}" for low, high in limits]
-        for limits in ([e.interval for e in entries], [e.searched for e in entries])
-    ]
-    parts = [
-        text_table(
-            ("parameter", "", fit.parameters),
-            ("fitted", ".3g", [entry.fitted for entry in entries]),
-            ("", "", [UNITS.get(name, "") for name in fit.parameters]),
-            ("mean", ".3g", [entry.mean for entry in entries]),
-            ("+-", ".2g", [entry.standard_deviation for entry in entries]),
-            (f"{100 * CREDIBLE_LEVEL:g} % within", ">", ranges[0]),
-            ("searched", ">", ranges[1]),
-        ),
-        text_table(
-            ("correlations", "", fit.parameters),
-            *zip(fit.parameters, repeat(".2f"), fit.correlations.T + 0.0),
-        ),
-        text_table(
-            ("die", "", [die.die.name for die in dice]),
-            ("throws", "d", [die.die.counts.sum() for die in dice]),
-            ("degrees", "d", [check.chi_square.degrees for check in checks]),
-            ("chi2 fitted", ".2f", [check.chi_square.statistic for check in checks]),
-            ("p", ".2g", [check.chi_square.p_value for check in checks]),
-            ("exact p", ".2g", [check.exact.p_value for check in checks]),
-            ("all dice", ">", [_p_value(die.whole) for die in dice]),
-            ("other dice", ">", [_p_value(die.left_out) for die in dice]),
-            ("chi2 geometric", ".2f", [check.geometric.statistic for check in checks]),
-            ("p", ".2g", [check.geometric.p_value for check in checks]),
-        ),
-    ]
-    for die, check in zip(dice, checks, strict=True):
-        counted, others = die.die, die.left_out
-        throws = counted.counts.sum()
-        assert others is not None
-        expected = zip(throws * others.probabilities, throws * others.deviation, strict=True)
-        table = text_table(
-            ("outcome", "", counted.labels),
-            ("throws", "d", counted.counts),
-            ("fitted", ".1f", throws * check.probabilities),
-            ("other dice", ">", [f"{mean:.1f} +- {off:.1f}" for mean, off in expected]),
-            ("geometric", ".1f", throws * counted.geometric),
-        )
-        parts.append(f"{counted.name}\n{table}")
-    if at_hand is not None:
-        parts += _describe_at_hand(at_hand)
-    return "\n\n".join([*parts, "\n".join(_sentences(fit, checks))])
-
-
-def _p_value(prediction: Prediction | None) -> str:
-    if prediction is None:
-        return "not fitted"
-    return f"{prediction.p_value:.2g} +- {prediction.standard_error:.1g}"
-
-
-def _describe_at_hand(die: DieAtHand) -> list[str]:
-    fit, probabilities = die.fit, jeffreys_means(die.simulated)
-    on_fitted, (half, most) = die.on_fitted, die.by_posterior
-    low, high = on_fitted.interval
-    table = text_table(
-        ("outcome", "", fit.die.labels),
-        ("target", ".4f", die.target),
-        ("fitted", ".4f", probabilities),
-        ("+-", ".4f", np.sqrt(probabilities * (1.0 - probabilities) / die.simulated.sum())),
-        ("posterior", ".4f", fit.probabilities),
-        ("+-", ".4f", fit.deviation),
-    )
-    return [
-        f"{fit.die.name}\n{table}\n"
-        f"total variation from the target {on_fitted.value:.4f} on the fitted table (95 % within "
-        f"{low:.4f} to {high:.4f}; chance alone {on_fitted.noise_floor:.4f}), below {half:.4f} on "
-        f"half of the posterior's and below {most:.4f} on {100 * CREDIBLE_LEVEL:g} %",
-    ]
-
-
-def _sentences(fit: TableFit, checks: Sequence[DieCheck]) -> list[str]:
-    drops = int(checks[0].simulated.sum()) + checks[0].unresolved
-    fitted = [check for die, check in zip(fit.dice, checks, strict=False) if die.whole]
-    rejecting = [c.die.name for c in fitted if c.chi_square.p_value <= LEVEL]
-    verdict = "no die rejects" if not rejecting else ", ".join(rejecting) + " rejects"
-    lines = [
-        f"{fit.evaluations} sets of parameters, {fit.drops} drops of each die for each; "
-        f"log likelihood {fit.log_likelihood:.2f}, of probabilities equal to all frequencies 0",
-        f"the surrogate's predictions were {fit.surprise:.2f} of its standard deviations off",
-        f"with {drops} fresh drops {verdict} the fitted set at the level {LEVEL:g}",
-    ]
-    for die in fit.dice:
-        if (
-            die.left_out is not None
-            and die.left_out.p_value <= LEVEL
-            and die not in _unexplained(fit)
-        ):
-            lines.append(f"the other dice's counts hardly go with {_worst(die, die.left_out)}")
-    vague = [
-        name
-        for name, entry in fit.parameters.items()
-        if entry.interval[1] - entry.interval[0] >= VAGUE * (entry.searched[1] - entry.searched[0])
-    ]
-    if vague:
-        lines.append(f"these throws hardly tell: {', '.join(vague)}")
-    unresolved = {c.die.name: c.unresolved for c in checks if c.unresolved}
-    lines += [f"{name}: {count} fresh drops came to no rest" for name, count in unresolved.items()]
-    for die in _unexplained(fit):
-        assert die.whole is not None
-        lines.append(
-            f"no table within the limits explains {_worst(die, die.whole)}; see whether that is "
-            "written down right, and whether the die is the one of the mesh"
-        )
-    return lines
-
-
-def _worst(die: DieFit, prediction: Prediction) -> str:
-    """What is least like a prediction, in words."""
-    counts, worst, (low, high) = die.die.counts, prediction.worst, prediction.interval
-    return (
-        f"{die.die.name} (p = {prediction.p_value:.2g}), above all {die.die.labels[worst]}: "
-        f"{counts[worst]} of {counts.sum()} throws, where 95 % of predictions are {low} to {high}"
-    )
-
-
-def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None) -> dict[str, Any]:
-    """The answer as plain data; checks: of the dice with counts, in the order of the fit."""
-    answer: dict[str, Any] = {
+def _plain(fit: TableFit, checks: Sequence[DieCheck]) -> dict[str, Any]:
+    """The fit as plain data; checks: of the dice with counts, in the order of the fit."""
+    return {
         "table": fit.table.as_dict(),
         "posterior": [table.as_dict() for table in fit.posterior],
         "parameters": {name: asdict(entry) for name, entry in fit.parameters.items()},
@@ -332,7 +173,9 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None)
         "log_likelihood": fit.log_likelihood,
         "surprise": fit.surprise,
         "effective_points": fit.effective_points,
-        "unexplained": [die.die.name for die in _unexplained(fit)],
+        "unexplained": [
+            die.die.name for die in fit.dice if die.whole and die.whole.p_value <= IMPOSSIBLE
+        ],
         "dice": [
             {
                 "die": die.die.name,
@@ -353,21 +196,6 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck], at_hand: DieAtHand | None)
             for die, check in zip(fit.dice, checks, strict=False)
         ],
     }
-    if at_hand is not None:
-        die, variation, (half, most) = at_hand.fit, at_hand.on_fitted, at_hand.by_posterior
-        answer["die_at_hand"] = {
-            "die": die.die.name,
-            "outcomes": die.die.labels,
-            "target": at_hand.target.tolist(),
-            "simulated": at_hand.simulated.tolist(),
-            "total_variation": variation.value,
-            "interval": variation.interval,
-            "noise_floor": variation.noise_floor,
-            "posterior_probabilities": die.probabilities.tolist(),
-            "posterior_standard_deviations": die.deviation.tolist(),
-            "posterior_total_variation": {"median": half, f"quantile_{CREDIBLE_LEVEL:g}": most},
-        }
-    return answer
 
 
 def _plain_prediction(die: DieFit, prediction: Prediction | None) -> dict[str, Any] | None:
@@ -381,3 +209,169 @@ def _plain_prediction(die: DieFit, prediction: Prediction | None) -> dict[str, A
         "worst_outcome": die.die.labels[prediction.worst],
         "interval": prediction.interval,
     }
+
+
+def _predict(die: DieFit, simulated: Integers, target: Floats) -> dict[str, Any]:
+    """Prediction of a die that was not thrown yet, as plain data.
+
+    simulated: (g,) counts of new drops on the fitted table; target: (g,) probabilities of its
+    design.
+    """
+    variation = measure_variation(simulated, target, CONFIDENCE)
+    each = np.abs(die.drawn - target).sum(axis=1) / 2.0
+    half, most = np.quantile(each, [0.5, CREDIBLE_LEVEL]).tolist()
+    return {
+        "die": die.die.name,
+        "outcomes": die.die.labels,
+        "target": target.tolist(),
+        "simulated": simulated.tolist(),
+        "total_variation": variation.value,
+        "interval": variation.interval,
+        "noise_floor": variation.noise_floor,
+        "posterior_probabilities": die.probabilities.tolist(),
+        "posterior_standard_deviations": die.deviation.tolist(),
+        "posterior_total_variation": {"median": half, f"quantile_{CREDIBLE_LEVEL:g}": most},
+    }
+
+
+def _describe(answer: dict[str, Any]) -> str:
+    """Text of the answer."""
+    parameters, dice = answer["parameters"], answer["dice"]
+    entries = [
+        {
+            **entry,
+            "name": name,
+            "unit": UNITS.get(name, ""),
+            **{key: "{:.3g} to {:.3g}".format(*entry[key]) for key in ("interval", "searched")},
+        }
+        for name, entry in parameters.items()
+    ]
+    rows = [
+        {
+            **die,
+            "throws": sum(die["throws"]),
+            "all": _p_value(die["by_all_dice"]),
+            "others": _p_value(die["by_other_dice"]),
+        }
+        for die in dice
+    ]
+    correlations = np.transpose(answer["correlations"]) + 0.0
+    parts = [
+        text_table(
+            *columns_of(
+                entries,
+                ("parameter", "", "name"),
+                ("fitted", ".3g", "fitted"),
+                ("", "", "unit"),
+                ("mean", ".3g", "mean"),
+                ("+-", ".2g", "standard_deviation"),
+                (f"{100 * CREDIBLE_LEVEL:g} % within", ">", "interval"),
+                ("searched", ">", "searched"),
+            )
+        ),
+        text_table(("correlations", "", parameters), *zip(parameters, repeat(".2f"), correlations)),
+        text_table(
+            *columns_of(
+                rows,
+                ("die", "", "die"),
+                ("throws", "d", "throws"),
+                ("degrees", "d", "degrees"),
+                ("chi2 fitted", ".2f", "chi_square"),
+                ("p", ".2g", "p_value"),
+                ("exact p", ".2g", "exact_p_value"),
+                ("all dice", ">", "all"),
+                ("other dice", ">", "others"),
+                ("chi2 geometric", ".2f", "geometric_chi_square"),
+                ("p", ".2g", "geometric_p_value"),
+            )
+        ),
+    ]
+    for die in dice:
+        throws, others = sum(die["throws"]), die["by_other_dice"]
+        expected = zip(others["probabilities"], others["standard_deviations"], strict=True)
+        table = text_table(
+            ("outcome", "", die["outcomes"]),
+            ("throws", "d", die["throws"]),
+            ("fitted", ".1f", throws * jeffreys_means(die["simulated"])),
+            ("other dice", ">", [f"{throws * p:.1f} +- {throws * off:.1f}" for p, off in expected]),
+            ("geometric", ".1f", throws * np.array(die["geometric_probabilities"])),
+        )
+        parts.append(f"{die['die']}\n{table}")
+    if "die_at_hand" in answer:
+        parts += _describe_prediction(answer["die_at_hand"])
+    return "\n\n".join([*parts, "\n".join(_sentences(answer))])
+
+
+def _p_value(prediction: dict[str, Any] | None) -> str:
+    if prediction is None:
+        return "not fitted"
+    return "{p_value:.2g} +- {standard_error:.1g}".format(**prediction)
+
+
+def _describe_prediction(die: dict[str, Any]) -> list[str]:
+    probabilities = jeffreys_means(die["simulated"])
+    half, most = die["posterior_total_variation"].values()
+    low, high = die["interval"]
+    table = text_table(
+        ("outcome", "", die["outcomes"]),
+        ("target", ".4f", die["target"]),
+        ("fitted", ".4f", probabilities),
+        ("+-", ".4f", np.sqrt(probabilities * (1.0 - probabilities) / sum(die["simulated"]))),
+        ("posterior", ".4f", die["posterior_probabilities"]),
+        ("+-", ".4f", die["posterior_standard_deviations"]),
+    )
+    return [
+        f"{die['die']}\n{table}\n"
+        f"total variation from the target {die['total_variation']:.4f} on the fitted table (95 % "
+        f"within {low:.4f} to {high:.4f}; chance alone {die['noise_floor']:.4f}), below {half:.4f} "
+        f"on half of the posterior's and below {most:.4f} on {100 * CREDIBLE_LEVEL:g} %",
+    ]
+
+
+def _sentences(answer: dict[str, Any]) -> list[str]:
+    dice, parameters = answer["dice"], answer["parameters"]
+    drops = sum(dice[0]["simulated"]) + dice[0]["unresolved"]
+    rejecting = [
+        die["die"] for die in dice if die["by_all_dice"] is not None and die["p_value"] <= LEVEL
+    ]
+    verdict = ", ".join(rejecting) + " rejects" if rejecting else "no die rejects"
+    lines = [
+        f"{answer['evaluations']} sets of parameters, {answer['drops']} drops of each die for "
+        f"each; log likelihood {answer['log_likelihood']:.2f}, of probabilities equal to all "
+        "frequencies 0",
+        f"the surrogate's predictions were {answer['surprise']:.2f} of its standard deviations off",
+        f"with {drops} new drops {verdict} the fitted set at the level {LEVEL:g}",
+    ]
+    unexplained = [die for die in dice if die["die"] in answer["unexplained"]]
+    for die in dice:
+        if die["by_other_dice"]["p_value"] <= LEVEL and die not in unexplained:
+            worst = _describe_worst(die, die["by_other_dice"])
+            lines.append(f"inconsistent with the counts of the other dice: {worst}")
+    vague = [
+        name
+        for name, entry in parameters.items()
+        if np.ptp(entry["interval"]) >= VAGUE * np.ptp(entry["searched"])
+    ]
+    if vague:
+        lines.append(f"these throws say little about: {', '.join(vague)}")
+    lines += [
+        f"{die['die']}: {die['unresolved']} new drops came to no rest"
+        for die in dice
+        if die["unresolved"]
+    ]
+    for die in unexplained:
+        lines.append(
+            f"no table within the limits explains {_describe_worst(die, die['by_all_dice'])}; "
+            "check these counts, and whether the die is the one of the mesh"
+        )
+    return lines
+
+
+def _describe_worst(die: dict[str, Any], prediction: dict[str, Any]) -> str:
+    """Outcome that is least consistent with a prediction, in words."""
+    worst, (low, high) = prediction["worst_outcome"], prediction["interval"]
+    count = die["throws"][die["outcomes"].index(worst)]
+    return (
+        f"{die['die']} (p = {prediction['p_value']:.2g}), above all {worst}: {count} of "
+        f"{sum(die['throws'])} throws, where 95 % of predictions are {low} to {high}"
+    )

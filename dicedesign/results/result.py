@@ -113,8 +113,8 @@ class Balance:
     by: "shape", "opposite", "fill" or "none", as in a recipe's `engrave`.
     unbalanced: (k,) probabilities with labels and edges before the adjustment; for a thrown die by
         the momentum model.
-    errors: largest |p - q| in each round, in double precision; the first is that of `unbalanced`,
-        the smallest that of the die.
+    errors: largest |p - q| in each round, in double precision; the first belongs to `unbalanced`,
+        the smallest to the die.
     moved_mm: largest distance from a corner of the plain shape to its moved facet planes.
     stretch: largest relative change of a length, if the die was stretched.
     """
@@ -153,7 +153,7 @@ class Inside:
     ----------
     by: "cavity" or "infill", as in a recipe's `inside`.
     shift_mm: distance from the center of mass of the uniform solid to the given one; off_mm: from
-        there to that of the files.
+        the given one to the center of mass of the files.
     wall_mm: minimum wall thickness; None if nothing is inside.
     details: plain data about it; notes: sentences about it.
     """
@@ -249,7 +249,7 @@ class Result:
     least_margin_deg: smallest tilt that leaves an outcome; 180 if none can be left.
     asymmetry: rho of eq. 20 and 21.
     prior: prior of the recipe, which holds for all its probabilities; None for the uniform one.
-    history: accepted steps; after rounds of throws those of the last design.
+    history: accepted steps; after rounds of throws, steps of the last design.
     design: die as designed. engraved: die with labels, edges or something inside, or None. inside:
         cavity or infill of the recipe's `inside`.
     concave: section of a concave die; search: its search.
@@ -314,7 +314,7 @@ class Result:
 
     @property
     def error_before(self) -> float:
-        """Error of the surface from which a concave die was made: largest |p - q|, or the total
+        """Error of the original surface of a concave die: largest |p - q|, or the total
         probability of other rests. Raises InputError for another die."""
         if self.concave is None:
             raise InputError(

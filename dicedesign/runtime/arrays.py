@@ -1,5 +1,4 @@
-"""Names of array types, ranges of integers as one flat array, sums by index, and intervals of a
-probability."""
+"""Array types, concatenated ranges, sums by index, and confidence intervals of probabilities."""
 
 from __future__ import annotations
 
@@ -16,11 +15,11 @@ Integers: TypeAlias = NDArray[np.int64]
 """Array of indices and counts."""
 
 Booleans: TypeAlias = NDArray[np.bool_]
-"""Array of truths."""
+"""Array of truth values."""
 
 
 def ragged_ranges(starts: Integers, counts: Integers) -> tuple[Integers, Integers]:
-    """The ranges `starts[i] : starts[i] + counts[i]` one after the other.
+    """Concatenate the ranges `starts[i] : starts[i] + counts[i]`.
 
     starts: (k,); counts: (k,) not negative. Returns (n,) the range i of each entry and (n,) the
     entry itself, n being the sum of the counts.
@@ -31,32 +30,30 @@ def ragged_ranges(starts: Integers, counts: Integers) -> tuple[Integers, Integer
 
 
 def sums_by_index(index: Integers, values: Floats, size: int) -> Floats:
-    """(size, ...) sums of values (m, ...) over those with the same index (m,), in [0, size)."""
+    """Sum values (m, ...) with the same index (m,), in [0, size); returns (size, ...)."""
     columns = values.reshape(len(index), math.prod(values.shape[1:])).T
     sums: Floats = np.stack([np.bincount(index, column, size) for column in columns], axis=-1)
     return sums.reshape(size, *values.shape[1:])
 
 
 def exact_intervals(counts: ArrayLike, throws: float, confidence: float) -> Floats:
-    """Lower and upper limits (..., 2) of the probabilities of what came up `counts` (...) times.
+    """Lower and upper limits (..., 2) of the probabilities of outcomes with `counts` (...).
 
-    Whatever the probability is, its interval holds it in at least the part `confidence`, in (0, 1),
-    of all series of throws.
+    For any probability, its interval contains it in at least the share `confidence`, in (0, 1), of
+    all series of throws.
 
     Parameters
     ----------
-    counts: from 0 to `throws`; whole numbers, or fewer where throws depend on each
-        other.
-    throws: how many in all; 0 says nothing about any.
+    counts: from 0 to `throws`; effective numbers, not whole, if throws depend on each other.
+    throws: number of all throws; with 0, the limits are 0 and 1.
 
     Source: Clopper and Pearson, Biometrika 26(4), 1934.
     """
     from scipy.special import betaincinv
 
-    came = np.asarray(counts, dtype=np.float64)
-    tail = (1.0 - confidence) / 2.0
-    # At the ends, where the beta distribution has no second parameter, the limit is 0 or 1.
-    lower = np.where(came > 0, betaincinv(np.maximum(came, 1), throws - came + 1, tail), 0.0)
-    missed = throws - came
-    upper = np.where(missed > 0, 1.0 - betaincinv(np.maximum(missed, 1), came + 1, tail), 1.0)
+    hits = np.asarray(counts, dtype=np.float64)
+    misses, tail = throws - hits, (1.0 - confidence) / 2.0
+    # At its ends, the beta distribution has no second parameter, and the limit is 0 or 1.
+    lower = np.where(hits > 0, betaincinv(np.maximum(hits, 1), misses + 1, tail), 0.0)
+    upper = np.where(misses > 0, 1.0 - betaincinv(np.maximum(misses, 1), hits + 1, tail), 1.0)
     return np.stack([lower, upper], axis=-1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import os
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.runtime.files import atomic_write, read_file, remove_partial_files
+from dicedesign.runtime.files import atomic_write, hold_interrupts, read_file, remove_partial_files
 
 INTERVAL: Final = 5.0
 """Minimum seconds between writes."""
@@ -37,7 +36,6 @@ class AutosavedFile:
         self._content = content
         self._new = False
         self._written = _state(path)
-        self._unrecorded = b""
         self._due = 0.0
 
     @property
@@ -60,21 +58,16 @@ class AutosavedFile:
             return
         started = time.monotonic()
         data = self._content()
-        if _state(self.path) not in (None, self._written) and not self._was_interrupted():
+        if _state(self.path) not in (None, self._written):
             raise OutputError(
                 f"{self.path}: expected {self._kind} that only this run writes, but another one "
-                "is writing it; wait until that one has ended, then run the same command to go on"
+                "is writing it; wait until that one has ended, then repeat the command to resume"
             )
-        self._unrecorded = hashlib.sha256(data).digest()
-        atomic_write(self.path, data)
-        self._written, self._unrecorded = _state(self.path), b""
-        self._new = False
+        with hold_interrupts("nothing half-written was left"):
+            atomic_write(self.path, data)
+            self._written, self._new = _state(self.path), False
         ended = time.monotonic()
         self._due = ended + max(INTERVAL, (ended - started) / SHARE)
-
-    def _was_interrupted(self) -> bool:
-        """Whether an interrupt came between a write and the record of the file's new state."""
-        return hashlib.sha256(self.path.read_bytes()).digest() == self._unrecorded
 
     def remove(self) -> None:
         """Remove the file if it exists. Raises OutputError if that fails."""
@@ -229,7 +222,7 @@ class Checkpoint:
         self._file.save()
         if isinstance(error, KeyboardInterrupt) and any(self._rows.values()):
             raise KeyboardInterrupt(
-                f"what was done is in {self._file.path}; run the same command to go on"
+                f"the results so far are in {self._file.path}; repeat the command to resume"
             ) from error
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,7 +19,7 @@ class Clock:
         the process in 10^6 bytes, None if the system does not report it.
     peak_since: "stage", or "start" if the system cannot reset the peak; then "peak_mb" is the peak
         since the process started.
-    on_stage: called with the name of each stage when it begins.
+    on_stage: called with the name of each stage when it starts.
     """
 
     stages: list[dict[str, Any]] = field(default_factory=list)
@@ -46,26 +44,19 @@ class Clock:
         )
 
 
-_RESTART: Final = "/proc/self/clear_refs"
+_CLEAR_REFS: Final = "/proc/self/clear_refs"
+"""Writing 5 to it resets the peak; see proc(5)."""
 
 _STATUS: Final = "/proc/self/status"
-
-_RESTART_PEAK: Final = b"5"
-"""Written to `_RESTART`, it resets the peak; see proc(5)."""
-
-_MEGABYTE: Final = 1e6
 
 
 def reset_peak() -> bool:
     """Reset the peak memory. Returns False if the system does not allow that, as outside of Linux
     or with a read-only /proc; the peak then counts from the start of the process."""
     try:
-        # Must not create a missing file.
-        handle = os.open(_RESTART, os.O_WRONLY)
-        try:
-            os.write(handle, _RESTART_PEAK)
-        finally:
-            os.close(handle)
+        # An unbuffered file reports errors at once.
+        with open(_CLEAR_REFS, "wb", buffering=0) as file:
+            file.write(b"5")
     except OSError:
         return False
     return True
@@ -73,21 +64,12 @@ def reset_peak() -> bool:
 
 def peak_megabytes() -> float | None:
     """Peak resident memory of the process in 10^6 bytes, since the last successful `reset_peak` or
-    else since the process started. None if the system does not report it."""
+    else since the process started. None if the system does not report it, as outside of Linux."""
     try:
-        with open(_STATUS, "rb") as status:
+        with open(_STATUS, encoding="utf-8") as status:
             for line in status:
-                if line.startswith(b"VmHWM:"):
-                    return int(line.split()[1]) * 1024 / _MEGABYTE
-    except (OSError, ValueError, IndexError):
+                if line.startswith("VmHWM:"):
+                    return int(line.split()[1]) * 1024 / 1e6
+    except OSError:
         pass
-    return _largest_ever()
-
-
-def _largest_ever() -> float | None:
-    try:
-        import resource
-    except ImportError:
-        return None
-    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return largest * (1 if sys.platform == "darwin" else 1024) / _MEGABYTE
+    return None

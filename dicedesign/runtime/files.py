@@ -1,4 +1,4 @@
-"""Reading of whole files, atomic writing, JSON, and locked folders."""
+"""Read whole files, write files atomically, make JSON, and lock folders."""
 
 from __future__ import annotations
 
@@ -27,14 +27,6 @@ MAX_DATA_BYTES: Final = 1 << 32
 _FLAGS: Final = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 """Each system has one of the last two flags."""
 
-_KINDS: Final = {
-    stat.S_IFDIR: "a directory",
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-}
-
 
 def read_file(
     path: Path, kind: str, *, most: int = MAX_DATA_BYTES, error: type[InputError] = InputError
@@ -53,8 +45,9 @@ def read_file(
         # Opening a pipe must not block.
         handle = os.open(path, _FLAGS)
         with open(handle, "rb") as file:
-            fault_text = _find_fault(os.fstat(handle), kind, most)
-            data = b"" if fault_text else file.read()
+            status = os.fstat(handle)
+            is_regular = stat.S_ISREG(status.st_mode)
+            data = file.read() if is_regular and status.st_size <= most else b""
     except FileNotFoundError as fault:
         raise error(f"{path}: no such file; check the path") from fault
     except IsADirectoryError as fault:
@@ -63,22 +56,14 @@ def read_file(
         raise error(
             f"{path}: expected a readable file, got {_reason(fault)!r}; check path and permissions"
         ) from fault
-    if fault_text:
-        raise error(f"{path}: {fault_text}")
-    return data
-
-
-def _find_fault(status: os.stat_result, kind: str, most: int) -> str:
-    """Message about a file that cannot be read, or ""."""
-    if not stat.S_ISREG(status.st_mode):
-        other = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-        return f"expected {kind}, got {other}; name a file"
+    if not is_regular:
+        raise error(f"{path}: expected {kind}, got a pipe or a device; name a file")
     if status.st_size > most:
-        return (
-            f"expected {kind} of at most {most >> 20} MiB, got {status.st_size >> 20}; name "
-            "another file"
+        raise error(
+            f"{path}: expected {kind} of at most {most >> 20} MiB, got {status.st_size >> 20}; "
+            "name another file"
         )
-    return ""
+    return data
 
 
 def _reason(fault: Exception) -> str:
@@ -201,7 +186,7 @@ def open_output_folder(folder: Path) -> Iterator[None]:
 
     Raises
     ------
-    OutputError: the folder cannot be made or written.
+    OutputError: the folder cannot be created or written.
     """
     missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
     try:
@@ -216,11 +201,11 @@ def open_output_folder(folder: Path) -> Iterator[None]:
 
 
 def make_writable_folder(folder: Path) -> None:
-    """Make a folder for results if it is missing, and try whether files can be made in it.
+    """Make a folder for results if it is missing, and check that it is writable.
 
     Raises
     ------
-    OutputError: it cannot be made or written.
+    OutputError: it cannot be created or written.
     """
     probe = _partial_file(folder / "probe")
     try:
@@ -235,18 +220,11 @@ def make_writable_folder(folder: Path) -> None:
         ) from error
 
 
-LOCK: Final = ".lock"
-"""Lock file with the name of the writing process; the lock ends with that process."""
-
-
 @contextmanager
 def lock_folder(folder: Path) -> Iterator[None]:
-    """Lock an existing folder against other processes.
+    """Lock an existing folder against other processes, where the file system can.
 
-    Raises
-    ------
-    InputError: another process holds the lock; the message names process and machine.
-    OutputError: the lock file cannot be written.
+    Raises InputError: another process holds the lock.
     """
     try:
         import fcntl
@@ -254,48 +232,20 @@ def lock_folder(folder: Path) -> Iterator[None]:
         # Windows.
         yield
         return
-    path = folder / LOCK
-    handle = _open_lock(path)
+    handle = os.open(folder, os.O_RDONLY)
     try:
-        while True:
+        # Network file systems may lock no folders.
+        with contextlib.suppress(OSError):
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                holder = os.read(handle, 100).decode("utf-8", "replace") or "another process"
+            except BlockingIOError as error:
                 raise InputError(
-                    f"{folder}: expected a folder that no other process uses, but {holder} does; "
-                    "wait for it, or choose another folder with --out"
+                    f"{folder}: expected a folder that no other process uses, but one does; wait "
+                    "for it, or choose another folder with --out"
                 ) from error
-            if _is_at(handle, path):
-                break
-            # The previous holder removed the file.
-            os.close(handle)
-            handle = _open_lock(path)
-        os.truncate(handle, 0)
-        os.write(handle, f"process {os.getpid()} on {os.uname().nodename}".encode())
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)
+        yield
     finally:
         os.close(handle)
-
-
-def _open_lock(path: Path) -> int:
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-    except OSError as error:
-        raise OutputError(
-            f"{path}: expected a file that can be written, got {error.strerror!r}; choose another "
-            "folder with --out"
-        ) from error
-
-
-def _is_at(handle: int, path: Path) -> bool:
-    try:
-        return os.path.samestat(os.fstat(handle), os.stat(path))
-    except FileNotFoundError:
-        return False
 
 
 @contextmanager

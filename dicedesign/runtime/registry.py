@@ -1,11 +1,10 @@
-"""Registries of extensions: built-in ones, those of installed packages, and those of scripts; and
-named numbers that extensions declare."""
+"""Registries of extensions, and named numbers that extensions declare."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from typing import Any, ClassVar, Final, Generic, TypeVar
@@ -34,25 +33,23 @@ class Extension:
 Kind = TypeVar("Kind", bound=Extension)
 
 
+@dataclass(eq=False)
 class Registry(Generic[Kind]):
     """Extensions of one kind: built-in ones as listed, then the others.
 
     Attributes
     ----------
     kind: name of the kind in the singular, for messages.
-    type: class of the extensions.
+    entry_type: class of the extensions.
     builtin: extensions of this package, or their addresses "module:NAME", imported on first use.
     group: entry points of installed packages, whose values are such addresses.
     """
 
-    def __init__(
-        self, kind: str, type: type[Kind], builtin: Sequence[Kind | str], group: str
-    ) -> None:
-        self.kind = kind
-        self.type = type
-        self.builtin = tuple(builtin)
-        self.group = group
-        self._entries: dict[str, Kind] | None = None
+    kind: str
+    entry_type: type[Kind]
+    builtin: Sequence[Kind | str]
+    group: str
+    _entries: dict[str, Kind] | None = field(default=None, init=False)
 
     def register(self, entry: Kind) -> Kind:
         """Add an extension in this process and return it. Raises InputError if its name is taken or
@@ -99,20 +96,20 @@ class Registry(Generic[Kind]):
                 package = point.dist.name if point.dist else "an installed package"
                 raise InputError(
                     f"{self.kind} {point.name!r} of {package}: expected the address of a "
-                    f"{self.type.__name__}, but {error}; fix or uninstall that package"
+                    f"{self.entry_type.__name__}, but {error}; fix or uninstall that package"
                 ) from error
         self._entries = entries
         return entries
 
     def _add(self, entries: dict[str, Kind], entry: Kind) -> Kind:
-        if not isinstance(entry, self.type):
+        if not isinstance(entry, self.entry_type):
             raise InputError(
-                f"{self.kind}: expected a {self.type.__name__}, got {entry!r}; register it with "
-                "the others of its kind"
+                f"{self.kind}: expected a {self.entry_type.__name__}, got {entry!r}; register "
+                "it with the others of its kind"
             )
         if entries.get(entry.name, entry) != entry:
             raise InputError(
-                f"{self.kind} {entry.name!r}: expected a name of its own, got one that is taken; "
+                f"{self.kind} {entry.name!r}: expected a name of its own, got one in use; "
                 "choose another"
             )
         entries[entry.name] = entry
@@ -164,15 +161,8 @@ class Numbers:
     """Prefix of names in messages."""
 
     def __init__(self, **given: float) -> None:
-        """Raises InputError for an unknown name, a value that is not allowed, and a declared name
-        that is an attribute of the class."""
+        """Raises InputError for an unknown name, and a value that is not allowed."""
         declared = self.list_numbers()
-        for name in declared:
-            if hasattr(type(self), name):
-                raise InputError(
-                    f"{self.prefix}{name}: expected another name, got that of an attribute of the "
-                    "class; choose another"
-                )
         for name, value in given.items():
             number = declared.get(name)
             if number is None:
@@ -205,12 +195,10 @@ class Numbers:
     def __getattr__(self, name: str) -> float:
         if name.startswith("_"):
             raise AttributeError(name)
-        if name in self._values:
-            return self._values[name]
-        later = self.list_numbers().get(name)
-        if later is None:
-            raise AttributeError(f"{type(self).__name__} has no {name!r}")
-        return later.default
+        try:
+            return self._values[name] if name in self._values else self.list_numbers()[name].default
+        except KeyError:
+            raise AttributeError(f"{type(self).__name__} has no {name!r}") from None
 
     def __eq__(self, other: object) -> bool:
         return type(other) is type(self) and other.as_dict() == self.as_dict()
@@ -221,9 +209,6 @@ class Numbers:
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self.as_dict().items())
         return f"{type(self).__name__}({given})"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (type(self), self.as_dict())
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -249,7 +234,3 @@ class Numbers:
             for number in cls.list_numbers().values()
         }
         return {"type": "object", "properties": keys, "additionalProperties": False}
-
-
-def _rebuild(kind: type[Own], given: Mapping[str, float]) -> Own:
-    return kind(**given)

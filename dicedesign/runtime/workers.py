@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import multiprocessing
 import os
@@ -10,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -20,7 +20,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -63,14 +63,8 @@ PATIENCE: Final = 30.0
 PACKAGE_VERSION: Final = version("dicedesign")
 """Version of this package, which the workers of a cluster need too."""
 
-QUIET: Final = 10.0
-"""Seconds without a result after which `on_quiet` is called."""
-
 MOST_LOSSES: Final = 5
 """Number of lost workers after which a task is abandoned."""
-
-UNFIT_CERTIFICATES: Final = (FileNotFoundError, PermissionError, TypeError, RuntimeError)
-"""Errors of Dask, besides those of ssl, for unreadable or missing certificates."""
 
 Task = TypeVar("Task")
 
@@ -149,10 +143,6 @@ class _ClusterWorkers(Executor):
             )
         return self._workers.submit(function, *args, **kwargs)
 
-    def is_empty(self) -> bool:
-        """Whether the scheduler answers and has no worker."""
-        return self._client.status == "running" and not self._client.scheduler_info()["workers"]
-
 
 @contextmanager
 def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
@@ -168,39 +158,28 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
         or worker answers, or the workers lack this version of the package.
     DiceError: by `submit`, if the scheduler is gone.
     """
-    import ssl
-
     try:
         from distributed import Client
     except ImportError as error:
         raise missing_extra("cluster", "--scheduler", error) from error
-    log = logging.getLogger("distributed.client")
-    level = log.level
     # Errors report what it would log.
-    log.setLevel(logging.CRITICAL)
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     client = None
     try:
         try:
+            connect = partial(Client, address, timeout=PATIENCE, set_as_default=False)
             try:
-                client = Client(address, timeout=PATIENCE, set_as_default=False)
+                client = connect()
             except AssertionError:
                 # Dask fails if the first messages of a busy scheduler arrive together.
-                client = Client(address, timeout=PATIENCE, set_as_default=False)
+                client = connect()
             client.wait_for_workers(1, timeout=PATIENCE)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
-            if isinstance(error, (ssl.SSLError, *UNFIT_CERTIFICATES)) and _is_encrypted(address):
-                raise InputError(
-                    f"--scheduler {address}: expected certificates for tls:// in Dask's "
-                    f"configuration, as under distributed.comm.tls, got: {error}; see "
-                    "docs/researchers.md"
-                ) from error
-            if not isinstance(error, OSError | ValueError):
-                raise
             missing = "a Dask scheduler" if client is None else "at least one worker"
             raise InputError(
                 f"--scheduler {address}: expected {missing} that answers within {PATIENCE:g} "
-                f"seconds, got none; start it with `dask {missing.split()[-1]}`"
-                f"{' and certificates that fit those here' * address.startswith('tls://')}"
+                f"seconds, got: {error}; start it with `dask {missing.split()[-1]}`, and see "
+                "docs/researchers.md for the certificates of tls://"
             ) from error
         _check_versions(client, address)
         yield _ClusterWorkers(client, address), sum(client.nthreads().values())
@@ -209,15 +188,6 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
             # Abandon tasks that still run, and ignore a slow shutdown.
             with suppress(AssertionError):
                 client.close(timeout=PATIENCE)
-        log.setLevel(level)
-
-
-def _is_encrypted(address: str) -> bool:
-    """Whether connections to a scheduler need certificates."""
-    import dask
-
-    required = dask.config.get("distributed.comm.require-encryption", default=False)
-    return address.startswith("tls://") or bool(required)
 
 
 def _check_versions(client: Any, address: str) -> None:
@@ -237,11 +207,6 @@ def _package_version() -> str:
     return PACKAGE_VERSION
 
 
-def has_no_workers(executor: Executor) -> bool:
-    """Whether all workers of `cluster_workers` are gone, so that tasks wait."""
-    return isinstance(executor, _ClusterWorkers) and executor.is_empty()
-
-
 def is_lost_worker(error: BaseException) -> bool:
     """Whether a future failed because its worker was lost."""
     lost: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
@@ -255,10 +220,7 @@ def is_lost_worker(error: BaseException) -> bool:
 
 
 def iterate_completed(
-    next_task: Callable[[], Task | None],
-    submit: Callable[[Task], Future[Result]],
-    most: int,
-    on_quiet: Callable[[], None] | None = None,
+    next_task: Callable[[], Task | None], submit: Callable[[Task], Future[Result]], most: int
 ) -> Iterator[tuple[Task, Future[Result]]]:
     """Run tasks, and yield each with its future when it is done.
 
@@ -268,7 +230,6 @@ def iterate_completed(
         None and no task runs.
     submit: starts a task.
     most: maximum number of running tasks.
-    on_quiet: called when no task has ended for `QUIET` seconds.
     """
     running: dict[Future[Result], Task] = {}
     while True:
@@ -276,10 +237,7 @@ def iterate_completed(
             running[submit(task)] = task
         if not running:
             return
-        ended, _ = wait(running, timeout=QUIET, return_when=FIRST_COMPLETED)
-        if not ended and on_quiet is not None:
-            on_quiet()
-        for future in ended:
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
             yield running.pop(future), future
 
 
@@ -301,7 +259,6 @@ def run_in_batches(
     submit: Callable[[list[Item]], Future[Result]],
     jobs: int,
     on_result: Callable[[Result], None],
-    on_quiet: Callable[[], None] | None = None,
     *,
     size_of: Callable[[Item], int] = lambda item: 0,
 ) -> list[Item]:
@@ -312,7 +269,6 @@ def run_in_batches(
     ----------
     submit: starts a task.
     on_result: called with the result of each task.
-    on_quiet: called when no task has ended for `QUIET` seconds.
     size_of: bytes of an item; a task has at most `BYTES_PER_TASK`, or one item.
 
     Returns the items that lost their worker in each of `LONE_RUNS` lone runs. Raises DiceError if
@@ -330,9 +286,7 @@ def run_in_batches(
         lost: list[Item] = []
         # One running and one waiting task per worker.
         at_once = 1 if run else 2 * jobs
-        for task, future in iterate_completed(
-            partial(next, iter(tasks), None), submit, at_once, on_quiet
-        ):
+        for task, future in iterate_completed(partial(next, iter(tasks), None), submit, at_once):
             try:
                 result = future.result()
             except Exception as error:
@@ -345,54 +299,38 @@ def run_in_batches(
     return lost
 
 
-def in_order(
-    tasks: Sequence[Callable[[], Result]],
-    workers: Executor,
-    on_quiet: Callable[[], None] | None = None,
-) -> Iterator[Result]:
+def in_order(tasks: Sequence[Callable[[], Result]], workers: Executor) -> Iterator[Result]:
     """Yield results of tasks in order; tasks of lost workers are retried.
-
-    on_quiet: called when the next result has not come for `QUIET` seconds.
 
     Raises DiceError if workers are lost repeatedly, or the executor fails.
     """
-    futures = [workers.submit(task) for task in tasks]
-    for place in range(len(tasks)):
-        losses = 0
-        while True:
-            try:
-                result = futures[place].result(QUIET)
-            except TimeoutError:
-                if on_quiet is not None:
-                    on_quiet()
-            except Exception as error:
-                if not is_lost_worker(error):
-                    raise
-                losses += 1
-                if losses == MOST_LOSSES:
-                    raise DiceError(
-                        f"workers: expected some that stay, but {losses} were lost while one task "
-                        "ran; see whether memory suffices or take fewer --jobs"
-                    ) from error
-                # A lost local worker fails all submitted tasks.
-                for k in range(place, len(tasks)):
-                    if _has_lost_worker(futures[k]):
-                        futures[k] = workers.submit(tasks[k])
-            else:
-                yield result
-                break
+    waiting, losses = deque(range(len(tasks))), [0] * len(tasks)
+    results: dict[int, Result] = {}
+    ended = iterate_completed(
+        lambda: waiting.popleft() if waiting else None,
+        lambda place: workers.submit(tasks[place]),
+        len(tasks),
+    )
+    place = 0
+    for ended_place, future in ended:
+        try:
+            results[ended_place] = future.result()
+        except Exception as error:
+            if not is_lost_worker(error):
+                raise
+            losses[ended_place] += 1
+            if losses[ended_place] == MOST_LOSSES:
+                raise DiceError(
+                    f"workers: expected some that stay, but {MOST_LOSSES} were lost while one task "
+                    "ran; see whether memory suffices or take fewer --jobs"
+                ) from error
+            waiting.append(ended_place)
+        while place in results:
+            yield results.pop(place)
+            place += 1
 
 
-def _has_lost_worker(future: Future[Any]) -> bool:
-    if not future.done():
-        return False
-    if future.cancelled():
-        return True
-    error = future.exception()
-    return error is not None and is_lost_worker(error)
-
-
-@dataclass
+@dataclass(frozen=True)
 class Workers:
     """Workers with a progress bar on stderr.
 
@@ -400,30 +338,12 @@ class Workers:
     ----------
     executor: executor of tasks.
     jobs: number of parallel tasks.
-    unit: unit of work, in the plural.
     bar: progress bar.
-    scheduler: address of the cluster, None on this machine.
-    has_warned: whether it reported that no worker is left.
     """
 
     executor: Executor
     jobs: int
-    unit: str
     bar: tqdm[Any]
-    scheduler: str | None
-    has_warned: bool = False
-
-    def advance(self, count: int) -> None:
-        """Count finished work."""
-        self.has_warned = False
-        self.bar.update(count)
-
-    def on_quiet(self) -> None:
-        """Report once that a cluster has no worker left."""
-        if not self.has_warned and has_no_workers(self.executor):
-            self.has_warned = True
-            note = f"note: {self.scheduler} has no worker left; {self.unit} wait for one to join"
-            self.bar.write(note, file=sys.stderr)
 
 
 def progress_bar(unit: str, total: int | None = None, done: int = 0) -> tqdm[Any]:
@@ -451,7 +371,7 @@ def open_workers(
 
     Raises as `cluster_workers`.
     """
-    with contextlib.ExitStack() as stack:
+    with ExitStack() as stack:
         executor: Executor
         if scheduler is None:
             jobs = min(jobs or os.cpu_count() or 1, total - done)
@@ -460,4 +380,4 @@ def open_workers(
             executor, threads = stack.enter_context(cluster_workers(scheduler))
             jobs = jobs or threads
         bar = stack.enter_context(progress_bar(unit, total, done))
-        yield Workers(executor, jobs, unit, bar, scheduler)
+        yield Workers(executor, jobs, bar)

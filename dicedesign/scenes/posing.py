@@ -235,7 +235,6 @@ def write_poses(
     workers: int,
     *,
     on_done: Callable[[int], None],
-    on_quiet: Callable[[], None] | None = None,
 ) -> list[PoseResult]:
     """Run many jobs; the results are in the order of the jobs.
 
@@ -243,8 +242,7 @@ def write_poses(
     ----------
     jobs: jobs with different targets.
     executor: runs the jobs, at most `workers` batches at a time.
-    on_done: called with the number of jobs in each finished batch; on_quiet: called whenever no job
-        ends for some seconds.
+    on_done: called with the number of jobs in each finished batch.
 
     Raises DiceError: the executor is broken.
     """
@@ -255,7 +253,7 @@ def write_poses(
         on_done(len(batch))
 
     lost_jobs = run_in_batches(
-        jobs, lambda task: executor.submit(write_each, task, choice), workers, on_results, on_quiet
+        jobs, lambda task: executor.submit(write_each, task, choice), workers, on_results
     )
     for job in lost_jobs:
         text = "expected workers that stay, but those that posed it were lost; see whether memory"

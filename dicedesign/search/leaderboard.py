@@ -1,9 +1,10 @@
-"""The best dice of a search, and the files that tell about them."""
+"""Leaderboard of a search: ranking and files."""
 
 from __future__ import annotations
 
 import csv
 import io
+import itertools
 from collections.abc import Sequence
 from operator import itemgetter
 from pathlib import Path
@@ -13,16 +14,18 @@ import numpy as np
 
 from dicedesign.recipe.reading import parse_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
+from dicedesign.report.curve_charts import pareto_chart
+from dicedesign.report.pages import leaderboard_page
 from dicedesign.results.folder import remove_files
 from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.runtime.files import atomic_write, json_text
 from dicedesign.search.study import varies_assignment
 
 Finished = dict[str, Any]
-"""One trial, as in `dicedesign.search.study.SearchStudy.finished`."""
+"""Finished trial, as in `dicedesign.search.study.SearchStudy.finished`."""
 
 LEADERS = 10
-"""Dice on the leaderboard; the best in each single measure are added."""
+"""Number of dice on the leaderboard, besides the best in each measure."""
 
 BEST = "best.yaml"
 
@@ -39,20 +42,21 @@ COLUMNS = (
     "seconds",
     "recipe_file",
 )
-"""Of the table in leaderboard.csv; what was varied follows."""
+"""Columns of leaderboard.csv, before the columns of the varied entries."""
 
 
 def pareto_front(points: Floats) -> Booleans:
-    """(n,) whether no other of the points (n, d) is at least as large in all and larger in one."""
-    no_less = np.all(points[None] >= points[:, None], axis=-1)
+    """Pareto-optimal points (n, d), as (n,): no other is at least as large in all coordinates, and
+    larger in one."""
+    at_least = np.all(points[None] >= points[:, None], axis=-1)
     larger = np.any(points[None] > points[:, None], axis=-1)
-    beaten: Booleans = np.any(no_less & larger, axis=1)
-    return ~beaten
+    dominated: Booleans = np.any(at_least & larger, axis=1)
+    return ~dominated
 
 
 def rank_trials(finished: Sequence[Finished]) -> list[Finished]:
-    """The trials that converged, the best first: by the product of the smallest circle's radius and
-    the margin, then by error, then by number. No die comes after one that is worse in both."""
+    """Sort the converged trials, the best first, by the product of inradius and margin, then by
+    error and number. No die comes after one that is worse in both."""
     return sorted(
         (trial for trial in finished if trial["status"] == "converged"),
         key=lambda trial: (
@@ -64,8 +68,8 @@ def rank_trials(finished: Sequence[Finished]) -> list[Finished]:
 
 
 def leaders(finished: Sequence[Finished]) -> list[Finished]:
-    """The first `LEADERS` of the ranked trials, and those with the largest circle, the largest
-    margin and the smallest error where these come later."""
+    """First `LEADERS` of the ranked trials, and the trials with the largest inradius, the largest
+    margin and the smallest error."""
     order = rank_trials(finished)
     if not order:
         return []
@@ -79,19 +83,14 @@ def leaders(finished: Sequence[Finished]) -> list[Finished]:
 
 
 def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) -> list[Finished]:
-    """Write the leaderboard, the picture and the recipes of the best; returns the leaderboard.
+    """Write the leaderboard, its chart and the recipes of the best; returns the leaderboard.
 
-    Each file appears whole or not at all, and leaderboard.json last.
-
-    Raises OutputError if a file cannot be written.
+    Each file is written atomically, and leaderboard.json last. Raises OutputError.
     """
-    from dicedesign.report.curve_charts import pareto_chart
-    from dicedesign.report.pages import leaderboard_page
-
     solved = rank_trials(finished)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
     on_front = pareto_front(values.reshape(-1, 2))
-    front = {trial["number"] for trial, is_on in zip(solved, on_front, strict=True) if is_on}
+    front = set(itertools.compress((trial["number"] for trial in solved), on_front))
     chosen = {trial["number"] for trial in leaders(finished)}
     columns = ("number", "inradius_mm", "margin_deg", "max_abs_error", "asymmetry", "seconds")
     files: dict[str, bytes] = {}
@@ -119,7 +118,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         named = parse_recipe({**entries, "name": f"{recipe.name[:80]}_trial_{number}"})
         files[f"trial_{number}.yaml"] = recipe_text(named).encode("utf-8")
         files.setdefault(BEST, files[f"trial_{number}.yaml"])
-    picture = pareto_chart(finished, front, [entry["number"] for entry in board]).png()
+    chart = pareto_chart(finished, front, [entry["number"] for entry in board]).png()
     table = {
         "name": recipe.name,
         "size_mm": recipe.size_mm,
@@ -130,8 +129,8 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
     }
     shapes = {trial["number"]: trial for trial in solved}
     files |= {
-        "pareto.png": picture,
-        "leaderboard.html": leaderboard_page(table, shapes, picture).encode("utf-8"),
+        "pareto.png": chart,
+        "leaderboard.html": leaderboard_page(table, shapes, chart).encode("utf-8"),
         "leaderboard.csv": _csv(board).encode("utf-8"),
         TABLE: json_text(table).encode("utf-8"),
     }

@@ -1,4 +1,4 @@
-"""The memory of a search: an Optuna study in a folder, and the numbers that are varied."""
+"""Optuna study of a search in a folder, and the numbers that the search varies."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
 
 
 WEIGHTS = (1e-5, 10.0)
-"""Least and largest weight of a preference that is proposed, evenly in its logarithm."""
+"""Range of proposed weights of preferences, uniform in the logarithm."""
 
 OFF_BELOW = 0.01
-"""A proposed weight below this is 0 in the recipe, unless it is the recipe's own: half of the range
+"""Proposed weights below this become 0, unless they are the recipe's own, so that half of the range
 leaves a preference out."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """A number that a search varies.
+    """Range of a number that a search varies.
 
     Attributes
     ----------
-    low, high: the least and the largest that is proposed.
-    logarithmic: proposed evenly in the logarithm.
-    own: at which the recipe is as it was given.
+    low, high: least and largest proposed value.
+    logarithmic: proposals are uniform in the logarithm.
+    own: value that leaves the recipe unchanged.
     """
 
     low: float
@@ -54,20 +54,19 @@ class Range:
 
 
 def varies_assignment(recipe: Recipe) -> bool:
-    """True if a search gives the labels other directions: where the start is given and not all
-    outcomes are equally probable. Not with a symmetry, which allows few assignments: facets that
-    are images of each other bear outcomes of one probability."""
+    """Whether a search varies the assignment of labels: with a given start and outcomes of
+    different probabilities, but not with a symmetry, which allows few assignments."""
     probabilities = recipe.target.target().probabilities
     given = recipe.start.kind.search is None and recipe.symmetry is None
     return given and bool(np.ptp(probabilities) > 0.0)
 
 
 def search_space(recipe: Recipe) -> dict[str, Range]:
-    """The numbers that a search of a recipe varies, by name.
+    """Numbers that a search of a recipe varies, by name.
 
-    "assignment.LABEL": labels take the start's directions in the order of these numbers; where
-    `varies_assignment`. "prefer.NAME": weights of preferences; where the method is exact. The seed
-    is not among them: it is another for each trial.
+    "assignment.LABEL": labels are assigned to the start's directions in the order of these numbers,
+    if `varies_assignment`. "prefer.NAME": weights of preferences of the exact method. Each trial
+    also has its own seed.
     """
     space: dict[str, Range] = {}
     if varies_assignment(recipe):
@@ -84,9 +83,8 @@ def search_space(recipe: Recipe) -> dict[str, Range]:
 
 
 def vary_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Recipe:
-    """The recipe of a trial: its place in the search is added to the seed, and the numbers of
-    `search_space` take the given values. With `Range.own` for all, that at place 0 is the recipe as
-    it was given."""
+    """Recipe of a trial, with its place in the search added to the seed, and given values of
+    `search_space`. With place 0 and `Range.own` for all, it is the original recipe."""
     entries, space = recipe.as_dict(), search_space(recipe)
     entries["seed"] += place
     order = sorted(values, key=values.__getitem__)
@@ -110,33 +108,32 @@ def _own_weights(recipe: Recipe) -> dict[str, float]:
 
 
 RECIPE = "search.yaml"
-"""The recipe that is searched, with every default."""
+"""File of the original recipe, with every default."""
 
 JOURNAL = "trials.journal"
-"""Optuna's log of everything asked and told."""
+"""File of Optuna's log."""
 
 PLACE = "place"
-"""Attribute of a trial of Optuna's: its number in the search, which is that of the trial that was
-cut off before if there was one."""
+"""Attribute of Optuna's trials: number in the search, which a retry shares with the unfinished
+trial."""
 
 GIVEN_UP = "given_up"
-"""Attribute of a trial that is not run again."""
+"""Attribute of an abandoned trial, which is not retried."""
 
 
 class SearchStudy:
-    """Trials that were proposed and what became of them, kept in a folder.
+    """Proposed trials and their results, saved in a folder.
 
-    A trial is COMPLETE in the study once its result is known, whether or not its design reached the
-    tolerance: one that did not has a constraint above 0, the more the larger its error, and so
-    teaches the sampler where not to look. Of the others the smallest circle and the margin are to
-    be large.
+    A trial with a result is COMPLETE in Optuna. If its design missed the tolerance, it has a
+    constraint above 0 that grows with its error, so that the sampler avoids its neighborhood. The
+    objectives, inradius and margin, are maximized.
     """
 
     def __init__(self, study: optuna.Study, recipe: Recipe) -> None:
         self._study = study
         self._recipe = recipe
         self._space = search_space(recipe)
-        self._asked: dict[int, optuna.Trial] = {}
+        self._proposed: dict[int, optuna.Trial] = {}
 
     def finished(self) -> list[dict[str, Any]]:
         """Trials with a result, in order: "number", "recipe" as plain data, and the output of
@@ -153,24 +150,24 @@ class SearchStudy:
         return sorted(finished, key=lambda trial: trial["number"])
 
     def propose(self) -> tuple[int, dict[str, Any]]:
-        """Number and recipe of the next trial, counted from 0 on.
+        """Number, from 0, and recipe of the next trial.
 
-        The first is the recipe as it was given. A trial that was cut off comes again, as it was.
-        What is proposed again depends on the recipe, the number, and the trials finished or running
-        by then, and not on whether the search was interrupted before.
+        The first is the original recipe. Unfinished trials are proposed again, unchanged. Other
+        proposals depend on the recipe, the number, and the finished and running trials, but not on
+        interrupts.
         """
         from optuna.distributions import FloatDistribution
         from optuna.samplers import TPESampler
 
         trials = self._study.get_trials(deepcopy=False)
-        # The first number that has no trial, but for those cut off.
+        # The first number without a trial, except for unfinished ones.
         taken = {
             trial.user_attrs.get(PLACE)
             for trial in trials
             if trial.state.name != "FAIL" or GIVEN_UP in trial.user_attrs
         }
         number = next(number for number in count() if number not in taken)
-        # One that was cut off before its recipe was known is proposed again.
+        # Without a known recipe, the sampler proposes one again.
         known = [
             trial.params
             for trial in trials
@@ -180,7 +177,7 @@ class SearchStudy:
             known.append({name: entry.own for name, entry in self._space.items()})
         if known:
             self._study.enqueue_trial(known[0])
-        # One of its own for each trial: made when the search goes on, it would else repeat itself.
+        # Each trial has its own seed, as a new sampler of a resumed search would repeat itself.
         seed = np.random.SeedSequence([self._recipe.seed, number]).generate_state(1)[0]
         self._study.sampler = TPESampler(seed=int(seed))
         trial = self._study.ask(
@@ -192,25 +189,25 @@ class SearchStudy:
         entries = vary_recipe(self._recipe, number, trial.params).as_dict()
         trial.set_user_attr(PLACE, number)
         trial.set_user_attr("recipe", entries)
-        self._asked[number] = trial
+        self._proposed[number] = trial
         return number, entries
 
     def tell(self, number: int, result: Mapping[str, Any]) -> None:
-        """Record the result of a trial that was proposed."""
-        trial = self._asked.pop(number)
+        """Record the result of a proposed trial."""
+        trial = self._proposed.pop(number)
         trial.set_user_attr("result", dict(result))
-        unreached = 0.0
+        violation = 0.0
         if result["status"] != "converged":
             error = 1.0 if result["max_abs_error"] is None else result["max_abs_error"]
-            unreached = max(error, float(np.finfo(np.float64).tiny))
-        trial.set_constraint("error", unreached)
+            violation = max(error, float(np.finfo(np.float64).tiny))
+        trial.set_constraint("error", violation)
         self._study.tell(trial, [result["inradius_mm"] or 0.0, result["margin_deg"] or 0.0])
 
-    def give_up(self, number: int) -> None:
-        """Leave a trial that was proposed without a result; it does not come again."""
+    def abandon(self, number: int) -> None:
+        """Record that a proposed trial has no result and is not retried."""
         from optuna.trial import TrialState
 
-        trial = self._asked.pop(number)
+        trial = self._proposed.pop(number)
         trial.set_user_attr(GIVEN_UP, True)
         self._study.tell(trial, state=TrialState.FAIL)
 
@@ -219,13 +216,13 @@ class SearchStudy:
 def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
     """Open the study of a folder, or create it.
 
-    Trials that were running when an earlier search ended are marked as failed, and come again.
+    Trials that an earlier search left running are marked as failed, and will be retried.
 
     Raises
     ------
-    InputError: Optuna is not installed, the folder is that of another recipe, its journal cannot be
-        read, or another search is running in it.
-    OutputError: the folder cannot be written, then or by the study's `propose` and `tell`.
+    InputError: Optuna is not installed, the folder belongs to another recipe, its journal cannot be
+        read, or another search uses it.
+    OutputError: the folder cannot be written, also by the study's `propose` and `tell`.
     """
     try:
         import optuna
@@ -241,7 +238,7 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
                 study = _load(optuna, folder / JOURNAL)
-                # What was running, or set to be asked for next.
+                # Trials that were running, or enqueued.
                 for trial in study.get_trials(deepcopy=False):
                     if trial.state.name == "RUNNING":
                         study.tell(trial.number, state=optuna.trial.TrialState.FAIL)
@@ -253,11 +250,11 @@ def open_study(folder: Path, recipe: Recipe) -> Iterator[SearchStudy]:
 
 
 class _Journal:
-    """Optuna's journal in a file, with errors of this package."""
+    """Journal file of Optuna that raises errors of this package."""
 
     def __init__(self, optuna: Any, path: Path) -> None:
         backend = optuna.storages.journal.JournalFileBackend
-        # Optuna's own lock would outlive a process that is killed; that of the folder does not.
+        # The folder is locked; Optuna's own lock would outlive a killed process.
         self._backend = backend(str(path), threading.Lock())
         self._path = path
 
@@ -273,7 +270,7 @@ class _Journal:
         except OSError as error:
             raise OutputError(
                 f"{self._path}: expected a file that can be written, got {error.strerror!r}; make "
-                "room or give leave to write, and run the same command to go on"
+                "room or permit writing, and repeat the command to resume"
             ) from error
 
 
@@ -284,10 +281,9 @@ def _no_journal(path: Path, fault: object) -> InputError:
 
 
 def _load(optuna: Any, journal: Path) -> optuna.Study:
-    """The study in a journal, made if there is none."""
+    """Load the study of a journal, or create it."""
     try:
-        # Half a line, which a process that was killed as it wrote may have left, is cut off: the
-        # next would be written onto it.
+        # Remove the incomplete last line of a killed process.
         with journal.open("ab+") as file:
             file.seek(0)
             file.truncate(file.read().rfind(b"\n") + 1)

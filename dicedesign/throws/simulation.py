@@ -128,7 +128,6 @@ def simulate(
     orientations: Orientations = "uniform",
     workers: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    on_quiet: Callable[[], None] | None = None,
 ) -> Throws:
     """Simulate throws of a body.
 
@@ -139,7 +138,6 @@ def simulate(
     workers: run tasks of `DROPS_PER_TASK` drops; None runs them in this thread. A task whose worker
         is lost runs again.
     progress: called with the number of drops of each finished task.
-    on_quiet: called every few seconds while the next task is unfinished.
 
     Raises
     ------
@@ -157,7 +155,7 @@ def simulate(
     tasks = [
         partial(throw_task, body, table, numbers, seed, engine, orientations) for numbers in blocks
     ]
-    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers, on_quiet)
+    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers)
     outcomes = []
     for outcome in ended:
         outcomes.append(outcome)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.report.palette import BASINS
@@ -19,9 +15,9 @@ from dicedesign.throws.momentum_model import MomentumModel, momentum_model
 from dicedesign.throws.simulation import throw_film
 from dicedesign.throws.tables import TABLE_NAMES, load_table
 from dicedesign.view.dragging import DragControls
-from dicedesign.view.motion import Motion, film_motion, release_motion
-from dicedesign.view.page import Job, Page, html_part
-from dicedesign.view.sources import LoadCallbacks, Source
+from dicedesign.view.motion import Motion, film_motion, release_motion, turn_motion
+from dicedesign.view.page import Job, html_part
+from dicedesign.view.sources import Source
 from dicedesign.view.viewed_body import ViewedBody
 from dicedesign.view.viewport import Viewport
 
@@ -74,31 +70,24 @@ class ProbabilityControls:
 
     def __init__(self, viewport: Viewport) -> None:
         self.table: str | None = None
-        self._viewport = viewport
+        self._viewport, page = viewport, viewport.page
         self._model: MomentumModel | None = None
         self._updates = 0
-        self._facts: Any = None
-        self._bars: Any = None
-
-    def build(self, page: Page) -> None:
-        """Add the GUI elements."""
-        gui = page.gui
-        self._facts = gui.add_html("")
-        table = gui.add_dropdown(
+        self._facts = page.gui.add_html("")
+        table = page.gui.add_dropdown(
             "Thrown onto",
             (NO_TABLE, *TABLE_NAMES),
             hint="Effect of momentum on the probabilities, by the momentum model of a table",
         )
-        self._bars = gui.add_html("")
+        self._bars = page.gui.add_html("")
         table.on_update(lambda _: page.enqueue(lambda: self._choose(table.value), "table"))
         page.on_action("stand", self._stand)
-        self._viewport.on_change(self._refresh)
+        viewport.on_change.append(self._refresh)
 
     def _choose(self, name: str) -> None:
         self.table = None if name == NO_TABLE else name
         self._model = None if self.table is None else momentum_model(self.table)
-        if self._viewport.viewed is not None:
-            self._refresh(self._viewport.viewed)
+        self._refresh(self._viewport.viewed)
 
     def _refresh(self, viewed: ViewedBody) -> None:
         thrown = None
@@ -113,13 +102,14 @@ class ProbabilityControls:
 
     def _stand(self, index: int) -> None:
         viewed = self._viewport.viewed
-        if viewed is None or index >= len(viewed.rows):
+        if index >= len(viewed.rows):
             return
         row = viewed.rows[index]
         if row.rest < 0:
             self._viewport.page.notify(f"{row.label}: the die has no resting facet for it")
         else:
-            self._viewport.stand(row.rest)
+            pose = viewed.poses.transforms[row.rest]
+            self._viewport.move(turn_motion(viewed.hull, self._viewport.pose, pose))
 
 
 RELEASE: Final = "Let it go"
@@ -133,42 +123,34 @@ class MotionControls:
     """Buttons that release or throw the body; a click on the sphere chooses the direction down."""
 
     def __init__(self, viewport: Viewport, probabilities: ProbabilityControls) -> None:
-        self._viewport = viewport
+        self._viewport, page = viewport, viewport.page
         self._probabilities = probabilities
-        self._rng = np.random.default_rng()
-        self._page: Any = None
-
-    def build(self, page: Page) -> None:
-        """Add the GUI elements."""
-        self._page, gui = page, page.gui
-        gui.add_html(
+        rng = self._rng = np.random.default_rng()
+        page.gui.add_html(
             '<div class="dd"><p class="note">Click a bar to stand the body on that side. Click the '
             "sphere to let it go with that direction down; the orange dot marks what is down now."
             "</p></div>"
         )
-        buttons = gui.add_button_group(
+        buttons = page.gui.add_button_group(
             "Watch",
             (RELEASE, THROW, THROW_FROM_POSE),
             hint="It rolls without momentum, or is thrown from a random or its present orientation",
         )
         actions = {
-            RELEASE: lambda: self._release(self._rng.normal(size=3)),
+            RELEASE: lambda: self._release(rng.normal(size=3)),
             THROW: lambda: self._throw(None),
-            THROW_FROM_POSE: lambda: self._throw(self._viewport.down),
+            THROW_FROM_POSE: lambda: self._throw(viewport.down),
         }
         buttons.on_click(lambda _: page.enqueue(actions[buttons.value]))
-        self._viewport.on_direction = self._release
+        viewport.on_direction = self._release
 
     def _release(self, down: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is not None:
-            motion = release_motion(viewed, self._viewport.pose, down / np.linalg.norm(down))
-            self._move(viewed, motion, "It came to rest on")
+        motion = release_motion(viewed, self._viewport.pose, down / np.linalg.norm(down))
+        self._move(viewed, motion, "It came to rest on")
 
     def _throw(self, down: Floats | None) -> None:
         viewed = self._viewport.viewed
-        if viewed is None:
-            return
         table = load_table(self._probabilities.table or DEFAULT_TABLE)
         seed = int(self._rng.integers(2**31))
 
@@ -176,7 +158,7 @@ class MotionControls:
             if self._viewport.viewed is viewed:
                 self._move(viewed, motion, f"Thrown onto {table.name}, it came to rest on")
 
-        self._page.start(
+        self._viewport.page.start(
             lambda _: film_motion(throw_film(viewed.rigid, table, seed, down), viewed.center), show
         )
 
@@ -185,13 +167,10 @@ class MotionControls:
 
         def notify() -> None:
             rest = int(angle_between(viewed.poses.normals, self._viewport.down).argmin())
-            self._page.notify(f"{text} {viewed.rows[viewed.row_of_rest[rest]].label}.")
+            label = viewed.rows[viewed.row_of_rest[rest]].label
+            self._viewport.page.notify(f"{text} {label}.")
 
         self._viewport.move(motion, notify)
-
-
-NOTE_SECONDS: Final = 1.0
-"""Least time between two progress notes on a terminal."""
 
 
 class BodyPanel:
@@ -200,73 +179,35 @@ class BodyPanel:
     source: bodies to choose from, or None.
     """
 
-    title = "Body"
-
     def __init__(self, viewport: Viewport, source: Source | None) -> None:
-        self._viewport = viewport
-        self._source = source
-        self._probabilities = ProbabilityControls(viewport)
-        self._dragging = DragControls(viewport)
-        self._motions = MotionControls(viewport, self._probabilities)
-        self._page: Any = None
+        self._viewport, page = viewport, viewport.page
         self._load_job: Job | None = None
-
-    def build(self, page: Page) -> None:
-        """Add the GUI elements; called once, inside the tab."""
-        self._page, gui = page, page.gui
-        if self._source is not None and len(self._source.names) > 1:
-            file = gui.add_dropdown("File", self._source.names)
-            file.on_update(lambda _: page.enqueue(lambda: self.load(file.value), "file"))
-        self._probabilities.build(page)
-        with gui.add_folder("Change it"):
-            self._dragging.build(page)
-            save = gui.add_button("Download STL", hint="The present hull")
-        with gui.add_folder("Watch it"):
-            self._motions.build(page)
+        if source is not None and len(source.names) > 1:
+            file = page.gui.add_dropdown("File", source.names)
+            file.on_update(lambda _: page.enqueue(lambda: self._load(source, file.value), "file"))
+        probabilities = ProbabilityControls(viewport)
+        with page.gui.add_folder("Change it"):
+            DragControls(viewport)
+            save = page.gui.add_button("Download STL", hint="The present hull")
+        with page.gui.add_folder("Watch it"):
+            MotionControls(viewport, probabilities)
         save.on_click(lambda event: page.enqueue(lambda: self._save(event.client)))
-        self._viewport.on_show(self._dragging.begin)
 
-    def load(self, name: str, on_error: Callable[[Exception], None] | None = None) -> None:
-        """Load or design another body of the source, and show it. on_error: as in `Page.start`."""
-        source, page = self._source, self._page
-        if source is None:
-            return
+    def _load(self, source: Source, name: str) -> None:
+        """Load another body of the source, and show it."""
         if self._load_job is not None:
             self._load_job.stop()
-
-        def on_hull(hull: ConvexHull) -> None:
-            page.enqueue(lambda: self._viewport.preview(hull))
-
-        self._load_job = page.start(
-            lambda job: source.load(name, LoadCallbacks(_progress_printer(job), on_hull)),
-            self._viewport.show,
-            on_error=on_error,
+        self._load_job = self._viewport.page.start(
+            lambda job: source.load(name, job.progress), self._viewport.show
         )
 
     def _save(self, client: Any) -> None:
-        viewed = self._viewport.viewed
-        if viewed is None:
-            return
+        viewed, page = self._viewport.viewed, self._viewport.page
         if not viewed.has_uniform_center:
-            self._page.notify(
+            page.notify(
                 "The file is a solid of one density. Its center of mass is the centroid of the "
                 "hull, not where you dragged it; a cavity or weights can put it there."
             )
         hull = viewed.hull
         name = "".join(c if c.isalnum() or c in "-_" else "_" for c in viewed.name)
-        self._page.download(client, f"{name}_hull.stl", stl_bytes(hull.vertices, hull.triangles))
-
-
-def _progress_printer(job: Job) -> Callable[[str], None]:
-    """Report progress on the page, and on stderr if it is a terminal."""
-    last = -NOTE_SECONDS
-
-    def report(text: str) -> None:
-        nonlocal last
-        job.progress(text)
-        now = time.monotonic()
-        if now - last >= NOTE_SECONDS and sys.stderr.isatty():
-            last = now
-            print(f"note: {text}", file=sys.stderr, flush=True)
-
-    return report
+        page.download(client, f"{name}_hull.stl", stl_bytes(hull.vertices, hull.triangles))

@@ -63,30 +63,23 @@ class DieRequest:
         Raises RecipeError: an entry cannot be used. Raises InputError: facets are pinned, and the
         method is not exact.
         """
-        if self.pinned and self.method != "exact":
+        is_exact, is_paper = self.method == "exact", self.method == "paper"
+        if self.pinned and not is_exact:
             raise InputError(
                 "pinned: expected none with the paper's method, which moves corners and keeps no "
                 f"facet, got {', '.join(self.pinned)}; unpin, or take the exact method"
             )
         start = {"mesh": {"path": SHAPE_FILE}} if from_shape else self.start
-        entries: dict[str, Any] = {
-            "name": self.name,
-            "seed": self.seed,
-            "target": dict(self.target),
-            "start": dict(start or {"search": {}}),
-            "method": {"exact": {"prefer": self.prefer.as_dict()}},
-        }
-        recipe = parse_recipe(entries)
-        if self.method == "exact":
-            return recipe
-        if not start:
-            outcomes = len(recipe.target.target().labels)
-            entries["start"] = {"repulsion" if outcomes >= FEWEST_FACETS else "prism": {}}
         options: dict[str, Any] = {"prefer": self.prefer.as_dict()}
-        if self.method == "paper":
+        if is_paper:
             options["weights"] = self.weights.as_dict()
-            if from_shape:
-                options["perturbation"] = 0.0
+        if is_paper and from_shape:
+            options["perturbation"] = 0.0
+        entries: dict[str, Any] = {"name": self.name, "seed": self.seed, "target": self.target}
+        if not is_exact and not start:
+            outcomes = len(parse_recipe(entries).target.target().labels)
+            start = {"repulsion" if outcomes >= FEWEST_FACETS else "prism": {}}
+        entries["start"] = start or {"search": {}}
         return parse_recipe(entries | {"method": {self.method: options}})
 
 
@@ -185,8 +178,6 @@ class DesignSession:
         with self._turn:
             if self._thread is not None:
                 return "paused" if self._is_held else "running"
-            if self._has_changed:
-                return "paused"
             if self.status is not None:
                 return "done"
             return "failed" if self.message else "paused"
@@ -215,7 +206,7 @@ class DesignSession:
     def run(self, steps: int | None = None) -> None:
         """Make a number of steps and pause; None continues until the solver ends."""
         with self._turn:
-            if self.status is not None and not self._has_changed:
+            if self.status is not None:
                 return
             self._allow(steps)
             if self._thread is None:
@@ -223,10 +214,6 @@ class DesignSession:
                 self._thread = threading.Thread(target=self._work, name="design", daemon=True)
                 self._thread.start()
         self.on_change()
-
-    def step(self) -> None:
-        """Make one step and pause."""
-        self.run(1)
 
     def pause(self) -> None:
         """Pause after the current step."""
@@ -299,7 +286,7 @@ class DesignSession:
             self._turn.notify_all()
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until nothing runs, at most so many seconds; return whether that is so."""
+        """Wait until nothing runs, for at most `seconds`; return whether nothing runs."""
         with self._turn:
             return self._turn.wait_for(lambda: self._thread is None or self._is_held, seconds)
 
@@ -321,17 +308,17 @@ class DesignSession:
         """In the thread: run the solver until it ends, and again after each change."""
         while True:
             message, status, die = "", None, None
+            self._has_changed = False
             try:
                 self._await_step()
                 with self._turn:
-                    self._has_changed = False
                     request, origin = self.request, self.shape
                 die = self._design(request, origin)
                 status, message = die.status, die.status.value
-            except _Outdated:
+            except _Stopped:
+                if self._is_closed:
+                    return
                 continue
-            except _Closed:
-                return
             except DiceError as error:
                 message = str(error)
             except Exception as error:
@@ -361,7 +348,6 @@ class DesignSession:
 
         def on_start(number: int) -> None:
             self._await_step()
-            self._require_current()
             self.starts = number + 1
             self.on_change()
 
@@ -389,7 +375,6 @@ class DesignSession:
                 if self._steps_left is None and pause > 0.0:
                     self._turn.wait_for(lambda: self._is_closed or self._has_changed, pause)
             self._await_step()
-            self._require_current()
 
         callbacks = Callbacks(on_start=on_start, on_shape=on_shape, on_step=on_step)
         work = Work(recipe, callbacks=callbacks)
@@ -402,7 +387,7 @@ class DesignSession:
         return work.die
 
     def _await_step(self) -> None:
-        """In the thread: wait until a step is allowed. Raises _Closed."""
+        """In the thread: wait until a step is allowed. Raises as `_require_current`."""
         with self._turn:
             is_held = self._is_held = self._steps_left == 0
             self._turn.notify_all()
@@ -411,21 +396,13 @@ class DesignSession:
         with self._turn:
             self._turn.wait_for(lambda: self._steps_left != 0 or self._is_closed)
             self._is_held = False
-            if self._is_closed:
-                raise _Closed
+            self._require_current()
 
     def _require_current(self) -> None:
-        """In the thread: raise _Closed after `close`, and _Outdated after a change."""
-        with self._turn:
-            if self._is_closed:
-                raise _Closed
-            if self._has_changed:
-                raise _Outdated
+        """In the thread: raise _Stopped after `close` or a change."""
+        if self._is_closed or self._has_changed:
+            raise _Stopped
 
 
-class _Outdated(BaseException):
-    """The request or the shape has changed; the solver restarts."""
-
-
-class _Closed(BaseException):
-    """The session is closed; the thread ends."""
+class _Stopped(BaseException):
+    """The session is closed, or the solver restarts with another request or shape."""

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from dicedesign.runtime.arrays import Floats
 from dicedesign.view.motion import release_motion
 from dicedesign.view.nodes import Gizmo
-from dicedesign.view.page import Page
 from dicedesign.view.viewed_body import ViewedBody, facet_vertices
 from dicedesign.view.viewport import Viewport
 
@@ -34,33 +33,26 @@ class DragControls:
     """Fields, buttons and gizmo for dragging, and the history of the body."""
 
     def __init__(self, viewport: Viewport) -> None:
-        self._viewport = viewport
+        self._viewport, page = viewport, viewport.page
         self._target = CENTER
-        self._facet = 0
-        self._corner = 0
+        self._facet, self._corner = 0, 0
         self._base: ViewedBody | None = None
-        self._first: ViewedBody | None = None
+        self._first = viewport.viewed
         self._history: deque[ViewedBody] = deque(maxlen=MAX_UNDO_STEPS)
-        self._center_field: Any = None
-        self._gizmo: Any = None
-        self._page: Any = None
-
-    def build(self, page: Page) -> None:
-        """Add the GUI elements and the gizmo."""
-        self._page, gui = page, page.gui
-        target = gui.add_dropdown(
+        target = page.gui.add_dropdown(
             "Drag",
             (CENTER, CORNER, FACET, NOTHING),
             hint="Pull the arrows in the picture. Click the body to choose a corner or a facet.",
         )
-        self._center_field = gui.add_vector3(
+        field: Any = page.gui.add_vector3(
             "Center",
             (0.0, 0.0, 0.0),
             step=1e-3,
             hint="Center of mass in the unit of the mesh; type numbers to move it",
         )
-        back = gui.add_button_group("Go back", (UNDO, RESTART))
-        uniform = gui.add_button(
+        self._center_field = field
+        back = page.gui.add_button_group("Go back", (UNDO, RESTART))
+        uniform = page.gui.add_button(
             "Solid of one density", hint="Move the center of mass to the centroid of the hull"
         )
         self._gizmo = Gizmo(
@@ -73,16 +65,17 @@ class DragControls:
         back.on_click(lambda _: page.enqueue(self._undo if back.value == UNDO else self._restart))
         uniform.on_click(lambda _: page.enqueue(self._make_uniform))
 
-        @self._center_field.on_update
+        @field.on_update
         def _(event: Any) -> None:
             # Updates by this page have no client.
             if event.client is not None:
-                center = np.array(self._center_field.value)
+                center = np.array(field.value)
                 page.enqueue(lambda: self._set_center(center), "typed")
 
-        self._viewport.on_facet = self._click
+        viewport.on_facet = self._click
+        viewport.on_show.append(self._begin)
 
-    def begin(self, viewed: ViewedBody) -> None:
+    def _begin(self, viewed: ViewedBody) -> None:
         """Start with another body."""
         self._first, self._base = viewed, None
         self._history.clear()
@@ -101,8 +94,6 @@ class DragControls:
     def _place_controls(self) -> None:
         """Show the center of mass in its field, and put the gizmo on its target."""
         viewed = self._viewport.viewed
-        if viewed is None:
-            return
         self._corner = min(self._corner, len(viewed.hull.vertices) - 1)
         self._facet = min(self._facet, len(viewed.hull.normals) - 1)
         # Adding zero removes the sign of a zero.
@@ -124,8 +115,6 @@ class DragControls:
 
     def _click(self, facet: int, point: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is None or self._target not in (CORNER, FACET):
-            return
         corners = facet_vertices(viewed.hull, facet)
         distances = np.linalg.norm(viewed.hull.vertices[corners] - point, axis=1)
         self._facet, self._corner = facet, int(corners[distances.argmin()])
@@ -133,8 +122,6 @@ class DragControls:
 
     def _drag(self, phase: str, wxyz: Floats, position: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is None:
-            return
         if phase == "start":
             self._viewport.hold()
             self._base = viewed
@@ -150,7 +137,7 @@ class DragControls:
         point = self._viewport.frame.from_scene(position)
         if self._target == CENTER:
             moved, is_outside = viewed.with_center(point)
-            self._page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
+            self._viewport.page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
         else:
             vertices = np.array([self._corner])
             if self._target == FACET:
@@ -163,7 +150,7 @@ class DragControls:
     def _commit(self, base: ViewedBody) -> None:
         """End a change: `base` can be restored, and the body rolls to rest."""
         viewed = self._viewport.viewed
-        if viewed is None or viewed is base:
+        if viewed is base:
             return
         self._history.append(base)
         if viewed.hull is not base.hull:
@@ -173,23 +160,21 @@ class DragControls:
         self._settle(viewed)
 
     def _settle(self, viewed: ViewedBody) -> None:
-        self._page.notify("")
+        self._viewport.page.notify("")
         self._place_controls()
         self._viewport.move(release_motion(viewed, self._viewport.pose))
 
     def _set_center(self, center: Floats) -> None:
         viewed = self._viewport.viewed
-        if viewed is not None:
-            moved, is_outside = viewed.with_center(center)
-            self._viewport.update(moved)
-            self._commit(viewed)
-            self._page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
+        moved, is_outside = viewed.with_center(center)
+        self._viewport.update(moved)
+        self._commit(viewed)
+        self._viewport.page.notify(OUTSIDE if is_outside else "", is_error=is_outside)
 
     def _make_uniform(self) -> None:
         viewed = self._viewport.viewed
-        if viewed is not None:
-            self._viewport.update(viewed.with_uniform_center())
-            self._commit(viewed)
+        self._viewport.update(viewed.with_uniform_center())
+        self._commit(viewed)
 
     def _undo(self) -> None:
         if self._history:
@@ -197,7 +182,7 @@ class DragControls:
 
     def _restart(self) -> None:
         viewed = self._viewport.viewed
-        if self._first is not None and viewed is not None and viewed is not self._first:
+        if viewed is not self._first:
             self._history.append(viewed)
             self._restore(self._first)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-from dicedesign.errors import DiceError
+from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
@@ -16,7 +16,7 @@ from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.registry import Number
 from dicedesign.view.design_session import DesignedShape, DesignSession, DieRequest
-from dicedesign.view.page import Job, Page, Stopped, html_part
+from dicedesign.view.page import Job, Page, html_part
 from dicedesign.view.printable_die import PrintableDie, make_printable
 from dicedesign.view.viewed_body import Outcomes, ViewedBody
 from dicedesign.view.viewport import Viewport
@@ -49,24 +49,16 @@ MIN_SLIDER_RANGE: Final = 2.0
 MAX_SPEED: Final = 200
 """Steps per second; at this setting, steps are not delayed."""
 
-POLL_SECONDS: Final = 0.1
-"""Time between two checks whether a design was stopped."""
-
-FORMATS: Final = ("stl", "3mf")
-
 
 class OptionControls:
     """Fields of optional settings.
 
-    on_weights: called after a change of a weight or the method, on_speed: of the speed; both in the
-    thread of changes.
+    on_change: called in the thread of changes after a change of a weight, the method or the speed.
     """
 
-    def __init__(self, page: Page, on_weights: Callable[[], None], on_speed: Callable[[], None]):
+    def __init__(self, page: Page, on_change: Callable[[], None]) -> None:
         gui = page.gui
-        self._starts: dict[str, Mapping[str, Any] | None] = {DEFAULT_START: None} | {
-            kind.name: {kind.name: {}} for kind in STARTS if _works_without_options(kind)
-        }
+        starts = [kind.name for kind in STARTS if _works_without_options(kind)]
         with gui.add_folder("More", expand_by_default=False):
             self._seed = gui.add_text("Seed", "0", hint="another seed gives another shape")
             self._method = gui.add_dropdown(
@@ -75,26 +67,26 @@ class OptionControls:
                 hint="exact: solves for the probabilities, then improves the preferences below; "
                 "the paper's: lowers an energy of the vertices, then solves exactly",
             )
-            self._start = gui.add_dropdown("Start", tuple(self._starts), hint="starting shape")
+            self._start = gui.add_dropdown("Start", (DEFAULT_START, *starts), hint="starting shape")
             self._speed = gui.add_slider(
                 "Steps a second", 1, MAX_SPEED, 1, 30, hint=f"{MAX_SPEED}: without delay"
             )
             with gui.add_folder("Preferences", expand_by_default=False):
-                self._prefer = _sliders(page, Preferences.list_numbers(), legible(), on_weights)
+                self._prefer = _sliders(page, Preferences.list_numbers(), legible(), on_change)
             self._energy = gui.add_folder(
                 "Weights of the paper's energy", expand_by_default=False, visible=False
             )
             with self._energy:
                 self._weights = _sliders(
-                    page, PaperWeights.list_numbers(), PaperWeights(), on_weights
+                    page, PaperWeights.list_numbers(), PaperWeights(), on_change
                 )
 
         def on_method() -> None:
             self._energy.visible = METHODS[self._method.value] == "paper"
-            on_weights()
+            on_change()
 
         self._method.on_update(lambda _: page.enqueue(on_method, "method"))
-        self._speed.on_update(lambda _: page.enqueue(on_speed, "speed"))
+        self._speed.on_update(lambda _: page.enqueue(on_change, "speed"))
 
     @property
     def least_seconds(self) -> float:
@@ -103,13 +95,13 @@ class OptionControls:
 
     def request(self, target: Mapping[str, Any]) -> DieRequest:
         """Read the fields. Raises InputError: a number is not allowed."""
-        seed = self._seed.value.strip()
+        seed, start = self._seed.value.strip(), self._start.value
         return DieRequest(
             target=target,
             # The recipe refuses any other text.
             seed=int(seed) if seed.isdecimal() else seed,  # type: ignore[arg-type]
             method=METHODS[self._method.value],
-            start=self._starts[self._start.value],
+            start=None if start == DEFAULT_START else {start: {}},
             prefer=Preferences(**{name: float(s.value) for name, s in self._prefer.items()}),
             weights=PaperWeights(**{name: float(s.value) for name, s in self._weights.items()}),
         )
@@ -187,14 +179,13 @@ class DownloadControls:
                 "Size in mm", "", hint="from corner to corner; empty: 30, or what the labels need"
             )
             self._labels = gui.add_checkbox("Cut the labels in", initial_value=True)
-            names = (*(ending.upper() for ending in FORMATS), "Recipe")
             download = gui.add_button_group(
-                "Download", names, hint="the recipe makes the same die again"
-            )
-            download.on_click(
-                lambda event: page.enqueue(lambda: self._download(event.client, event.target.value))
+                "Download", ("STL", "3MF", "Recipe"), hint="the recipe makes the same die again"
             )
             self._error, self._table = gui.add_html(""), gui.add_html("")
+        download.on_click(
+            lambda event: page.enqueue(lambda: self._download(event.client, event.target.value))
+        )
 
     def refresh(self, session: DesignSession | None) -> None:
         """Discard the die of another shape."""
@@ -203,29 +194,22 @@ class DownloadControls:
             self._table.content = ""
 
     def _download(self, client: ClientHandle | None, file: str) -> None:
-        session, size = self._session(), self._size.value.strip().removesuffix("mm").strip()
-        if self._job is not None:
+        if self._job is not None and self._job.is_running:
             return
         self._error.content = ""
-        if session is None or session.shape is None or session.state == "running":
-            self._show_error(
-                "die: expected a design that is done or paused, got one that runs or none; wait, "
-                "press Pause, or press Design first"
-            )
-            return
+        session, size = self._session(), self._size.value.strip().removesuffix("mm").strip()
         try:
-            size_mm = float(size) if size else None
-        except ValueError:
-            self._show_error(
-                f"size: expected a number of millimeters, got {size!r}; correct it, or leave it "
-                "empty"
-            )
+            if session is None or session.shape is None or session.state == "running":
+                raise InputError(
+                    "die: expected a design that is done or paused, got one that runs or none; "
+                    "wait, press Pause, or press Design first"
+                )
+            size_mm = _parse_size(size)
+        except InputError as error:
+            self._show_error(error)
             return
         engrave = bool(self._labels.value)
         key = session.shape, session.final_design, size_mm, engrave
-        if self._cache is not None and self._cache[0] == key:
-            self._send(client, file, self._cache[1])
-            return
 
         def work(job: Job) -> PrintableDie:
             return make_printable(
@@ -241,77 +225,80 @@ class DownloadControls:
             self._on_printable(die)
             self._send(client, file, die)
 
-        def on_error(error: Exception) -> None:
-            if not isinstance(error, DiceError):
-                raise error
-            self._show_error(str(error))
-
-        def on_end() -> None:
-            self._job = None
-
-        self._job = self._page.start(work, on_done, on_end, on_error)
+        if self._cache is not None and self._cache[0] == key:
+            self._send(client, file, self._cache[1])
+        else:
+            self._job = self._page.start(work, on_done, self._show_error)
 
     def _send(self, client: ClientHandle | None, file: str, die: PrintableDie) -> None:
         try:
             content = die.recipe_file() if file == "Recipe" else die.file(file.lower())
         except DiceError as error:
-            self._show_error(str(error))
+            self._show_error(error)
         else:
             self._page.download(client, *content)
 
-    def _show_error(self, text: str) -> None:
-        self._error.content = html_part("sentence", "file-error", text, True)
+    def _show_error(self, error: Exception) -> None:
+        if not isinstance(error, DiceError):
+            raise error
+        self._error.content = html_part("sentence", "file-error", str(error), True)
+
+
+def _parse_size(text: str) -> float | None:
+    """Parse the field of the size in mm. Raises InputError."""
+    try:
+        return float(text) if text else None
+    except ValueError as error:
+        raise InputError(
+            f"size: expected a number of millimeters, got {text!r}; correct it, or leave it empty"
+        ) from error
 
 
 class NewDiePanel:
     """Tab with the fields, buttons and tables of a design; the viewport shows its shape."""
 
-    title = "New die"
-
     def __init__(self, viewport: Viewport) -> None:
-        self._viewport = viewport
+        self._viewport, page = viewport, viewport.page
         self._session: DesignSession | None = None
-        self._job: Job | None = None
         self._shape: DesignedShape | None = None
         self._shape_body: ViewedBody | None = None
         self._panel_body: ViewedBody | None = None
         self._selected: int | None = None
-
-    def build(self, page: Page) -> None:
-        """Add the GUI elements; called once, inside the tab."""
-        self._page, gui = page, page.gui
         probabilities, labels = next(iter(PRESETS.values()))
-        preset = gui.add_dropdown("Die", tuple(PRESETS))
-        self._probabilities: Any = gui.add_text(
+        preset = page.gui.add_dropdown("Die", tuple(PRESETS))
+        self._probabilities: Any = page.gui.add_text(
             "Probabilities",
             probabilities,
             hint="1/2, 1/3, 1/6; or fair: 7, binomial: 4, sum_of_dice: [6, 6]",
         )
-        self._labels: Any = gui.add_text(
+        self._labels: Any = page.gui.add_text(
             "Labels", labels, hint="one for each, commas between them; empty: 1, 2, ..."
         )
-        self._target_error = gui.add_html("")
-        design = gui.add_button("Design", color="blue", hint="start, or continue after a pause")
-        steps = gui.add_button_group("", ("Pause", "Step", "Undo", "Reset"))
-        self._state, self._change_error = gui.add_html(""), gui.add_html("")
+        self._target_error = page.gui.add_html("")
+        design = page.gui.add_button(
+            "Design", color="blue", hint="start, or continue after a pause"
+        )
+        steps = page.gui.add_button_group("", ("Pause", "Step", "Undo", "Reset"))
+        self._state, self._change_error = page.gui.add_html(""), page.gui.add_html("")
         self._downloads = DownloadControls(page, lambda: self._session, self._show_printable)
-        self._options = OptionControls(page, self._change_weights, self._set_speed)
+        self._options = OptionControls(page, self._apply_options)
         preset.on_update(
             lambda event: page.enqueue(lambda: self._fill(*PRESETS[event.target.value]), "preset")
         )
         for text in (self._probabilities, self._labels):
             text.on_update(lambda _: page.enqueue(self._read_request, "target"))
-        design.on_click(lambda _: page.enqueue(lambda: self._advance(DesignSession.run)))
-        actions = {
+        design.on_click(lambda _: page.enqueue(self._advance))
+        actions: dict[str, Callable[[], object]] = {
             "Pause": lambda: self._with_session(DesignSession.pause),
-            "Step": lambda: self._advance(DesignSession.step),
+            "Step": lambda: self._advance(1),
             "Undo": lambda: self._with_session(DesignSession.undo),
             "Reset": self._reset,
         }
         steps.on_click(lambda event: page.enqueue(actions[event.target.value]))
-        self._viewport.on_show(self._copy_target)
+        viewport.on_show.append(self._copy_target)
         page.on_action("pin", self._toggle_pin)
         page.on_action("label", self._click_label)
+        page.on_close.append(lambda: self._with_session(DesignSession.close))
 
     def _fill(self, probabilities: str, labels: str) -> None:
         self._probabilities.value, self._labels.value = probabilities, labels
@@ -336,23 +323,25 @@ class NewDiePanel:
         self._target_error.content = ""
         return request
 
-    def _advance(self, act: Callable[[DesignSession], None]) -> None:
-        """Start a session, or continue the current one if it designs the requested die."""
+    def _advance(self, steps: int | None = None) -> None:
+        """Start a session, or continue the current one if it designs the requested die.
+
+        steps: number of steps, or None for all.
+        """
         request, session = self._read_request(), self._session
         if request is None:
             return
         if session is None or not _is_same_die(request, session.request):
-            self._close_session()
-            session = DesignSession(
+            self._with_session(DesignSession.close)
+            session = self._session = DesignSession(
                 request,
-                lambda: self._page.enqueue(self._refresh, "design"),
+                lambda: self._viewport.page.enqueue(self._refresh, "design"),
                 self._options.least_seconds,
             )
-            self._session = session
+            self._selected, self._change_error.content = None, ""
         elif not self._change(session, replace(request, pinned=session.request.pinned)):
             return
-        act(session)
-        self._watch(session)
+        session.run(steps)
 
     def _change(self, session: DesignSession, request: DieRequest) -> bool:
         """Change the request; return False and show the error if that is not possible."""
@@ -364,58 +353,26 @@ class NewDiePanel:
         self._change_error.content = ""
         return True
 
-    def _watch(self, session: DesignSession) -> None:
-        """Run a job while the design runs, so that closing the page ends the design."""
-        if self._job is not None and self._job.is_running:
-            return
-
-        def work(job: Job) -> None:
-            try:
-                while not session.wait(POLL_SECONDS):
-                    # A progress bar during the steps would move the buttons.
-                    job.progress("" if session.shapes else "looking for a shape")
-            except Stopped:
-                session.close()
-                raise
-
-        def on_end() -> None:
-            if self._session is session:
-                self._job = None
-                if session.state == "running":
-                    self._watch(session)
-
-        self._job = self._page.start(work, lambda _: None, on_end)
-
     def _with_session(self, act: Callable[[DesignSession], None]) -> None:
         if self._session is not None:
             act(self._session)
 
-    def _close_session(self) -> None:
-        if self._session is not None:
-            self._session.close()
-        if self._job is not None:
-            self._job.stop()
-        self._session, self._job, self._shape, self._selected = None, None, None, None
-        self._change_error.content = ""
-
     def _reset(self) -> None:
-        self._close_session()
+        self._with_session(DesignSession.close)
+        self._session, self._selected = None, None
+        self._change_error.content = ""
         self._refresh()
 
-    def _change_weights(self) -> None:
-        """Apply other weights or another method from the next step; a finished design continues."""
+    def _apply_options(self) -> None:
+        """Apply other options from the next step; a finished design continues."""
         session, request = self._session, self._read_request()
         if session is None or request is None or not _is_same_die(request, session.request):
             return
+        session.least_seconds = self._options.least_seconds
         was_done = session.state == "done"
-        if self._change(session, replace(request, pinned=session.request.pinned)):
-            if was_done and session.state == "paused":
-                session.run()
-            self._watch(session)
-
-    def _set_speed(self) -> None:
-        if self._session is not None:
-            self._session.least_seconds = self._options.least_seconds
+        self._change(session, replace(request, pinned=session.request.pinned))
+        if was_done and session.state == "paused":
+            session.run()
 
     def _toggle_pin(self, outcome: int) -> None:
         session = self._session
@@ -450,7 +407,7 @@ class NewDiePanel:
             outcomes=Outcomes(session.labels, shape.directions, shape.target),
             poses=shape.poses,
         )
-        was_in_view = self._shape_body is not None and self._viewport.viewed is self._shape_body
+        was_in_view = self._viewport.viewed is self._shape_body
         self._shape_body = self._panel_body = body
         if was_in_view:
             self._viewport.update(body)
@@ -461,10 +418,10 @@ class NewDiePanel:
 
     def _show_printable(self, die: PrintableDie) -> None:
         """Show the die with its labels."""
-        target = die.recipe.target.target()
+        target, solid = die.work.target, die.solid
         self._panel_body = ViewedBody.of(
-            make_body(die.points, die.triangles, name=die.recipe.name),
-            outcomes=Outcomes(target.labels, die.directions, target.probabilities),
+            make_body(solid.points, solid.triangles, name=die.work.recipe.name),
+            outcomes=Outcomes(target.labels, die.work.die.directions, target.probabilities),
             poses=die.verdict.poses,
         )
         self._viewport.show(self._panel_body)

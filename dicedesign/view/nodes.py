@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.sphere import angle_between, even_directions, norms, unit_vectors
+from dicedesign.geometry.sphere import even_directions
 from dicedesign.report.discs import basin_of_directions, great_arcs, lowest_corners
 from dicedesign.report.palette import BASINS, DARK, FAINT, PALE, rgb
 from dicedesign.runtime.arrays import Floats, Integers
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from viser import SceneApi
 
 
-MAX_PIECE_ANGLE: Final = 0.12
-"""Radians of a straight piece of an arc."""
+ARC_PIECES: Final = 8
+"""Straight pieces of the arc from one corner of a polyline to the next."""
 
 MAX_DRAWN_EDGES: Final = 400
 """Hulls with more edges are drawn without edges."""
@@ -32,46 +32,19 @@ EMPTY_MESH: Final[Mesh] = (np.zeros((3, 3)), np.array([[0, 1, 2]]))
 """Invisible mesh; a browser needs at least one triangle."""
 
 
-def arc_ribbons(paths: tuple[Floats, ...], radius: float, width: float) -> Mesh:
-    """Draw polylines of unit directions, each (m, 3), as strips on a sphere."""
-    if not paths:
-        return EMPTY_MESH
-    starts = np.concatenate([path[:-1] for path in paths])
-    ends = np.concatenate([path[1:] for path in paths])
-    pieces = np.ceil(angle_between(starts, ends) / MAX_PIECE_ANGLE).astype(np.int64)
-    corners = []
-    for count in np.unique(pieces[pieces > 0]).tolist():
-        arcs = great_arcs(starts[pieces == count], ends[pieces == count], count)
-        offset = 0.5 * width * unit_vectors(np.linalg.cross(arcs[:, 0], arcs[:, -1]))[:, None]
-        left, right = radius * arcs + offset, radius * arcs - offset
-        quads = [left[:, :-1], right[:, :-1], right[:, 1:], left[:, 1:]]
-        corners.append(np.stack(quads, axis=2).reshape(-1, 4, 3))
-    return _quads(np.concatenate(corners)) if corners else EMPTY_MESH
+NO_LINES: Final = np.zeros((1, 2, 3))
+"""Invisible segment of a line; a browser needs at least one."""
 
 
-def edge_ribbons(hull: ConvexHull, points: Floats, width: float) -> Mesh:
-    """Draw the edges of a hull as strips just above its facets.
-
-    points: (n, 3) vertices of the hull in the scene.
-    """
-    if len(hull.tail) > 2 * MAX_DRAWN_EDGES:
-        return EMPTY_MESH
-    up = hull.normals[hull.facet]
-    start, end = points[hull.tail], points[hull.head]
-    inward = unit_vectors(np.linalg.cross(up, end - start))
-    # Small facets have narrower borders.
-    shortest = np.minimum.reduceat(norms(end - start), hull.facet_start[:-1])
-    wide = np.minimum(width, 0.1 * shortest[hull.facet])[:, None]
-    lift = 0.002 * up
-    quads = [start + lift, end + lift, end + lift + wide * inward, start + lift + wide * inward]
-    return _quads(np.stack(quads, axis=1))
-
-
-def _quads(corners: Floats) -> Mesh:
-    """Split quadrilaterals (q, 4, 3) into two triangles each."""
-    halves = np.array([[0, 1, 2], [0, 2, 3]])
-    triangles = (4 * np.arange(len(corners))[:, None, None] + halves).reshape(-1, 3)
-    return corners.reshape(-1, 3), triangles
+def arc_segments(paths: Sequence[Floats]) -> Floats:
+    """Split polylines of unit directions, each (m, 3), into straight pieces (k, 2, 3) of arcs."""
+    starts, ends = (
+        np.concatenate([NO_LINES[:, 0], *parts])
+        for parts in ([path[:-1] for path in paths], [path[1:] for path in paths])
+    )
+    arcs = great_arcs(starts[1:], ends[1:], ARC_PIECES)
+    pieces = np.stack([arcs[:, :-1], arcs[:, 1:]], axis=2).reshape(-1, 2, 3)
+    return np.concatenate([NO_LINES, pieces])
 
 
 DIRECTIONS: Final = even_directions(6000)
@@ -80,9 +53,7 @@ DIRECTIONS: Final = even_directions(6000)
 DOT_SIZE: Final = 0.036
 """Size of dots without gaps on a unit sphere."""
 
-ARC_WIDTH: Final = 0.012
-
-EDGE_WIDTH: Final = 0.012
+LINE_WIDTH: Final = 0.01
 
 MAX_LABELS: Final = 24
 
@@ -166,8 +137,8 @@ class Sphere:
         scene.add_point_cloud(
             "/sphere/invisible", np.zeros((2, 3)), np.zeros((2, 3), dtype=np.uint8), point_size=1e-3
         )
-        self._arcs = scene.add_mesh_simple(
-            "/sphere/arcs", *EMPTY_MESH, color=_DARK, side="double", cast_shadow=False
+        self._arcs: Any = scene.add_line_segments(
+            "/sphere/arcs", NO_LINES, _DARK, thickness=LINE_WIDTH
         )
         self._points = {
             kind: scene.add_point_cloud(
@@ -200,7 +171,7 @@ class Sphere:
         if self._hull is not poses.hull:
             self._hull, self._lowest = poses.hull, lowest_corners(poses.hull, DIRECTIONS)
         self._dots.colors = colors[basin_of_directions(poses, DIRECTIONS, self._lowest)]
-        _set_mesh(self._arcs, *arc_ribbons(poses.morse.polylines, 1.02 * SPHERE_RADIUS, ARC_WIDTH))
+        self._arcs.points = 1.02 * SPHERE_RADIUS * arc_segments(poses.morse.polylines)
         for kind, node in self._points.items():
             node.points = 1.025 * SPHERE_RADIUS * getattr(poses.morse, kind)
         self._labels.show(
@@ -239,33 +210,24 @@ class Gizmo:
         self._node.visible = False
 
 
-def facet_on_ray(hull: ConvexHull, origin: Floats, direction: Floats) -> tuple[int, Floats] | None:
-    """Facet and point (3,) where a ray from outside enters a hull; None if it misses.
+def facet_on_ray(hull: ConvexHull, origin: Floats, direction: Floats) -> tuple[int, Floats]:
+    """Facet and point (3,) where a ray from outside enters a hull.
 
-    origin, direction: (3,) of the ray.
+    origin, direction: (3,) of the ray, which hits the hull.
     """
-    heights, slopes = hull.heights(origin), hull.normals @ direction
+    slopes = hull.normals @ direction
     with np.errstate(divide="ignore", invalid="ignore"):
-        distances = heights / slopes
-    enters = slopes < 0.0
-    if not enters.any() or (heights[slopes == 0.0] < 0.0).any():
-        return None
-    facet = int(np.where(enters, distances, -np.inf).argmax())
-    distance = float(distances[facet])
-    exits = distances[slopes > 0.0]
-    if distance < 0.0 or (len(exits) and distance > exits.min()):
-        return None
-    return facet, origin + distance * direction
+        distances = np.where(slopes < 0.0, hull.heights(origin) / slopes, -np.inf)
+    facet = int(distances.argmax())
+    return facet, origin + distances[facet] * direction
 
 
-def direction_on_ray(origin: Floats, direction: Floats) -> Floats | None:
-    """Unit vector (3,) where a ray from outside enters the unit sphere; None if it misses."""
+def direction_on_ray(origin: Floats, direction: Floats) -> Floats:
+    """Unit vector (3,) where a ray from outside enters the unit sphere, or passes nearest to it."""
     direction = direction / np.linalg.norm(direction)
-    closest = -float(origin @ direction)
-    squared = closest * closest - float(origin @ origin) + 1.0
-    if squared < 0.0 or closest < 0.0:
-        return None
-    hit: Floats = origin + (closest - np.sqrt(squared)) * direction
+    closest = origin - (origin @ direction) * direction
+    depth = np.sqrt(max(0.0, 1.0 - float(closest @ closest)))
+    hit: Floats = closest - depth * direction
     return hit / np.linalg.norm(hit)
 
 
@@ -286,8 +248,8 @@ class BodyNodes:
         self._hull = scene.add_mesh_simple(
             "/body/hull", *EMPTY_MESH, color=_HULL_COLOR, flat_shading=True, side="front"
         )
-        self._edges = scene.add_mesh_simple(
-            "/body/edges", *EMPTY_MESH, color=_GRAY, side="double", cast_shadow=False
+        self._edges: Any = scene.add_line_segments(
+            "/body/edges", NO_LINES, _GRAY, thickness=LINE_WIDTH
         )
         self._rests = [
             scene.add_mesh_simple(
@@ -313,14 +275,6 @@ class BodyNodes:
         for node in self._rests:
             node.opacity = 0.5 if has_mesh else None
 
-    def show_hull(self, points: Floats, triangles: Integers) -> None:
-        """Show a hull alone, points (n, 3) in the scene."""
-        self.show_mesh(None, None)
-        for node in (self._edges, *self._rests):
-            node.visible = False
-        self._labels.show(())
-        _set_mesh(self._hull, points, triangles)
-
     def on_click(self, on_ray: OnRay | None) -> None:
         """Call a function with the ray of each click on the hull; None lets the mouse through."""
         self._hull.remove_click_callback()
@@ -332,8 +286,9 @@ class BodyNodes:
         hull = viewed.hull
         points = frame.to_scene(hull.vertices)
         _set_mesh(self._hull, points, hull.triangles)
-        self._edges.visible = True
-        _set_mesh(self._edges, *edge_ribbons(hull, points, EDGE_WIDTH))
+        self._edges.visible = len(hull.tail) <= 2 * MAX_DRAWN_EDGES
+        if self._edges.visible:
+            self._edges.points = points[np.stack([hull.tail, hull.head], axis=1)]
         self._center.position = frame.to_scene(viewed.center)
         # Resting facets have the colors of their basins.
         facets, colors = viewed.poses.facets, _color_of_rest(viewed)

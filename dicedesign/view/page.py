@@ -8,8 +8,8 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from contextlib import suppress
-from functools import cache
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -86,53 +86,58 @@ class Stopped(BaseException):
 
 
 class Job:
-    """Work in a thread. All callbacks are called in that thread.
-
-    Parameters
-    ----------
-    work: called with the job; calls `progress` often.
-    on_progress: called with a text and the part that is done, from 0 to 1, or None if unknown.
-    on_done: called with the result of the work; on_error: with its error; on_stopped: after a stop.
-    """
+    """Work in a thread; see `Page.start`."""
 
     def __init__(
         self,
+        page: Page,
         work: Callable[[Job], Any],
-        on_progress: Callable[[str, float | None], None],
-        on_done: Callable[[Any], None],
-        on_error: Callable[[Exception], None],
-        on_stopped: Callable[[], None],
+        on_done: Callable[[Any], object],
+        on_error: Callable[[Exception], object],
     ) -> None:
-        self._on_progress = on_progress
-        self._stop_event = threading.Event()
-
-        def run() -> None:
-            try:
-                result = work(self)
-            except Stopped:
-                on_stopped()
-            except Exception as error:
-                on_error(error)
-            else:
-                on_done(result)
-
-        self._thread = threading.Thread(target=run, name="job", daemon=True)
+        self._page, self._has_text = page, False
+        self._is_stopped = threading.Event()
+        self._thread = threading.Thread(
+            target=self._run, args=(work, on_done, on_error), name="job", daemon=True
+        )
         self._thread.start()
+
+    def _run(
+        self,
+        work: Callable[[Job], Any],
+        on_done: Callable[[Any], object],
+        on_error: Callable[[Exception], object],
+    ) -> None:
+        try:
+            end = partial(on_done, work(self))
+        except Stopped:
+            return
+        except Exception as error:
+            end = partial(on_error, error)
+        finally:
+            if self._has_text:
+                self._page.show_progress("")
+        self._page.enqueue(end)
 
     @property
     def is_running(self) -> bool:
         """Whether the thread runs."""
         return self._thread.is_alive()
 
-    def progress(self, text: str, part: float | None = None) -> None:
-        """Report progress. Raises Stopped after `stop`."""
-        if self._stop_event.is_set():
+    def check(self) -> None:
+        """Raise Stopped after `stop`."""
+        if self._is_stopped.is_set():
             raise Stopped
-        self._on_progress(text, part)
+
+    def progress(self, text: str) -> None:
+        """Show a text on the page until the job ends. Raises Stopped after `stop`."""
+        self.check()
+        self._has_text = True
+        self._page.show_progress(text)
 
     def stop(self, wait: float = 0.0) -> None:
-        """End the work at its next call of `progress`; wait for at most so many seconds."""
-        self._stop_event.set()
+        """End the work at its next `check` or `progress`; wait for at most `wait` seconds."""
+        self._is_stopped.set()
         if threading.current_thread() is not self._thread:
             self._thread.join(timeout=wait)
 
@@ -141,22 +146,8 @@ MAX_DIGITS: Final = 8
 """Limit on the number in an action."""
 
 
-class Panel(Protocol):
-    """Tab of the page.
-
-    Attributes
-    ----------
-    title: title of the tab.
-    """
-
-    title: str
-
-    def build(self, page: Page) -> None:
-        """Add the GUI elements; called once, inside the tab."""
-
-
 class Page:
-    """A served page. Every browser that opens it shows the same.
+    """Served page. All browsers that open it show the same content.
 
     Viser calls callbacks from several threads in any order, so `enqueue` makes all changes in one
     thread. `close` ends everything.
@@ -165,22 +156,19 @@ class Page:
     ----------
     server: viser's server; scene, gui: its parts.
     gate: access to the page, and its address.
+    tabs: viser's group of tabs, below the notice and the progress.
+    on_close: functions that `close` calls first.
     """
 
     def __init__(self, listening: socket.socket) -> None:
         self._actions: dict[str, Callable[[int], None]] = {}
         self._jobs: list[Job] = []
-        self._notice: Any = None
-        self._progress: Any = None
+        self.on_close: list[Callable[[], None]] = []
         self._changes = ChangeQueue(self.report_error)
         self.enqueue = self._changes.enqueue
         self.gate = Gate.of(listening)
         self.server: viser.ViserServer = start_server(listening, self.gate, self._run_action)
-        self.scene = self.server.scene
-        self.gui = self.server.gui
-
-    def add_panels(self, panels: list[Panel]) -> None:
-        """Add the notice, the progress bar, and a tab for each panel."""
+        self.scene, self.gui = self.server.scene, self.server.gui
         self.gui.configure_theme(
             control_width="large",
             show_logo=False,
@@ -188,12 +176,8 @@ class Page:
             brand_color=(79, 143, 192),
         )
         self.gui.set_panel_label("dicedesign")
-        self._notice = self.gui.add_html("")
-        self._progress = self.gui.add_html("")
-        tabs = self.gui.add_tab_group()
-        for panel in panels:
-            with tabs.add_tab(panel.title):
-                panel.build(self)
+        self._notice, self._progress = self.gui.add_html(""), self.gui.add_html("")
+        self.tabs = self.gui.add_tab_group()
 
     def on_action(self, name: str, act: Callable[[int], None]) -> None:
         """Register a callback for clicks on HTML with data-action="name:number".
@@ -205,38 +189,26 @@ class Page:
     def start(
         self,
         work: Callable[[Job], Any],
-        on_done: Callable[[Any], None],
-        on_end: Callable[[], None] = lambda: None,
-        on_error: Callable[[Exception], None] | None = None,
+        on_done: Callable[[Any], object],
+        on_error: Callable[[Exception], object] | None = None,
     ) -> Job:
-        """Start a job. The page shows its progress.
+        """Start a job in a thread.
 
         Parameters
         ----------
-        work: called with the job; calls `job.progress` often, where it can be stopped.
+        work: called with the job; calls `job.check` or `job.progress` often, where it can be
+            stopped.
         on_done: called with the result; on_error: called with an error, shown on the page by
-            default; on_end: called last in any case. All are called in the thread of changes.
+            default. Both are called in the thread of changes, and neither after a stop.
         """
-
-        def end(callback: Callable[[], None]) -> None:
-            def change() -> None:
-                self._show_progress("", None)
-                try:
-                    callback()
-                finally:
-                    on_end()
-
-            self.enqueue(change)
-
-        job = Job(
-            work,
-            lambda text, part: self.enqueue(lambda: self._show_progress(text, part), "progress"),
-            lambda result: end(lambda: on_done(result)),
-            lambda error: end(lambda: (on_error or self.report_error)(error)),
-            lambda: end(lambda: None),
-        )
+        job = Job(self, work, on_done, on_error or self.report_error)
         self._jobs = [*(running for running in self._jobs if running.is_running), job]
         return job
+
+    def show_progress(self, text: str) -> None:
+        """Show the progress of a job; "" shows none."""
+        content = html_part("progress", text) if text else ""
+        self.enqueue(lambda: setattr(self._progress, "content", content), "progress")
 
     def notify(self, text: str, *, is_error: bool = False) -> None:
         """Show a sentence at the top of the page until the next; "" shows none."""
@@ -248,6 +220,8 @@ class Page:
 
     def close(self) -> None:
         """Stop all jobs and the server."""
+        for act in self.on_close:
+            act()
         for job in self._jobs:
             job.stop()
         for job in self._jobs:
@@ -270,7 +244,3 @@ class Page:
         act = self._actions.get(name)
         if act is not None and number.isdecimal() and len(number) <= MAX_DIGITS:
             self.enqueue(lambda: act(int(number)))
-
-    def _show_progress(self, text: str, part: float | None) -> None:
-        part = 1.0 if part is None else min(max(part, 0.0), 1.0)
-        self._progress.content = html_part("progress", text, part) if text else ""

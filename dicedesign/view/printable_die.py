@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.die import Assessment, Design
-from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents, file_bytes, mesh_bytes
+from dicedesign.fabricate.die import Assessment, Design, Solid
+from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes, mesh_bytes
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.starts.shapes import mesh_start
@@ -21,7 +21,6 @@ from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
 from dicedesign.recipe.reading import parse_recipe, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
-from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
 from dicedesign.view.design_session import SHAPE_FILE, DesignedShape, DesignSession
 
@@ -37,39 +36,29 @@ class PrintableDie:
 
     Attributes
     ----------
-    recipe: recipe that makes the die again.
+    work: finished run of the stages: recipe, files, status and notes.
     shape: designed shape.
     needs_shape: the recipe starts from the shape, because no recipe alone leads to it.
-    status, message: as in result.json.
-    notes: assumptions, one sentence each.
-    directions: (k, 3) directions of the outcomes, in the frame of the solid.
-    verdict: assessment of the STL file; plain: assessment without labels.
-    stl: content of the STL file; contents: content for other formats.
-    points: (n, 3) in mm; triangles: (t, 3).
     """
 
-    recipe: Recipe
+    work: Work
     shape: DesignedShape
     needs_shape: bool
-    status: Status
-    message: str
-    notes: tuple[str, ...]
-    directions: Floats
-    verdict: Assessment
-    plain: Assessment
-    stl: bytes
-    contents: Contents
-    points: Floats
-    triangles: Integers
 
     @property
-    def is_converged(self) -> bool:
-        """Whether the die has its target probabilities."""
-        return self.status is Status.CONVERGED
+    def solid(self) -> Solid:
+        """Solid in mm, with labels if the recipe engraves them."""
+        return self.work.solid if self.work.engraved is None else self.work.engraved
+
+    @property
+    def verdict(self) -> Assessment:
+        """Assessment of the STL file."""
+        engraved = self.work.engraved
+        return (engraved and engraved.assessment) or self.work.plain
 
     def rows(self) -> Iterator[tuple[str, float, float]]:
         """Yield the label, the target and the probability in the file of each outcome."""
-        target = self.recipe.target.target()
+        target = self.work.target
         probabilities = self.verdict.outcomes.probabilities
         yield from zip(
             target.labels, target.probabilities.tolist(), probabilities.tolist(), strict=True
@@ -77,14 +66,16 @@ class PrintableDie:
 
     def file(self, ending: str) -> tuple[str, bytes]:
         """Name and content in one of `FILE_FORMATS`. Raises InputError as the format does."""
-        name = f"{self.recipe.name}.{ending}"
+        name = f"{self.work.recipe.name}.{ending}"
         if ending == "stl":
-            return name, self.stl
-        return name, file_bytes(self.contents, FILE_FORMATS[ending], name)
+            return name, self.work.files[
+                "die_plain.stl" if self.work.engraved is None else "die.stl"
+            ]
+        return name, file_bytes(die_contents(self.work), FILE_FORMATS[ending], name)
 
     def recipe_file(self) -> tuple[str, bytes]:
         """Name and content of the recipe, or of an archive with the recipe and its shape."""
-        name, text = self.recipe.name, recipe_text(self.recipe).encode()
+        name, text = self.work.recipe.name, recipe_text(self.work.recipe).encode()
         if not self.needs_shape:
             return f"{name}.yaml", text
         hull, archive = self.shape.hull, io.BytesIO()
@@ -136,23 +127,7 @@ def make_printable(
         terms=shape.terms,
     )
     run_stages(work, after="design", last="throws")
-    engraved = work.engraved
-    solid = work.solid if engraved is None else engraved
-    return PrintableDie(
-        recipe=work.recipe,
-        shape=shape,
-        needs_shape=needs_shape,
-        status=work.status,
-        message="; ".join(work.remarks),
-        notes=tuple(work.notes),
-        directions=work.die.directions,
-        verdict=(engraved and engraved.assessment) or work.plain,
-        plain=work.plain,
-        stl=work.files["die_plain.stl" if engraved is None else "die.stl"],
-        contents=die_contents(work),
-        points=solid.points,
-        triangles=solid.triangles,
-    )
+    return PrintableDie(work, shape, needs_shape)
 
 
 def _shape_entries(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import socket
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
 
@@ -197,7 +198,7 @@ def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> v
     def serve_guarded(
         handler: Any, host: Any, port: Any, *, process_request: Any, **options: Any
     ) -> Any:
-        respond = _Responder(gate, process_request, on_action)
+        respond = partial(_respond, gate, on_action, process_request)
         return serve(handler, sock=listening, process_request=respond, **options)
 
     websockets.serve = serve_guarded  # type: ignore[assignment, misc]
@@ -211,40 +212,37 @@ def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> v
     return server
 
 
-class _Responder:
-    """Respond to admitted requests as viser does, and to actions."""
+def _respond(
+    gate: Gate, on_action: OnAction, viser_respond: Any, connection: Any, request: Any
+) -> Any:
+    """Respond to admitted requests as viser does, and to actions.
 
-    def __init__(self, gate: Gate, viser_respond: Any, on_action: OnAction) -> None:
-        self._gate = gate
-        self._viser_respond = viser_respond
-        self._on_action = on_action
-
-    def __call__(self, connection: Any, request: Any) -> Any:
-        """Return a response of `websockets`, or None to accept a WebSocket."""
-        headers = request.headers
-        path = self._gate.strip_token(request.path)
-        if path is None or not self._gate.admits(headers.get("Host"), headers.get("Origin")):
-            return connection.respond(403, "Open the complete address that dicedesign printed.\n")
-        if headers.get("Upgrade", "").lower() == "websocket":
-            return None
-        path = path.partition("?")[0]
-        if path.startswith(_ACTION_PATH):
-            # Only scripts of the page may act; older browsers send no such header.
-            if headers.get("Sec-Fetch-Site", "same-origin") != "same-origin":
-                return connection.respond(403, "Only the page itself may do this.\n")
-            self._on_action(unquote(path.removeprefix(_ACTION_PATH)))
-            return connection.respond(200, "")
-        request.path = path
-        response = self._viser_respond(connection, request)
-        if path.strip("/") not in ("", "index.html") or response.status_code != 200:
-            return response
-        is_zipped = "gzip" in headers.get("Accept-Encoding", "")
-        body = gzip.decompress(response.body) if is_zipped else response.body
-        body = body.replace(b"<head>", b"<head>" + HEAD.encode(), 1)
-        response.body = gzip.compress(body) if is_zipped else body
-        del response.headers["Content-Length"]
-        response.headers["Content-Length"] = str(len(response.body))
-        response.headers["Content-Security-Policy"] = POLICY
-        response.headers["X-Content-Type-Options"] = "nosniff"
-        response.headers["Cache-Control"] = "no-store"
+    Returns a response of `websockets`, or None to accept a WebSocket.
+    """
+    headers = request.headers
+    path = gate.strip_token(request.path)
+    if path is None or not gate.admits(headers.get("Host"), headers.get("Origin")):
+        return connection.respond(403, "Open the complete address that dicedesign printed.\n")
+    if headers.get("Upgrade", "").lower() == "websocket":
+        return None
+    path = path.partition("?")[0]
+    if path.startswith(_ACTION_PATH):
+        # Only scripts of the page may act; older browsers send no such header.
+        if headers.get("Sec-Fetch-Site", "same-origin") != "same-origin":
+            return connection.respond(403, "Only the page itself may do this.\n")
+        on_action(unquote(path.removeprefix(_ACTION_PATH)))
+        return connection.respond(200, "")
+    request.path = path
+    response = viser_respond(connection, request)
+    if path.strip("/") not in ("", "index.html") or response.status_code != 200:
         return response
+    is_zipped = "gzip" in headers.get("Accept-Encoding", "")
+    body = gzip.decompress(response.body) if is_zipped else response.body
+    body = body.replace(b"<head>", b"<head>" + HEAD.encode(), 1)
+    response.body = gzip.compress(body) if is_zipped else body
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    response.headers["Content-Security-Policy"] = POLICY
+    response.headers["X-Content-Type-Options"] = "nosniff"
+    response.headers["Cache-Control"] = "no-store"
+    return response

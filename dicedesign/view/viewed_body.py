@@ -51,65 +51,28 @@ def facet_vertices(hull: ConvexHull, facet: int) -> Integers:
 MAX_DRAWN_TRIANGLES: Final = 150_000
 """Larger meshes are decimated for display."""
 
-MAX_HULL_POINTS: Final = 1_000_000
-"""Larger meshes are analyzed by the hull of their `farthest_points`."""
-
-CUBE_CELLS: Final = 64
-"""Cells along each edge of a cube whose 24,576 surface cells distinguish directions."""
-
 FINEST_GRID: Final = 256
 """Cells along the longest side of a mesh in the first attempt to decimate it."""
 
-COARSEST_GRID: Final = 16
-
 
 def decimate(points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
-    """Merge the points (n, 3) in each cell of a grid, for at most `MAX_DRAWN_TRIANGLES`.
+    """Keep one of the points (n, 3) in each cell of a grid, for at most `MAX_DRAWN_TRIANGLES`.
 
-    The grid is as fine as possible. A smaller mesh is returned unchanged. Source: Rossignac and
-    Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
+    The grid is about as fine as possible. A smaller mesh is returned unchanged. Source: Rossignac
+    and Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
     """
-    if len(triangles) <= MAX_DRAWN_TRIANGLES:
-        return points, triangles
-    lowest = points.min(axis=0)
-    extent = float(np.ptp(points, axis=0).max())
+    fewer, merged = points, triangles
+    lowest, extent = points.min(axis=0), np.ptp(points, axis=0).max()
     cells = FINEST_GRID
-    while True:
+    while len(merged) > MAX_DRAWN_TRIANGLES:
         cell = np.minimum((points - lowest) * (cells / extent), cells - 1).astype(np.int64)
-        keys = (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
-        groups, group, sizes = np.unique(keys, return_inverse=True, return_counts=True)
-        corners = group[triangles]
-        corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
-        # Duplicates are equal once each triangle begins with its smallest vertex.
-        first = corners.argmin(axis=1)[:, None]
-        merged = np.unique(np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1), axis=0)
-        if len(merged) <= MAX_DRAWN_TRIANGLES or cells <= COARSEST_GRID:
-            break
+        keys = cell @ [cells**2, cells, 1]
+        _, first, group = np.unique(keys, return_index=True, return_inverse=True)
+        fewer, merged = points[first], group[triangles]
+        merged = merged[(merged != np.roll(merged, 1, axis=1)).all(axis=1)]
         # The number of triangles grows with the square of the number of cells along a side.
-        factor = 0.95 * np.sqrt(MAX_DRAWN_TRIANGLES / len(merged))
-        cells = max(COARSEST_GRID, int(cells * factor))
-    sums = [np.bincount(group, points[:, axis], len(groups)) for axis in range(3)]
-    return np.stack(sums, axis=1) / sizes[:, None], merged
-
-
-def farthest_points(points: Floats) -> Floats:
-    """Select the point farthest from the center of the bounding box in each direction.
-
-    The cells of a cube distinguish directions. The hull of the selected points (m, 3) is slightly
-    smaller than the hull of all points (n, 3).
-    """
-    arms = points - 0.5 * (points.min(axis=0) + points.max(axis=0))
-    axis = np.abs(arms).argmax(axis=1)
-    rows = np.arange(len(arms))
-    longest = arms[rows, axis]
-    cell = 2 * axis + (longest > 0.0)
-    for offset in (1, 2):
-        slope = arms[rows, (axis + offset) % 3] / np.where(longest == 0.0, 1.0, np.abs(longest))
-        column = np.minimum((0.5 + 0.5 * slope) * CUBE_CELLS, CUBE_CELLS - 1)
-        cell = cell * CUBE_CELLS + column.astype(np.int64)
-    order = np.lexsort(((arms * arms).sum(axis=1), cell))
-    is_last = np.append(cell[order[1:]] != cell[order[:-1]], True)
-    return points[np.sort(order[is_last])]
+        cells = int(0.95 * cells * np.sqrt(MAX_DRAWN_TRIANGLES / (len(merged) + 1)))
+    return fewer, merged
 
 
 SAME_REST_ANGLE: Final = np.radians(20.0)

@@ -10,15 +10,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.runtime.arrays import Floats
-from dicedesign.view.motion import (
-    SPHERE_POSITION,
-    SPHERE_RADIUS,
-    Motion,
-    SceneFrame,
-    turn_motion,
-)
+from dicedesign.view.motion import SPHERE_POSITION, SPHERE_RADIUS, Motion, SceneFrame
 from dicedesign.view.nodes import BodyNodes, Sphere, direction_on_ray, facet_on_ray
 from dicedesign.view.page import Job, Page
 from dicedesign.view.viewed_body import MAX_DRAWN_TRIANGLES, ViewedBody, decimate
@@ -26,8 +19,6 @@ from dicedesign.view.viewed_body import MAX_DRAWN_TRIANGLES, ViewedBody, decimat
 __all__ = ["Viewport"]
 
 AMBIENT_LIGHT: Final = 1.2
-
-Listener = Callable[[ViewedBody], None]
 
 FRAME_SECONDS: Final = 1.0 / 50.0
 """Time between two poses of a motion."""
@@ -38,22 +29,23 @@ class Viewport:
 
     Attributes
     ----------
-    viewed: body in view, or None.
+    viewed: body in view; it appears with `show`.
     frame: coordinates of the body in the scene.
     pose: (4, 4) motion of the body onto the plane z = 0, in its own unit.
+    on_change: called with the body after every change of it; on_show: whenever another body comes
+        into view.
     on_facet: called after a click on the hull, with the facet and the point (3,) of the body.
     on_direction: called after a click on the sphere, with the direction (3,).
     """
 
-    def __init__(self, page: Page) -> None:
-        self.page = page
-        self.viewed: ViewedBody | None = None
-        self.frame = SceneFrame(np.zeros(3), 1.0)
+    def __init__(self, page: Page, viewed: ViewedBody) -> None:
+        self.page, self.viewed = page, viewed
+        self.frame = SceneFrame.of(viewed.hull)
         self.pose = np.eye(4)
-        self.on_facet: Callable[[int, Floats], None] | None = None
-        self.on_direction: Callable[[Floats], None] | None = None
-        self._change_listeners: list[Listener] = []
-        self._show_listeners: list[Listener] = []
+        self.on_change: list[Callable[[ViewedBody], None]] = []
+        self.on_show: list[Callable[[ViewedBody], None]] = []
+        self.on_facet: Callable[[int, Floats], None] = lambda *_: None
+        self.on_direction: Callable[[Floats], None] = lambda _: None
         self._motion_job: Job | None = None
         scene = page.scene
         # Reflections are the largest part of the drawing time.
@@ -70,14 +62,6 @@ class Viewport:
         camera = page.server.initial_camera
         camera.position, camera.look_at, camera.fov = (0.7, -8.4, 3.9), (0.7, 0.0, 0.7), 0.75
 
-    def on_change(self, listener: Listener) -> None:
-        """Call a function with the body after every change of it."""
-        self._change_listeners.append(listener)
-
-    def on_show(self, listener: Listener) -> None:
-        """Call a function with the body whenever another body comes into view."""
-        self._show_listeners.append(listener)
-
     def enable_clicks(self, enabled: bool) -> None:
         """Let the hull take clicks, or let the mouse through to objects inside it."""
         page = self.page
@@ -93,35 +77,22 @@ class Viewport:
     def show(self, viewed: ViewedBody) -> None:
         """Show another body on its most probable rest."""
         self.hold()
-        self.viewed = None
-        self.frame = SceneFrame.of(viewed.hull)
+        self.viewed, self.frame = viewed, SceneFrame.of(viewed.hull)
         self._show_mesh(viewed)
         self.update(viewed)
         self.put(viewed.poses.transforms[0])
-        for listener in self._show_listeners:
+        for listener in self.on_show:
             listener(viewed)
-
-    def preview(self, hull: ConvexHull) -> None:
-        """Show a hull before its rests are known."""
-        self.hold()
-        self.viewed = None
-        self.frame = SceneFrame.of(hull)
-        with self.page.server.atomic():
-            self._body.show_hull(self.frame.to_scene(hull.vertices), hull.triangles)
-        pose = np.eye(4)
-        pose[2, 3] = -hull.vertices[:, 2].min()
-        pose[:2, 3] = -self.frame.origin[:2]
-        self.put(pose)
 
     def update(self, viewed: ViewedBody) -> None:
         """Show the body after a change."""
         before, self.viewed = self.viewed, viewed
-        if before is not None and viewed.is_dragged != before.is_dragged:
+        if viewed.is_dragged != before.is_dragged:
             self._show_mesh(viewed)
         with self.page.server.atomic():
             self._body.update(viewed, self.frame)
             self._sphere.update(viewed)
-            for listener in self._change_listeners:
+            for listener in self.on_change:
                 listener(viewed)
         self.page.server.flush()
 
@@ -132,46 +103,31 @@ class Viewport:
             self._body.frame.wxyz, self._body.frame.position = self.frame.place(pose)
             self._sphere.point_down(self.down)
 
-    def stand(self, rest: int) -> None:
-        """Turn the body until it stands on a rest."""
-        assert self.viewed is not None
-        pose = self.viewed.poses.transforms[rest]
-        self.move(turn_motion(self.viewed.hull, self.pose, pose))
-
     def move(self, motion: Motion, on_end: Callable[[], None] = lambda: None) -> None:
         """Show a motion. on_end: called at its end, unless `hold` or another motion stopped it."""
         self.hold()
 
-        def is_current(job: Job) -> bool:
-            return self._motion_job is job
-
         def put(job: Job, pose: Floats) -> None:
-            if is_current(job):
+            if self._motion_job is job:
                 self.put(pose)
 
-        def show_frames(job: Job) -> None:
+        def show_frames(job: Job) -> Job:
             start = time.perf_counter()
             seconds = 0.0
             while seconds < motion.seconds[-1]:
-                job.progress("")
+                job.check()
                 seconds = time.perf_counter() - start
                 self.page.enqueue(partial(put, job, motion.at(seconds)), "pose")
                 time.sleep(FRAME_SECONDS)
+            return job
 
-        def end() -> None:
-            if is_current(job):
+        def end(job: Job) -> None:
+            if self._motion_job is job:
                 self._motion_job = None
                 self.put(motion.poses[-1])
                 on_end()
 
-        job = Job(
-            show_frames,
-            lambda *_: None,
-            lambda _: self.page.enqueue(end),
-            self.page.report_error,
-            lambda: None,
-        )
-        self._motion_job = job
+        self._motion_job = self.page.start(show_frames, end)
 
     def hold(self) -> None:
         """Stop the motion at its current pose."""
@@ -194,22 +150,17 @@ class Viewport:
             return decimate(points, triangles)
 
         def show(mesh: Any) -> None:
-            if self.viewed is not None and self.viewed.shape is shape:
+            if self.viewed.shape is shape:
                 self._body.show_mesh(self.frame.to_scene(mesh[0]), mesh[1])
 
         self.page.start(work, show)
 
     def _click_body(self, origin: Floats, direction: Floats) -> None:
-        if self.viewed is None or self.on_facet is None:
-            return
         wxyz, position = self.frame.place(self.pose)
         to_body = Rotation.from_quat(wxyz, scalar_first=True).inv()
         start = self.frame.from_scene(to_body.apply(origin - position))
-        hit = facet_on_ray(self.viewed.hull, start, to_body.apply(direction))
-        if hit is not None:
-            self.on_facet(*hit)
+        self.on_facet(*facet_on_ray(self.viewed.hull, start, to_body.apply(direction)))
 
     def _click_sphere(self, origin: Floats, direction: Floats) -> None:
-        hit = direction_on_ray((origin - SPHERE_POSITION) / SPHERE_RADIUS, direction)
-        if hit is not None and self.viewed is not None and self.on_direction is not None:
-            self.on_direction(hit)
+        start = (origin - SPHERE_POSITION) / SPHERE_RADIUS
+        self.on_direction(direction_on_ray(start, direction))

@@ -1,4 +1,4 @@
-"""What the tests of batches share."""
+"""Fixtures for tests of batches."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import trimesh
 
 @pytest.fixture
 def meshes(tmp_path: Path) -> Path:
-    """A folder with six bodies in five formats, one of them open, and two files beside them."""
+    """Folder with six bodies in five formats, one of them open, and two other files."""
     folder = tmp_path / "meshes"
     (folder / "b").mkdir(parents=True)
     rng = np.random.default_rng(1)

@@ -28,11 +28,11 @@ from dicedesign.runtime import workers
 
 
 @pytest.fixture
-def done(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Runs batches in this process, and lists the files that are analyzed."""
+def analyzed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Run batches in this process, and list the analyzed files."""
     files: list[str] = []
 
-    def counted(folder: str, stamps: dict[str, Any], *rest: Any) -> Any:
+    def record_files(folder: str, stamps: dict[str, Any], *rest: Any) -> Any:
         files.extend(stamps)
         return analyze_files(folder, stamps, *rest)
 
@@ -40,7 +40,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def local_workers(jobs: int) -> Iterator[Executor]:
         yield Inline()
 
-    monkeypatch.setattr(batch, "analyze_files", counted)
+    monkeypatch.setattr(batch, "analyze_files", record_files)
     monkeypatch.setattr(workers, "local_workers", local_workers)
     return files
 
@@ -50,7 +50,7 @@ def without_seconds(path: Path) -> list[dict[str, str]]:
         return [{**row, "seconds": ""} for row in csv.DictReader(file)]
 
 
-def test_jobs_do_not_matter(
+def test_the_number_of_jobs_has_no_effect(
     meshes: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -72,18 +72,18 @@ def test_jobs_do_not_matter(
 
 
 def test_only_what_is_new_or_changed_is_analyzed(
-    meshes: Path, tmp_path: Path, done: list[str], capsys: pytest.CaptureFixture[str]
+    meshes: Path, tmp_path: Path, analyzed: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "t.csv"
     (meshes / "broken.obj").write_text("v 1\n")
     rest = ["rest", str(meshes), "--out", str(out)]
     assert main(rest) == 0
-    assert len(done) == 7
+    assert len(analyzed) == 7
     first = out.read_bytes()
-    done.clear()
+    analyzed.clear()
     capsys.readouterr()
     assert main(rest) == 0
-    assert done == []
+    assert analyzed == []
     assert out.read_bytes() == first
     assert f"note: 7 files were already in {out}\n" in capsys.readouterr().err
 
@@ -93,7 +93,7 @@ def test_only_what_is_new_or_changed_is_analyzed(
     (meshes / "new.obj").write_bytes((meshes / "b" / "box.obj").read_bytes())
     (meshes / "c.off").unlink()
     assert main(rest) == 0
-    assert done == ["a.stl", "broken.obj", "new.obj"]
+    assert analyzed == ["a.stl", "broken.obj", "new.obj"]
     captured = capsys.readouterr()
     assert f"note: 1 files of {out} are gone, and so are their rows\n" in captured.err
     assert "could not be analyzed" not in captured.err
@@ -103,7 +103,7 @@ def test_only_what_is_new_or_changed_is_analyzed(
 
 
 @pytest.mark.parametrize(
-    ("option", "same", "said"),
+    ("option", "same", "error_text"),
     [
         (["--com", "0.1,0,0"], ["--com", "1e-1,0.0,0"], "--com {}, got one with 0.1,0.0,0.0"),
         (
@@ -113,25 +113,25 @@ def test_only_what_is_new_or_changed_is_analyzed(
         ),
     ],
 )
-def test_a_table_answers_one_question(
+def test_a_table_has_one_set_of_options(
     meshes: Path,
     tmp_path: Path,
-    done: list[str],
+    analyzed: list[str],
     capsys: pytest.CaptureFixture[str],
     option: list[str],
     same: list[str],
-    said: str,
+    error_text: str,
 ) -> None:
     out = tmp_path / "t.csv"
     rest = ["rest", str(meshes), "--out", str(out)]
     main([*rest, *option])
     before = out.read_bytes()
     assert main(rest) == 2
-    asked = said.format("left out")
-    error = f"dicedesign: {out}: expected a table made with {asked}; choose another with --out\n"
+    wanted = error_text.format("left out")
+    error = f"dicedesign: {out}: expected a table made with {wanted}; choose another with --out\n"
     assert capsys.readouterr().err.endswith(error)
     main([*rest, *same])
-    assert len(done) == 6
+    assert len(analyzed) == 6
     assert out.read_bytes() == before
 
 
@@ -171,14 +171,16 @@ def test_bad_input_is_one_line(
 
 
 def test_folders_without_meshes_and_tables_of_other_folders(
-    meshes: Path, tmp_path: Path, done: list[str], capsys: pytest.CaptureFixture[str]
+    meshes: Path, tmp_path: Path, analyzed: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, empty = tmp_path / "t.csv", tmp_path / "empty"
     empty.mkdir()
     (empty / "README").touch()
     assert main(["rest", str(empty), "--out", str(out)]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f"dicedesign: {empty}: expected a folder with meshes, files ending in .")
+    error = capsys.readouterr().err
+    assert error.startswith(
+        f"dicedesign: {empty}: expected a folder with meshes, files ending in ."
+    )
     assert not out.exists()
     assert main(["rest", str(meshes), "--out", str(out)]) == 0
     before = out.read_bytes()
@@ -186,60 +188,60 @@ def test_folders_without_meshes_and_tables_of_other_folders(
     assert main(["rest", str(empty), "--out", str(out)]) == 2
     assert "got one of other files, such as 'a.stl'" in capsys.readouterr().err
     assert out.read_bytes() == before
-    # Nothing that could be analyzed.
+    # No file can be analyzed.
     other = tmp_path / "other.csv"
     assert main(["rest", str(empty), "--out", str(other)]) == 1
     assert capsys.readouterr().out == f"{other}: 0 files with 0 resting poses\n"
-    # One mesh takes no option of a folder.
+    # Options for folders are refused for one mesh.
     assert main(["rest", str(meshes / "a.stl"), "--jobs", "2"]) == 2
     assert "--jobs: expected a folder of meshes, got " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
-def test_a_run_that_was_ended_goes_on(
+def test_a_killed_run_resumes(
     meshes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], end: signal.Signals
 ) -> None:
-    """As by Ctrl-C, which every process of the terminal's group gets, or by force."""
+    """Ctrl-C interrupts every process of the terminal's group."""
     out = tmp_path / "t.csv"
     process, rest = start_run(meshes, out, process_group=0, preexec_fn=heed_interrupts)
     os.killpg(process.pid, end)
-    _, said = process.communicate(timeout=30.0)
+    _, error_text = process.communicate(timeout=30.0)
     if end is signal.SIGINT:
         assert process.returncode == 130
-        assert said.endswith("dicedesign: interrupted; nothing half-written was left\n")
-        assert "Traceback" not in said
+        assert error_text.endswith("dicedesign: interrupted; nothing half-written was left\n")
+        assert "Traceback" not in error_text
         assert not list(tmp_path.glob(".*.part"))
     with out.open(newline="") as file:
-        kept = list(csv.DictReader(file))
-    assert 0 < len({row["file"] for row in kept}) < FILES
+        rows = list(csv.DictReader(file))
+    assert 0 < len({row["file"] for row in rows}) < FILES
     shorten(meshes)
     assert main(rest) == 0
     assert "files were already in" in capsys.readouterr().err
-    # What was kept is kept with the time that it took then, so it was not done again.
+    # Equal run times show that these files were not analyzed again.
     with out.open(newline="") as file:
         whole = list(csv.DictReader(file))
     assert len({row["file"] for row in whole}) == 106
-    assert all(row in whole for row in kept if row["file"] < "0100")
+    assert all(row in whole for row in rows if row["file"] < "0100")
 
 
-def test_a_table_made_in_spite_of_kills_is_the_same(meshes: Path, tmp_path: Path) -> None:
-    """While tables with some rows are written."""
+def test_a_killed_run_resumes_with_equal_results(meshes: Path, tmp_path: Path) -> None:
+    """The kills come while tables with some rows are written."""
     whole, parts = tmp_path / "whole.csv", tmp_path / "parts.csv"
     rest = ["rest", str(meshes), "--jobs", "1", "--out"]
     assert main([*rest, str(whole)]) == 0
-    for left, kept in ((3, 1), (4, 3)):
+    for left, rows in ((3, 1), (4, 3)):
         kill_at_write([*rest, str(parts)], left)
-        assert len(RestTable.read(parts)) == kept
+        assert len(RestTable.read(parts)) == rows
     assert main([*rest, str(parts)]) == 0
     assert without_seconds(parts) == without_seconds(whole)
     assert not list(tmp_path.glob(".*.part"))
 
 
-def test_only_the_file_that_takes_workers_down_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    def made_up(_: str, stamps: dict[str, Stamp], *__: Any) -> dict[str, Entry]:
+def test_only_the_file_that_kills_workers_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def succeed(_: str, stamps: dict[str, Stamp], *__: Any) -> dict[str, Entry]:
         return {file: Entry(stamp, f"{file}\n", 1) for file, stamp in stamps.items()}
 
-    monkeypatch.setattr(batch, "analyze_files", made_up)
+    monkeypatch.setattr(batch, "analyze_files", succeed)
     stamps = {f"{i}.stl": Stamp(100, 1) for i in range(6)}
     entries: dict[str, Entry] = {}
     lossy = Lossy(lambda count, folder, files, *_: "4.stl" in files)
@@ -249,7 +251,7 @@ def test_only_the_file_that_takes_workers_down_is_given_up(monkeypatch: pytest.M
         "memory suffices"
     )
     assert entries.pop("4.stl") == broken_entry("4.stl", stamps.pop("4.stl"), reason)
-    assert entries == made_up("", stamps)
+    assert entries == succeed("", stamps)
 
 
 def test_workers_load_nothing_heavy(meshes: Path) -> None:

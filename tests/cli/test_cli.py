@@ -1,4 +1,4 @@
-"""The command line: output, exit codes, plain errors, and what is left alone."""
+"""Commands print their output, and end with exit codes and plain errors."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_center_of_mass_options(box: Path, capsys: pytest.CaptureFixture[str]) -
     assert "uniform solid hull" in capsys.readouterr().out
 
 
-def test_point_cloud_says_what_was_assumed(
+def test_a_point_cloud_has_a_note_on_its_center_of_mass(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "points.xyz"
@@ -102,13 +102,13 @@ def test_run_from_a_shell(tmp_path: Path) -> None:
     assert all(line.startswith("note: ") for line in done.stderr.splitlines())
     assert done.stdout.startswith("d4: The file has your probabilities: off by at most 0.0")
     assert (tmp_path / "outputs" / "d4" / "die.stl").stat().st_size > 0
-    hasty = [
+    short_run = [
         "run",
         "d4.yaml",
         "--set",
         "method.paper={step: line_search, finish: none, tolerance: 1e-14, steps: 1}",
     ]
-    ended = run([*hasty, "--out", "other"], tmp_path)
+    ended = run([*short_run, "--out", "other"], tmp_path)
     assert ended.returncode == 1
     assert json.loads((tmp_path / "other" / "result.json").read_text())["status"] == "step_limit"
 
@@ -149,7 +149,7 @@ def test_rest_with_a_table_adds_throw_probabilities(
     assert main(["rest", str(mesh), "--table", "board-game", "--json"]) == 0
     rests = json.loads(capsys.readouterr().out)["rests"]
     assert sum(rest["thrown"] for rest in rests) == pytest.approx(1.0)
-    # Momentum favors what is probable already.
+    # Momentum favors probable rests.
     assert rests[0]["thrown"] > rests[0]["probability"]
     assert rests[-1]["thrown"] < rests[-1]["probability"]
     assert main(["rest", str(mesh), "--table", "carpet", "--json"]) == 0
@@ -163,18 +163,18 @@ def test_rest_with_a_table_adds_throw_probabilities(
 def test_an_interrupt_that_a_library_wraps_is_an_interrupt(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """pydantic turns whatever its callers' functions raise into errors of its own."""
+    """pydantic wraps the errors of functions that it calls."""
 
     def interrupted(kind: object) -> None:
         raise KeyboardInterrupt
 
-    # As by Ctrl-C while the recipe is written out again.
+    # Ctrl-C while the recipe is written.
     monkeypatch.setattr("dicedesign.recipe.recipe.TypeAdapter", interrupted)
     recipe = tmp_path / "four.yaml"
     recipe.write_text("name: four\ntarget: {fair: 5}\nstart: {prism: {}}\nengrave: false\n")
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 130
-    said = capsys.readouterr().err.splitlines()[-1]
-    assert said == "dicedesign: interrupted; nothing half-written was left"
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error == "dicedesign: interrupted; nothing half-written was left"
 
 
 def test_a_prior_gives_probabilities_and_their_errors(
@@ -185,18 +185,16 @@ def test_a_prior_gives_probabilities_and_their_errors(
     assert main(["rest", str(box), "--prior", "vmf:0,-1,-1:3", "--json"]) == 0
     rests = json.loads(capsys.readouterr().out)["rests"]
     poses = dd.rest_poses(CORNERS).under(dd.VonMisesFisher([0.0, -1.0, -1.0], 3.0))
-    found = [rest["probability"] for rest in rests]
-    np.testing.assert_allclose(found, poses.probabilities, atol=1e-14)
+    probabilities = [rest["probability"] for rest in rests]
+    np.testing.assert_allclose(probabilities, poses.probabilities, atol=1e-14)
     assert all(0.0 < rest["error"] < 1e-12 for rest in rests)
 
 
 def test_a_prior_of_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     box = tmp_path / "box.xyz"
     np.savetxt(box, CORNERS)
-    seen = box.with_name("seen.csv")
-    seen.write_text("x,y,z\n0,0,-1\n0.1,0,-2\n0,1,0.1\n0,0,-3\n")
-    assert main(["rest", str(box), "--prior", f"samples:{seen}", "--json"]) == 0
-    told = capsys.readouterr()
-    rests = json.loads(told.out)["rests"]
+    samples = box.with_name("samples.csv")
+    samples.write_text("x,y,z\n0,0,-1\n0.1,0,-2\n0,1,0.1\n0,0,-3\n")
+    assert main(["rest", str(box), "--prior", f"samples:{samples}", "--json"]) == 0
+    rests = json.loads(capsys.readouterr().out)["rests"]
     assert [rest["probability"] for rest in rests[:3]] == [0.75, 0.25, 0.0]
-    assert "vmf:" in told.err

@@ -27,9 +27,9 @@ def test_fractions_and_labels_become_a_die_with_these_probabilities(
     assert main(["design", "--target", "1/5, 1/4,1/4, 3/10", "--labels", "-1,yes, no,2.5"]) == 0
     captured = capsys.readouterr()
     assert captured.out.startswith("die: The file has your probabilities: off by at most 0.0")
-    # Beside them only what an ordinary printer will not make of so small a die.
-    told = captured.err.removeprefix(usual_notes()).splitlines()
-    assert all(line.startswith("note: the ") and "nozzle" in line for line in told)
+    # All other notes are limits of an ordinary printer.
+    output = captured.err.removeprefix(usual_notes()).splitlines()
+    assert all(line.startswith("note: the ") and "nozzle" in line for line in output)
     assert [line.split() for line in captured.out.splitlines()[2:6]] == [
         ["-1", "0.20000", "0.20000"],
         ["yes", "0.25000", "0.25000"],
@@ -61,10 +61,10 @@ def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[
 def test_other_files_and_a_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "coin"), "--no-figures"]
     assert main([*command, "--files", "obj, glb", "--data-sheet"]) == 0
-    told = capsys.readouterr().out.splitlines()[-1]
+    output = capsys.readouterr().out.splitlines()[-1]
     for name in ("die.stl", "die.obj", "die.glb", "data_sheet.pdf", "data_sheet.png"):
         assert (tmp_path / "coin" / name).is_file()
-        assert name in told
+        assert name in output
     recipe = read_recipe(tmp_path / "coin" / "recipe.yaml")
     assert (recipe.files, recipe.data_sheet) == (["stl", "obj", "glb"], True)
 
@@ -72,16 +72,16 @@ def test_other_files_and_a_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_the_size_grows_until_the_labels_fit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The size is the smallest whole number of millimeters, and the recipe that is written leads
-    to the same die."""
+    """The size is the smallest whole number of millimeters, and the written recipe makes the same
+    die."""
     labels = ["10000", "20000", "30000", "40000", "50000", "1000000"]
     target = ["design", "--target", "2/15,2/15,2/15,2/15,2/15,1/3", "--labels", ",".join(labels)]
     grown = tmp_path / "grown"
     assert main([*target, "--out", str(grown)]) == 0
     size = yaml.safe_load((grown / "recipe.yaml").read_text())["size_mm"]
     assert size > 30
-    told = capsys.readouterr().err
-    assert told.startswith(f"note: size_mm: {size:g}, so that the labels fit\n")
+    output = capsys.readouterr().err
+    assert output.startswith(f"note: size_mm: {size:g}, so that the labels fit\n")
     check(grown)
     facets = json.loads((grown / "result.json").read_text())["facets"]
     assert sorted(facet["label"] for facet in facets) == sorted(labels)
@@ -106,7 +106,7 @@ def test_labels_that_need_more_than_the_largest_size(
 
 
 def design_with(monkeypatch: pytest.MonkeyPatch, method: dict[str, Any]) -> None:
-    """Let the command take options of the method that it has none for."""
+    """Give the command a method that it has no options for."""
 
     def changed(entries: dict[str, Any]) -> Recipe:
         return parse_recipe({**entries, "method": method})
@@ -114,7 +114,7 @@ def design_with(monkeypatch: pytest.MonkeyPatch, method: dict[str, Any]) -> None
     monkeypatch.setattr("dicedesign.cli.dice.parse_recipe", changed)
 
 
-def test_a_target_out_of_reach_is_told(
+def test_a_target_out_of_reach_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     design_with(monkeypatch, {"exact": {"starts": 3}})
@@ -132,27 +132,27 @@ def test_a_target_out_of_reach_is_told(
     assert max(poses.probabilities) == pytest.approx(max(summary["probabilities"]), abs=1e-5)
 
 
-def test_time_that_runs_out_is_told_with_what_to_raise(
+def test_the_time_limit_is_reported_with_its_option(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     design_with(monkeypatch, {"exact": {"seconds": 1e-3}})
     target = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "out")]
-    # On a busy machine it may run out before there is a shape at all.
+    # On a busy machine, time may run out before the first shape.
     code = main(target)
-    printed, refused = capsys.readouterr()
+    printed, errors = capsys.readouterr()
     assert code == 1 or (code == 2 and not (tmp_path / "out").exists())
     assert code == 2 or " (time_limit: ran out of time; max |p - q| is " in printed
-    assert "; allow more with method.exact.seconds" in (printed if code == 1 else refused)
+    assert "; allow more with method.exact.seconds" in (printed if code == 1 else errors)
 
 
-def test_a_die_that_must_be_large_or_is_changed_by_its_labels_is_told(
+def test_a_large_die_and_an_effect_of_labels_are_noted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # Its rare outcomes are too near to each other, which is told as well.
+    # Its rare outcomes are also too near to each other.
     assert main(["design", "--target", "0.96,.01,.01,.01,.01", "--out", str(tmp_path)]) == 1
-    told, noted = capsys.readouterr()
-    assert told.startswith("die: The file does not have your probabilities: ")
-    notes = noted.splitlines()
+    output, note_lines = capsys.readouterr()
+    assert output.startswith("die: The file does not have your probabilities: ")
+    notes = note_lines.splitlines()
     size = yaml.safe_load((tmp_path / "recipe.yaml").read_text())["size_mm"]
     assert size > 100
     assert notes[0].endswith(
@@ -161,13 +161,13 @@ def test_a_die_that_must_be_large_or_is_changed_by_its_labels_is_told(
     assert main(["design", "--target", ".99,.01", "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "result.json").read_text())
     change = abs(summary["engraved"]["probabilities"][1] / 0.01 - 1.0)
-    told = (
+    output = (
         f"note: engraving changes the probabilities of 2 by {change:.0%}; take a smaller depth_mm"
     )
-    assert (told in capsys.readouterr().err) == (change > 0.05)
+    assert (output in capsys.readouterr().err) == (change > 0.05)
 
 
-def test_a_printer_that_is_named_gets_its_file(
+def test_a_printer_gets_an_oriented_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "die"
@@ -179,7 +179,7 @@ def test_a_printer_that_is_named_gets_its_file(
     points = read_body(folder / "die_oriented.stl").points
     assert points[:, 2].min() == pytest.approx(0.0, abs=1e-5)
     assert np.ptp(points[:, 2]) == pytest.approx(result["printability"]["best"]["height_mm"])
-    # The recipe that is written says it, and what is said of that printer stays.
+    # The written recipe has the printer and its options.
     recipe = tmp_path / "again.yaml"
     entries = yaml.safe_load((folder / "recipe.yaml").read_text())
     assert entries["print"]["printer"] == "sla"
@@ -188,8 +188,8 @@ def test_a_printer_that_is_named_gets_its_file(
         again = tmp_path / name
         options = ["--no-figures", "--printer", name, "--out", str(again)]
         assert main(["run", str(recipe), *options]) == 0
-        told = json.loads((again / "result.json").read_text())["printability"]
-        assert (told["printer"], told["spot_mm"]) == (name, pytest.approx(nozzle))
+        output = json.loads((again / "result.json").read_text())["printability"]
+        assert (output["printer"], output["spot_mm"]) == (name, pytest.approx(nozzle))
         assert (again / "die_oriented.stl").exists()
 
 
@@ -197,7 +197,7 @@ def test_a_mesh_with_holes_becomes_a_die(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("igl", reason="repair needs the extra repair")
-    # A coarse repair: the fine one is tested where it is.
+    # A coarse repair; other tests are for the fine one.
     monkeypatch.setattr("dicedesign.geometry.surfaces.repair.GRIDS", ((32, 0.0),))
     whole, path = bent_capsule(), tmp_path / "capsule.obj"
     trimesh.Trimesh(whole.points, whole.triangles[9:], process=False).export(path)
@@ -218,7 +218,7 @@ def test_a_mesh_with_holes_becomes_a_die(
     ],
     ids=["tiny", "huge", "shallow"],
 )
-def test_extremes_are_made(change: dict[str, Any], tmp_path: Path) -> None:
+def test_extreme_sizes_are_made(change: dict[str, Any], tmp_path: Path) -> None:
     recipe = {"name": "die", "target": {"fair": 4}, **change}
     (tmp_path / "die.yaml").write_text(yaml.safe_dump(recipe))
     arguments = ["run", str(tmp_path / "die.yaml"), "--no-figures", "--out", str(tmp_path / "out")]

@@ -1,4 +1,4 @@
-"""Names of files that are not UTF-8 or have line feeds, wherever they are printed or written."""
+"""Names of files that are not UTF-8 or have line feeds are printed and written safely."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def tetrahedron(path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_one_line_says_whose_rests_they_are(
+def test_the_first_line_has_a_printable_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     assert main(["rest", str(tetrahedron(tmp_path / name))]) == 0
@@ -47,13 +47,13 @@ def test_a_recipe_from_a_folder_that_is_not_utf8(
     tetrahedron(folder / "m.stl")
     (folder / "r.yaml").write_text(RECIPE % "m.stl")
     assert main(["run", str(folder / "r.yaml"), "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert r"d\udcff/r.yaml: start.mesh.path: expected a text in UTF-8, got '" in said
-    assert said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert r"d\udcff/r.yaml: start.mesh.path: expected a text in UTF-8, got '" in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("key", ["name", "labels.1", "target.fair"])
-def test_half_a_letter_is_refused_by_its_key(key: str) -> None:
+def test_lone_surrogates_are_refused_by_key(key: str) -> None:
     entries: dict[str, object] = {"name": "a", "target": {"fair": 4}, "labels": ["1", "2"]}
     if key == "name":
         entries["name"] = "\ud800"
@@ -65,7 +65,7 @@ def test_half_a_letter_is_refused_by_its_key(key: str) -> None:
         parse_recipe(entries)
 
 
-def test_what_a_run_writes_can_be_read_by_all(tmp_path: Path) -> None:
+def test_files_of_a_run_are_utf8(tmp_path: Path) -> None:
     mesh = tetrahedron(tmp_path / "m\n<b>&.stl")
     recipe = tmp_path / "r.yaml"
     recipe.write_text(RECIPE % json.dumps(mesh.name))

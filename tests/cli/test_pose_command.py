@@ -1,4 +1,4 @@
-"""`dicedesign pose` writes meshes that stand where they are said to, read back by other code."""
+"""`dicedesign pose` writes meshes in resting poses, read back by other code."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def egg(tmp_path: Path) -> Path:
     return path
 
 
-def told(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+def posed_files(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
     files: list[dict[str, object]] = json.loads(capsys.readouterr().out)["files"]
     return files
 
@@ -42,7 +42,7 @@ def test_the_file_holds_the_mesh_in_that_pose(
 ) -> None:
     out = tmp_path / f"posed.{ending}"
     assert main(["pose", str(egg), "--pose", str(number), "--out", str(out), "--json"]) == 0
-    (one,) = told(capsys)
+    (one,) = posed_files(capsys)
     poses = rest_poses(read_body(egg))
     assert one["probability"] == pytest.approx(poses.probabilities[number - 1], abs=1e-9)
     posed = trimesh.load(out, force="mesh")
@@ -50,7 +50,7 @@ def test_the_file_holds_the_mesh_in_that_pose(
     assert posed.volume == pytest.approx(original.volume, rel=1e-5)
     assert abs(posed.bounds[0, 2]) < 1e-6
     np.testing.assert_allclose(posed.center_mass[:2], 0.0, atol=1e-5)
-    # It stands on the facet of that rest: as much of its area is on the plane.
+    # It stands on the facet of that rest, whose area is on the plane.
     flat = np.abs(posed.triangles[:, :, 2]).max(axis=1) < 1e-5
     assert posed.area_faces[flat].sum() == pytest.approx(poses.areas[number - 1], rel=1e-4)
     moved = trimesh.transform_points(original.vertices, one["transform"])
@@ -82,7 +82,7 @@ def test_y_can_be_upward(tmp_path: Path, egg: Path) -> None:
     assert y.volume == pytest.approx(z.volume, rel=1e-5)
 
 
-def test_one_seed_is_one_file_whatever_is_posed_beside_it(tmp_path: Path, egg: Path) -> None:
+def test_a_pose_depends_on_the_seed_and_not_on_other_meshes(tmp_path: Path, egg: Path) -> None:
     trimesh.creation.box((1, 2, 3)).export(tmp_path / "box.stl")
     alone, beside = tmp_path / "egg.obj", tmp_path / "both"
     arguments = ["--random", "--seed", "5"]
@@ -105,17 +105,17 @@ def test_a_bad_file_does_not_end_a_folder(
     np.savetxt(folder / "points.xyz", np.random.default_rng(3).normal(size=(20, 3)))
     out = tmp_path / "new" / "posed"
     assert main(["pose", str(folder), "--out", str(out), "--jobs", "1"]) == 0
-    said = capsys.readouterr()
-    assert "bad.stl: expected a .stl file" in said.err
-    assert "1 files could not be posed" in said.err
+    captured = capsys.readouterr()
+    assert "bad.stl: expected a .stl file" in captured.err
+    assert "1 files could not be posed" in captured.err
     for name in ("box.stl", "within/rod.off", "points.xyz"):
-        assert name in said.out
+        assert name in captured.out
         points = read_body(out / name).points
         assert abs(points[:, 2].min()) < 1e-6
     assert read_body(out / "box.stl").points[:, 2].max() == pytest.approx(1.0)
 
 
-def test_files_have_names_without_being_asked(
+def test_outputs_have_default_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, egg: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)

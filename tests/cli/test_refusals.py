@@ -1,5 +1,4 @@
-"""What a command cannot do ends with exit code 2 and one line that names the thing, and leaves
-nothing behind."""
+"""Refused commands end with exit code 2, one line of error, and no files."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ CONCAVE = "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod
 PAPER = "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
 
 BOX = (0.32251078, 0.32251078, 0.1213636, 0.1213636, 0.05612562, 0.05612562)
-"""Probabilities of its rests."""
+"""Probabilities of the box's rests."""
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
 
@@ -68,8 +67,8 @@ COMMANDS = {
     "rest garbage.stl": "garbage.stl",
     "rest box.stl --com 5,0,0": "outside",
     "rest box.stl --com 0.5,0,0": "on the boundary",
-    "rest box.stl --com 1,2": "--com: expected three numbers",
-    "rest box.stl --com nan,0,0": "--com: expected three numbers",
+    "rest box.stl --com 1,2": "--com: expected 3 numbers",
+    "rest box.stl --com nan,0,0": "--com: expected 3 numbers",
     "rest box.stl --figure no/such/folder.png": "folder",
     "rest box.stl --coplanar-tolerance -1": "coplanar tolerance: expected",
     "rest box.stl --table glass": "--table: table glass: expected board-game, hard-wood, carpet",
@@ -85,7 +84,7 @@ COMMANDS = {
     "rest box.stl --prior samples:zeros.csv": "zeros.csv",
     "rest box.stl --prior samples:names.csv": "in line 1",
     "drop box.stl --down 0,0,0": "down: expected",
-    "drop box.stl --down up": "--down: expected three numbers",
+    "drop box.stl --down up": "--down: expected 3 numbers",
     "drop box.stl --down 0,0,1 --max-angle-deg -1": "--max-angle-deg: expected at least 0.0057",
     "pose box.stl --out box.stl": "mesh's own",
     "pose box.stl --out out.stl --pose 7": "at least 7 poses, got one of 6",
@@ -103,7 +102,7 @@ COMMANDS = {
     "scatter within --out room.glb --count 0": "--count",
     "scatter within --out room.glb --count 100000000": "--count",
     "scatter within --out room.glb --floor 0,5": "--floor",
-    "scatter within --out room.glb --floor 5": "--floor: expected two numbers",
+    "scatter within --out room.glb --floor 5": "--floor: expected 2 numbers",
     "scatter within --out room.glb --size -2": "--size",
     "scatter within --out room.glb --size nan": "--size",
     "scatter within --out room.glb --size 1e300": "--size",
@@ -184,7 +183,7 @@ COMMANDS = {
     "run concave.yaml --set start.mesh.path=ball.stl --set target.fair=3": "nearly a sphere",
     "run concave.yaml --set start.mesh.path=box.stl --set target.fair=3": "take method: {exact",
     "run concave.yaml --set 'start={prism: {}}'": "start: expected a surface to keep",
-    "search concave.yaml --trials 1": "expected a method for convex dice in a search, got concave",
+    "search concave.yaml --trials 1": "expected a method whose trials take seconds in a search",
     "design --target 2d6,1/2": "--target: expected a number or a fraction such as 1/36, got '2d6'",
     "design --target 1/0,1/2": "--target: expected a number or a fraction such as 1/36, got '1/0'",
     "design --target 1e400,1/2": "--target: expected a number or a fraction such as 1/36, got",
@@ -224,7 +223,7 @@ ENTRIES = {
     "{engrave: {icons: {3: script.svg}}}": "expected no scripts",
     "{engrave: {icons: {3: text.svg}}}": "expected paths and shapes only, got <text>",
     "{engrave: {icons: {3: broken.svg}}}": "expected an SVG file, got no XML",
-    "{engrave: {depth_mm: -0.6}}": "engrave: depth_mm: expected a number above 0 and at most 1000",
+    "{engrave: {depth_mm: -0.6}}": "engrave: depth_mm: expected a number above 0, got -0.6",
     "{engrave: {depth_mm: 1.0e-12}}": "engrave.depth_mm: expected at least 3e-05",
     "{engrave: {depth_mm: 25}}": "reduce depth_mm",
     "{engrave: {min_height_mm: 40, max_height_mm: 50}}": "expected room on facet ",
@@ -233,10 +232,10 @@ ENTRIES = {
     "{engrave: {stroke_mm: 50.0}}": "for digits of at least min_height_mm",
     "{edges: {radius_mm: 6.1}}": "edges.radius_mm: expected at most 6",
     "{edges: {radius_mm: 0.29}}": "edges.radius_mm: expected at least 0.3",
-    "{edges: {radius_mm: 5.9}}": "the radius of the flat circle on facet",
+    "{edges: {radius_mm: 5.9}}": "circle that is left flat on facet",
     "{files: [stl, dxf]}": "files: expected formats out of",
 }
-"""What is changed in a recipe for a fair d4, and the refusal."""
+"""Changes of a recipe for a fair d4, and the error."""
 
 KEYS = (
     "engrave.depth_mm margin_mm min_height_mm max_height_mm stroke_mm border_mm content icons font "
@@ -248,14 +247,14 @@ KEYS = (
     "files",
     "data_sheet",
 )
-"""An entry of a recipe, and those within it."""
+"""Entries of a recipe, each with its nested entries."""
 
 WRONG = "-1 .nan .inf 1.0e+300 wrong [1] {wrong: 1}".replace("wrong: 1", "wrong:_1").split()
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with meshes, recipes, fonts and pictures, most of them broken."""
+    """Working directory with meshes, recipes, fonts and pictures, most of them broken."""
     monkeypatch.chdir(tmp_path)
     for name in ("within", "rubbish", "nothing"):
         (tmp_path / name).mkdir()
@@ -278,12 +277,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line by which a command is refused."""
+    """Run a command, and return its one line of error."""
     before = sorted(Path().rglob("*"))
     assert main(arguments) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    (line,) = [line for line in said.err.splitlines() if not line.startswith("note: ")]
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
     assert line.startswith("dicedesign: ")
     assert sorted(Path().rglob("*")) == before
     return line
@@ -335,7 +334,16 @@ def test_help_fits_a_screen_and_its_example_is_valid(
     assert make_parser(command).parse_args(words).command == command
 
 
-@pytest.mark.parametrize("command", ["design", "design --target 1/2,1/2 --size-mm large", "roll"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "design",
+        "design --target 1/2,1/2 --size-mm large",
+        "roll",
+        "rolls die",
+        "rolls die counts.csv --log log.csv",
+    ],
+)
 def test_usage(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(command.split())
@@ -357,7 +365,7 @@ def test_usage(command: str, capsys: pytest.CaptureFixture[str]) -> None:
         "table fit --throws NAME",
     ],
 )
-def test_names_that_no_file_can_have(
+def test_impossible_file_names_are_refused(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

@@ -1,5 +1,4 @@
-"""`dicedesign repair` writes what can be made into a concave die, and what cannot be read, repaired
-or bent is told in one line with exit code 2."""
+"""`dicedesign repair` writes closed surfaces of one solid."""
 
 from __future__ import annotations
 
@@ -32,8 +31,9 @@ def test_an_open_mesh_becomes_a_surface_of_the_same_solid(
     broken = write_obj(tmp_path / "broken.obj", original.points, original.triangles[5:])
     out = tmp_path / "whole.glb"
     assert main(["repair", str(broken), str(out)]) == 0
-    said = capsys.readouterr()
-    table = {line.rsplit("  ", 2)[0].split("  ")[0]: line.split() for line in said.out.splitlines()}
+    captured = capsys.readouterr()
+    lines = captured.out.splitlines()
+    table = {line.rsplit("  ", 2)[0].split("  ")[0]: line.split() for line in lines}
     surface, notes = make_surface(read_body(out))
     # A GLB file has each point once for each triangle.
     assert all(note.startswith("welded") for note in notes)
@@ -43,10 +43,10 @@ def test_an_open_mesh_becomes_a_surface_of_the_same_solid(
     assert table["handles"][-1] == "0"
     with Image.open(tmp_path / "whole_repair.png") as picture:
         assert picture.width > picture.height > 500
-    assert "note: repaired the mesh" in said.err
+    assert "note: repaired the mesh" in captured.err
 
 
-def test_a_mesh_that_is_fine_is_written_as_it_is(
+def test_a_sound_mesh_is_written_unchanged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     original = bumpy_sphere(1)
@@ -73,8 +73,8 @@ def test_a_missing_extra(tmp_path: Path) -> None:
     assert not (tmp_path / "out.stl").exists()
 
 
-def test_repeated_and_flat_triangles_are_no_trouble(tmp_path: Path) -> None:
-    """Each triangle twice, some with a corner twice, and points that nothing uses."""
+def test_repeated_and_flat_triangles_are_removed(tmp_path: Path) -> None:
+    """Mesh with each triangle twice, triangles with a corner twice, and unused points."""
     original = bent_capsule()
     flat = original.triangles[:9, [0, 1, 0]]
     triangles = np.concatenate([original.triangles, flat, original.triangles])

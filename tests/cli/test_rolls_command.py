@@ -1,4 +1,4 @@
-"""`dicedesign rolls`: tables, JSON, figure, throws that are typed in, errors."""
+"""`dicedesign rolls`: tables, JSON, figure, typed throws, errors."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ def counts(tmp_path: Path, values: dict[str, int]) -> Path:
     return path
 
 
-def answer(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict:
+def run_json(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict:
     assert main(["rolls", *map(str, arguments), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 
 
 def test_a_designed_die(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     throws = counts(tmp_path, {"8": 9, "2": 11, "3": 20, "4": 30, "5": 45, "6": 27, "7": 18})
-    found = answer(capsys, die, throws)
-    assert list(found) == [
+    result = run_json(capsys, die, throws)
+    assert list(result) == [
         "probabilities_source",
         "throws",
         "confidence",
@@ -59,14 +59,14 @@ def test_a_designed_die(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture
         "throws_to_reject",
         "throws_to_confirm",
     ]
-    assert (found["throws"], found["rejected"], found["exact_test"]) == (160, False, None)
-    assert [outcome["label"] for outcome in found["outcomes"]] == list("2345678")
-    first = found["outcomes"][0]
+    assert (result["throws"], result["rejected"], result["exact_test"]) == (160, False, None)
+    assert [outcome["label"] for outcome in result["outcomes"]] == list("2345678")
+    first = result["outcomes"][0]
     assert (first["count"], first["probabilities"]) == (11, 1 / 16)
     assert first["interval"][0] < first["frequency"] < first["interval"][1]
     assert first["posterior_mean"] == pytest.approx(11.5 / 163.5)
-    assert found["chi_square"]["degrees"] == 6
-    assert found["total_variation"]["noise_floor"] > 0.0
+    assert result["chi_square"]["degrees"] == 6
+    assert result["total_variation"]["noise_floor"] > 0.0
 
 
 def test_as_a_table(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,18 +81,18 @@ def test_as_a_table(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "would show that they are, to within a total variation of 0.02" in out
 
 
-def test_a_mesh_has_its_rests_for_labels(
+def test_the_rests_of_a_mesh_are_its_outcomes(
     box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = answer(capsys, box, counts(tmp_path, {"1": 30, "2": 28, "6": 2}))
-    probabilities = [outcome["probabilities"] for outcome in found["outcomes"]]
+    result = run_json(capsys, box, counts(tmp_path, {"1": 30, "2": 28, "6": 2}))
+    probabilities = [outcome["probabilities"] for outcome in result["outcomes"]]
     np.testing.assert_allclose(probabilities, rest_poses(read_body(box)).probabilities)
-    assert [outcome["label"] for outcome in found["outcomes"]] == list("123456")
-    assert [outcome["count"] for outcome in found["outcomes"]] == [30, 28, 0, 0, 0, 2]
-    assert found["probabilities_source"] == "geometric probabilities of its rests"
+    assert [outcome["label"] for outcome in result["outcomes"]] == list("123456")
+    assert [outcome["count"] for outcome in result["outcomes"]] == [30, 28, 0, 0, 0, 2]
+    assert result["probabilities_source"] == "geometric probabilities of its rests"
 
 
-def test_a_designed_die_needs_neither_its_mesh_nor_what_draws(die: Path, tmp_path: Path) -> None:
+def test_a_designed_die_loads_nothing_heavy(die: Path, tmp_path: Path) -> None:
     throws = counts(tmp_path, {"5": 3})
     code = (
         "import sys; from dicedesign.cli.main import main; main(sys.argv[1:]); "
@@ -108,9 +108,8 @@ def test_a_designed_die_needs_neither_its_mesh_nor_what_draws(die: Path, tmp_pat
 def test_published_throws_of_a_published_mesh(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Throws of the two outcomes of a pair cannot be told apart, so that only their sums are
-    certain; the test rejects the geometric probabilities as these do, and those of three coins
-    not."""
+    """The throws of each pair of outcomes are known only together. The test rejects the geometric
+    probabilities of the hendecahedron, and not those of three coins."""
     with public_data("published/throws.csv").open() as file:
         rows = list(csv.DictReader(file))
     for name, rejected in (("2d6_hendecahedron", True), ("binomial2", False)):
@@ -122,9 +121,9 @@ def test_published_throws_of_a_published_mesh(
         throws = counts(tmp_path, {row["outcome"]: int(row["throws"]) for row in mine})
         assert main(["rolls", str(folder), str(throws), "--json"]) == 0
         captured = capsys.readouterr()
-        found = json.loads(captured.out)
-        assert found["throws"] == sum(int(row["throws"]) for row in mine)
-        assert found["rejected"] is rejected
+        result = json.loads(captured.out)
+        assert result["throws"] == sum(int(row["throws"]) for row in mine)
+        assert result["rejected"] is rejected
         assert "does not meet its target (off_target)" in captured.err
 
 
@@ -141,19 +140,19 @@ def test_a_folder_without_a_die(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert message in error
 
 
-def test_the_confidence_next_to_1(
+def test_the_largest_confidence(
     die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = answer(
+    result = run_json(
         capsys, die, counts(tmp_path, {"5": 30, "4": 20}), "--confidence", "0.9999999999999999"
     )
-    assert found["confidence"] == 1.0 - 2.0**-53
-    assert found["throws_to_confirm"] > found["throws_to_reject"] > 0
-    assert all(outcome["posterior_interval"][1] < 1.0 for outcome in found["outcomes"])
+    assert result["confidence"] == 1.0 - 2.0**-53
+    assert result["throws_to_confirm"] > result["throws_to_reject"] > 0
+    assert all(outcome["posterior_interval"][1] < 1.0 for outcome in result["outcomes"])
 
 
 class Terminal(io.StringIO):
-    """Somebody who types lines, and an interrupt where a line says so."""
+    """Terminal with typed lines; "^C" is an interrupt."""
 
     def isatty(self) -> bool:
         return True
@@ -167,7 +166,7 @@ class Terminal(io.StringIO):
 
 @pytest.mark.parametrize("stdin", [io.StringIO, Terminal])
 @pytest.mark.parametrize("end", ["", "done\n5 5 5\n"])
-def test_typed_throws_are_judged_as_those_of_a_file(
+def test_typed_throws_have_the_verdict_of_a_file(
     die: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -178,18 +177,18 @@ def test_typed_throws_are_judged_as_those_of_a_file(
     log = tmp_path / "rolls.csv"
     log.write_text("label\n2\n7\n")
     monkeypatch.setattr(sys, "stdin", stdin("5\n4 6 7\n\n3\n8\nundo\n5\n" + end))
-    found = answer(capsys, die, "--log", log)
+    result = run_json(capsys, die, "--log", log)
     assert log.read_text().split() == ["label", "2", "7", "5", "4", "6", "7", "3", "5"]
-    assert found == answer(capsys, die, log)
+    assert result == run_json(capsys, die, log)
 
 
-def test_a_line_that_is_wrong(
+def test_a_wrong_line_is_refused(
     die: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """At a terminal it is typed again; a pipe ends there, with what came before written down."""
+    """A terminal asks again; a pipe ends there, and the throws before are logged."""
     log = tmp_path / "rolls.csv"
     monkeypatch.setattr(sys, "stdin", Terminal("5\n4 9\n4 6\n^C\n7\n"))
     assert main(["rolls", str(die), "--log", str(log)]) == 0
@@ -214,12 +213,12 @@ def test_no_throw_is_typed(
     assert main(["rolls", str(die), "--log", str(log)]) == 0
     assert capsys.readouterr().out == "no throws, nothing to judge\n"
     monkeypatch.setattr(sys, "stdin", io.StringIO())
-    assert answer(capsys, die, "--log", log) == {"throws": 0}
+    assert run_json(capsys, die, "--log", log) == {"throws": 0}
     assert log.read_text() == "label\n"
 
 
-def test_what_was_typed_outlives_the_process(die: Path, tmp_path: Path) -> None:
-    """Every line is in the file as soon as it has ended, and an interrupt tells the rest."""
+def test_typed_throws_survive_a_kill(die: Path, tmp_path: Path) -> None:
+    """Each line is logged at once, and an interrupt ends with the verdict."""
     log = tmp_path / "rolls.csv"
     for sent, typed in ((signal.SIGKILL, "5\n4\n"), (signal.SIGINT, "6\n")):
         process = subprocess.Popen(
@@ -241,12 +240,3 @@ def test_what_was_typed_outlives_the_process(die: Path, tmp_path: Path) -> None:
         assert process.returncode == (0 if sent == signal.SIGINT else -sent)
     assert "3 throws, tested" in out
     assert log.read_text().split() == ["label", "5", "4", "6"]
-
-
-def test_a_file_or_a_log(die: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for given in ([], [str(tmp_path / "a.csv"), "--log", str(tmp_path / "b.csv")]):
-        with pytest.raises(SystemExit) as ended:
-            main(["rolls", str(die), *given])
-        assert ended.value.code == 2
-        assert "--log" in capsys.readouterr().err
-    assert not (tmp_path / "b.csv").exists()

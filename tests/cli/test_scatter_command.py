@@ -1,4 +1,4 @@
-"""`dicedesign scatter`: the files read back by other code, the footprints by boolean operations."""
+"""`dicedesign scatter`: files are read back by other code, footprints are intersected."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dicedesign.cli.main import main
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Four meshes, one of them red and of two parts, a point cloud and a file that is none."""
+    """Folder of four meshes, one of them red with two parts, a point cloud and a broken file."""
     meshes = tmp_path / "meshes"
     (meshes / "within").mkdir(parents=True)
     trimesh.creation.box((1, 2, 3)).export(meshes / "box.stl")
@@ -46,19 +46,19 @@ def folder(tmp_path: Path) -> Path:
 
 def scatter(folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     assert main(["scatter", str(folder), *arguments, "--json"]) == 0
-    told: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return told
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return answer
 
 
 def test_bodies_stand_on_the_floor_in_their_poses_apart_from_each_other(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = str(tmp_path / "room.glb")
-    told = scatter(folder, capsys, "--count", "17", "--seed", "3", "--out", out)
-    assert len(told["bodies"]) == 17
-    wide, deep = told["floor"]
+    answer = scatter(folder, capsys, "--count", "17", "--seed", "3", "--out", out)
+    assert len(answer["bodies"]) == 17
+    wide, deep = answer["floor"]
     shapes = []
-    for body in told["bodies"]:
+    for body in answer["bodies"]:
         mesh, transform = read_body(folder / body["file"]), np.array(body["transform"])
         placed = mesh.points @ transform[:3, :3].T + transform[:3, 3]
         assert abs(placed[:, 2].min()) < 1e-6
@@ -71,7 +71,7 @@ def test_bodies_stand_on_the_floor_in_their_poses_apart_from_each_other(
     for one, other in combinations(shapes, 2):
         assert (one ^ other).area() == 0.0
     counts = {
-        name: sum(b["file"] == name for b in told["bodies"])
+        name: sum(b["file"] == name for b in answer["bodies"])
         for name in ("box.stl", "ring.obj", "two.glb", "within/rod.off")
     }
     assert sorted(counts.values()) == [4, 4, 4, 5]
@@ -81,20 +81,20 @@ def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "room.glb"
-    told = scatter(folder, capsys, "--count", "10", "--out", str(out))
+    answer = scatter(folder, capsys, "--count", "10", "--out", str(out))
     read = pygltflib.GLTF2().load(str(out))
-    # Three files of one mesh, one of two, and the floor.
+    # Three files with one mesh, one with two, and the floor.
     assert len(read.meshes) == 6
     assert sorted(m.name for m in read.materials) == ["one", "two"]
     names = [node.name for node in read.nodes]
     assert {f"body {k}" for k in range(10)} < set(names)
     scene = trimesh.load(out)
-    # In the file y is upward.
+    # In the file, y points up.
     back = np.linalg.inv(scene.graph["room"][0])
-    for k, body in enumerate(told["bodies"]):
+    for k, body in enumerate(answer["bodies"]):
         np.testing.assert_allclose(back @ scene.graph[f"body {k}"][0], body["transform"], atol=1e-6)
     assert scene.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
-    np.testing.assert_allclose(scene.extents[[0, 2]], told["floor"], rtol=1e-6)
+    np.testing.assert_allclose(scene.extents[[0, 2]], answer["floor"], rtol=1e-6)
     # All points of a body, through the scene's own graph.
     points = [
         trimesh.transform_points(
@@ -103,14 +103,14 @@ def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
         for node in scene.graph.nodes_geometry
         if node.startswith("body 4")
     ]
-    body = told["bodies"][4]
+    body = answer["bodies"][4]
     mesh, transform = read_body(folder / body["file"]), np.array(body["transform"])
     expected = trimesh.transform_points(mesh.points, scene.graph["room"][0] @ transform)
     np.testing.assert_allclose(np.concatenate(points).min(0), expected.min(0), atol=1e-5)
     np.testing.assert_allclose(np.concatenate(points).max(0), expected.max(0), atol=1e-5)
 
 
-def test_one_seed_is_one_room_and_another_is_another(
+def test_a_room_depends_on_the_seed(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rooms = [tmp_path / f"{k}.glb" for k in range(3)]
@@ -122,7 +122,7 @@ def test_one_seed_is_one_room_and_another_is_another(
     assert rooms[0].read_bytes() == rooms[1].read_bytes()
 
 
-def test_a_size_is_given_to_all(
+def test_all_meshes_are_scaled_to_one_size(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     huge = trimesh.creation.box((1000, 500, 200))
@@ -130,8 +130,8 @@ def test_a_size_is_given_to_all(
     out = str(tmp_path / "room.glb")
     assert main(["scatter", str(folder), "--out", out]) == 2
     assert "scale all to one size with --size" in capsys.readouterr().err
-    told = scatter(folder, capsys, "--count", "5", "--size", "2", "--out", out)
-    for body in told["bodies"]:
+    answer = scatter(folder, capsys, "--count", "5", "--size", "2", "--out", out)
+    for body in answer["bodies"]:
         points = read_body(folder / body["file"]).points
         assert np.ptp(points, axis=0).max() * body["scale"] == pytest.approx(2.0)
         turn = np.array(body["transform"])[:3, :3]
@@ -150,14 +150,14 @@ def test_the_picture_shows_the_colors_of_the_meshes(
     assert np.count_nonzero(hues > 5000) >= 4
 
 
-def test_a_floor_that_is_too_small_says_which_would_do(
+def test_a_small_floor_is_refused_with_a_sufficient_one(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "room.glb"
     arguments = ["scatter", str(folder), "--count", "20", "--out", str(out)]
     assert main([*arguments, "--floor", "9,6"]) == 2
-    said = capsys.readouterr().err
+    error = capsys.readouterr().err
     assert not out.exists()
-    (found, floor), *_ = re.findall(r"only (\d+) found.*take --floor ([\d.,]+),", said)
+    (found, floor), *_ = re.findall(r"only (\d+) found.*take --floor ([\d.,]+),", error)
     assert 0 < int(found) < 20
     assert main([*arguments, "--floor", floor]) == 0

@@ -20,7 +20,7 @@ from dicedesign.throws.tables import load_table, posterior_tables
 
 @pytest.fixture
 def throws(tmp_path: Path) -> Path:
-    """Counts of a box that lands on its small sides more often than without momentum."""
+    """Counts of a box that rests on its small sides more often than without momentum."""
     mesh = box_file(tmp_path, (1.0, 1.1, 1.25))
     probabilities = rest_poses(read_body(mesh)).probabilities
     counts = (60, 60, 24, 26, 14, 16)
@@ -41,14 +41,14 @@ def fit(*arguments: object) -> int:
 
 @pytest.fixture
 def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A posterior by fewer points."""
+    """Compute the posterior with fewer points."""
     for name, value in (("PILOT", (2**8, 2**2)), ("FINAL", (2**9, 2**3)), ("DRAWS", 2**8)):
         monkeypatch.setattr(table_fit, name, value)
 
 
 @compiled_only
 @pytest.mark.usefixtures("few_points")
-def test_a_fit_of_one_die_with_another_predicted_and_one_at_hand(
+def test_a_fit_predicts_other_dice(
     throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     facets = [("abc"[i], sign * np.eye(3)[i]) for i in range(3) for sign in (-1.0, 1.0)]
@@ -59,20 +59,20 @@ def test_a_fit_of_one_die_with_another_predicted_and_one_at_hand(
     out = tmp_path / "mine.json"
     arguments = ("--throws", throws, "--check", "twin", "--die", folder)
     assert fit(*arguments, "--out", out, "--json") == 0
-    told, noted = capsys.readouterr()
-    assert noted == f"note: wrote {out}\n"
-    found = json.loads(told)
+    output, notes = capsys.readouterr()
+    assert notes == f"note: wrote {out}\n"
+    answer = json.loads(output)
     table = load_table(str(out))
-    assert table.as_dict() == found["table"]
+    assert table.as_dict() == answer["table"]
     assert (table.name, table.source) == ("mine", "fitted to 200 throws of box")
-    assert table.restitution == found["parameters"]["restitution"]["fitted"]
+    assert table.restitution == answer["parameters"]["restitution"]["fitted"]
     drawn = posterior_tables(str(out))
     assert [each.restitution for each in drawn] == [
-        row["restitution"] for row in found["posterior"]
+        row["restitution"] for row in answer["posterior"]
     ]
     assert len(drawn) == 32
-    assert np.diag(found["correlations"]) == pytest.approx(np.ones(5))
-    die, twin = found["dice"]
+    assert np.diag(answer["correlations"]) == pytest.approx(np.ones(5))
+    die, twin = answer["dice"]
     assert die["outcomes"] == ["A or B", "C or D", "E or F"]
     assert (die["throws"], die["degrees"]) == ([120, 50, 30], 2)
     # A twelfth of all drops.
@@ -80,17 +80,17 @@ def test_a_fit_of_one_die_with_another_predicted_and_one_at_hand(
     assert die["by_all_dice"]["p_value"] > 0.01
     assert twin["by_all_dice"] is None
     assert twin["by_other_dice"]["p_value"] > 0.01
-    mine = found["die_at_hand"]
+    mine = answer["die_at_hand"]
     assert mine["target"] == [0.5, 0.25, 0.25]
     assert sum(mine["posterior_probabilities"]) == pytest.approx(1.0)
-    came = np.array(mine["simulated"])
-    variation = np.abs(came / came.sum() - mine["target"]).sum() / 2.0
+    simulated = np.array(mine["simulated"])
+    variation = np.abs(simulated / simulated.sum() - mine["target"]).sum() / 2.0
     assert mine["total_variation"] == pytest.approx(variation)
 
     assert fit(*arguments) == 0
     text = capsys.readouterr().out
     lines = {line.split("  ")[0]: line for line in text.splitlines()[::-1]}
-    for name, entry in found["parameters"].items():
+    for name, entry in answer["parameters"].items():
         assert float(lines[name].split()[1]) == entry["fitted"]
     assert float(lines["box"].split()[3]) == pytest.approx(die["chi_square"], abs=0.006)
     assert "not fitted" in lines["twin"]
@@ -109,14 +109,14 @@ def test_counts_that_no_table_explains(throws: Path, capsys: pytest.CaptureFixtu
 
 
 @compiled_only
-def test_a_fit_in_spite_of_kills_is_the_same(
+def test_a_killed_fit_resumes_with_equal_results(
     throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Among the sets of parameters of a later round."""
+    """The kill comes in a later round."""
     (tmp_path / "other").mkdir()
     whole, parts = tmp_path / "mine.json", tmp_path / "other" / "mine.json"
     assert fit("--throws", throws, "--out", whole) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     command = ["table", "fit", "--evaluations", "32", "--drops", "10", "--throws", str(throws)]
     kill_at_write([*command, "--out", str(parts), "--jobs=1"], 20)
     assert fit("--throws", throws, "--out", parts, "--seed", "1") == 2
@@ -127,7 +127,7 @@ def test_a_fit_in_spite_of_kills_is_the_same(
     throws.write_text(throws.read_text().replace(",61,", ",60,"))
     assert fit("--throws", throws, "--out", parts) == 0
     captured = capsys.readouterr()
-    assert captured.out == told
-    assert captured.err.startswith("note: goes on from ")
+    assert captured.out == output
+    assert captured.err.startswith("note: resumes from ")
     assert parts.read_bytes() == whole.read_bytes()
     assert not list(tmp_path.glob("**/*.npz"))

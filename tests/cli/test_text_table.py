@@ -21,7 +21,3 @@ def test_texts_begin_at_the_left_and_numbers_end_at_the_right() -> None:
         "one             7   0.50  1 to 2  x",
         "fifteen  12345678  10.00       -",
     ]
-
-
-def test_without_rows_the_names_are_left() -> None:
-    assert text_table(("a", "d", []), ("b", "", [])) == "a  b"

@@ -1,4 +1,4 @@
-"""The result of a run, written and read back."""
+"""Results are written and read back."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ RESULT = Result(
 )
 
 
-def written(folder: Path, content: Any) -> Path:
+def write_result(folder: Path, content: Any) -> Path:
     (folder / "result.json").write_text(json.dumps(content))
     return folder
 
@@ -88,25 +88,25 @@ def plain() -> dict[str, Any]:
     return json.loads(RESULT.json_text())
 
 
-def test_what_is_written_is_read_back(tmp_path: Path) -> None:
-    result = read_result(written(tmp_path, plain()))
+def test_a_result_is_read_back(tmp_path: Path) -> None:
+    result = read_result(write_result(tmp_path, plain()))
     assert result == RESULT
     assert result.converged
     assert result.folder == tmp_path
     assert result.plain_file == tmp_path / "die_plain.stl"
 
 
-def test_what_is_not_known_has_no_key() -> None:
+def test_missing_values_have_no_key() -> None:
     keys = set(plain())
     assert {"name", "facets", "history", "thrown", "notes"} <= keys
     assert not keys & {"concave", "inside", "infill", "folder"}
     assert set(plain()["design"]) == {"max_abs_error", "starts"}
     assert "stretch" not in plain()["engraved"]["balance"]
-    # Of a facet "nothing" is an answer.
+    # The label of a facet may be None.
     assert plain()["facets"][3]["label"] is None
 
 
-def test_a_draft_lacks_what_it_misses_by_more_than_a_file_s_rounding() -> None:
+def test_flaws_of_a_draft_exceed_the_rounding_of_files() -> None:
     wanted = TradeOff(0.005, 45.0, 10.0, ())
     good = Draft(1, None, 0.005, 0.02, 45.0, 10.0, 0)
     assert list(wanted.flaws(good)) == []
@@ -121,7 +121,7 @@ def test_a_draft_lacks_what_it_misses_by_more_than_a_file_s_rounding() -> None:
     assert len(list(wanted.flaws(Draft(1, None, 0.5, 0.0, 0.0, 0.0, 9)))) == 4
 
 
-def test_without_a_clock_there_are_no_times() -> None:
+def test_a_result_without_clock_has_no_times() -> None:
     result = RESULT.without_clock()
     assert result.search is not None
     assert result.search.seconds is None
@@ -131,25 +131,25 @@ def test_without_a_clock_there_are_no_times() -> None:
     assert slower.without_clock() == result
 
 
-def test_every_facet_of_an_outcome_shows_it() -> None:
+def test_each_facet_of_an_outcome_has_its_normal() -> None:
     assert [label for label, _ in RESULT.outcome_normals] == ["a", "b", "b"]
     normals = np.array([normal for _, normal in RESULT.outcome_normals])
     np.testing.assert_array_equal(normals, [[1, 0, 0], [0, 0, 1], [0, 0, -1]])
 
 
 @pytest.mark.parametrize("missing", ["status", "labels", "target", "facets", "center_of_mass"])
-def test_what_is_missing_is_named(tmp_path: Path, missing: str) -> None:
+def test_missing_keys_are_named(tmp_path: Path, missing: str) -> None:
     content = plain()
     del content[missing]
     with pytest.raises(InputError, match=f"result.json: expected .* got {missing}: .*; name a fol"):
-        read_result(written(tmp_path, content))
+        read_result(write_result(tmp_path, content))
 
 
 def test_a_result_of_an_older_layout_is_refused(tmp_path: Path) -> None:
     content = plain()
     content["design_max_abs_error"] = content.pop("design")["max_abs_error"]
     with pytest.raises(InputError, match=r"that of an older version.* run its recipe.yaml again"):
-        read_result(written(tmp_path, content))
+        read_result(write_result(tmp_path, content))
 
 
 @pytest.mark.parametrize(
@@ -171,13 +171,13 @@ def test_a_result_of_an_older_layout_is_refused(tmp_path: Path) -> None:
         ({"facets": ["a"]}, "facets.0"),
     ],
 )
-def test_wrong_kinds(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+def test_wrong_values_are_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=f"of a finished run, got .*{message}"):
-        read_result(written(tmp_path, {**plain(), **changes}))
+        read_result(write_result(tmp_path, {**plain(), **changes}))
 
 
 @pytest.mark.parametrize("text", [None, "{", "[1]", "3", '"a"', "\x80", "[" * 100_000])
-def test_files_that_are_no_result(tmp_path: Path, text: str | None) -> None:
+def test_other_files_are_refused(tmp_path: Path, text: str | None) -> None:
     if text is not None:
         (tmp_path / "result.json").write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match="name a folder written by `dicedesign run`"):

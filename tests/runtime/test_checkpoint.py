@@ -1,7 +1,9 @@
-"""What is kept of work that is cut off, and what is not taken for it."""
+"""Checkpoints save interrupted work, and refuse other files."""
 
 from __future__ import annotations
 
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -18,49 +20,49 @@ ROWS = [np.array([1, 2]), np.array([], dtype=np.int64), np.array([-(2**62), 4, 5
 REAL = [np.array([np.pi, -0.0]), np.array([1e-300])]
 
 
-def same(found: object, expected: list[np.ndarray]) -> bool:
-    assert isinstance(found, list)
-    return len(found) == len(expected) and all(
+def are_equal(rows: object, expected: list[np.ndarray]) -> bool:
+    assert isinstance(rows, list)
+    return len(rows) == len(expected) and all(
         a.dtype == b.dtype and a.tobytes() == b.tobytes()
-        for a, b in zip(found, expected, strict=True)
+        for a, b in zip(rows, expected, strict=True)
     )
 
 
-def test_rows_come_back_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_are_restored_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     path = tmp_path / "c.npz"
-    kept = Checkpoint(path, WORK)
-    assert not kept.rows("whole")
+    stored = Checkpoint(path, WORK)
+    assert not stored.rows("whole")
     assert not path.exists()
-    kept.add("whole", ROWS[:1])
+    stored.add("whole", ROWS[:1])
     now[0] += INTERVAL / 2.0
-    kept.add("whole", ROWS[1:])
+    stored.add("whole", ROWS[1:])
     # Not yet due.
-    assert same(Checkpoint(path, WORK).rows("whole"), ROWS[:1])
+    assert are_equal(Checkpoint(path, WORK).rows("whole"), ROWS[:1])
     now[0] += INTERVAL
-    kept.add("real", REAL)
+    stored.add("real", REAL)
     again = Checkpoint(path, WORK)
-    assert same(again.rows("whole"), ROWS)
-    assert same(again.rows("real"), REAL)
+    assert are_equal(again.rows("whole"), ROWS)
+    assert are_equal(again.rows("real"), REAL)
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, ZeroDivisionError])
-def test_it_is_written_where_work_is_cut_off_and_removed_where_it_is_done(
+def test_a_file_is_saved_on_errors_and_removed_on_success(
     tmp_path: Path, end: type[BaseException]
 ) -> None:
     path = tmp_path / "c.npz"
 
-    def cut_off() -> None:
-        with Checkpoint(path, WORK) as kept:
+    def interrupt_work() -> None:
+        with Checkpoint(path, WORK) as stored:
             for row in ROWS:
-                kept.add("whole", [row])
+                stored.add("whole", [row])
             raise end
 
     with pytest.raises(end):
-        cut_off()
-    with Checkpoint(path, WORK) as kept:
-        assert same(kept.rows("whole"), ROWS)
+        interrupt_work()
+    with Checkpoint(path, WORK) as stored:
+        assert are_equal(stored.rows("whole"), ROWS)
     assert not path.exists()
     with Checkpoint(path, WORK):
         pass
@@ -68,14 +70,14 @@ def test_it_is_written_where_work_is_cut_off_and_removed_where_it_is_done(
 
 def test_without_a_file_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with Checkpoint() as kept:
-        kept.add("whole", ROWS)
-        assert same(kept.rows("whole"), ROWS)
+    with Checkpoint() as stored:
+        stored.add("whole", ROWS)
+        assert are_equal(stored.rows("whole"), ROWS)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("kind", sorted(WORK))
-def test_that_of_other_work_is_refused(kind: str, tmp_path: Path) -> None:
+def test_a_checkpoint_of_other_work_is_refused(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "c.npz"
     Checkpoint(path, WORK).add("whole", ROWS)
     before = path.read_bytes()
@@ -84,7 +86,7 @@ def test_that_of_other_work_is_refused(kind: str, tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_a_damaged_one_is_refused(tmp_path: Path) -> None:
+def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "c.npz"
     Checkpoint(path, WORK).add("whole", ROWS)
     whole, five = path.read_bytes(), {"whole": np.arange(5)}
@@ -101,16 +103,19 @@ def test_a_damaged_one_is_refused(tmp_path: Path) -> None:
             ({"whole": [5]}, {"whole": np.array(list("words"))}),
         )
     ]
+    np.savez_compressed(path, about=np.zeros(4000))
+    compressed = path.read_bytes()
+    others.append(compressed[:60] + b"\xff" * 10 + compressed[70:])
     for damaged in (b"", b"PK", whole[:100], whole[:-40], *others):
         path.write_bytes(damaged)
         with pytest.raises(InputError, match="got a file that cannot be read as one; remove it"):
             Checkpoint(path, WORK)
 
 
-def test_two_that_go_on_at_once_are_noticed(tmp_path: Path) -> None:
+def test_two_processes_with_one_checkpoint_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "c.npz"
-    one, other = Checkpoint(path, WORK), Checkpoint(path, WORK)
-    one.add("whole", ROWS[:1])
+    first, other = Checkpoint(path, WORK), Checkpoint(path, WORK)
+    first.add("whole", ROWS[:1])
     with pytest.raises(OutputError, match="expected a checkpoint that only this run writes"):
         other.add("whole", ROWS[:2])
 
@@ -122,45 +127,35 @@ def test_an_interrupt_just_after_a_write_does_not_look_like_a_second_run(
 
     def write_and_be_interrupted(at: Path, data: bytes) -> None:
         at.write_bytes(data)
-        raise KeyboardInterrupt
+        monkeypatch.undo()
+        os.kill(os.getpid(), signal.SIGINT)
 
     def run() -> None:
-        with Checkpoint(path, WORK) as kept:
+        with Checkpoint(path, WORK) as stored:
             monkeypatch.setattr(checkpoint, "atomic_write", write_and_be_interrupted)
-            try:
-                kept.add("whole", ROWS)
-            finally:
-                monkeypatch.undo()
+            stored.add("whole", ROWS)
 
-    with pytest.raises(KeyboardInterrupt):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with pytest.raises(KeyboardInterrupt, match="the results so far are in"):
         run()
-    assert same(Checkpoint(path, WORK).rows("whole"), ROWS)
+    signal.signal(signal.SIGINT, before)
+    assert are_equal(Checkpoint(path, WORK).rows("whole"), ROWS)
 
 
-def test_an_interrupt_before_the_first_result_leaves_nothing_and_says_nothing_of_it(
+def test_an_interrupt_before_the_first_result_leaves_no_file(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "c.npz"
-    with pytest.raises(KeyboardInterrupt) as told, Checkpoint(path, WORK):
+    with pytest.raises(KeyboardInterrupt) as caught, Checkpoint(path, WORK):
         raise KeyboardInterrupt
-    assert not told.value.args
+    assert not caught.value.args
     assert list(tmp_path.iterdir()) == []
 
 
-def test_damaged_compression_is_told(tmp_path: Path) -> None:
-    path = tmp_path / "c.npz"
-    np.savez_compressed(path, about=np.zeros(4000))
-    data = bytearray(path.read_bytes())
-    data[60:70] = b"\xff" * 10
-    path.write_bytes(data)
-    with pytest.raises(InputError, match="cannot be read as one"):
-        Checkpoint(path, WORK)
-
-
-def test_what_a_killed_process_left_half_written_goes(tmp_path: Path) -> None:
+def test_partial_files_of_a_killed_process_are_removed(tmp_path: Path) -> None:
     path, other = tmp_path / "c.npz", tmp_path / f".d.npz.{16 * 'a'}.part"
-    left = tmp_path / f".c.npz.{16 * '0'}.part"
-    left.write_bytes(b"half")
+    partial = tmp_path / f".c.npz.{16 * '0'}.part"
+    partial.write_bytes(b"half")
     other.write_bytes(b"of another file")
     Checkpoint(path, WORK)
     assert list(tmp_path.iterdir()) == [other]

@@ -1,14 +1,14 @@
-"""Loops over tasks: how many run at a time, workers that are lost, and long waits."""
+"""Loops over tasks, their order and their number, and lost workers."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import signal
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from time import sleep
+from typing import Any
 
 import pytest
 from common.inline_executor import Inline, Late, Lossy
@@ -20,35 +20,29 @@ from dicedesign.runtime.workers import (
     is_lost_worker,
     iterate_completed,
     local_workers,
+    open_workers,
     run_in_batches,
 )
 
 
-@pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waits are long after a moment."""
-    monkeypatch.setattr(workers, "QUIET", 1e-3)
-
-
-@pytest.mark.usefixtures("impatient")
-def test_as_many_run_at_a_time_as_asked() -> None:
-    """Tasks end in the wrong order, and only where nothing else happens."""
+def test_as_many_run_at_a_time_as_permitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tasks end in the wrong order, and only when nothing else happens."""
     late, tasks, running = Late(), iter(range(8)), []
 
-    def on_quiet() -> None:
+    def wait_for_one(futures: Any, **options: Any) -> Any:
         running.append(len(late.waiting))
         late.end_one()
+        return wait(futures, **options)
 
-    ended = iterate_completed(
-        lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6, on_quiet
-    )
+    monkeypatch.setattr(workers, "wait", wait_for_one)
+    ended = iterate_completed(lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6)
     squares = {task: future.result() for task, future in ended}
     assert squares == {n: n**2 for n in range(8)}
     assert list(squares) != list(range(8))
     assert running == [6, 6, 6, 5, 4, 3, 2, 1]
 
 
-def test_a_task_that_failed_may_be_given_again() -> None:
+def test_a_failed_task_can_be_retried() -> None:
     lossy, waiting, done = Lossy(lambda count, task: task == "b" and count < 4), ["b", "a"], []
 
     def next_task() -> str | None:
@@ -64,7 +58,7 @@ def test_a_task_that_failed_may_be_given_again() -> None:
     assert [task for (task,) in lossy.submitted] == ["a", "b", "b", "b"]
 
 
-def test_small_items_share_a_task_and_few_are_spread_over_all_workers() -> None:
+def test_small_items_share_tasks_that_suffice_for_all_workers() -> None:
     sizes = [100] * 2000 + [600_000, 300_000, 200_000, 5_000_000, 100]
     lossy, done = Lossy(lambda *_: False), list[int]()
     submit = partial(lossy.submit, list)
@@ -77,7 +71,7 @@ def test_small_items_share_a_task_and_few_are_spread_over_all_workers() -> None:
         assert [len(task) for (task,) in lossy.submitted] == expected
 
 
-def test_items_whose_worker_is_lost_run_again_alone() -> None:
+def test_items_of_lost_workers_are_retried_alone() -> None:
     lossy, done = Lossy(lambda count, task: 42 in task), list[int]()
     assert run_in_batches(range(100), partial(lossy.submit, list), 1, done.extend) == [42]
     assert sorted(done) == [number for number in range(100) if number != 42]
@@ -86,7 +80,7 @@ def test_items_whose_worker_is_lost_run_again_alone() -> None:
         run_in_batches([1], lambda task: Inline().submit(lambda: 1 // 0), 1, done.extend)
 
 
-def test_results_come_in_order_though_workers_are_lost() -> None:
+def test_results_are_in_order_in_spite_of_lost_workers() -> None:
     tasks = [partial(pow, number, 2) for number in range(5)]
     lossy = Lossy(lambda count: count in (2, 4, 6))
     assert list(in_order(tasks, lossy)) == [0, 1, 4, 9, 16]
@@ -95,7 +89,7 @@ def test_results_come_in_order_though_workers_are_lost() -> None:
         list(in_order(tasks, Lossy(lambda count: count > 3)))
 
 
-def test_all_that_a_lost_worker_took_along_runs_side_by_side_again() -> None:
+def test_all_tasks_of_lost_workers_are_retried_in_parallel() -> None:
     lossy = Lossy(lambda count: count <= 6)
     results = in_order([partial(pow, number, 2) for number in range(6)], lossy)
     assert next(results) == 0
@@ -103,19 +97,11 @@ def test_all_that_a_lost_worker_took_along_runs_side_by_side_again() -> None:
     assert list(results) == [1, 4, 9, 16, 25]
 
 
-def test_an_error_of_a_task_is_none_of_its_worker() -> None:
+def test_an_error_of_a_task_is_no_lost_worker() -> None:
     assert is_lost_worker(BrokenProcessPool())
     assert not is_lost_worker(RuntimeError())
     with pytest.raises(ZeroDivisionError):
         list(in_order([lambda: 1 // 0], Inline()))
-
-
-@pytest.mark.usefixtures("impatient")
-def test_a_long_wait_is_told() -> None:
-    told: list[int] = []
-    with ThreadPoolExecutor(1) as workers:
-        list(in_order([partial(sleep, 0.05)], workers, lambda: told.append(1)))
-    assert told
 
 
 def test_a_local_worker_that_dies_is_replaced() -> None:
@@ -125,3 +111,10 @@ def test_a_local_worker_that_dies_is_replaced() -> None:
         assert is_lost_worker(lost.exception() or RuntimeError())
         assert workers.submit(pow, 3, 2).result() == 9
     assert set(multiprocessing.active_children()) == others
+
+
+def test_no_more_processes_than_pieces_of_work(capsys: pytest.CaptureFixture[str]) -> None:
+    with open_workers("files", 12, 10, jobs=64) as workers:
+        assert workers.jobs == 2
+        assert workers.executor.submit(pow, 3, 2).result() == 9
+    assert capsys.readouterr() == ("", "")

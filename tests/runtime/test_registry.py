@@ -14,7 +14,7 @@ from dicedesign.runtime.registry import Extension, Registry
 
 @pytest.fixture
 def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Registry[Extension]:
-    """A registry of an early "kite" and a late "ball"."""
+    """Registry of two toys, "kite" and "ball"."""
     (tmp_path / "toy_box.py").write_text(
         "from dicedesign.runtime.registry import Extension\n"
         "BALL = Extension(name='ball', line='A toy.')\n"
@@ -33,8 +33,8 @@ def test_built_in_extensions_keep_the_order_of_the_list(toys: Registry[Extension
     assert "ball" in toys
 
 
-def test_an_interrupted_import_is_tried_again(toys: Registry[Extension], tmp_path: Path) -> None:
-    """As by Ctrl-C in a notebook, which goes on."""
+def test_an_interrupted_import_is_retried(toys: Registry[Extension], tmp_path: Path) -> None:
+    """Ctrl-C in a notebook does not end it."""
     box = tmp_path / "toy_box.py"
     text = box.read_text()
     box.write_text("raise KeyboardInterrupt")
@@ -64,7 +64,7 @@ def test_unknown_and_taken_names_and_other_kinds_are_refused(toys: Registry[Exte
 
 @pytest.mark.parametrize("address", ["my_toys:TOP", "my_toys:MISSING"])
 def test_installed_packages_add_theirs_by_an_entry_point(tmp_path: Path, address: str) -> None:
-    """In a process of its own, as what is installed is read once."""
+    """In its own process, as entry points are read once."""
     (tmp_path / "my_toys.py").write_text(
         "from dicedesign.runtime.registry import Extension\n"
         "TOP = Extension(name='top', line='It spins.')\n"

@@ -1,4 +1,4 @@
-"""What the tests of searches share."""
+"""Fixtures for tests of searches."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from dicedesign.recipe.recipe import Recipe
 
 @pytest.fixture(autouse=True)
 def unsynced(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody waits for the disk: no test is about what a power failure leaves."""
+    """Skip waiting for the disk; no test is about power failures."""
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
 @pytest.fixture
 def recipe_path(tmp_path: Path) -> Path:
-    """A file with the recipe of a fair die of four faces, found in a moment."""
+    """Recipe file of a fair d4, which is designed quickly."""
     path = tmp_path / "four.yaml"
     path.write_text(
         "name: four\nseed: 3\ntarget: {fair: 4}\nmethod: {exact: {prefer: {}}}\nengrave: false\n"
@@ -30,11 +30,11 @@ def recipe_path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def recipe(recipe_path: Path) -> Recipe:
-    """The same, read."""
+    """Recipe of a fair d4."""
     return read_recipe(recipe_path)
 
 
 @pytest.fixture
 def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Trials that design nothing and end at once."""
+    """Replace trials by instant results."""
     monkeypatch.setattr("dicedesign.search.trials.run_trial", made_up_trial)

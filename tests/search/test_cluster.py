@@ -26,27 +26,27 @@ from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.runtime import workers
-from dicedesign.runtime.workers import cluster_workers, has_no_workers
+from dicedesign.runtime.workers import cluster_workers
 from dicedesign.search.study import open_study
 from dicedesign.search.trials import run_search
 
 PATIENCE = 60.0
 
 TLS = "distributed.comm.tls"
-"""Where the configuration of Dask has its certificates."""
+"""Key of the certificates in Dask's configuration."""
 
 
-def started(
+def start_process(
     stack: ExitStack, folder: Path, environment: Mapping[str, str], *arguments: str
 ) -> subprocess.Popen[bytes]:
-    """A process of Dask that ends with the stack."""
+    """Start a process of Dask that ends with the stack."""
     log = stack.enter_context((folder / f"{arguments[0]}.log").open("ab"))
     process = subprocess.Popen(
         [sys.executable, "-m", "dask", *arguments],
         cwd=folder,
         stdout=log,
         stderr=log,
-        # A task whose worker dies fails at once: running it again is left to the search.
+        # A task fails with its worker; the search retries it.
         env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0", **environment},
     )
     stack.callback(process.wait, PATIENCE)
@@ -54,27 +54,28 @@ def started(
     return process
 
 
-def started_cluster(
+def start_cluster(
     stack: ExitStack,
     folder: Path,
     count: int,
     environment: Mapping[str, str] = MappingProxyType({}),
     protocol: str = "tcp",
 ) -> tuple[str, list[subprocess.Popen[bytes]]]:
-    """Its address, and its processes: so many workers of one thread each, and the scheduler."""
+    """Start a scheduler and `count` workers of one thread; returns address and processes."""
     local = ("--protocol", protocol, "--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
     place = folder / "scheduler.json"
     file = ("--scheduler-file", str(place))
-    scheduler = started(stack, folder, environment, "scheduler", *local, "--port", "0", *file)
+    scheduler = start_process(stack, folder, environment, "scheduler", *local, "--port", "0", *file)
     options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(folder))
     workers = [
-        started(stack, folder, environment, "worker", *local, *file, *options) for _ in range(count)
+        start_process(stack, folder, environment, "worker", *local, *file, *options)
+        for _ in range(count)
     ]
     deadline, address = time.monotonic() + PATIENCE, None
     while address is None:
         assert time.monotonic() < deadline, (folder / "scheduler.log").read_text()
         time.sleep(0.05)
-        # Missing at first, and then perhaps half-written.
+        # The file may be missing or incomplete.
         with suppress(FileNotFoundError, json.JSONDecodeError):
             address = json.loads(place.read_text())["address"]
     return address, [*workers, scheduler]
@@ -84,20 +85,20 @@ def started_cluster(
 def cluster(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A cluster of two workers. The first test leaves one, the second nothing."""
+    """Cluster of two workers. The first test kills one of them, the second everything."""
     with ExitStack() as stack:
-        address, processes = started_cluster(stack, tmp_path_factory.mktemp("cluster"), 2)
+        address, processes = start_cluster(stack, tmp_path_factory.mktemp("cluster"), 2)
         with Client(address, timeout=PATIENCE, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=PATIENCE)
         yield address, processes
 
 
-def test_no_trial_is_lost_with_a_worker(
+def test_trials_of_a_lost_worker_are_retried(
     tmp_path: Path, recipe_path: Path, recipe: Recipe, cluster: Any
 ) -> None:
-    """One worker is stopped with a trial on it, and killed once others are finished."""
+    """A worker is stopped during a trial, and killed after other trials."""
     address, processes = cluster
-    kept: list[dict[str, Any]] = []
+    stored: list[dict[str, Any]] = []
     on_dead_worker: list[str] = []
 
     with (
@@ -113,63 +114,58 @@ def test_no_trial_is_lost_with_a_worker(
             if finished == 2:
                 processes[0].send_signal(signal.SIGSTOP)
             if finished == 4:
-                kept.extend(study.finished())
+                stored.extend(study.finished())
                 on_dead_worker.extend(client.processing()[dying])
                 processes[0].kill()
 
         assert threads == 2
         run_search(study, 7, executor, 3, on_trial=on_trial)
-        found = study.finished()
+        finished_trials = study.finished()
         states = [trial.state.name for trial in study._study.get_trials()]
     assert on_dead_worker
     assert processes[0].wait(PATIENCE) == -signal.SIGKILL
     assert states == ["COMPLETE"] * 7
-    assert sorted(trial["number"] for trial in found) == list(range(7))
-    assert all(trial in found for trial in kept)
-    assert all(trial["status"] == "converged" for trial in found)
+    assert sorted(trial["number"] for trial in finished_trials) == list(range(7))
+    assert all(trial in finished_trials for trial in stored)
+    assert all(trial["status"] == "converged" for trial in finished_trials)
 
-    # The worker that is left goes on by the command.
+    # The command continues with the other worker.
     search = ["search", str(recipe_path), "--scheduler", address, "--out", str(tmp_path / "out")]
     assert main([*search, "--trials", "8"]) == 0
     with open_study(tmp_path / "out", recipe) as study:
         again = study.finished()
     assert len(again) == 8
-    assert again[:7] == found
+    assert again[:7] == finished_trials
 
 
-def test_a_scheduler_that_goes_leaves_what_is_finished(
+def test_finished_trials_survive_the_scheduler(
     tmp_path: Path, recipe: Recipe, cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The workers go first, and the scheduler once they are missed."""
+    """The workers are killed, and then the scheduler."""
     address, processes = cluster
     monkeypatch.setattr(workers, "PATIENCE", 2.0)
-    monkeypatch.setattr(workers, "QUIET", 0.1)
 
     def on_trial(_: dict[str, Any]) -> None:
-        for worker in processes[:-1]:
-            worker.kill()
-
-    def on_quiet() -> None:
-        if has_no_workers(executor):
-            processes[-1].kill()
+        for process in processes:
+            process.kill()
 
     with open_study(tmp_path / "out", recipe) as study:
-        with cluster_workers(address) as (executor, _):
-            assert not has_no_workers(executor)
-            with pytest.raises(DiceError, match="expected a Dask scheduler until the end"):
-                run_search(study, 1000, executor, 2, on_trial=on_trial, on_quiet=on_quiet)
-            assert not has_no_workers(executor)
-        kept = study.finished()
-        assert kept
-        run_search(study, len(kept) + 1, Inline(), 1)
-        assert study.finished()[: len(kept)] == kept
+        with (
+            cluster_workers(address) as (executor, _),
+            pytest.raises(DiceError, match="expected a Dask scheduler until the end"),
+        ):
+            run_search(study, 1000, executor, 2, on_trial=on_trial)
+        stored = study.finished()
+        assert stored
+        run_search(study, len(stored) + 1, Inline(), 1)
+        assert study.finished()[: len(stored)] == stored
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl to make certificates with")
 def test_an_encrypted_cluster(
     tmp_path: Path, recipe_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a certificate that is its own authority. Who has none does not get in."""
+    """A self-signed certificate is required to connect."""
     key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
     command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=cluster"]
     files = ["-keyout", str(key), "-out", str(certificate)]
@@ -183,7 +179,7 @@ def test_an_encrypted_cluster(
     }
     search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
     with ExitStack() as stack:
-        address, _ = started_cluster(stack, tmp_path, 1, environment, "tls")
+        address, _ = start_cluster(stack, tmp_path, 1, environment, "tls")
         assert address.startswith("tls://")
         with dask.config.set(configured):
             assert main([*search, "--scheduler", address]) == 0
@@ -196,15 +192,15 @@ def test_an_encrypted_cluster(
             pass
 
 
-def test_certificates_that_are_missing(
+def test_missing_certificates_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], recipe_path: Path
 ) -> None:
     search = ["search", str(recipe_path), "--trials", "1", "--out", str(tmp_path / "out")]
     missing = {f"{TLS}.ca-file": "missing.pem", f"{TLS}.client.cert": "missing.pem"}
     with dask.config.set(missing):
         assert main([*search, "--scheduler", "tls://127.0.0.1:1"]) == 2
-    (told,) = capsys.readouterr().err.splitlines()
-    assert "expected certificates" in told
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "certificates of tls://" in line
 
 
 @pytest.mark.parametrize(
@@ -214,10 +210,10 @@ def test_certificates_that_are_missing(
         (Exception("No module named 'dicedesign'"), "but No module named 'dicedesign'; install it"),
     ],
 )
-def test_workers_have_this_version(
+def test_workers_need_this_version(
     monkeypatch: pytest.MonkeyPatch, answer: Any, message: str
 ) -> None:
-    """Dask raises a bare exception for what a worker could not import."""
+    """Dask raises a plain exception if an import fails in a worker."""
 
     client = MagicMock()
     client.run.side_effect = [answer]

@@ -1,4 +1,4 @@
-"""The order of the best dice, the front, and the files that tell of them."""
+"""Leaderboard: ranking, Pareto front and files."""
 
 from __future__ import annotations
 
@@ -18,30 +18,29 @@ from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.report.curve_charts import pareto_chart
 from dicedesign.search.leaderboard import leaders, pareto_front, rank_trials, write_results
-from dicedesign.search.trials import run_trial
 
 TETRAHEDRON = [[9.0, 9.0, 9.0], [9.0, -9.0, -9.0], [-9.0, 9.0, -9.0], [-9.0, -9.0, 9.0]]
 
 
-def made(recipe: Recipe, count: int, seed: int = 0) -> list[dict[str, Any]]:
-    """Trials with random measures, a few of each kind that did not converge, and ties."""
+def make_trials(recipe: Recipe, count: int, seed: int = 0) -> list[dict[str, Any]]:
+    """Make trials with random measures and ties, some of them not converged."""
     rng = np.random.default_rng(seed)
     trials = []
     for number in range(count):
         kind = rng.choice(["converged", "no_progress", "no_die"], p=[0.7, 0.2, 0.1])
-        dead = kind == "no_die"
+        has_no_die = kind == "no_die"
         trials.append(
             {
                 "number": number,
                 "recipe": {**recipe.as_dict(), "seed": 3 + number},
                 "status": str(kind),
                 "message": "",
-                "max_abs_error": None if dead else float(rng.integers(1, 5) * 1e-14),
-                "inradius_mm": None if dead else float(rng.integers(1, 12)) / 4.0,
-                "margin_deg": None if dead else float(rng.integers(1, 12)),
-                "asymmetry": None if dead else float(rng.random()),
-                "vertices": None if dead else TETRAHEDRON,
-                "down": None if dead else [3**-0.5, 3**-0.5, -(3**-0.5)],
+                "max_abs_error": None if has_no_die else float(rng.integers(1, 5) * 1e-14),
+                "inradius_mm": None if has_no_die else float(rng.integers(1, 12)) / 4.0,
+                "margin_deg": None if has_no_die else float(rng.integers(1, 12)),
+                "asymmetry": None if has_no_die else float(rng.random()),
+                "vertices": None if has_no_die else TETRAHEDRON,
+                "down": None if has_no_die else [3**-0.5, 3**-0.5, -(3**-0.5)],
                 "seconds": 0.5,
             }
         )
@@ -52,18 +51,18 @@ def made(recipe: Recipe, count: int, seed: int = 0) -> list[dict[str, Any]]:
 def test_the_front_against_brute_force(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.integers(0, 6, size=(40, 2 + seed % 2)).astype(float)
-    found = pareto_front(points)
-    for point, is_on in zip(points.tolist(), found, strict=True):
-        beaten = any(
+    front = pareto_front(points)
+    for point, is_on in zip(points.tolist(), front, strict=True):
+        is_dominated = any(
             all(b >= a for a, b in zip(point, other, strict=True)) and other != point
             for other in points.tolist()
         )
-        assert is_on == (not beaten)
+        assert is_on == (not is_dominated)
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_the_order_against_brute_force(recipe: Recipe, seed: int) -> None:
-    trials = made(recipe, 60, seed)
+    trials = make_trials(recipe, 60, seed)
     order = rank_trials(trials)
     assert {t["number"] for t in order} == {
         t["number"] for t in trials if t["status"] == "converged"
@@ -72,7 +71,7 @@ def test_the_order_against_brute_force(recipe: Recipe, seed: int) -> None:
     for first, second in combinations(order, 2):
         (r, m), (s, n) = ((t["inradius_mm"], t["margin_deg"]) for t in (first, second))
         assert r * m >= s * n
-        # Nothing comes after what it dominates.
+        # No die comes after one that it dominates.
         assert not (s > r and n > m)
         if r * m == s * n:
             ties = [(t["max_abs_error"], t["number"]) for t in (first, second)]
@@ -86,7 +85,7 @@ def test_the_order_against_brute_force(recipe: Recipe, seed: int) -> None:
 
 
 def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
-    trials = made(recipe, 30)
+    trials = make_trials(recipe, 30)
     folder = tmp_path / "out"
     folder.mkdir()
     board = write_results(folder, recipe, trials)
@@ -104,6 +103,7 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
     table = json.loads((folder / "leaderboard.json").read_text())
     assert table["leaderboard"] == board
     assert table["trials"] == 30
+    assert [entry["as_given"] for entry in board] == [number == 0 for number in numbers]
     assert table["converged"] == len(rank_trials(trials))
     assert [entry["number"] for entry in board if entry["on_front"]] == [
         number for number in numbers if number in table["front"]
@@ -127,7 +127,7 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
         assert again.name == f"four_trial_{entry['number']}"
     assert (folder / "best.yaml").read_text() == (folder / board[0]["recipe_file"]).read_text()
 
-    # A later leaderboard leaves nothing of this one.
+    # A later leaderboard replaces all files.
     later = write_results(folder, recipe, [{**trial, "status": "no_progress"} for trial in trials])
     assert later == []
     assert not list(folder.glob("trial_*.yaml"))
@@ -136,35 +136,15 @@ def test_the_files(tmp_path: Path, recipe: Recipe) -> None:
 
 
 @pytest.mark.parametrize("is_assigned", [True, False])
-def test_the_assignment_is_told_where_it_was_varied(tmp_path: Path, is_assigned: bool) -> None:
+def test_varied_assignments_are_listed(tmp_path: Path, is_assigned: bool) -> None:
     entries = {"name": "die", "start": {"prism": {"sides": 3}}, "method": {"paper": {}}}
     recipe = parse_recipe({**entries, "target": {"binomial": 2} if is_assigned else {"fair": 3}})
-    for entry in write_results(tmp_path, recipe, made(recipe, 6)):
+    for entry in write_results(tmp_path, recipe, make_trials(recipe, 6)):
         assert ("assignment" in entry["varied"]) == is_assigned
 
 
-def test_the_recipe_as_given_is_marked(tmp_path: Path, recipe: Recipe) -> None:
-    trials = [{**trial, "status": "converged"} for trial in made(recipe, 4, 3)]
-    assert all(trial["inradius_mm"] for trial in trials)
-    write_results(tmp_path, recipe, trials)
-    text = (tmp_path / "leaderboard.html").read_text()
-    assert text.count("<br>as given<br>") == 1
-    assert "trial_0.yaml<br>as given<br>seed 3</td>" in text
-    write_results(tmp_path, recipe, trials[1:])
-    assert "<br>as given<br>" not in (tmp_path / "leaderboard.html").read_text()
-
-
-def test_best_is_what_was_found(tmp_path: Path, recipe: Recipe) -> None:
-    """To the last bit, through the file."""
-    result = run_trial(recipe.as_dict())
-    write_results(tmp_path, recipe, [{"number": 0, "recipe": recipe.as_dict(), **result}])
-    again = run_trial(read_recipe(tmp_path / "best.yaml").as_dict())
-    assert again["vertices"] == result["vertices"]
-    assert again["margin_deg"] == result["margin_deg"]
-
-
-def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
-    trials = made(recipe, 60)
+def test_the_chart_distinguishes_kinds_of_trials(recipe: Recipe) -> None:
+    trials = make_trials(recipe, 60)
     solved = rank_trials(trials)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
     front = [t["number"] for t, on in zip(solved, pareto_front(values), strict=True) if on]
@@ -176,7 +156,7 @@ def test_the_picture_tells_kinds_apart(recipe: Recipe) -> None:
     missed, converged, best = (len(group.get_xdata()) for group in groups[:3])
     assert (missed, best) == (kinds.count("no_progress"), len(front))
     assert converged + best == kinds.count("converged")
-    # The steps bound what the dice reach: none lies beyond.
+    # The steps are an upper bound of all dice.
     x, y = np.asarray(steps.get_xydata()).T
     for radius, margin in values:
         assert margin <= y[np.searchsorted(x, radius)]

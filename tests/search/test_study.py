@@ -1,4 +1,4 @@
-"""The folder of a search: going on, and what is refused; what is varied."""
+"""Folder of a search: resume, refusals, and varied numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dicedesign.search.trials import run_search
 pytestmark = pytest.mark.usefixtures("made_up")
 
 
-def searched(folder: Path, recipe: Recipe, trials: int) -> list[dict[str, Any]]:
+def run_trials(folder: Path, recipe: Recipe, trials: int) -> list[dict[str, Any]]:
     with open_study(folder, recipe) as study:
         run_search(study, trials, Inline(), 1)
         return study.finished()
@@ -30,7 +30,7 @@ def searched(folder: Path, recipe: Recipe, trials: int) -> list[dict[str, Any]]:
 
 @pytest.fixture
 def varied() -> Recipe:
-    """A recipe with numbers of all kinds for the sampler to propose."""
+    """Recipe in which a search varies numbers of all kinds."""
     return parse_recipe(
         {
             "name": "total",
@@ -39,19 +39,6 @@ def varied() -> Recipe:
             "method": {"exact": {}},
         }
     )
-
-
-def test_a_search_goes_on_as_if_it_had_not_stopped(tmp_path: Path, varied: Recipe) -> None:
-    """Past the trials that the sampler draws at random."""
-    first = searched(tmp_path / "a", varied, 3)
-    assert [trial["number"] for trial in first] == [0, 1, 2]
-    assert searched(tmp_path / "a", varied, 3) == first
-    both = searched(tmp_path / "a", varied, 12)
-    assert both[:3] == first
-    assert len(both) == 12
-    assert both == searched(tmp_path / "b", varied, 12)
-    assert {trial["status"] for trial in both} == {"converged", "no_progress"}
-    assert len({str(trial["recipe"]["assignment"]) for trial in both}) > 5
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.005, 40.0])
@@ -63,12 +50,12 @@ def test_the_first_trial_is_the_recipe(tmp_path: Path, weight: float) -> None:
             "method": {"exact": {"prefer": {"margin": weight}}},
         }
     )
-    first, second = searched(tmp_path, recipe, 2)
+    first, second = run_trials(tmp_path, recipe, 2)
     assert first["recipe"] == recipe.as_dict()
     assert second["recipe"]["method"] != first["recipe"]["method"]
 
 
-def test_trials_that_missed_are_finished_and_avoided(tmp_path: Path, varied: Recipe) -> None:
+def test_trials_off_target_are_finished_and_avoided(tmp_path: Path, varied: Recipe) -> None:
     with open_study(tmp_path, varied) as study:
         keys = ("status", "max_abs_error", "inradius_mm", "margin_deg")
         for row in (
@@ -77,77 +64,75 @@ def test_trials_that_missed_are_finished_and_avoided(tmp_path: Path, varied: Rec
             ("converged", 1e-15, 2.0, 5.0),
         ):
             study.tell(study.propose()[0], dict(zip(keys, row, strict=True)))
-        told = study._study.get_trials()
-        assert [trial.constraints["error"] for trial in told] == [0.25, 1.0, 0.0]
-        assert [trial.values for trial in told] == [[2.0, 5.0], [0.0, 0.0], [2.0, 5.0]]
+        trials = study._study.get_trials()
+        assert [trial.constraints["error"] for trial in trials] == [0.25, 1.0, 0.0]
+        assert [trial.values for trial in trials] == [[2.0, 5.0], [0.0, 0.0], [2.0, 5.0]]
         assert [trial.number for trial in study._study.best_trials] == [2]
         assert len(study.finished()) == 3
 
 
-def test_wherever_a_search_is_killed_it_goes_on_as_if_it_had_not_been(
-    tmp_path: Path, varied: Recipe
-) -> None:
-    """What it leaves is a part of the journal from its beginning: here some that end in the first
-    trial, in one that is drawn at random and in one that depends on those before."""
-    whole = searched(tmp_path / "whole", varied, 12)
+def test_a_killed_search_resumes_with_equal_results(tmp_path: Path, varied: Recipe) -> None:
+    """The journal is cut in the first trial, in a random one, and in one that depends on earlier
+    ones."""
+    whole = run_trials(tmp_path / "whole", varied, 12)
     lines = (tmp_path / "whole" / JOURNAL).read_bytes().splitlines(keepends=True)
-    begun = [place for place, line in enumerate(lines) if b'"op_code":4,' in line]
-    assert len(begun) == 12
-    first, last = range(begun[1] + 1), range(begun[10], begun[11] + 1)
-    ends = [*first[:4], first[-4], begun[4] + 3, *last[:4], *last[-5:]]
+    starts = [place for place, line in enumerate(lines) if b'"op_code":4,' in line]
+    assert len(starts) == 12
+    first, last = range(starts[1] + 1), range(starts[10], starts[11] + 1)
+    ends = [*first[:4], first[-4], starts[4] + 3, *last[:4], *last[-5:]]
     for end in ends:
         folder = tmp_path / str(end)
         folder.mkdir()
         (folder / RECIPE).write_bytes((tmp_path / "whole" / RECIPE).read_bytes())
         half = lines[end][: len(lines[end]) // 2]
         (folder / JOURNAL).write_bytes(b"".join([*lines[:end], half]))
-        # Killed once more soon after.
+        # Killed again soon after.
         with open_study(folder, varied) as study:
             study.propose()
-        assert searched(folder, varied, 12) == whole
+        assert run_trials(folder, varied, 12) == whole
 
 
-def test_trials_that_ran_side_by_side_come_again(tmp_path: Path, varied: Recipe) -> None:
-    """As they were, though others beside them have ended meanwhile."""
+def test_unfinished_parallel_trials_are_retried(tmp_path: Path, varied: Recipe) -> None:
+    """Unfinished trials are proposed again, unchanged."""
     with open_study(tmp_path, varied) as study:
-        asked = dict(study.propose() for _ in range(14))
+        proposed = dict(study.propose() for _ in range(14))
         for number in (9, 0, 3, 2, 1, 4, 6, 7, 8, 11, 10):
-            study.tell(number, made_up_trial(asked[number]))
+            study.tell(number, made_up_trial(proposed[number]))
     with open_study(tmp_path, varied) as study:
         again = dict(study.propose() for _ in range(3))
-        assert again == {number: asked[number] for number in (5, 12, 13)}
+        assert again == {number: proposed[number] for number in (5, 12, 13)}
         number, _ = study.propose()
         assert number == 14
         for number, entries in again.items():
             study.tell(number, made_up_trial(entries))
         assert [trial["number"] for trial in study.finished()] == list(range(14))
-        assert {trial["number"]: trial["recipe"] for trial in study.finished()} == asked
+        assert {trial["number"]: trial["recipe"] for trial in study.finished()} == proposed
 
 
 def test_another_recipe_is_refused(tmp_path: Path, recipe: Recipe) -> None:
-    searched(tmp_path, recipe, 1)
+    run_trials(tmp_path, recipe, 1)
     other = recipe.model_copy(update={"seed": 4})
     message = r"got one of another, whose seed is 3 instead of 4; choose another folder with --out"
     with pytest.raises(InputError, match=message), open_study(tmp_path, other):
         pass
-    assert len(searched(tmp_path, recipe, 1)) == 1
+    assert len(run_trials(tmp_path, recipe, 1)) == 1
 
 
 @pytest.mark.parametrize("content", ["not a journal\n", '{"op_code": 0}\n', '{"op_code": 99}\n'])
 def test_a_spoiled_journal_is_refused(tmp_path: Path, recipe: Recipe, content: str) -> None:
     (tmp_path / JOURNAL).write_text(content)
-    searched(tmp_path / "other", recipe, 1)
+    run_trials(tmp_path / "other", recipe, 1)
     (tmp_path / "other" / RECIPE).rename(tmp_path / RECIPE)
     message = "expected the journal of a search"
     with pytest.raises(InputError, match=message), open_study(tmp_path, recipe):
         pass
 
 
-def test_a_full_disk_is_an_error_after_which_one_can_go_on(tmp_path: Path, recipe: Recipe) -> None:
-    """Files may grow no further for a while; of a line, its beginning may be written."""
+def test_a_search_resumes_after_a_full_disk(tmp_path: Path, recipe: Recipe) -> None:
+    """The file size is limited for a while, so that a line may be incomplete."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     message = "trials.journal: expected a file that can be written, got 'File too large'; make room"
-    first = searched(tmp_path, recipe, 2)
+    first = run_trials(tmp_path, recipe, 2)
     with open_study(tmp_path, recipe) as study:
         number, _ = study.propose()
         size = (tmp_path / JOURNAL).stat().st_size + 10
@@ -159,9 +144,9 @@ def test_a_full_disk_is_an_error_after_which_one_can_go_on(tmp_path: Path, recip
                 study.propose()
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    found = searched(tmp_path, recipe, 3)
-    assert found[:2] == first
-    assert found[2]["number"] == 2
+    finished = run_trials(tmp_path, recipe, 3)
+    assert finished[:2] == first
+    assert finished[2]["number"] == 2
 
 
 def test_two_searches_do_not_share_a_folder(tmp_path: Path, recipe: Recipe) -> None:
@@ -172,7 +157,7 @@ def test_two_searches_do_not_share_a_folder(tmp_path: Path, recipe: Recipe) -> N
         ):
             pass
         run_search(study, 1, Inline(), 1)
-    assert len(searched(tmp_path, recipe, 1)) == 1
+    assert len(run_trials(tmp_path, recipe, 1)) == 1
 
 
 def test_without_optuna_the_extra_is_named(
@@ -185,7 +170,7 @@ def test_without_optuna_the_extra_is_named(
     assert not (tmp_path / "new").exists()
 
 
-def made(**entries: Any) -> Recipe:
+def make_recipe(**entries: Any) -> Recipe:
     return parse_recipe({"name": "die", "target": {"binomial": 3}, "seed": 7, **entries})
 
 
@@ -202,12 +187,12 @@ ASSIGNED = [f"assignment.{label}" for label in "0123"]
         ({"start": {"search": {}}, "method": "exact"}, []),
     ],
 )
-def test_labels_move_where_that_makes_a_difference(
+def test_assignments_are_varied_if_that_has_an_effect(
     entries: dict[str, Any], assigned: list[str]
 ) -> None:
-    recipe = made(**entries)
+    recipe = make_recipe(**entries)
     space = search_space(recipe)
-    # Probabilities without momentum have nothing to be robust against.
+    # Robustness needs a table.
     names = [f"prefer.{name}" for name in PREFERENCES.names if name != "robustness"]
     assert set(space) == {*assigned, *(names if entries["method"] == "exact" else [])}
     own = {name: entry.own for name, entry in space.items()}
@@ -218,9 +203,9 @@ def test_labels_move_where_that_makes_a_difference(
     assert vary_recipe(recipe, 0, own).as_dict() == expected
 
 
-def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> None:
-    recipe, rng = made(start={"prism": {}}, method={"paper": {}}), np.random.default_rng(0)
-    seen = set()
+def test_each_trial_has_its_own_seed_and_assignment() -> None:
+    recipe, rng = make_recipe(start={"prism": {}}, method={"paper": {}}), np.random.default_rng(0)
+    assignments = set()
     for number in range(200):
         values = {name: rng.random() for name in ASSIGNED}
         varied = vary_recipe(recipe, number, values)
@@ -228,15 +213,15 @@ def test_every_trial_has_its_seed_and_labels_in_the_order_of_their_numbers() -> 
         assert varied.assignment is not None
         numbers = [values[f"assignment.{label}"] for label in varied.assignment]
         assert numbers == sorted(values.values())
-        seen.add(tuple(varied.assignment))
+        assignments.add(tuple(varied.assignment))
         assert varied.target == recipe.target
         assert varied.start == recipe.start
-    assert len(seen) == 24
+    assert len(assignments) == 24
 
 
 def test_weights_of_preferences_are_on_or_off() -> None:
     prefer = {"circles": 25.0, "margin": 0.5, "areas": 1e-9}
-    recipe = made(start={"search": {}}, method={"exact": {"prefer": prefer}})
+    recipe = make_recipe(start={"search": {}}, method={"exact": {"prefer": prefer}})
     space = search_space(recipe)
     assert {entry.low for entry in space.values()} == {1e-5}
     assert {entry.high for name, entry in space.items() if name != "prefer.circles"} == {10.0}

@@ -1,4 +1,4 @@
-"""What a trial measures, against closed forms; trials side by side, lost workers, interrupts."""
+"""Trials against closed forms; lost workers and interrupts."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_tetrahedron_is_measured() -> None:
     assert result["seconds"] > 0.0
 
 
-def test_a_start_that_leads_to_no_die_is_a_result_too() -> None:
+def test_a_start_without_a_die_is_a_result() -> None:
     entries = {
         "name": "flat",
         "target": {"fair": 3},
@@ -69,16 +69,16 @@ def test_a_missing_file_is_an_error() -> None:
 
 
 @pytest.mark.usefixtures("made_up")
-def test_a_trial_whose_worker_is_lost_runs_again(tmp_path: Path, recipe: Recipe) -> None:
+def test_a_trial_of_a_lost_worker_is_retried(tmp_path: Path, recipe: Recipe) -> None:
     lossy = Lossy(lambda count, recipe: count in (2, 3, 5))
     with open_study(tmp_path / "a", recipe) as study:
         run_search(study, 4, lossy, 1)
-        found = study.finished()
+        finished = study.finished()
     assert len(lossy.submitted) == 7
     with open_study(tmp_path / "b", recipe) as study:
         run_search(study, 4, Inline(), 1)
         expected = study.finished()
-    assert found == expected
+    assert finished == expected
 
 
 @pytest.mark.usefixtures("made_up")
@@ -94,8 +94,8 @@ def test_a_trial_that_loses_every_worker_ends_the_search(tmp_path: Path, recipe:
 
 
 @pytest.mark.usefixtures("made_up")
-def test_a_trial_that_cannot_be_run_here_comes_again(tmp_path: Path, recipe: Recipe) -> None:
-    """A mesh may have been out of reach."""
+def test_a_trial_with_an_unreadable_file_is_retried(tmp_path: Path, recipe: Recipe) -> None:
+    """Its mesh may be readable later."""
     lossy = Lossy(
         lambda count, recipe: InputError("gone.stl: no such file") if count == 2 else False
     )
@@ -106,8 +106,8 @@ def test_a_trial_that_cannot_be_run_here_comes_again(tmp_path: Path, recipe: Rec
         assert [trial["number"] for trial in study.finished()] == [0, 1, 2]
 
 
-def begun(command: list[str], folder: Path, trials: int) -> subprocess.Popen[str]:
-    """A search that has so many trials."""
+def start_search(command: list[str], folder: Path, trials: int) -> subprocess.Popen[str]:
+    """Start a search, and wait until it has `trials` trials."""
     process = subprocess.Popen(
         command, stderr=subprocess.PIPE, text=True, process_group=0, preexec_fn=heed_interrupts
     )
@@ -124,8 +124,8 @@ def journal_size(folder: Path) -> int:
     return journal.read_bytes().count(b'"values":[') if journal.exists() else 0
 
 
-def members(group: int) -> list[int]:
-    """Processes of a group that still run."""
+def running_processes(group: int) -> list[int]:
+    """Running processes of a group."""
     listed = subprocess.run(
         ["ps", "-e", "-o", "pgid=,pid=,stat="], capture_output=True, text=True, check=True
     )
@@ -133,25 +133,25 @@ def members(group: int) -> list[int]:
     return [int(pid) for pgid, pid, state in rows if int(pgid) == group and state[0] != "Z"]
 
 
-def test_an_interrupted_search_can_go_on(
+def test_an_interrupted_search_can_be_resumed(
     tmp_path: Path, recipe_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As by Ctrl-C, which every process of the terminal's group gets."""
+    """Ctrl-C interrupts every process of the terminal's group."""
     folder = tmp_path / "out"
     search = ["search", str(recipe_path), "--jobs", "1", "--out", str(folder), "--trials"]
-    process = begun([sys.executable, "-m", "dicedesign", *search, "100000"], folder, 2)
+    process = start_search([sys.executable, "-m", "dicedesign", *search, "100000"], folder, 2)
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=30.0)
+    _, error = process.communicate(timeout=30.0)
     assert process.returncode == 130
-    assert said == "dicedesign: interrupted; nothing half-written was left\n"
+    assert error == "dicedesign: interrupted; nothing half-written was left\n"
     deadline = time.monotonic() + 30.0
-    while members(process.pid):
+    while running_processes(process.pid):
         assert time.monotonic() < deadline, "workers live on"
         time.sleep(0.05)
     assert not list(folder.glob("*.part"))
 
-    found = journal_size(folder)
+    finished = journal_size(folder)
     assert main([*search, "1"]) == 0
     captured = capsys.readouterr()
-    assert captured.out.startswith(f"four: {found} of {found} trials converged\n")
-    assert captured.err == f"note: {found} trials were already in {folder}\n"
+    assert captured.out.startswith(f"four: {finished} of {finished} trials converged\n")
+    assert captured.err == f"note: {finished} trials were already in {folder}\n"

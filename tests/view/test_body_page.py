@@ -67,10 +67,8 @@ def test_probabilities_follow_a_dragged_center_and_a_dragged_corner(
     opened.choose("Drag", "Corner")
     opened.page.wait_for_timeout(1000.0)
     before = opened.view.viewport.viewed
-    assert before is not None
     pull(opened, axis=1, by=0.2)
     viewed = opened.view.viewport.viewed
-    assert viewed is not None
     assert viewed.is_dragged
     corners = np.array(
         [[np.abs(v - w).max() for w in before.hull.vertices] for v in viewed.hull.vertices]
@@ -92,7 +90,6 @@ def test_a_clicked_bar_stands_the_body_and_a_throw_ends_on_a_rest(
     viewport = opened.view.viewport
     poses = dd.rest_poses(dd.read_body(block))
     viewed = viewport.viewed
-    assert viewed is not None
     for place in (5, 2):
         opened.page.locator("#probabilities tbody tr").nth(place).click()
         normal = viewed.poses.normals[viewed.rows[place].rest]

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dicedesign.errors import InputError, RecipeError
 from dicedesign.optimize.options import PaperWeights
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.rest.poses import rest_poses
@@ -72,7 +71,7 @@ def test_one_step_at_a_time(make_session) -> None:
     assert session.state == "paused"
     assert session.shape is None
     for number in range(1, 5):
-        session.step()
+        session.run(1)
         wait_for(session)
         assert session.state == "paused"
         assert len(session.shapes) == number
@@ -102,7 +101,7 @@ def test_a_pause_holds(make_session) -> None:
 def test_undo_restores_the_previous_shape(make_session) -> None:
     session = make_session({"fair": 5})
     for _ in range(4):
-        session.step()
+        session.run(1)
         wait_for(session)
     first, second, third, _ = session.shapes
     session.undo()
@@ -110,7 +109,7 @@ def test_undo_restores_the_previous_shape(make_session) -> None:
     session.undo()
     assert session.shape is second
     assert session.state == "paused"
-    session.step()
+    session.run(1)
     wait_for(session)
     assert session.shapes[:2] == (first, second)
     assert len(session.shapes) == 3
@@ -168,7 +167,7 @@ def test_weights_change_during_a_run(make_session) -> None:
 def test_another_method_continues_from_the_current_shape(make_session) -> None:
     session = make_session({"fair": 6}, method="paper")
     for _ in range(5):
-        session.step()
+        session.run(1)
         wait_for(session)
     before = session.shape
     session.change(replace(session.request, method="exact", prefer=Preferences()))
@@ -179,7 +178,7 @@ def test_another_method_continues_from_the_current_shape(make_session) -> None:
 
 def test_pinned_facets_stay_until_they_are_unpinned(make_session) -> None:
     session = make_session({"sum_of_dice": [4, 4]}, prefer=Preferences(roundness=1.0))
-    session.step()
+    session.run(1)
     wait_for(session)
     before = session.shape
     session.change(replace(session.request, pinned=("3", "6")))
@@ -218,71 +217,6 @@ def test_swapped_labels_leave_pins_on_their_facets(make_session) -> None:
     np.testing.assert_array_equal(nearest, [4, 1, 2, 3, 0])
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"target": {"fair": 4}}, "target: expected the labels of this die, heads, tails, edge"),
-        ({"target": {"probabilities": ["1/2", "x"]}}, "expected a number or a fraction"),
-        ({"pinned": ("rim",)}, "pinned: expected labels out of heads, tails, edge, got 'rim'"),
-        ({"pinned": ("edge",), "method": "paper"}, "pinned: expected none with the paper's method"),
-        ({"seed": -1}, "seed: "),
-        ({"method": "guess"}, "method"),
-    ],
-)
-def test_an_invalid_request_changes_nothing(
-    make_session, change: dict[str, Any], message: str
-) -> None:
-    session = finish(make_session(COIN))
-    before = session.request, session.shapes
-    with pytest.raises(InputError, match=message):
-        session.change(replace(session.request, **change))
-    with pytest.raises(InputError, match="label: expected one of heads, tails, edge, got 'rim'"):
-        session.swap("heads", "rim")
-    assert (session.request, session.shapes) == before
-    assert session.state == "done"
-
-
-def test_an_invalid_request_starts_no_session() -> None:
-    with pytest.raises(RecipeError, match=r"expected a sum of 1, got 0\.8333"):
-        DesignSession(DieRequest({"probabilities": ["1/2", "1/3"]}))
-    with pytest.raises(RecipeError, match="start: expected a mesh or a search for 2 outcomes"):
-        DesignSession(DieRequest({"fair": 2}, method="paper"))
-    make_session = DesignSession(DieRequest({"fair": 5}))
-    with pytest.raises(InputError, match="label: expected a shape"):
-        make_session.swap("1", "2")
-
-
-def test_an_impossible_target_ends_without_convergence(make_session) -> None:
-    """Pinning all facets of a die fixes its probabilities."""
-    session = finish(make_session({"fair": 6}))
-    assert len(session.shape.hull.normals) == 6
-    other = {"probabilities": [0.2, 0.2, 0.2, 0.2, 0.1, 0.1]}
-    session.change(replace(session.request, target=other, pinned=tuple(session.labels)))
-    session.run()
-    wait_for(session)
-    assert session.state == "done"
-    assert session.status is not Status.CONVERGED
-    assert session.message == session.status.value
-    np.testing.assert_allclose(facet_probabilities(session.shape), 1.0 / 6.0, atol=1e-9)
-
-
-def test_labels_without_glyphs_fail_before_the_design(make_session) -> None:
-    session = make_session({**COIN, "labels": ["heads", "tails", "\u65e5"]})
-    session.run()
-    wait_for(session)
-    assert session.state == "failed"
-    assert "expected characters of the font DejaVu" in session.message
-
-
-def test_slow_steps_converge_too(make_session) -> None:
-    session = make_session(COIN)
-    session.least_seconds = 0.01
-    finish(session)
-    np.testing.assert_allclose(
-        facet_probabilities(session.shape), [1 / 2, 1 / 3, 1 / 6], atol=1e-11
-    )
-
-
 def test_random_button_presses_still_converge(make_session) -> None:
     """The buttons are random, and their timing depends on the machine."""
     rng = np.random.default_rng(0)
@@ -296,7 +230,7 @@ def test_random_button_presses_still_converge(make_session) -> None:
         if session.shape is not None:
             session.swap(*rng.choice(session.labels, 2, replace=False).tolist())
 
-    acts = (session.run, session.pause, session.step, session.undo, change, swap)
+    acts = (session.run, session.pause, lambda: session.run(1), session.undo, change, swap)
     for _ in range(60):
         acts[rng.integers(len(acts))]()
         session.wait(float(rng.choice([0.0, 0.01])))

@@ -105,7 +105,7 @@ def test_steps_undo_pins_and_swaps(new_die: NewDie, tmp_path: Path) -> None:
         new_die.page.wait_for_function(
             f"document.querySelector('#design')?.innerText.includes('paused; step {number};')"
         )
-        parallel.step()
+        parallel.run(1)
         assert parallel.wait(60.0)
         probabilities = new_die.numbers("facets", 3)
         np.testing.assert_allclose(
@@ -171,7 +171,7 @@ def test_extensions_and_their_weights(extension: str, new_die: NewDie, tmp_path:
     assert prefer["circles"] == legible().circles
 
 
-def test_what_cannot_be_is_said_parallel_the_field(new_die: NewDie) -> None:
+def test_errors_are_shown_at_the_field(new_die: NewDie) -> None:
     new_die.button("STL")
     assert "press Design first" in new_die.text("file-error")
     for probabilities, text in (

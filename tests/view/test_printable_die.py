@@ -18,6 +18,7 @@ from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import parse_target
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
+from dicedesign.results.parts import Status
 from dicedesign.results.result import Result
 from dicedesign.view.design_session import DesignSession, DieRequest
 from dicedesign.view.new_die_panel import PRESETS
@@ -58,7 +59,7 @@ def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> No
     stages: list[str] = []
     die = make_printable(coin, on_stage=stages.append)
     assert stages == ["size", "export", "check", "engrave"]
-    assert die.is_converged
+    assert die.work.status is Status.CONVERGED
     for ending in ("stl", "3mf", "off"):
         name, data = die.file(ending)
         assert name == f"coin.{ending}"
@@ -86,9 +87,11 @@ def assert_same_die(die: PrintableDie, result: Result) -> None:
     """Compare probabilities with and without labels, and the facet of each label."""
     probabilities = [has for _, _, has in die.rows()]
     np.testing.assert_allclose(result.engraved.probabilities, probabilities, atol=1e-7)
-    np.testing.assert_allclose(result.probabilities, die.plain.outcomes.probabilities, atol=1e-7)
+    np.testing.assert_allclose(
+        result.probabilities, die.work.plain.outcomes.probabilities, atol=1e-7
+    )
     again = {facet.label: facet.normal for facet in result.facets if facet.label is not None}
-    poses = die.plain.poses
+    poses = die.work.plain.poses
     normals = poses.normals[outcome_probabilities(poses, die.shape.directions).main]
     for (label, _, _), normal in zip(die.rows(), normals, strict=True):
         np.testing.assert_allclose(again[label], normal, atol=1e-6)
@@ -103,7 +106,7 @@ def test_a_changed_design_needs_its_shape(tmp_path: Path) -> None:
     assert session.wait(PATIENCE)
     die = make_printable(session)
     assert die.needs_shape
-    assert die.is_converged
+    assert die.work.status is Status.CONVERGED
     name, data = die.recipe_file()
     assert name == "coin.zip"
     assert zipfile.ZipFile(io.BytesIO(data)).namelist() == ["recipe.yaml", "shape.off"]
@@ -115,11 +118,11 @@ def test_a_changed_design_needs_its_shape(tmp_path: Path) -> None:
 def test_an_unfinished_design_can_be_printed(tmp_path: Path) -> None:
     session = DesignSession(DieRequest({"sum_of_dice": [4, 4]}, prefer=Preferences()))
     for _ in range(3):
-        session.step()
+        session.run(1)
         assert session.wait(PATIENCE)
     die = make_printable(session)
-    assert not die.is_converged
-    assert die.message.startswith(
+    assert die.work.status is not Status.CONVERGED
+    assert "; ".join(die.work.remarks).startswith(
         "the probabilities of the outcomes are off by more than the tolerance"
     )
     probabilities = [has for _, _, has in die.rows()]
@@ -139,15 +142,15 @@ def test_every_preset_is_a_target() -> None:
 def test_labels_determine_the_size() -> None:
     session = design(target={**COIN, "labels": ["1000000000", "2000000000", "3000000000"]})
     labeled = make_printable(session)
-    size = labeled.recipe.size_mm
+    size = labeled.work.recipe.size_mm
     assert size > 30.0
-    assert f"size_mm: {size:g}, so that the labels fit" in labeled.notes
+    assert f"size_mm: {size:g}, so that the labels fit" in labeled.work.notes
     assert labeled.recipe_file()[1].decode().count(f"size_mm: {size:g}") == 1
     with pytest.raises(InputError, match=r"use size_mm = \d+"):
         make_printable(session, size_mm=size - 1.0)
     plain = make_printable(session, size_mm=20.0, engrave=False)
-    assert pdist(plain.points).max() == pytest.approx(20.0, rel=1e-6)
-    assert len(plain.triangles) < len(labeled.triangles)
+    assert pdist(plain.solid.points).max() == pytest.approx(20.0, rel=1e-6)
+    assert len(plain.solid.triangles) < len(labeled.solid.triangles)
 
 
 @pytest.mark.parametrize("size", [0.0, float("nan"), 1e9])
