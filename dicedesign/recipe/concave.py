@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict
-from itertools import count
 from typing import Final
 
 import numpy as np
 
 from dicedesign.concave.options import ConcaveOptions, HullWeights
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die, read_checkpoint
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
@@ -24,7 +23,6 @@ from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.parts import Search, Status, TradeOff
-from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
 from dicedesign.tolerances import SAME_REST_ANGLE
@@ -48,7 +46,7 @@ def design_concave(work: Work) -> Design:
     assert options is not None
     target, identity = work.target.probabilities, _search_identity(recipe, surface, options)
     path = None if work.folder is None else work.folder / CHECKPOINT
-    progress = ConcaveProgress(0, 0.0, None, (), ())
+    progress = ConcaveProgress()
 
     def report(latest: ConcaveProgress) -> None:
         nonlocal progress
@@ -65,7 +63,6 @@ def design_concave(work: Work) -> Design:
     if work.resume and path is not None:
         progress = read_checkpoint(path, identity)
     report(progress)
-    numbers = count(0)
     try:
         die = make_concave_die(
             surface,
@@ -74,7 +71,7 @@ def design_concave(work: Work) -> Design:
             wall=None if options.hollow is None else options.hollow.wall_mm / recipe.size_mm,
             seed=recipe.seed,
             resume=progress,
-            on_step=lambda step: work.callbacks.on_step(_step(next(numbers), step)),
+            on_step=work.callbacks.on_step,
             on_attempt=on_attempt,
         )
     except NoStartError:
@@ -85,7 +82,7 @@ def design_concave(work: Work) -> Design:
     work.search = Search(
         attempts=progress.attempts,
         seconds=progress.seconds,
-        attempt=None if best is None else best.attempt,
+        attempt=None if best is None else best.draft.attempt,
         trade_off=_trade_off(progress, options),
     )
     return Design(
@@ -93,14 +90,8 @@ def design_concave(work: Work) -> Design:
         hull=die.hull,
         directions=die.directions,
         error=outcome_probabilities(poses, die.directions).error(target),
-        steps=tuple(_step(number, step) for number, step in enumerate(progress.history)),
+        steps=progress.history,
         reshaped=die,
-    )
-
-
-def _step(number: int, step: ConcaveStep) -> Step:
-    return Step(
-        number, step.seconds, step.energy, step.error, stage=step.stage, attempt=step.attempt
     )
 
 
@@ -143,10 +134,10 @@ def _describe(progress: ConcaveProgress, options: ConcaveOptions) -> str:
     done = f"{progress.attempts} of {options.attempts} attempts"
     if options.seconds is not None:
         done += f", {progress.seconds:.0f} of {options.seconds:g} s"
-    best = progress.best
-    if best is None:
+    if progress.best is None:
         return f"{done}, no die yet"
-    flaws = _trade_off(progress, options).flaws(best.draft(progress.seconds))
+    best = progress.best.draft
+    flaws = _trade_off(progress, options).flaws(best)
     return (
         f"{done}, best moved by {100.0 * best.displacement:.2g} %, error {best.error:.1e}, "
         f"{' and '.join(status.name.lower() for status in flaws) or 'no flaws'}"
