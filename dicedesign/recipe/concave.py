@@ -18,7 +18,6 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work
-from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT
@@ -41,10 +40,20 @@ def design_concave(work: Work) -> Design:
     InputError: the surface does not suit the target, or there is no checkpoint of this search to
         resume.
     """
-    recipe, surface, options = work.recipe, work.surface, work.recipe.method.concave
+    recipe, surface, options = work.recipe, work.surface, work.recipe.method.options
     assert surface is not None
-    assert options is not None
-    target, identity = work.target.probabilities, _search_identity(recipe, surface, options)
+    target = work.target.probabilities
+    size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
+    choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
+    # Searches with equal texts take the same path.
+    identity = {
+        "target": json.dumps(target.tolist()),
+        "seed": str(recipe.seed),
+        "method": json.dumps(choices | size, default=HullWeights.as_dict),
+        "surface": hashlib.sha256(
+            surface.points.tobytes() + surface.triangles.tobytes()
+        ).hexdigest(),
+    }
     path = None if work.folder is None else work.folder / CHECKPOINT
     progress = ConcaveProgress()
 
@@ -93,21 +102,6 @@ def design_concave(work: Work) -> Design:
         steps=progress.history,
         reshaped=die,
     )
-
-
-def _search_identity(recipe: Recipe, surface: Surface, options: ConcaveOptions) -> dict[str, str]:
-    """Texts that identify a search, by kind: equal ones take the same path."""
-    method = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
-    if options.hollow is not None:
-        method["size_mm"] = recipe.size_mm
-    return {
-        "target": json.dumps(recipe.target.target().probabilities.tolist()),
-        "seed": str(recipe.seed),
-        "method": json.dumps(method, default=HullWeights.as_dict),
-        "surface": hashlib.sha256(
-            surface.points.tobytes() + surface.triangles.tobytes()
-        ).hexdigest(),
-    }
 
 
 def _keep_surface(surface: Surface, target: Floats, progress: ConcaveProgress) -> ConcaveDie:

@@ -3,7 +3,7 @@ file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,7 +12,6 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.fabricate.convex_object import (
     ConvexObject,
-    Measured,
     core_of,
     measure_resting,
     measure_thrown,
@@ -94,8 +93,24 @@ def _finish_convex(work: Work) -> None:
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    measure, model, target = _choose_measure(work, finish, core)
-    directions = work.die.directions
+    directions, target, table = (
+        work.die.directions,
+        work.target.probabilities,
+        work.recipe.method.table,
+    )
+    model: ProbabilityModel | None = None
+    if given is not None or table is None:
+        offset = None if given is None else given - finish.make_unlabeled(core).centroid
+        prior = work.die.prior
+        model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
+        measure = measure_resting(prior, offset)
+    else:
+        # Keep the probabilities that the plain shape has in the momentum model.
+        measure, model = (
+            measure_thrown(load_table(table), momentum_model(table)),
+            ThrowProbabilities.on(table),
+        )
+        target = measure(Surface(solid.points, solid.triangles), directions).probabilities
     end = reshape(core, directions, placements, target, finish, measure, rounds=rounds, model=model)
     work.balance = Balance(
         by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
@@ -112,22 +127,6 @@ def _finish_convex(work: Work) -> None:
         _finish_stretched(work, end.surface, placed, by, end.core)
     else:
         _finish(work, end.surface, placed, end.core, center)
-
-
-def _choose_measure(
-    work: Work, finish: ConvexObject, core: ConvexHull
-) -> tuple[Callable[[Surface, Floats], Measured], ProbabilityModel | None, Floats]:
-    """Measure and probability model for reshaping, and the target (k,). The target of a thrown die
-    is the momentum model's probabilities of the plain shape."""
-    given, table = work.solid.center_of_mass, work.recipe.method.table
-    if given is not None or table is None:
-        offset = None if given is None else given - finish.make_unlabeled(core).centroid
-        prior = work.die.prior
-        model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
-        return measure_resting(prior, offset), model, work.target.probabilities
-    measure = measure_thrown(load_table(table), momentum_model(table))
-    plain = Surface(work.solid.points, work.solid.triangles)
-    return measure, ThrowProbabilities.on(table), measure(plain, work.die.directions).probabilities
 
 
 def _mark_surface(work: Work) -> None:

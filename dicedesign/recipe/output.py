@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.die import Assessment, FinishedDie
+from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import (
     BODY_COLOR,
     FILE_FORMATS,
@@ -31,7 +31,6 @@ from dicedesign.fabricate.print_tolerances import (
     print_tolerances,
 )
 from dicedesign.fabricate.printability import PrintedDie, printability
-from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
@@ -97,7 +96,7 @@ def prepare_print(work: Work) -> None:
 
 
 def find_tolerances(work: Work) -> None:
-    """Compute how printing errors, and infill if the recipe has some, change the probabilities."""
+    """Compute how printing errors, and infill below 100 %, change the probabilities."""
     verdict, target, options = work.final, work.target.probabilities, work.recipe.print
     table, has_planes = work.recipe.method.table, work.die.reshaped is None
     assert options is not None
@@ -121,11 +120,8 @@ def find_tolerances(work: Work) -> None:
     # momentum model jumps where a corner of several facets splits, which real dice do not.
     bias = verdict.outcomes.probabilities - target if table is None else np.zeros(len(target))
     work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
-    if options.infill < 1.0:
-        _find_infill(work, options, verdict)
-
-
-def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None:
+    if options.infill == 1.0:
+        return
     engrave, marked = work.recipe.engrave, None if verdict is work.plain else work.engraved
     unknown = None
     if work.die.reshaped is not None:
@@ -204,33 +200,27 @@ def die_contents(work: Work) -> Contents:
     if verdict is not None:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
-    return Contents(work.recipe.name, _make_parts(work), facts)
+    plain, marked, options = work.solid, work.engraved, work.recipe.engrave
+    solid = marked or plain
+    parts = [Part("die", BODY_COLOR, solid.points, solid.triangles)]
+    if marked is not None and marked.inlay is not None:
+        parts.append(Part("labels", LABEL_COLOR, marked.inlay.points, marked.inlay.triangles))
+    elif marked is not None and options is not None:
+        # It imports manifold3d.
+        from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
+
+        surface, whole = (Surface(each.points, each.triangles) for each in (solid, plain))
+        if work.die.reshaped is None:
+            triangles = labels_below_hull(surface, options.depth_mm)
+        else:
+            triangles = labels_off_surface(surface, whole, options.depth_mm)
+        parts = [replace(parts[0], labels=triangles)]
+    return Contents(work.recipe.name, parts, facts)
 
 
 def _stem(work: Work) -> str:
     """File name of the finished die without its ending."""
     return "die_plain" if work.engraved is None else "die"
-
-
-def _make_parts(work: Work) -> list[Part]:
-    """Bodies of the finished die."""
-    plain, marked, options = work.solid, work.engraved, work.recipe.engrave
-    solid = marked or plain
-    body = Part("die", BODY_COLOR, solid.points, solid.triangles)
-    if marked is None or options is None:
-        return [body]
-    if marked.inlay is not None:
-        return [body, Part("labels", LABEL_COLOR, marked.inlay.points, marked.inlay.triangles)]
-    # It imports manifold3d.
-    from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
-
-    surface = Surface(body.points, body.triangles)
-    if work.die.reshaped is None:
-        labels = labels_below_hull(surface, options.depth_mm)
-    else:
-        whole = Surface(plain.points, plain.triangles)
-        labels = labels_off_surface(surface, whole, options.depth_mm)
-    return [replace(body, labels=labels)]
 
 
 def _compute_probabilities(work: Work, points: Floats, triangles: Integers) -> Floats:

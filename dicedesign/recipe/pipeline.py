@@ -21,6 +21,7 @@ from dicedesign.results.folder import PAGE, RECIPE, open_results_folder, write_r
 from dicedesign.results.parts import (
     Concave,
     Printability,
+    RoundOfThrows,
     Search,
     Status,
     TableResult,
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface
     from dicedesign.optimize.starts.start import Start
-    from dicedesign.results.parts import RoundOfThrows
     from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.simulation import ThrownDie
 
@@ -196,6 +196,17 @@ class Work:
                 reading=None if self.reading is None else self.reading.sentence,
                 balance=self.balance,
             )
+        files: dict[str, str] = {}
+        if self.folder is not None:
+            # All files, including those yet to be written.
+            page = [PAGE] if self.recipe.report else []
+            names = dict.fromkeys([*sorted(self.files), RECIPE, *page, RESULT])
+            # The stem stands for the STL file; other formats go by their whole names.
+            by_stem = {
+                Path(name).stem: name for name in sorted(names, key=lambda n: n.endswith(".stl"))
+            }
+            kinds = {name: stem for stem, name in by_stem.items()}
+            files = {kinds.get(name, name): name for name in names}
         result = Result(
             name=self.recipe.name,
             status=self.status.name.lower(),
@@ -228,25 +239,13 @@ class Work:
             tolerances=self.tolerances,
             infill=self.infill,
             extra=self.extra,
-            files=self._files_by_kind(),
+            files=files,
             stages=tuple(StageTime(**stage) for stage in self.clock.stages),
             peak_since=self.clock.peak_since,
             folder=self.folder,
             **plain.as_fields(),
         )
         return result if self.recipe.clock else result.without_clock()
-
-    def _files_by_kind(self) -> dict[str, str]:
-        """File names by kind, including files yet to be written."""
-        if self.folder is None:
-            return {}
-        page = [PAGE] if self.recipe.report else []
-        names = dict.fromkeys([*sorted(self.files), RECIPE, *page, RESULT])
-        # The stem stands for the STL file; other formats go by their whole names.
-        by_stem = {
-            Path(name).stem: name for name in sorted(names, key=lambda n: n.endswith(".stl"))
-        }
-        return {stem if by_stem[stem := Path(name).stem] == name else name: name for name in names}
 
 
 @dataclass(frozen=True)
@@ -412,10 +411,11 @@ def run_stages(work: Work, *, after: str | None = None, last: str | None = None)
     for stage in STAGES:
         place = len(stages)
         if stage.after is not None:
-            place = stages.index(STAGES[stage.after]) + 1
             # Stages after the same one keep their order of registration.
-            while place < len(stages) and stages[place].after == stage.after:
-                place += 1
+            name = STAGES[stage.after].name
+            place = 1 + max(
+                k for k, other in enumerate(stages) if name in (other.name, other.after)
+            )
         stages.insert(place, stage)
     first = 0 if after is None else stages.index(STAGES[after]) + 1
     end = len(stages) if last is None else stages.index(STAGES[last]) + 1

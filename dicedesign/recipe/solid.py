@@ -15,7 +15,6 @@ from dicedesign.fabricate.die import assess_file, make_solid
 from dicedesign.fabricate.numbering import number_die
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
-from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.starts.shapes import about_centroid
 from dicedesign.optimize.starts.start import Task, build_start
 from dicedesign.recipe.pipeline import Work
@@ -72,10 +71,21 @@ def _make_surface(work: Work, points: int | None) -> None:
 
 
 def _make_shape(work: Work) -> None:
+    """Make the starting shape, after a check of the table of a thrown die."""
     recipe, exact, outcomes = work.recipe, work.recipe.method.exact, len(work.target.labels)
     center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
     if exact is not None and recipe.method.is_thrown:
-        _check_table(exact, recipe.size_mm)
+        from dicedesign.throws.engines import require_engine
+        from dicedesign.throws.momentum_model import momentum_model
+        from dicedesign.throws.tables import load_table
+
+        with named("method.exact.table"):
+            table = load_table(exact.table_with_hand)
+            momentum_model(exact.table_with_hand)
+        # Raises if the die is too large; its radius is at least half of its size.
+        replace(table, size=1e-3 * recipe.size_mm)
+        if exact.refine is not None:
+            require_engine(exact.refine.engine)
     start = build_start(
         recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center)
     )
@@ -96,25 +106,6 @@ def _make_shape(work: Work) -> None:
             check_orbits(recipe, start.directions)
     work.start = start
     work.notes += start.notes
-
-
-def _check_table(options: ExactOptions, size_mm: float) -> None:
-    """Raise InputError for an unknown table or one without a momentum model, a die too large for
-    it, or a missing engine.
-
-    size_mm: largest distance between two vertices of the die.
-    """
-    from dicedesign.throws.engines import require_engine
-    from dicedesign.throws.momentum_model import momentum_model
-    from dicedesign.throws.tables import load_table
-
-    with named("method.exact.table"):
-        table = load_table(options.table_with_hand)
-        momentum_model(options.table_with_hand)
-    # Raises if the die is too large; its radius is at least half of that distance.
-    replace(table, size=1e-3 * size_mm)
-    if options.refine is not None:
-        require_engine(options.refine.engine)
 
 
 def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
