@@ -257,29 +257,24 @@ def design_hull(
             return draft
         if violation < least:
             best, least = draft, violation
-        directions = _follow_rests(problem, draft, directions)
+        # The directions follow their main rests as far as they stay apart.
+        followed, normals = directions.copy(), draft.normals
+        for number, main in enumerate(draft.main):
+            is_shared = np.count_nonzero(draft.main == main) > 1
+            if is_shared or normals[number] @ directions[number] < MIN_FOLLOWED_COSINE:
+                continue
+            nearer = (1.0 - FOLLOWED) * directions[number] + FOLLOWED * normals[number]
+            nearer = unit_vectors(nearer)
+            others = np.delete(followed, number, axis=0)
+            if (others @ nearer).max(initial=-1.0) < math.cos(problem.apart + EXTRA_APART):
+                followed[number] = nearer
+        directions = followed
         compliance = problem.compliance(METRICS[step // STAGE_STEPS])
         change = _least_work_step(problem, draft, compliance, memory, directions, step)
         corners = corners + min(1.0, MAX_STEP / max(float(norms(change).max()), MAX_STEP)) * change
         if norms(corners - problem.hull.vertices).mean() > HOPELESS_DISPLACEMENT:
             break
     return best
-
-
-def _follow_rests(problem: HullProblem, draft: HullDraft, directions: Floats) -> Floats:
-    """Directions (k, 3) of the outcomes, moved toward their main rests as far as they stay
-    apart."""
-    followed = directions.copy()
-    normals = draft.normals
-    for number, main in enumerate(draft.main):
-        is_shared = np.count_nonzero(draft.main == main) > 1
-        if is_shared or normals[number] @ directions[number] < MIN_FOLLOWED_COSINE:
-            continue
-        nearer = unit_vectors((1.0 - FOLLOWED) * directions[number] + FOLLOWED * normals[number])
-        others = np.delete(followed, number, axis=0)
-        if (others @ nearer).max(initial=-1.0) < math.cos(problem.apart + EXTRA_APART):
-            followed[number] = nearer
-    return followed
 
 
 MAX_ROUNDS = 5

@@ -203,32 +203,6 @@ def coarse_corners(hull: ConvexHull) -> Integers:
 SAMPLES = 600
 """Points of the surface that represent the points around them."""
 
-
-def displacement_form(held: HeldCorners) -> Floats:
-    """(c, 3, c, 3) quadratic form of displacements of the corners relative to the center of mass:
-    the mean squared displacement of all points of the surface, after it is aligned with the
-    original by a similarity."""
-    elasticity, forces = held.elasticity, held.relative[0]
-    points = elasticity.surface.points
-    samples = spread_points(points, SAMPLES)
-    nearest = cKDTree(points[samples]).query(points)[1]
-    weights = np.sqrt(np.bincount(nearest, minlength=len(samples)) / len(points))
-    by_center = elasticity.center_responses(center_gradient(elasticity.surface))[samples]
-    moved = np.tensordot(held.by_corner[samples], forces, (1, 0))
-    moved -= np.tensordot(by_center, forces.sum(axis=0), (2, 0))
-    moved *= weights[:, None, None, None]
-    flat = moved.reshape(3 * len(samples), -1)
-    # Project out translations, rotations and scaling.
-    about = points[samples] - (weights**2) @ points[samples]
-    axes = np.eye(3)
-    moves = [np.broadcast_to(axis, about.shape) for axis in axes]
-    moves += [np.cross(axis, about) for axis in axes]
-    columns = np.stack([*moves, about], axis=-1) * weights[:, None, None]
-    similar = np.linalg.qr(columns.reshape(-1, 7))[0]
-    flat -= similar @ (similar.T @ flat)
-    return np.asarray((flat.T @ flat).reshape(forces.shape))
-
-
 CENTER_COMPLIANCE = 3.0
 """Compliance of a center of mass that cavities can move, over that of the surface when it is moved
 as a whole: larger values make bolder steps."""
@@ -312,8 +286,27 @@ class HullProblem:
 
     @cached_property
     def displacement_form(self) -> Floats:
-        """(n, 3, n, 3) mean squared displacement of the surface, see `displacement_form`."""
-        return displacement_form(self.held)
+        """(n, 3, n, 3) quadratic form of displacements of the vertices relative to the center of
+        mass: the mean squared displacement of all points of the surface, after it is aligned with
+        the original by a similarity."""
+        points, forces = self.surface.points, self.held.relative[0]
+        samples = spread_points(points, SAMPLES)
+        nearest = cKDTree(points[samples]).query(points)[1]
+        weights = np.sqrt(np.bincount(nearest, minlength=len(samples)) / len(points))
+        by_center = self.elasticity.center_responses(center_gradient(self.surface))[samples]
+        moved = np.tensordot(self.held.by_corner[samples], forces, (1, 0))
+        moved -= np.tensordot(by_center, forces.sum(axis=0), (2, 0))
+        moved *= weights[:, None, None, None]
+        flat = moved.reshape(3 * len(samples), -1)
+        # Project out translations, rotations and scaling.
+        about = points[samples] - (weights**2) @ points[samples]
+        axes = np.eye(3)
+        moves = [np.broadcast_to(axis, about.shape) for axis in axes]
+        moves += [np.cross(axis, about) for axis in axes]
+        columns = np.stack([*moves, about], axis=-1) * weights[:, None, None]
+        similar = np.linalg.qr(columns.reshape(-1, 7))[0]
+        flat -= similar @ (similar.T @ flat)
+        return np.asarray((flat.T @ flat).reshape(forces.shape))
 
     def shift(self, moved: Floats) -> Floats:
         """(3,) shift of the center of mass by cavities that minimizes the displacement of the
@@ -344,9 +337,23 @@ class HullProblem:
         """(n, 3, n, 3) displacement of the vertices for forces on them, relative to the center of
         mass, which also yields if cavities can move it."""
         key = metric, self.room is not None
-        if key not in self._compliances:
-            self._compliances[key] = self._compliance(metric)
-        return self._compliances[key]
+        if key in self._compliances:
+            return self._compliances[key]
+        count = len(self.hull.vertices)
+        laplacian = np.asarray(graph_laplacian(self.hull).toarray(), dtype=np.float64)
+        root = metric.tether * np.eye(count) + metric.smoothing * laplacian
+        smooth = root @ root / count
+        stiffness = metric.elastic * self.held.relative[0]
+        for axis in range(3):
+            stiffness[:, axis, :, axis] += smooth
+        if metric.displaced > 0.0:
+            stiffness += metric.displaced * self.displacement_form
+        flat = stiffness.reshape(3 * count, 3 * count)
+        compliance = positive_inverse(flat).reshape(stiffness.shape)
+        if self.room is not None:
+            shifting = CENTER_COMPLIANCE * np.linalg.inv(stiffness.sum(axis=(0, 2)))
+            compliance = compliance + shifting[None, :, None, :]
+        return self._compliances.setdefault(key, compliance)
 
     def designed(
         self, vertices: Floats, source: Integers, moved: Floats, directions: Floats, error: float
@@ -361,23 +368,6 @@ class HullProblem:
         hull = convex_hull(vertices + (center + shift))
         corners = self.source[source[hull.source]]
         return DesignedHull(hull, corners, center, shift, directions, error, moved)
-
-    def _compliance(self, metric: HullMetric) -> Floats:
-        count = len(self.hull.vertices)
-        laplacian = np.asarray(graph_laplacian(self.hull).toarray(), dtype=np.float64)
-        root = metric.tether * np.eye(count) + metric.smoothing * laplacian
-        smooth = root @ root / count
-        stiffness = metric.elastic * self.held.relative[0]
-        for axis in range(3):
-            stiffness[:, axis, :, axis] += smooth
-        if metric.displaced > 0.0:
-            stiffness += metric.displaced * self.displacement_form
-        flat = stiffness.reshape(3 * count, 3 * count)
-        compliance = positive_inverse(flat).reshape(count, 3, count, 3)
-        if self.room is not None:
-            shifting = CENTER_COMPLIANCE * np.linalg.inv(stiffness.sum(axis=(0, 2)))
-            compliance = compliance + shifting[None, :, None, :]
-        return compliance
 
 
 @dataclass(frozen=True)

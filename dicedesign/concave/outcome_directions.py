@@ -95,7 +95,14 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
             f"got {count}; join some, or refine the surface with method.concave.points"
         )
     random = np.random.default_rng([seed, count])
-    candidates = _find_candidates(hull, count, random)
+    # The rests, the most probable first, and directions between them.
+    rests = analyze(hull, np.zeros(3), "given").normals
+    spread = _spread(max(MIN_SPREAD, SPREAD_PER_OUTCOME * count), random)
+    least = min(DISTINCT, 0.5 * math.sqrt(4.0 * math.pi / len(spread)))
+    candidates = np.zeros((0, 3))
+    for direction in (*rests, *spread):
+        if (candidates @ direction).max(initial=-1.0) <= math.cos(least):
+            candidates = np.vstack([candidates, direction])
     costs = _look_up_climbs(hull.vertices, _spread(SAMPLES, random), candidates)
     # The most probable outcome first, as the candidates of a set are ordered by natural shares.
     order = np.argsort(-target, kind="stable")
@@ -116,18 +123,6 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
             chosen.append(directions)
         if len(chosen) == MAX_CHOICES:
             break
-    return chosen
-
-
-def _find_candidates(hull: ConvexHull, count: int, random: np.random.Generator) -> Floats:
-    """(m, 3) rests, the most probable first, and directions between them."""
-    rests = analyze(hull, np.zeros(3), "given").normals
-    spread = _spread(max(MIN_SPREAD, SPREAD_PER_OUTCOME * count), random)
-    least = min(DISTINCT, 0.5 * math.sqrt(4.0 * math.pi / len(spread)))
-    chosen = np.zeros((0, 3))
-    for direction in (*rests, *spread):
-        if (chosen @ direction).max(initial=-1.0) <= math.cos(least):
-            chosen = np.vstack([chosen, direction])
     return chosen
 
 
@@ -179,8 +174,14 @@ def _find_sets(
     for _ in range(0 if is_complete else EXCHANGES):
         prices = _assign_samples(costs, _sort_by_share(costs, sets), shares)
         best = sets[np.argsort(prices, kind="stable")[:MAX_ORDERED]]
-        exchanged = _keep_cheapest(costs, _exchange(near, best))
-        sets = np.unique(np.concatenate([best, exchanged]), axis=0)
+        # One candidate of each exchanged for any other that is apart from the rest.
+        exchanged = []
+        for place in range(count):
+            others = np.delete(best, place, axis=1)
+            number, candidate = np.nonzero(~near[others].any(axis=1))
+            exchanged.append(np.column_stack([others[number], candidate]))
+        more = np.unique(np.sort(np.concatenate(exchanged), axis=1), axis=0)
+        sets = np.unique(np.concatenate([best, _keep_cheapest(costs, more)]), axis=0)
     return sets
 
 
@@ -202,16 +203,6 @@ def _draw_sets(near: np.ndarray, count: int, random: np.random.Generator) -> Int
         free &= ~near[sets[:, place]]
         free, sets = free[is_valid], sets[is_valid]
     return np.unique(np.sort(sets, axis=1), axis=0)
-
-
-def _exchange(near: np.ndarray, sets: Integers) -> Integers:
-    """Sets (m, k) with one candidate exchanged for any other that is apart from the rest."""
-    exchanged = []
-    for place in range(sets.shape[1]):
-        others = np.delete(sets, place, axis=1)
-        number, candidate = np.nonzero(~near[others].any(axis=1))
-        exchanged.append(np.column_stack([others[number], candidate]))
-    return np.unique(np.sort(np.concatenate(exchanged), axis=1), axis=0)
 
 
 def _keep_cheapest(costs: Floats, sets: Integers) -> Integers:

@@ -139,7 +139,15 @@ class SlopeMemory:
         hull, options = rests.hull, self.options
         least_cosine = math.cos(options.circle)
         self._remember(hull.normals[rests.paths.rests], outcomes, outcome_of_rest, step)
-        around = self._around(outcomes)
+        # On two circles around each outcome.
+        angles = np.linspace(0.0, 2.0 * np.pi, CIRCLE_DIRECTIONS, endpoint=False)
+        circles = []
+        for outcome in outcomes:
+            across = np.linalg.svd(outcome[None])[2][1:]
+            aside = np.cos(angles)[:, None] * across[0] + np.sin(angles)[:, None] * across[1]
+            for radius in (options.circle, 1.5 * options.circle):
+                circles.append(math.cos(radius) * outcome + math.sin(radius) * aside)
+        around = np.concatenate(circles)
         ends = np.repeat(outcomes, 2 * CIRCLE_DIRECTIONS, axis=0)
         parts = [(around, _tangents(around, ends), options.rise)]
         if self.cells:
@@ -184,17 +192,6 @@ class SlopeMemory:
         self.cells = {
             cell: entry for cell, entry in self.cells.items() if step - entry[2] < LIFETIME
         }
-
-    def _around(self, outcomes: Floats) -> Floats:
-        """(32 k, 3) directions on two circles around each outcome (k, 3)."""
-        angles = np.linspace(0.0, 2.0 * np.pi, CIRCLE_DIRECTIONS, endpoint=False)
-        directions = []
-        for outcome in outcomes:
-            across = np.linalg.svd(outcome[None])[2][1:]
-            aside = np.cos(angles)[:, None] * across[0] + np.sin(angles)[:, None] * across[1]
-            for radius in (self.options.circle, 1.5 * self.options.circle):
-                directions.append(math.cos(radius) * outcome + math.sin(radius) * aside)
-        return np.concatenate(directions)
 
 
 def _tangents(directions: Floats, ends: Floats) -> Floats:
