@@ -1,4 +1,4 @@
-"""A concave die of a mesh that is repaired on the way in: what is told, drawn and kept of it."""
+"""Concave dice of repaired meshes."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from dicedesign.recipe.solid import make_start
 from dicedesign.results.folder import read_result
 
 
-def written(path: Path, surface: Surface, first: int = 0) -> dict[str, Any]:
-    """The recipe of a die of a surface without its first triangles, in a file."""
+def write_recipe(path: Path, surface: Surface, first: int = 0) -> dict[str, Any]:
+    """Write a surface without its first triangles, and return a recipe of it."""
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.points.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (surface.triangles[first:] + 1).tolist()]
     path.write_text("\n".join(lines) + "\n")
     return {
-        "name": "mended",
+        "name": "repaired",
         "target": {"fair": 3},
         "start": {"mesh": {"path": str(path), "repair": True}},
         "method": {"concave": {}},
@@ -35,7 +35,7 @@ def written(path: Path, surface: Surface, first: int = 0) -> dict[str, Any]:
 
 def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
     duck = shape("duck")
-    recipe = written(tmp_path / "duck.obj", duck, 20)
+    recipe = write_recipe(tmp_path / "duck.obj", duck, 20)
     recipe["method"]["concave"]["points"] = 1200
     result = pipeline.run(parse_recipe(recipe), tmp_path / "out")
     repair = result.concave.repair
@@ -49,12 +49,11 @@ def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
     assert read_result(tmp_path / "out").concave.repair == repair
 
 
-def test_a_good_mesh_is_left_as_it_is(tmp_path: Path) -> None:
+def test_a_good_mesh_is_not_changed(tmp_path: Path) -> None:
     original = bumpy_sphere(2)
-    work = Work(parse_recipe(written(tmp_path / "good.obj", original)))
+    work = Work(parse_recipe(write_recipe(tmp_path / "good.obj", original)))
     make_start(work)
     assert work.surface is not None
     np.testing.assert_array_equal(work.surface.points, original.points)
-    assert work.repaired is None
     assert work.repaired is None
     assert work.notes == ["the mesh needed no repair"]

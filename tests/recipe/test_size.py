@@ -1,4 +1,4 @@
-"""Sizes at which the labels of made-up dice fit."""
+"""Sizes at which labels of given designs fit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dicedesign.recipe.pipeline import Work, run_stages
 def sized_work(
     size_mm: float, engrave: bool = True, enlarge: bool = True, label: str = "6", thin: float = 4.0
 ) -> Work:
-    """A run up to the stage size, of a box that bears a label on a facet of its least side."""
+    """Run up to the stage "size" of a box with a label on a facet with its smallest side."""
     entries = {"engrave": engrave, "size_mm": size_mm}
     target = {"fair": 6, "labels": ["1", "2", "3", "4", "5", label]}
     work = designed(box(thin, 5.0, 6.0), target=target, entries=entries)
@@ -41,7 +41,7 @@ def fits(work: Work, size_mm: float) -> bool:
     return True
 
 
-def test_it_is_the_smallest_whole_number_of_millimeters() -> None:
+def test_the_size_is_the_smallest_whole_number_of_millimeters() -> None:
     work = sized_work(5.0)
     size = work.recipe.size_mm
     assert size == int(size) > 5.0
@@ -56,14 +56,14 @@ def test_it_is_the_smallest_whole_number_of_millimeters() -> None:
 @pytest.mark.parametrize(
     "options", [{"size_mm": 30.0}, {"engrave": False}, {"enlarge": False}], ids=str
 )
-def test_a_size_that_need_not_change_is_kept(options: dict[str, Any]) -> None:
+def test_a_sufficient_size_is_kept(options: dict[str, Any]) -> None:
     work = sized_work(**{"size_mm": 5.0, **options})
     assert work.recipe.size_mm == options.get("size_mm", 5.0)
     assert work.notes == []
 
 
-def test_where_no_size_helps_it_is_kept() -> None:
-    """Needed is more than any die has, or a facet that is not there."""
+def test_a_size_that_does_not_help_is_kept() -> None:
+    """The label needs more than the largest size, or a missing facet."""
     huge = sized_work(30.0, label="not so short", thin=0.02)
     assert (huge.recipe.size_mm, huge.notes) == (30.0, [])
     lacking = designed(box(4.0, 5.0, 6.0), SIDES, target={"fair": 6}, entries={"engrave": True})

@@ -1,4 +1,4 @@
-"""What is refused before a design begins, and what is not."""
+"""Checks of the start before a design."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def started(**entries: Any) -> Work:
     return design_recipe(parse_recipe(given), last="start")
 
 
-def test_a_die_that_is_too_large_to_be_thrown_is_refused_where_it_is_thrown() -> None:
+def test_a_die_too_large_for_its_table_is_refused() -> None:
     large = {"target": {"fair": 4}, "size_mm": 1000.0}
     started(**large)
     thrown = {"exact": {"probabilities": "thrown"}}
@@ -34,7 +34,7 @@ def test_a_die_that_is_too_large_to_be_thrown_is_refused_where_it_is_thrown() ->
 
 
 def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
-    """Its symmetries are about that."""
+    """Every symmetry fixes the centroid."""
     corners = box(1.0, 2.0, 3.0)
     corners[corners[:, 2] > 0.0] *= [0.6, 0.6, 1.0]
     points = corners + np.array([7.0, -5.0, 3.0])
@@ -46,8 +46,7 @@ def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
     np.testing.assert_allclose(convex_hull(work.start.points).centroid, 0.0, atol=1e-12)
 
 
-def test_images_of_equal_probabilities_to_rounding_are_equal() -> None:
-    """Probabilities from fractions and decimals are not the same numbers."""
+def test_images_may_differ_in_probability_by_rounding() -> None:
     probabilities = [0.1 + 0.2, 0.2, 0.3, 0.2]
     assert probabilities[0] != probabilities[2]
     prism = {"target": {"probabilities": probabilities}, "start": {"prism": {}}}
@@ -58,11 +57,11 @@ def test_images_of_equal_probabilities_to_rounding_are_equal() -> None:
 
 @dataclass(frozen=True)
 class Nothing:
-    """Options of a start that is wrong."""
+    """Options of an invalid start."""
 
 
 @pytest.mark.parametrize("directions", [3, 5])
-def test_a_kind_of_start_with_other_directions_than_outcomes_is_told(directions: int) -> None:
+def test_a_start_with_a_wrong_number_of_directions_is_refused(directions: int) -> None:
     shape = prism(4)
     wrong = replace(shape, directions=np.resize(shape.directions, (directions, 3)))
     STARTS.register(
