@@ -268,19 +268,22 @@ def solve_quadratic_program(
     return minimum if solution.status in solved and bool(np.isfinite(minimum).all()) else None
 
 
+@dataclass
 class PointsInside:
     """Points that move inside a polyhedron around the origin, `normals . x <= heights`.
 
     A program begins with constraints for half-spaces near each point, and adds those that its
     solution violates. Constraints that were active at the end of a step are kept for the next one.
 
+    Attributes
+    ----------
     normals: (m, 3) unit; heights: (m,) positive.
+    held: (n, m) half-spaces that held a point back in the last step.
     """
 
-    def __init__(self, normals: Floats, heights: Floats) -> None:
-        self.normals = normals
-        self.heights = heights
-        self.held: Booleans | bool = False
+    normals: Floats
+    heights: Floats
+    held: Booleans | bool = False
 
     def slacks(self, points: Floats) -> Floats:
         """(n, m) distances of points (n, 3) from the facets, positive inside."""

@@ -93,23 +93,17 @@ def _finish_convex(work: Work) -> None:
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    directions, target, table = (
-        work.die.directions,
-        work.target.probabilities,
-        work.recipe.method.table,
-    )
+    directions, target = work.die.directions, work.target.probabilities
+    table, prior = work.recipe.method.table, work.die.prior
     model: ProbabilityModel | None = None
     if given is not None or table is None:
         offset = None if given is None else given - finish.make_unlabeled(core).centroid
-        prior = work.die.prior
         model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
         measure = measure_resting(prior, offset)
     else:
         # Keep the probabilities that the plain shape has in the momentum model.
-        measure, model = (
-            measure_thrown(load_table(table), momentum_model(table)),
-            ThrowProbabilities.on(table),
-        )
+        measure = measure_thrown(load_table(table), momentum_model(table))
+        model = ThrowProbabilities.on(table)
         target = measure(Surface(solid.points, solid.triangles), directions).probabilities
     end = reshape(core, directions, placements, target, finish, measure, rounds=rounds, model=model)
     work.balance = Balance(
@@ -252,9 +246,7 @@ def fill_inside(work: Work) -> None:
 
     options, method = work.recipe.inside, work.recipe.method
     assert options is not None
-    body = read_back(work.files["die_plain.stl" if work.engraved is None else "die.stl"])
-    assert body.triangles is not None
-    surface = Surface(body.points, body.triangles)
+    surface = read_back(work.files["die_plain.stl" if work.engraved is None else "die.stl"]).surface
     try:
         # The given center is at the origin.
         filled = move_center(surface, np.zeros(3), options.by, options)
@@ -263,7 +255,6 @@ def fill_inside(work: Work) -> None:
             raise InputError(f"inside: {error}") from error
         work.remarks.append(f"nothing inside: {error}")
         return
-    assert filled.body.triangles is not None
     work.files |= {f"die{rest}" if rest else "die.stl": data for rest, data in filled.files.items()}
     # The file alone determines a die with a cavity.
     center = None if options.by == "cavity" else filled.center
@@ -273,7 +264,7 @@ def fill_inside(work: Work) -> None:
     work.engraved = replace(
         work.engraved or work.solid,
         points=filled.body.points,
-        triangles=filled.body.triangles,
+        triangles=filled.body.surface.triangles,
         assessment=verdict,
     )
     work.inside = Inside(

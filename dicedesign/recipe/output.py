@@ -34,7 +34,7 @@ from dicedesign.fabricate.printability import PrintedDie, printability
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
-from dicedesign.geometry.triangles import Surface, solid_properties
+from dicedesign.geometry.triangles import Surface
 from dicedesign.gradient.probability_model import probability_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
@@ -70,12 +70,11 @@ def prepare_print(work: Work) -> None:
             # Marks are on top.
             labels, normals = work.target.labels, -plain.poses.normals[plain.outcomes.main]
         if work.solid.is_printable:
-            assert plain.body.triangles is not None
-            shape = Surface(plain.body.points, plain.body.triangles)
-    assert body.triangles is not None
+            shape = plain.body.surface
+    surface = body.surface
     die = PrintedDie(
-        points=body.points,
-        triangles=body.triangles,
+        points=surface.points,
+        triangles=surface.triangles,
         hull=None if designed is None else poses.hull,
         rests=poses,
         designed=designed,
@@ -91,8 +90,8 @@ def prepare_print(work: Work) -> None:
     work.notes += work.printability.warnings
     if options.oriented:
         placement = np.array(work.printability.placement)
-        points = body.points @ placement[:3, :3].T + placement[:3, 3]
-        work.files["die_oriented.stl"] = stl_bytes(points, body.triangles)
+        points = surface.points @ placement[:3, :3].T + placement[:3, 3]
+        work.files["die_oriented.stl"] = stl_bytes(points, surface.triangles)
 
 
 def find_tolerances(work: Work) -> None:
@@ -136,8 +135,7 @@ def find_tolerances(work: Work) -> None:
             "100 % infill"
         )
         return
-    body, hull, pockets = verdict.body, verdict.poses.hull, []
-    assert body.triangles is not None
+    hull, pockets = verdict.poses.hull, []
     if marked is not None and engrave is not None:
         # It imports manifold3d.
         from dicedesign.fabricate.engraving import cut_sections
@@ -148,7 +146,7 @@ def find_tolerances(work: Work) -> None:
     work.infill = infill_probabilities(
         verdict,
         work.die.directions,
-        solid_properties(body.points, body.triangles)[0],
+        verdict.body.surface.volume,
         inside_walls(hull, options.walls_mm, pockets),
         options.infill,
         options.walls_mm,
@@ -247,8 +245,7 @@ def write_data_sheet(work: Work) -> None:
     from dicedesign.report.renderer import RenderMesh
 
     die = make_finished_die(work)
-    solid = die.plain.body if die.engraved is None else die.engraved
-    assert solid.triangles is not None
+    solid = die.engraved or die.plain.body.surface
     surface = RenderMesh(solid.points, solid.triangles, smooth=die.reshaped is not None)
     file = "die_plain.stl" if die.engraved is None else "die.stl"
     checksum = hashlib.sha256(work.files[file]).hexdigest()

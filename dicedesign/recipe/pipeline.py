@@ -157,6 +157,11 @@ class Work:
         return (self.engraved and self.engraved.assessment) or self.plain
 
     @property
+    def stem(self) -> str:
+        """File name of the finished die without its ending."""
+        return "die_plain" if self.engraved is None else "die"
+
+    @property
     def design_error(self) -> float:
         """Largest |p - q| as designed, by the method's own probability model."""
         if self.recipe.method.is_thrown:

@@ -45,8 +45,10 @@ def test_a_result_has_the_probabilities_on_the_table(folder: Path) -> None:
     assert (simulated["drops"], simulated["unresolved"]) == (1000, 0)
     assert sum(simulated["counts"]) == 1000
     np.testing.assert_allclose(simulated["frequencies"], np.array(simulated["counts"]) / 1000)
-    for (low, high), seen in zip(simulated["intervals"], simulated["frequencies"], strict=True):
-        assert low < seen < high
+    for (low, high), frequency in zip(
+        simulated["intervals"], simulated["frequencies"], strict=True
+    ):
+        assert low < frequency < high
     deviation = 0.5 * np.abs(np.array(simulated["frequencies"]) - 0.2).sum()
     assert simulated["total_variation"] == pytest.approx(deviation)
     # By symmetry it needs no rounds.

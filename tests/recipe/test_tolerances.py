@@ -47,33 +47,33 @@ def test_tolerances_of_a_box() -> None:
 def test_errors_are_those_of_the_recipe() -> None:
     options = {"errors": {"dimensional_mm": 0.3, "bubble_mm3": 0.0}}
     usual = print_work(box(4.0, 5.0, 6.0), {}).result().tolerances
-    found = print_work(box(4.0, 5.0, 6.0), options).result().tolerances
+    section = print_work(box(4.0, 5.0, 6.0), options).result().tolerances
     assert usual is not None
-    assert found is not None
-    ratio = np.divide(found.by_error["dimensional_mm"], usual.by_error["dimensional_mm"])
+    assert section is not None
+    ratio = np.divide(section.by_error["dimensional_mm"], usual.by_error["dimensional_mm"])
     np.testing.assert_allclose(ratio, 0.3 / usual.assumed["dimensional_mm"])
-    assert found.by_error["bubble_mm3"] == (0.0,) * 6
-    assert found.assumed["dimensional_mm"] == 0.3
-    assert found.allowed_mm == usual.allowed_mm
+    assert section.by_error["bubble_mm3"] == (0.0,) * 6
+    assert section.assumed["dimensional_mm"] == 0.3
+    assert section.allowed_mm == usual.allowed_mm
 
 
 def test_infill_moves_the_center_of_mass_and_the_probabilities() -> None:
     hollow = print_work(FRUSTUM, {"infill": 0.0, "walls_mm": 2.0})
-    found = hollow.result().infill
-    assert found is not None
+    section = hollow.result().infill
+    assert section is not None
     hull = hollow.plain.poses.hull
     mass, center = weigh_print(*_uniform(hull.vertices), inside_walls(hull, 2.0), 0.0)
     probabilities = outcome_probabilities(rest_poses(hull.vertices, center), SIDES).probabilities
-    assert found.mass == pytest.approx(mass, rel=1e-6)
-    np.testing.assert_allclose(found.probabilities, probabilities, atol=1e-6)
+    assert section.mass == pytest.approx(mass, rel=1e-6)
+    np.testing.assert_allclose(section.probabilities, probabilities, atol=1e-6)
     np.testing.assert_allclose(
-        found.shift_mm, center - hollow.plain.poses.center_of_mass, atol=1e-5
+        section.shift_mm, center - hollow.plain.poses.center_of_mass, atol=1e-5
     )
-    assert found.max_abs_error > 1e-3
-    assert found.advice in hollow.notes
+    assert section.max_abs_error > 1e-3
+    assert section.advice in hollow.notes
     half = print_work(FRUSTUM, {"infill": 0.5, "walls_mm": 2.0}).result().infill
     assert half is not None
-    assert 0.0 < half.max_abs_error < found.max_abs_error
+    assert 0.0 < half.max_abs_error < section.max_abs_error
 
 
 def _uniform(points: np.ndarray) -> tuple[float, np.ndarray]:
@@ -87,24 +87,24 @@ def test_labels_take_infill_away() -> None:
     options = {"infill": 0.1, "walls_mm": walls}
     entries = {"engrave": {"depth_mm": depth, "balance": "none"}}
     work = print_work(FRUSTUM, options, entries=entries)
-    found, made = work.result().infill, work.engraved
-    assert found is not None
-    assert made is not None
-    assert made.assessment is not None
-    surface = Surface(made.points, made.triangles)
+    section, engraved = work.result().infill, work.engraved
+    assert section is not None
+    assert engraved is not None
+    assert engraved.assessment is not None
+    surface = Surface(engraved.points, engraved.triangles)
     hull = convex_hull(surface.points)
     points = drawn(hull, 300_000)
     spread = np.ptp(hull.vertices, axis=0).prod() / 300_000
     deep = points[depths(hull, points).min(axis=1) > walls]
     lost = deep[in_pocket_walls(surface, hull, deep, depth, walls)]
     # The print lacks mass in infill; the walls around labels are solid.
-    lacking = (1.0 - found.mass) * surface.volume / 0.9
+    lacking = (1.0 - section.mass) * surface.volume / 0.9
     plain = inside_walls(hull, walls)
     few = 4.0 / np.sqrt(len(lost))
     assert few < 0.04
     volume = plain.volume - lacking
     assert volume == pytest.approx(spread * len(lost), rel=few)
-    moved = found.mass * surface.volume * np.array(found.shift_mm) / 0.9
+    moved = section.mass * surface.volume * np.array(section.shift_mm) / 0.9
     moment = lacking * surface.centroid - moved
     center = (plain.volume * plain.centroid - moment) / volume
     np.testing.assert_array_less(np.abs(center - lost.mean(axis=0)), few * lost.std(axis=0))
@@ -132,8 +132,8 @@ def test_infill_with_a_given_center_of_mass_is_not_computed(center: np.ndarray |
 def test_a_thrown_die_spreads_by_its_probabilities_on_the_table() -> None:
     method = {"exact": {"probabilities": "thrown"}}
     work = print_work(FRUSTUM, {}, entries={"method": method})
-    found = work.result().tolerances
-    assert found is not None
+    section = work.result().tolerances
+    assert section is not None
     step = 0.02
     probabilities = []
     points = work.solid.points
@@ -145,11 +145,11 @@ def test_a_thrown_die_spreads_by_its_probabilities_on_the_table() -> None:
         )
     slope = np.abs(probabilities[0] - probabilities[1]) / (2.0 * step)
     # One of the axes that shrink.
-    deviations = np.array(found.by_error["shrinkage"])
+    deviations = np.array(section.by_error["shrinkage"])
     assert (deviations > 0.9 * 0.002 * slope).all()
     resting = print_work(FRUSTUM, {}).result().tolerances
     assert resting is not None
-    assert np.abs(np.subtract(resting.deviations, found.deviations)).max() > 1e-4
+    assert np.abs(np.subtract(resting.deviations, section.deviations)).max() > 1e-4
 
 
 def test_rounded_edges_move_with_their_facets() -> None:
