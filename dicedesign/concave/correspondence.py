@@ -194,8 +194,8 @@ def fill_by_correspondence(
             miss = center_of_mass - surface.centroid - np.einsum("nab,na->b", gradient, following)
         else:
             following, gradient = moved.copy(), center_gradient(now)
-        raised = elasticity.center_responses(gradient).reshape(-1, 9)
-        raised = held.hold(raised).reshape(gradient.shape)
+        responses = elasticity.center_responses(gradient).reshape(-1, 9)
+        raised = held.hold(responses).reshape(gradient.shape)
         normals, touching = hull.normals[contacts.facets], contacts.points
         places = surface.points[touching] + following[touching] - middle
         bounds = room[contacts.facets] - (places * normals).sum(-1)

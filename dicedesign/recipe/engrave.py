@@ -246,7 +246,7 @@ def fill_inside(work: Work) -> None:
 
     options, method = work.recipe.inside, work.recipe.method
     assert options is not None
-    surface = read_back(work.files["die_plain.stl" if work.engraved is None else "die.stl"]).surface
+    surface = read_back(work.files[f"{work.stem}.stl"]).surface
     try:
         # The given center is at the origin.
         filled = move_center(surface, np.zeros(3), options.by, options)
@@ -262,7 +262,7 @@ def fill_inside(work: Work) -> None:
         filled.files[""], work.die.directions, work.target, center, work.die.prior
     )
     work.engraved = replace(
-        work.engraved or work.solid,
+        work.finished,
         points=filled.body.points,
         triangles=filled.body.surface.triangles,
         assessment=verdict,

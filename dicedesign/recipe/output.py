@@ -50,7 +50,7 @@ def prepare_print(work: Work) -> None:
     """Check printability, and make die_oriented.stl if the recipe has `oriented`."""
     options, engraving, engraved = work.recipe.print, work.recipe.engrave, work.engraved
     assert options is not None
-    plain, body, poses = work.plain, work.plain.body, work.plain.poses
+    plain, body, poses, solid = work.plain, work.plain.body, work.plain.poses, work.finished
     if engraved is not None:
         points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
         body = make_body(points, triangles, "die.stl", single_precision=True)
@@ -59,9 +59,8 @@ def prepare_print(work: Work) -> None:
         poses = (
             rest_poses(body, given) if engraved.assessment is None else engraved.assessment.poses
         )
-    placements = () if engraved is None else engraved.placements
-    labels = tuple(placement.text for placement in placements)
-    normals = np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
+    labels = tuple(placement.text for placement in solid.placements)
+    normals = np.array([placement.frame[:3, 2] for placement in solid.placements]).reshape(-1, 3)
     designed = shape = None
     if work.die.reshaped is None:
         designed = convex_hull(work.solid.hull_points)
@@ -81,10 +80,10 @@ def prepare_print(work: Work) -> None:
         shape=shape,
         labels=labels,
         normals=normals,
-        placements=placements,
+        placements=solid.placements,
         depth=0.0 if engraving is None else engraving.depth_mm,
         raised=engraving is not None and engraving.style == "raised",
-        filling_mm3=0.0 if engraved is None or engraved.inlay is None else engraved.inlay.volume,
+        filling_mm3=0.0 if solid.inlay is None else solid.inlay.volume,
     )
     work.printability = printability(die, options)
     work.notes += work.printability.warnings
@@ -102,7 +101,7 @@ def find_tolerances(work: Work) -> None:
     assert work.printability is not None
     model = probability_model(table, work.die.prior)
     body, poses = verdict.body, verdict.poses
-    core = None if work.engraved is None else work.engraved.core
+    core = work.finished.core
     if work.recipe.edges is not None and core is not None:
         # Rounded edges move with the facets beside them, so the core stands for the die, with the
         # center of mass of the finished die.
@@ -160,22 +159,19 @@ def write_files(work: Work) -> None:
     contents = die_contents(work)
     probabilities = _compute_probabilities(work, *join_parts(contents.parts))
     for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
-        name = f"{_stem(work)}.{kind.name}"
+        name = f"{work.stem}.{kind.name}"
         try:
             data = file_bytes(contents, kind, name)
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder, name)
                 path.write_bytes(data)
-                off = float(
-                    np.abs(
-                        _compute_probabilities(work, *kind.read_back(path)) - probabilities
-                    ).max()
-                )
+                changes = _compute_probabilities(work, *kind.read_back(path)) - probabilities
+            off = float(np.abs(changes).max())
             if not off <= kind.same_probabilities:
                 raise InputError(
                     f"{name}: expected the probabilities of the die to within "
-                    f"{kind.same_probabilities:g} as it is "
-                    f"read back, got a difference of {off:.2g}; take another format"
+                    f"{kind.same_probabilities:g} as it is read back, got a difference of "
+                    f"{off:.2g}; take another format"
                 )
             work.files[name] = data
         except InputError as error:
@@ -187,7 +183,7 @@ def die_contents(work: Work) -> Contents:
     """Solids and metadata of the finished die."""
     verdict = work.plain if work.engraved is None else work.engraved.assessment
     labels, target = work.target.labels, work.target.probabilities
-    stl = f"{_stem(work)}.stl"
+    stl = f"{work.stem}.stl"
     facts = {
         "Application": f"dicedesign {version('dicedesign')}",
         "Description": f"A die of {len(labels)} outcomes. {work.status.value.capitalize()}.",
@@ -198,12 +194,11 @@ def die_contents(work: Work) -> Contents:
     if verdict is not None:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
-    plain, marked, options = work.solid, work.engraved, work.recipe.engrave
-    solid = marked or plain
+    plain, solid, options = work.solid, work.finished, work.recipe.engrave
     parts = [Part("die", BODY_COLOR, solid.points, solid.triangles)]
-    if marked is not None and marked.inlay is not None:
-        parts.append(Part("labels", LABEL_COLOR, marked.inlay.points, marked.inlay.triangles))
-    elif marked is not None and options is not None:
+    if solid.inlay is not None:
+        parts.append(Part("labels", LABEL_COLOR, solid.inlay.points, solid.inlay.triangles))
+    elif work.engraved is not None and options is not None:
         # It imports manifold3d.
         from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
 
@@ -214,11 +209,6 @@ def die_contents(work: Work) -> Contents:
             triangles = labels_off_surface(surface, whole, options.depth_mm)
         parts = [replace(parts[0], labels=triangles)]
     return Contents(work.recipe.name, parts, facts)
-
-
-def _stem(work: Work) -> str:
-    """File name of the finished die without its ending."""
-    return "die_plain" if work.engraved is None else "die"
 
 
 def _compute_probabilities(work: Work, points: Floats, triangles: Integers) -> Floats:
@@ -247,7 +237,7 @@ def write_data_sheet(work: Work) -> None:
     die = make_finished_die(work)
     solid = die.engraved or die.plain.body.surface
     surface = RenderMesh(solid.points, solid.triangles, smooth=die.reshaped is not None)
-    file = "die_plain.stl" if die.engraved is None else "die.stl"
+    file = f"{work.stem}.stl"
     checksum = hashlib.sha256(work.files[file]).hexdigest()
     facts = sheet_facts(die, file, checksum)
     figures = [decode_png(work.images[name]) for name in FIGURES_SHOWN if name in work.images]

@@ -157,6 +157,11 @@ class Work:
         return (self.engraved and self.engraved.assessment) or self.plain
 
     @property
+    def finished(self) -> Solid:
+        """Solid of die.stl if there is one, else of die_plain.stl."""
+        return self.engraved or self.solid
+
+    @property
     def stem(self) -> str:
         """File name of the finished die without its ending."""
         return "die_plain" if self.engraved is None else "die"
