@@ -30,7 +30,7 @@ class FilledHull:
     ----------
     draft: error, displacement and angles; the search sets its number and time.
     points: (n, 3) points of the surface, aligned with the original by a similarity.
-    hull_points: (v, 3) vertices of the designed hull, aligned alike.
+    hull_points: (v, 3) vertices of the designed hull, aligned in the same way.
     center_of_mass: (3,) center of mass to which the probabilities belong: of the uniform solid, or
         where cavities are to move it.
     directions: (k, 3) unit down directions of the outcomes.

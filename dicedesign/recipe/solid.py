@@ -232,7 +232,7 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
         yield f"max |p - q| is {verdict.max_abs_error:.3g} in the file, {designed} as designed"
     elsewhere = verdict.outcomes.elsewhere
     if elsewhere > recipe.method.tolerance or work.die.reshaped is not None:
-        yield f"{elsewhere:.3g} of the probability lies on rests without an outcome"
+        yield f"{elsewhere:.3g} of the probability is on rests without an outcome"
     missing = int((verdict.outcomes.main < 0).sum())
     if missing:
         yield f"{missing} outcomes have no facet to rest on"

@@ -1,4 +1,4 @@
-"""Checks of the start before a design."""
+"""Checks of starts, and repaired meshes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from common.bumpy import bumpy_sphere
 from common.made_up_die import box
+from PIL import Image
 
+from dicedesign.concave.shapes import shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.starts.shapes import prism
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import Work
+from dicedesign.recipe.pipeline import Work, run
 from dicedesign.recipe.reading import parse_recipe
+from dicedesign.results.folder import read_result
 
 
 def started(**entries: Any) -> Work:
@@ -77,3 +82,47 @@ def test_a_start_with_a_wrong_number_of_directions_is_refused(directions: int) -
             started(target={"fair": 4}, start={"wrong": {}})
     finally:
         STARTS.unregister("wrong")
+
+
+# Repaired meshes.
+
+
+def write_recipe(path: Path, surface: Surface, first: int = 0) -> dict[str, Any]:
+    """Write a surface without its first triangles, and return a recipe of it."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.points.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (surface.triangles[first:] + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return {
+        "name": "repaired",
+        "target": {"fair": 3},
+        "start": {"mesh": {"path": str(path), "repair": True}},
+        "method": {"concave": {}},
+        "size_mm": 40,
+        "print": False,
+    }
+
+
+def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
+    duck = shape("duck")
+    recipe = write_recipe(tmp_path / "duck.obj", duck, 20)
+    recipe["method"]["concave"]["points"] = 1200
+    result = run(parse_recipe(recipe), tmp_path / "out")
+    repair = result.concave.repair
+    assert repair is not None
+    assert (repair.pieces, repair.handles, repair.handles_before) == (1, 0, None)
+    assert 0.0 < repair.off_mean < 1e-3
+    assert any(note.startswith("repaired the mesh") for note in result.notes)
+    with Image.open(tmp_path / "out" / "repair.png") as picture:
+        assert picture.width > 600
+    assert "repair.png" in (tmp_path / "out" / "report.html").read_text()
+    assert read_result(tmp_path / "out").concave.repair == repair
+
+
+def test_a_good_mesh_is_not_changed(tmp_path: Path) -> None:
+    original = bumpy_sphere(2)
+    recipe = parse_recipe(write_recipe(tmp_path / "good.obj", original))
+    work = design_recipe(recipe, last="start")
+    assert work.surface is not None
+    np.testing.assert_array_equal(work.surface.points, original.points)
+    assert work.repaired is None
+    assert work.notes == ["the mesh needed no repair"]
