@@ -72,20 +72,20 @@ def _make_surface(work: Work, points: int | None) -> None:
 
 def _make_shape(work: Work) -> None:
     """Make the starting shape, after a check of the table of a thrown die."""
-    recipe, exact, outcomes = work.recipe, work.recipe.method.exact, len(work.target.labels)
+    recipe, options, outcomes = work.recipe, work.recipe.method.options, len(work.target.labels)
     center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
-    if exact is not None and recipe.method.is_thrown:
+    if recipe.method.is_thrown:
         from dicedesign.throws.engines import require_engine
         from dicedesign.throws.momentum_model import momentum_model
         from dicedesign.throws.tables import load_table
 
         with named("method.exact.table"):
-            table = load_table(exact.table_with_hand)
-            momentum_model(exact.table_with_hand)
+            table = load_table(options.table_with_hand)
+            momentum_model(options.table_with_hand)
         # Raises if the die is too large; its radius is at least half of its size.
         replace(table, size=1e-3 * recipe.size_mm)
-        if exact.refine is not None:
-            require_engine(exact.refine.engine)
+        if options.refine is not None:
+            require_engine(options.refine.engine)
     start = build_start(
         recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center)
     )
@@ -206,9 +206,8 @@ def check(work: Work) -> None:
     if die.reshaped is not None:
         from dicedesign.fabricate.surface_assessment import assess_surface
 
-        assert work.recipe.method.concave is not None
         work.concave, work.quality, more = assess_surface(
-            die.reshaped, solid, work.plain, work.recipe.method.concave, work.repaired
+            die.reshaped, solid, work.plain, work.recipe.method.options, work.repaired
         )
         flaws += more
     if die.status is not Status.CONVERGED:
@@ -240,9 +239,8 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
         from dicedesign.fabricate.surface_assessment import advise_on_surface
 
         assert work.concave is not None
-        assert recipe.method.concave is not None
         yield from advise_on_surface(
-            flaws, work.die.reshaped, work.concave, verdict, recipe.method.concave
+            flaws, work.die.reshaped, work.concave, verdict, recipe.method.options
         )
     elif flaws:
         yield from _advice(work, flaws)
@@ -252,9 +250,9 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
 def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
     """Yield advice on a convex die that did not converge."""
     method, verdict, solid = work.recipe.method, work.plain, work.solid
-    starts, rarest = work.die.starts or 1, float(work.target.probabilities.min())
-    if starts > 1:
-        yield f"this is the best of {starts} starting shapes"
+    rarest = float(work.target.probabilities.min())
+    if (work.die.starts or 1) > 1:
+        yield f"this is the best of {work.die.starts} starting shapes"
     if Status.CROWDED in flaws:
         yield (
             f"the nearest are {np.degrees(verdict.outcomes.least_angle):.2g} degrees apart; try "
