@@ -18,14 +18,7 @@ from dicedesign.optimize.targets import Target
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.folder import PAGE, RECIPE, open_results_folder, write_results
-from dicedesign.results.parts import (
-    Concave,
-    Printability,
-    RoundOfThrows,
-    Search,
-    Status,
-    TableResult,
-)
+from dicedesign.results.parts import Concave, Printability, Search, Status, TableResult
 from dicedesign.results.result import (
     RESULT,
     Balance,
@@ -50,6 +43,7 @@ if TYPE_CHECKING:
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface
     from dicedesign.optimize.starts.start import Start
+    from dicedesign.results.parts import RoundOfThrows
     from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.simulation import ThrownDie
 
@@ -212,9 +206,8 @@ class Work:
             page = [PAGE] if self.recipe.report else []
             names = dict.fromkeys([*sorted(self.files), RECIPE, *page, RESULT])
             # The stem stands for the STL file; other formats go by their whole names.
-            by_stem = {
-                Path(name).stem: name for name in sorted(names, key=lambda n: n.endswith(".stl"))
-            }
+            ordered = sorted(names, key=lambda name: name.endswith(".stl"))
+            by_stem = {Path(name).stem: name for name in ordered}
             kinds = {name: stem for stem, name in by_stem.items()}
             files = {kinds.get(name, name): name for name in names}
         result = Result(
@@ -306,11 +299,7 @@ STAGES: Final[Registry[Stage]] = Registry(
             "makes or reads the starting shape, and checks it against the target",
             "dicedesign.recipe.solid:make_start",
         ),
-        Stage(
-            "load",
-            "loads the solver of the recipe's method, and torch",
-            _load_method,
-        ),
+        Stage("load", "loads the solver of the recipe's method, and torch", _load_method),
         Stage(
             "symmetry",
             "finds the symmetry of a die with symmetry: auto",
@@ -421,11 +410,9 @@ def run_stages(work: Work, *, after: str | None = None, last: str | None = None)
     for stage in STAGES:
         place = len(stages)
         if stage.after is not None:
-            # Stages after the same one keep their order of registration.
+            # Behind those registered earlier for the same place.
             name = STAGES[stage.after].name
-            place = 1 + max(
-                k for k, other in enumerate(stages) if name in (other.name, other.after)
-            )
+            place = 1 + max(k for k, one in enumerate(stages) if name in (one.name, one.after))
         stages.insert(place, stage)
     first = 0 if after is None else stages.index(STAGES[after]) + 1
     end = len(stages) if last is None else stages.index(STAGES[last]) + 1
