@@ -1,8 +1,8 @@
 """Design problem of the hull of a surface, elastic space around the surface, and designed hull.
 
 A few hundred vertices, moved smoothly, suffice to design the hull. The surface follows them at full
-resolution, by smooth displacements of the surrounding space: those of minimum work for forces on
-points are sums of kernels at these points, each coordinate by itself. The kernel is that of the
+resolution, by smooth displacements of the surrounding space. The displacement of minimum work for
+forces on points is a sum of kernels at these points, in each coordinate. The kernel belongs to the
 biharmonic operator in space, so the work is the integral of squared second derivatives. Close parts
 of a body therefore move together, such as both sides of an ear, which an energy on the surface
 alone would push through each other.
@@ -204,8 +204,8 @@ SAMPLES = 600
 """Points of the surface that represent the points around them."""
 
 CENTER_COMPLIANCE = 3.0
-"""Compliance of a center of mass that cavities can move, over that of the surface when it is moved
-as a whole: larger values make bolder steps."""
+"""Compliance of a center of mass that cavities can move, over the compliance of the whole surface:
+larger values make bolder steps."""
 
 
 @dataclass(frozen=True)
@@ -235,8 +235,8 @@ class HullProblem:
     apart: minimum angle between two outcomes, in radians.
     margin: minimum angle of tipping that leaves an outcome, in radians.
     coarse: whether to design with some of the vertices (`coarse_corners`), or with all.
-    room: convex region to which cavities can move the center of mass, relative to that of the
-        uniform solid, which is inside; None for a solid die.
+    room: convex region to which cavities can move the center of mass, around the centroid of the
+        uniform solid; None for a solid die.
     """
 
     surface: Surface
@@ -313,7 +313,7 @@ class HullProblem:
         surface.
 
         moved: (n, 3) displacement of the vertices relative to the shifted center of mass. Relative
-        to that of the uniform solid it is larger by the shift.
+        to the centroid of the uniform solid it is larger by the shift.
         """
         if self.room is None:
             return np.zeros(3)

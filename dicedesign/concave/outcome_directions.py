@@ -1,9 +1,9 @@
 """Choices of down directions of a surface for the outcomes, the cheapest first.
 
 The body must tip from every direction at which it is set down to one of the outcomes without
-climbing, so the hull must remove every climb. The cost of a choice of k directions is that of the
-cheapest assignment of all directions to them, by the climb along the great arcs, such that each of
-the k gets its share q of the sphere.
+climbing, so the hull must remove every climb. A choice of k directions costs as much as the
+cheapest assignment of all directions to them that gives each its share q of the sphere, where the
+cost is the climb along the great arcs.
 """
 
 from __future__ import annotations

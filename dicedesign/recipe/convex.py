@@ -120,7 +120,7 @@ def target_probabilities(recipe: Recipe) -> Floats:
 
 
 def _solver_arguments(work: Work) -> dict[str, Any]:
-    """Options, center of mass and callbacks of the solver of a recipe's method."""
+    """Options, center of mass and callbacks for the solver of a recipe's method."""
     recipe, callbacks = work.recipe, work.callbacks
     order = np.argsort(recipe.outcome_of_direction())
     return {

@@ -48,7 +48,7 @@ MORE_SHAPES: Final = 3
 """Further shapes, of which the steadiest is taken."""
 
 VERDICT_ROUND: Final = MOST_ROUNDS + 1 + MORE_SHAPES
-"""Number of the round of throws of the finished die, after those of all rounds and shapes."""
+"""Number of the round of throws of the finished die, after all rounds and shapes of the design."""
 
 SEEDS_PER_ROUND: Final = 1000
 """Seeds of a round: one for the table, and one for each posterior table."""
