@@ -81,8 +81,6 @@ def test_a_recipe_sets_the_paper_s_options() -> None:
     }
     entries = {"name": "die", "target": {"fair": 3}, "start": {"shape": "duck"}}
     options = parse_recipe({**entries, "method": method}).method.concave
-    assert options is not None
-    assert options.paper is not None
     assert options.paper.weights.barycenter == 0.3
     assert options.paper.weights.apart == ConcavePaperOptions().weights.apart
     assert (options.paper.bending, options.paper.power) == (0.5, 3)

@@ -112,7 +112,6 @@ def test_hull_and_center_of_mass_are_reached(surface: Surface, amount: float) ->
     corners = convex_hull(surface.points).source[hull.source]
     center = surface.centroid + np.array([0.01, -0.005, 0.01])
     points, _ = fill(surface, hull, corners, center)
-    assert points is not None
     rounded = points.astype(np.float32).astype(np.float64)
     np.testing.assert_array_equal(np.sort(convex_hull(rounded).source), np.sort(corners))
     others = np.setdiff1d(np.arange(len(points)), corners)

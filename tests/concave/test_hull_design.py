@@ -115,8 +115,6 @@ def test_the_jacobian_by_finite_differences(
     ahead, behind = (
         HullDraft.of(draft.corners + s * direction, draft.directions) for s in (step, -step)
     )
-    assert ahead is not None
-    assert behind is not None
     expected = (ahead.probabilities - behind.probabilities) / (2.0 * step)
     np.testing.assert_allclose(np.tensordot(draft.jacobian, direction, 2), expected, rtol=1e-5)
     np.testing.assert_allclose(draft.jacobian.sum(axis=0), 0.0, atol=1e-12)
@@ -133,10 +131,8 @@ def test_exact_and_settled_drafts_have_the_probabilities_to_rounding() -> None:
     first, draft = drafts()
     assert exact_draft(problem(), first) is None
     near = HullDraft.of(draft.corners + 1e-4 * np.sin(9.0 * draft.corners), draft.normals)
-    assert near is not None
     assert near.error(problem().target) > 1e-7
     for exact in (exact_draft(problem(), near), settle_draft(problem(), near)):
-        assert exact is not None
         poses = rest_poses(exact.rests.hull.vertices, center_of_mass=np.zeros(3))
         assert outcome_probabilities(poses, exact.normals).error(problem().target) < 1e-10
 
@@ -164,8 +160,6 @@ def test_a_failed_design_returns_its_best_draft() -> None:
     directions = choices_of(problem)[0]
     first = HullDraft.of(problem.hull.vertices, directions)
     draft = design_hull(problem, directions, SLOPES, lambda *step: None)
-    assert first is not None
-    assert draft is not None
     assert 0.0 < draft.shortfall(problem) < first.shortfall(problem)
 
 
@@ -186,7 +180,6 @@ def test_easing_moves_corners_back_and_keeps_all_limits() -> None:
     design = make_designed_hull(problem(), good())
     places = problem().surface.points[:10]
     eased = relax_hull(problem(), design, places, 0.3)
-    assert eased is not None
     assert meets_limits(eased, problem())
     corners = problem().hull.vertices
     is_near = np.linalg.norm(corners[:, None] - places, axis=2).min(axis=1) < 0.3

@@ -43,7 +43,6 @@ def fill(surface: Surface, hull: ConvexHull, **options: float) -> tuple[Floats, 
     filled = fill_by_quadratic_programs(
         surface, hull, ConcavePaperOptions(**options), energies.append
     )
-    assert filled is not None
     points, energy = filled
     assert energies[-1] == energy
     middle = hull.vertices.mean(axis=0)
@@ -130,7 +129,6 @@ def test_a_quadratic_program_against_scipy() -> None:
         constraints={"type": "ineq", "fun": lambda x: bounds - rows @ x},
         tol=1e-12,
     ).x
-    assert solution is not None
     np.testing.assert_allclose(solution, expected, atol=1e-6)
     rows = csc_array(np.array([[1.0], [-1.0]]))
     assert solve_quadratic_program(csc_array(np.eye(1)), np.zeros(1), rows, -np.ones(2)) is None
@@ -145,7 +143,6 @@ def test_points_inside_a_polyhedron() -> None:
     points = 0.1 * rng.normal(size=(40, 3))
     aims = 3.0 * rng.normal(size=(40, 3))
     moves = inside.step(points, csc_array(np.eye(120)), points - aims)
-    assert moves is not None
     reached = inside.pull_inside(points + moves)
     assert inside.slacks(reached).min() > -1e-14
     for place, aim in zip(reached, aims, strict=True):

@@ -120,7 +120,6 @@ def test_an_unsteady_outcome_is_named() -> None:
     weakest = work.plain.margins
     assert Status.UNSTEADY.value in message(work)
     match = re.search(r"(\d) is left at ([0-9.]+) degrees", message(work))
-    assert match is not None
     assert match[1] == work.target.labels[int(np.argmin(weakest))]
     assert match[1] in "36"
     assert float(match[2]) == pytest.approx(np.degrees(np.arctan(1.0 / 1100.0)), rel=0.05)
@@ -140,7 +139,6 @@ def test_the_smallest_inscribed_circle_is_named() -> None:
     size = np.linalg.norm([4.0, 5.0, 6.0])
     work = checked(points, status=Status.TOO_SMALL)
     match = re.search(r"([0-9.]+) mm", message(work))
-    assert match is not None
     assert float(match[1]) == pytest.approx(2.0 * 30.0 / size, rel=5e-3)
     assert "circle has a radius" not in message(checked(points, target={"fair": 6}))
 

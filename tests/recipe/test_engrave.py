@@ -57,9 +57,7 @@ def test_large_changes_by_labels_are_noted(depth_mm: float) -> None:
         {"engrave": options},
     )
     run_stages(work, after="design", last="engrave")
-    assert work.engraved is not None
     verdict = work.engraved.assessment
-    assert verdict is not None
     changes = np.abs(verdict.outcomes.probabilities / work.plain.outcomes.probabilities - 1.0)
     assert (changes.max() > 0.05) == (depth_mm > 1.0)
     notes = [re.search(r"probabilities of (\S+) by (\d+)%", note) for note in work.notes]
@@ -67,7 +65,6 @@ def test_large_changes_by_labels_are_noted(depth_mm: float) -> None:
         assert notes == []
         return
     (match,) = notes
-    assert match is not None
     assert match[1] == ("■", "1")[int(changes.argmax())]
     assert int(match[2]) == round(100.0 * changes.max())
 
@@ -76,7 +73,6 @@ def test_large_changes_by_labels_are_noted(depth_mm: float) -> None:
 def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> None:
     """Each label takes its volume from the facet on top, or from the one that is down."""
     work = engraved(read=read)
-    assert work.engraved is not None
     points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
     engraved_solid, depth = solid(points.astype(np.float64), triangles), 0.6
     # The hull is the box, as labels are pockets.
@@ -100,7 +96,6 @@ def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> Non
 
 def test_a_labeled_die_with_a_given_center_is_not_assessed() -> None:
     work = engraved(center_of_mass=np.zeros(3))
-    assert work.engraved is not None
     assert work.engraved.assessment is None
     assert work.result().engraved.probabilities is None
     assert "die.stl" in work.files

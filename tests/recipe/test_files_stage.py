@@ -133,7 +133,6 @@ def test_a_data_sheet_describes_the_die_beside_it(tmp_path: Path) -> None:
         for figures in (True, False)
     )
     for result in (first, second):
-        assert result.folder is not None
         reader = pypdf.PdfReader(result.folder / "data_sheet.pdf")
         (page,) = reader.pages
         text = page.extract_text()

@@ -103,13 +103,11 @@ def test_bad_recipes_of_concave_dice_are_explained(
 def test_paths_of_fonts_and_icons_are_relative_to_the_recipe(tmp_path: Path) -> None:
     options = {"font": "fonts/a.OTF", "icons": {6: "six.svg", 7: "/seven.svg"}}
     recipe = read(tmp_path, {**GOOD, "engrave": options}, ("engrave.icons.8=eight.svg",))
-    assert recipe.engrave is not None
     assert recipe.engrave.font == str(tmp_path / "fonts" / "a.OTF")
     six, seven, eight = str(tmp_path / "six.svg"), "/seven.svg", str(Path.cwd() / "eight.svg")
     assert recipe.engrave.icons == {"6": six, "7": seven, "8": eight}
     assert read(tmp_path, recipe.as_dict()) == recipe
     named = read(tmp_path, {**GOOD, "engrave": {"font": "DejaVu Serif", "upright": [0, 0, 1]}})
-    assert named.engrave is not None
     assert (named.engrave.font, named.engrave.upright) == ("DejaVu Serif", (0.0, 0.0, 1.0))
     assert read(tmp_path, named.as_dict()) == named
 

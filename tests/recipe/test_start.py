@@ -47,7 +47,6 @@ def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
     (tmp_path / "wedge.obj").write_text("\n".join(lines))
     start = {"mesh": {"path": str(tmp_path / "wedge.obj")}}
     work = started(target={"fair": 2}, start=start, symmetry="C1")
-    assert work.start is not None
     np.testing.assert_allclose(convex_hull(work.start.points).centroid, 0.0, atol=1e-12)
 
 
@@ -108,7 +107,6 @@ def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
     recipe["method"]["concave"]["points"] = 1200
     result = run(parse_recipe(recipe), tmp_path / "out")
     repair = result.concave.repair
-    assert repair is not None
     assert (repair.pieces, repair.handles, repair.handles_before) == (1, 0, None)
     assert 0.0 < repair.off_mean < 1e-3
     assert any(note.startswith("repaired the mesh") for note in result.notes)
@@ -122,7 +120,6 @@ def test_a_good_mesh_is_not_changed(tmp_path: Path) -> None:
     original = bumpy_sphere(2)
     recipe = parse_recipe(write_recipe(tmp_path / "good.obj", original))
     work = design_recipe(recipe, last="start")
-    assert work.surface is not None
     np.testing.assert_array_equal(work.surface.points, original.points)
     assert work.repaired is None
     assert work.notes == ["the mesh needed no repair"]

@@ -135,7 +135,6 @@ def test_a_fair_die_is_fair_by_symmetry_alone() -> None:
     assert work.recipe.as_dict()["symmetry"] == name
     assert any(name in note for note in work.notes)
     group = work.recipe.group()
-    assert group is not None
     assert set(orbits_of_directions(work.die.directions, group)) == {0}
 
 
@@ -146,7 +145,6 @@ def test_auto_takes_a_symmetry_of_a_given_start() -> None:
     order = {"target": {"binomial": 3}, "start": {"prism": {}}}
     work = designed(**order, assignment=[0, 1, 3, 2])
     group = work.recipe.group()
-    assert group is not None
     orbits = orbits_of_directions(work.die.directions, group)
     assert orbits[0] == orbits[3] != orbits[1]
     assert orbits[1] == orbits[2]
@@ -164,7 +162,6 @@ def test_equally_probable_outcomes_of_a_thrown_die_are_images() -> None:
     work = designed(target={"binomial": 4}, method={"exact": {"probabilities": "thrown"}})
     assert work.status is Status.CONVERGED
     group = work.recipe.group()
-    assert group is not None
     orbits = orbits_of_directions(work.die.directions, group)
     assert orbits[0] == orbits[4]
     assert orbits[1] == orbits[3]

@@ -33,13 +33,11 @@ def print_work(points: np.ndarray, options: dict[str, Any], **more: Any) -> Work
 def test_tolerances_of_a_box() -> None:
     result = print_work(box(4.0, 5.0, 6.0), {}).result()
     tolerances = result.tolerances
-    assert tolerances is not None
     assert result.infill is None
     # Opposite sides are equal.
     np.testing.assert_allclose(tolerances.deviations[:3], tolerances.deviations[3:], rtol=1e-6)
     squares = sum(np.square(one) for one in tolerances.by_error.values())
     np.testing.assert_allclose(np.square(tolerances.deviations), squares)
-    assert tolerances.allowed_mm is not None
     assert 0.05 < tolerances.allowed_mm < 1.0
     assert 0.05 < tolerances.noticed < 0.5
 
@@ -48,8 +46,6 @@ def test_errors_are_those_of_the_recipe() -> None:
     options = {"errors": {"dimensional_mm": 0.3, "bubble_mm3": 0.0}}
     usual = print_work(box(4.0, 5.0, 6.0), {}).result().tolerances
     section = print_work(box(4.0, 5.0, 6.0), options).result().tolerances
-    assert usual is not None
-    assert section is not None
     ratio = np.divide(section.by_error["dimensional_mm"], usual.by_error["dimensional_mm"])
     np.testing.assert_allclose(ratio, 0.3 / usual.assumed["dimensional_mm"])
     assert section.by_error["bubble_mm3"] == (0.0,) * 6
@@ -60,7 +56,6 @@ def test_errors_are_those_of_the_recipe() -> None:
 def test_infill_moves_the_center_of_mass_and_the_probabilities() -> None:
     hollow = print_work(FRUSTUM, {"infill": 0.0, "walls_mm": 2.0})
     section = hollow.result().infill
-    assert section is not None
     hull = hollow.plain.poses.hull
     mass, center = weigh_print(*_uniform(hull.vertices), inside_walls(hull, 2.0), 0.0)
     probabilities = outcome_probabilities(rest_poses(hull.vertices, center), SIDES).probabilities
@@ -72,7 +67,6 @@ def test_infill_moves_the_center_of_mass_and_the_probabilities() -> None:
     assert section.max_abs_error > 1e-3
     assert section.advice in hollow.notes
     half = print_work(FRUSTUM, {"infill": 0.5, "walls_mm": 2.0}).result().infill
-    assert half is not None
     assert 0.0 < half.max_abs_error < section.max_abs_error
 
 
@@ -88,9 +82,6 @@ def test_labels_take_infill_away() -> None:
     entries = {"engrave": {"depth_mm": depth, "balance": "none"}}
     work = print_work(FRUSTUM, options, entries=entries)
     section, engraved = work.result().infill, work.engraved
-    assert section is not None
-    assert engraved is not None
-    assert engraved.assessment is not None
     surface = Surface(engraved.points, engraved.triangles)
     hull = convex_hull(surface.points)
     points = drawn(hull, 300_000)
@@ -133,7 +124,6 @@ def test_a_thrown_die_spreads_by_its_probabilities_on_the_table() -> None:
     method = {"exact": {"probabilities": "thrown"}}
     work = print_work(FRUSTUM, {}, entries={"method": method})
     section = work.result().tolerances
-    assert section is not None
     step = 0.02
     probabilities = []
     points = work.solid.points
@@ -148,7 +138,6 @@ def test_a_thrown_die_spreads_by_its_probabilities_on_the_table() -> None:
     deviations = np.array(section.by_error["shrinkage"])
     assert (deviations > 0.9 * 0.002 * slope).all()
     resting = print_work(FRUSTUM, {}).result().tolerances
-    assert resting is not None
     assert np.abs(np.subtract(resting.deviations, section.deviations)).max() > 1e-4
 
 
@@ -156,6 +145,4 @@ def test_rounded_edges_move_with_their_facets() -> None:
     sharp = print_work(box(4.0, 5.0, 6.0), {}).result().tolerances
     entries = {"edges": {"radius_mm": 1.0}, "engrave": True, "size_mm": 30.0}
     rounded = print_work(box(4.0, 5.0, 6.0), {}, entries=entries).result().tolerances
-    assert sharp is not None
-    assert rounded is not None
     np.testing.assert_allclose(rounded.deviations, sharp.deviations, rtol=0.1)
