@@ -61,13 +61,9 @@ def design_concave(work: Work) -> Design:
         nonlocal progress
         progress, line = latest, _describe(latest, options)
         if path is not None and latest.attempts > 0:
+            atomic_write(path, checkpoint_bytes(latest, identity))
             work.resume_note = f"{line}; run it again with --resume to go on"
         work.callbacks.on_attempt(line)
-
-    def on_attempt(latest: ConcaveProgress) -> None:
-        if path is not None:
-            atomic_write(path, checkpoint_bytes(latest, identity))
-        report(latest)
 
     if work.resume and path is not None:
         progress = read_checkpoint(path, identity)
@@ -81,7 +77,7 @@ def design_concave(work: Work) -> Design:
             seed=recipe.seed,
             resume=progress,
             on_step=work.callbacks.on_step,
-            on_attempt=on_attempt,
+            on_attempt=report,
         )
     except NoStartError:
         die = _keep_surface(surface, target, progress)

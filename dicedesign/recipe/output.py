@@ -224,8 +224,7 @@ FIGURES_SHOWN: Final = ("faces", "rests", "reading")
 def draw_figures(work: Work) -> None:
     """Draw the figures that apply to the die."""
     work.images = figure_files(make_finished_die(work))
-    suffixes = {figure.name: figure.suffix for figure in FIGURES}
-    work.files |= {f"{name}{suffixes[name]}": data for name, data in work.images.items()}
+    work.files |= {f"{name}{FIGURES[name].suffix}": data for name, data in work.images.items()}
 
 
 def write_data_sheet(work: Work) -> None:
