@@ -31,7 +31,7 @@ from dicedesign.concave.slopes import SlopeMemory, SlopeOptions, climbs, least_d
 from dicedesign.errors import DiceError
 from dicedesign.geometry.sphere import angle_between, foot_on_line, norms, unit_vectors
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
-from dicedesign.optimize.coordinates import VertexCoordinates
+from dicedesign.optimize.coordinates import Coordinates, VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import CandidateMaker, LevenbergMarquardt
 from dicedesign.rest.outcomes import assign_rests
@@ -181,8 +181,7 @@ def make_designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
 class _AllCorners(VertexCoordinates):
     """Vertices that stay parameters when they leave the hull, as each is a point of the surface."""
 
-    def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
-        return parameters
+    prune = Coordinates.prune
 
 
 def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
