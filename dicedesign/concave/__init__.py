@@ -1,1 +1,1 @@
-"""Concave dice: closed surfaces deformed until their convex hull has wanted probabilities."""
+"""Concave dice: closed surfaces deformed until their convex hull has the target probabilities."""

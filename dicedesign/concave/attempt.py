@@ -1,4 +1,4 @@
-"""One way from a surface to a concave die: a hull is designed for it, and the surface fills it."""
+"""One attempt at a concave die: a hull is designed for the surface, and the surface fills it."""
 
 from __future__ import annotations
 
@@ -25,15 +25,7 @@ from dicedesign.concave.hull_design import (
 from dicedesign.concave.hull_problem import DesignedHull, HullProblem, point_masses
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
-from dicedesign.concave.result import (
-    MOST_EASED,
-    FilledHull,
-    FillResult,
-    FillStatus,
-    doubts,
-    missing,
-    rank,
-)
+from dicedesign.concave.result import MOST_EASED, FilledHull, angle_penalty, missing, rank
 from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -42,61 +34,60 @@ from dicedesign.geometry.surfaces.self_intersections import intersecting_triangl
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.rest.poses import analyze
+from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
 
-ROOM = 0.8
-"""Part of the tolerance that the hull's design may use: the file is rounded afterwards."""
+DESIGN_SHARE = 0.8
+"""Share of the tolerance that the design of the hull may use: the file is rounded afterwards."""
 
-EASINGS = 6
-"""Times that the hull is eased where the surface meets itself."""
+MAX_EASINGS = 6
+"""Maximum number of times that the hull is eased where the surface intersects itself."""
 
-WIDTH = 0.08
-"""Distance from such a place within which it is eased the first time, over the circumscribed
+EASING_WIDTH = 0.08
+"""Distance from an intersection within which the hull is eased at first, over the circumscribed
 radius."""
 
-WIDENING = 1.3
-"""Factor of that distance each further time."""
+EASING_GROWTH = 1.3
+"""Factor of that distance from one easing to the next."""
 
-HELPED = 0.8
-"""Part of the pairs of triangles that meet that may be left for easing to go on."""
+EASED_SHARE = 0.8
+"""Share of the intersecting pairs of triangles that may remain for easing to continue."""
 
 SLOPES = SlopeOptions(fall=3e-3, rise=4e-3, circle=math.radians(3.0))
-"""Of the first designs, where no larger circle is needed for the margin."""
+"""Slopes of the first attempts, if the margin needs no larger circle."""
 
-CIRCLE = 0.75
-"""Least circle about the outcomes over the margin: slopes rise on it and on one half as large
-again."""
+CIRCLE_SHARE = 0.75
+"""Minimum radius of the circle around outcomes over the margin; the outer circle has 1.5 times the
+radius."""
 
-SHAKEN = 1.5
-"""Factor by which the slopes of later attempts differ at most, once all choices were tried."""
+MAX_SLOPE_FACTOR = 1.5
+"""Maximum factor between slopes of later attempts and the first, once all choices were tried."""
 
-BEYOND = math.radians(20.0)
-"""Angle between outcomes beyond the least one that is wanted, at first: it shrinks on the way."""
+EXTRA_APART = math.radians(20.0)
+"""Angle between outcomes beyond the required one at the start of a design, which may reduce it."""
 
-FARTHEST = math.radians(80.0)
-"""Angle that is not asked for at first if a smaller one is wanted."""
+MAX_APART = math.radians(80.0)
+"""Angle between outcomes that is not exceeded at the start if a smaller one is required."""
 
+SAFE_REACH = 0.8
+"""Share of the reach of cavities that is used, as deforming the surface changes the reach."""
 
-SAFE = 0.8
-"""Part of the reach of cavities that is used: that of the surface as it will be bent is another."""
+REACH_FACTOR = 0.6
+"""Factor of that share after it was too large."""
 
-LESS = 0.6
-"""Factor of it where that was too much."""
-
-SHIFTS = 3
-"""Times that the center of mass is shifted once more for a cavity."""
+MAX_SHIFTS = 3
+"""Maximum number of further shifts of the center of mass by a cavity."""
 
 
 @dataclass(frozen=True, eq=False)
 class Attempts:
-    """Attempts at one die. Coordinates are those of the surface about its center of mass, over its
-    circumscribed radius.
+    """Attempts at one die. The design has its origin at the center of mass of the surface, and the
+    circumscribed radius as its unit.
 
     Attributes
     ----------
     surface, target, options, seed, wall: see `make_concave_die`.
-    on_step: called with the number of the attempt, the stage, the energy and the largest |p - q|,
-        or without it where the stage does not know.
+    on_step: receives the stage, the energy, and the largest |p - q| if the stage knows it.
     """
 
     surface: Surface
@@ -108,12 +99,12 @@ class Attempts:
 
     @cached_property
     def center(self) -> Floats:
-        """(3,) the surface's center of mass."""
+        """(3,) center of mass of the surface."""
         return self.surface.centroid
 
     @cached_property
     def radius(self) -> float:
-        """The circumscribed one about it."""
+        """Circumscribed radius of the surface about its center of mass."""
         return float(norms(self.surface.points - self.center).max())
 
     @cached_property
@@ -123,7 +114,7 @@ class Attempts:
         return HullProblem(
             self.surface.with_points((self.surface.points - self.center) / self.radius),
             self.target,
-            tolerance=ROOM * options.tolerance,
+            tolerance=DESIGN_SHARE * options.tolerance,
             apart=math.radians(options.apart_deg),
             margin=math.radians(options.margin_deg),
             coarse=options.hull == "gauss_newton",
@@ -133,72 +124,63 @@ class Attempts:
     def choices(self) -> list[Floats]:
         """(k, 3) directions of the outcomes, for one attempt after the other."""
         wanted = self.problem.apart
-        apart = max(wanted, min(wanted + BEYOND, FARTHEST))
+        apart = max(wanted, min(wanted + EXTRA_APART, MAX_APART))
         return outcome_choices(self.problem.hull, self.target, apart, self.seed)
 
     def attempt(self, number: int, best: FilledHull | None) -> FilledHull | None:
-        """Design and fill a hull; None where none comes about, or the best is as good."""
+        """Design and fill a hull; None if that fails or cannot improve on the best die.
+
+        number: number of the attempt, from 1 on.
+        """
         problem, choices = self.problem, self.choices
         random = np.random.default_rng([self.seed, number])
-        on_step = partial(self.on_step, number, "hull")
+        on_step = partial(self.on_step, "hull")
         if self.options.hull == "paper":
-            # Imported late: the usual way does without.
+            # The default method does not need this import.
             from dicedesign.concave.paper_hull import search_hull
 
             paper = self.options.paper or ConcavePaperOptions()
             design = search_hull(problem, choices, paper, random, on_step, plain=number == 1)
-            return self._fill(number, problem, design, best)
-        circle = max(SLOPES.circle, CIRCLE * problem.margin)
+            return self._fill(problem, design, best)
+        circle = max(SLOPES.circle, CIRCLE_SHARE * problem.margin)
         factors = np.ones(3)
         if number > len(choices):
-            factors = np.exp(random.uniform(-np.log(SHAKEN), np.log(SHAKEN), 3))
+            largest = np.log(MAX_SLOPE_FACTOR)
+            factors = np.exp(random.uniform(-largest, largest, 3))
         slopes = SlopeOptions(*(factors * [SLOPES.fall, SLOPES.rise, circle]).tolist())
         draft = design_hull(problem, choices[(number - 1) % len(choices)], slopes, on_step)
         if draft is None or not self._is_promising(problem, draft, best):
             return None
-        return self.fill_near(number, draft, slopes, best)
-
-    def fill_near(
-        self, number: int, draft: HullDraft, slopes: SlopeOptions, best: FilledHull | None
-    ) -> FilledHull | None:
-        """A hull as it was designed, brought nearer to the original and filled; None where none
-        comes about, or the best is as good."""
         if self.wall is not None:
-            return self._fill_about_cavity(number, draft, slopes, best, self.wall)
+            return self._fill_about_cavity(draft, slopes, best, self.wall)
         best_fill = None
         for metric in (NEAREST, UNCROSSED):
-            nearer = nearer_draft(self.problem, draft, slopes, metric)
-            filled = self.finish(number, self.problem, nearer, best)
+            filled = self._finish(problem, nearer_draft(problem, draft, slopes, metric), best)
             if filled is None:
                 break
             if self.is_better(filled, best_fill):
                 best_fill = filled
-            if filled.self_intersections == 0:
+            if filled.draft.self_intersections == 0:
                 break
         return best_fill
 
     def _fill_about_cavity(
-        self,
-        number: int,
-        draft: HullDraft,
-        slopes: SlopeOptions,
-        best: FilledHull | None,
-        wall: float,
+        self, draft: HullDraft, slopes: SlopeOptions, best: FilledHull | None, wall: float
     ) -> FilledHull | None:
-        """Fill a hull whose center of mass is shifted by a cavity, as far as that reduces the
+        """Fill a hull whose center of mass is moved by a cavity, as far as that reduces the
         bending."""
-        # Imported late, with manifold3d: solid dice do without.
+        # It imports manifold3d, which no solid die needs.
         from dicedesign.balance.cavity import balancing_cavity, reach
 
         def thickness(surface: Surface) -> float:
             return wall * convex_hull(surface.points).diameter
 
-        def with_room(surface: Surface, part: float) -> HullProblem:
-            """The problem with part of the reach of cavities in a surface, in its unit."""
-            return self.problem.with_room(reach(surface, thickness(surface), part))
+        def with_room(surface: Surface, share: float) -> HullProblem:
+            """Problem with a share of the reach of cavities in a surface, in its unit."""
+            return self.problem.with_room(reach(surface, thickness(surface), share))
 
         def has_room(filled: FilledHull) -> bool:
-            """Whether a cavity brings the center of mass to where it is wanted."""
+            """Whether a cavity can move the center of mass to its required place."""
             surface, center = self.surface.with_points(filled.points), filled.center_of_mass
             with suppress(InputError):
                 if is_shifted(surface, center):
@@ -206,122 +188,116 @@ class Attempts:
                 return True
             return False
 
-        problem = with_room(self.problem.surface, SAFE)
+        problem = with_room(self.problem.surface, SAFE_REACH)
         nearer = nearer_draft(problem, draft, slopes)
-        filled = self.finish(number, problem, nearer, best)
+        filled = self._finish(problem, nearer, best)
         if filled is None or not self.is_better(filled, best):
             return None
         if not has_room(filled):
-            # A solid one to begin with, which has more room when it is bent less.
+            # Begin with a solid die, which has more room when it is bent less.
             nearer = nearer_draft(self.problem, draft, slopes)
-            filled = self.finish(number, self.problem, nearer, None)
-        part = SAFE
-        for _ in range(SHIFTS):
+            filled = self._finish(self.problem, nearer, None)
+        share = SAFE_REACH
+        for _ in range(MAX_SHIFTS):
             if filled is None:
                 break
             bent = self.problem.surface.with_points((filled.points - self.center) / self.radius)
             try:
-                problem = with_room(bent, part)
+                problem = with_room(bent, share)
             except InputError:
                 break
             further = nearer_draft(problem, nearer, slopes)
-            following = self.finish(number, problem, further, filled)
+            following = self._finish(problem, further, filled)
             if following is None or not self.is_better(following, filled):
                 break
             if has_room(following):
                 nearer, filled = further, following
             else:
-                part *= LESS
+                share *= REACH_FACTOR
         return filled
 
     def is_better(self, filled: FilledHull, best: FilledHull | None) -> bool:
         """Whether a filled hull is better than the best, or the first."""
-        return best is None or rank(filled, self.options) < rank(best, self.options)
+        return best is None or rank(filled.draft, self.options) < rank(best.draft, self.options)
 
-    def finish(
-        self, number: int, problem: HullProblem, draft: HullDraft, best: FilledHull | None
+    def _finish(
+        self, problem: HullProblem, draft: HullDraft, best: FilledHull | None
     ) -> FilledHull | None:
-        """A draft as a filled hull; None where none comes about, or the best is as good."""
+        """Fill the hull of a draft; None if that fails or cannot improve on the best die."""
         draft = settle_draft(problem, draft)
         if not self._is_promising(problem, draft, best):
             return None
-        if best is not None and missing(best, self.options) == 0.0:
-            # It has to be better by its angles and the displacement by its corners, to which the
-            # fill adds as a rule.
+        if best is not None and missing(best.draft, self.options) == 0.0:
+            # The displacement of the hull's vertices alone must be better: the fill usually adds
+            # to it.
             apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
             moved = problem.displacement(draft.corners - problem.hull.vertices)
-            cost = (1.0 + doubts(apart, margin, self.options)) * moved
-            if cost >= rank(best, self.options)[1]:
+            cost = (1.0 + angle_penalty(apart, margin, self.options)) * moved
+            if cost >= rank(best.draft, self.options)[1]:
                 return None
-        return self._fill(number, problem, make_designed_hull(problem, draft), best)
+        return self._fill(problem, make_designed_hull(problem, draft), best)
 
     def _is_promising(
         self, problem: HullProblem, draft: HullDraft, best: FilledHull | None
     ) -> bool:
-        """Whether a die may come of a draft, as wanted or with less missing than from the best."""
+        """Whether a draft meets all limits, or violates them less than the best die."""
         if best is None:
             return True
-        lacking = draft.shortfall(problem)
-        return lacking == 0.0 or lacking < missing(best, self.options)
+        violation = draft.shortfall(problem)
+        return violation == 0.0 or violation < missing(best.draft, self.options)
 
     def _fill(
-        self, number: int, problem: HullProblem, design: DesignedHull, best: FilledHull | None
+        self, problem: HullProblem, design: DesignedHull, best: FilledHull | None
     ) -> FilledHull | None:
-        """A designed hull filled in the way that the options say."""
+        """Fill a designed hull by the method of the options; None if that fails."""
         if self.options.fill == "correspondence":
-            return self._ease(number, problem, design)
-        if best is not None and design.error > max(self.options.tolerance, best.error):
+            return self._fill_and_ease(problem, design)
+        if best is not None and design.error > max(self.options.tolerance, best.draft.error):
             return None
-        # Imported late: the usual way does without.
+        # The default method does not need this import.
         from dicedesign.concave.paper_fill import fill_as_paper
 
-        filled = fill_as_paper(
-            problem.surface,
-            design.hull,
-            design.center_of_mass,
-            self.options.paper or ConcavePaperOptions(),
-            partial(self.on_step, number),
-        )
-        # As near as it comes.
-        if filled.status is FillStatus.UNSOLVED:
-            return None
-        return self._measure(number, design, filled)
+        paper = self.options.paper or ConcavePaperOptions()
+        center = design.center_of_mass
+        fill = fill_as_paper(problem.surface, design.hull, center, paper, self.on_step)
+        return None if fill is None else self._measure(design, *fill)
 
-    def _ease(self, number: int, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
-        """A designed hull filled by correspondence, and eased as long as that helps; None where it
-        cannot be filled."""
+    def _fill_and_ease(self, problem: HullProblem, design: DesignedHull) -> FilledHull | None:
+        """Fill a hull by correspondence, and ease it as long as that reduces self-intersections;
+        None if it cannot be filled."""
         points, triangles = problem.surface.points, self.surface.triangles
         best: FilledHull | None = None
-        for easing in range(EASINGS + 1):
-            filled = fill_by_correspondence(
+        for easing in range(MAX_EASINGS + 1):
+            fill = fill_by_correspondence(
                 self.problem.elasticity,
                 design.hull,
                 design.corners,
                 design.center_of_mass,
-                partial(self.on_step, number, "fill"),
+                partial(self.on_step, "fill"),
             )
-            if filled.status is not FillStatus.FITTED:
+            if fill is None:
                 break
-            eased = self._measure(number, design, filled)
-            if best and eased.self_intersections > HELPED * best.self_intersections:
+            eased = self._measure(design, *fill)
+            crossings = eased.draft.self_intersections
+            if best and crossings > EASED_SHARE * best.draft.self_intersections:
                 break
             best = eased
-            if easing == EASINGS or not 0 < best.self_intersections <= MOST_EASED:
+            if easing == MAX_EASINGS or not 0 < crossings <= MOST_EASED:
                 break
             crossing = np.unique(intersecting_triangles(best.points, triangles))
             places = points[np.unique(triangles[crossing])]
-            following = relax_hull(problem, design, places, WIDTH * WIDENING**easing)
+            following = relax_hull(problem, design, places, EASING_WIDTH * EASING_GROWTH**easing)
             if following is None:
                 break
             design = following
         return best
 
-    def _measure(self, number: int, design: DesignedHull, filled: FillResult) -> FilledHull:
-        """A designed hull after it was filled."""
+    def _measure(self, design: DesignedHull, points: Floats, energy: float) -> FilledHull:
+        """Measure a fill of a hull."""
         unit = self.problem.surface
-        back = best_similarity(filled.points, unit.points, point_masses(unit))
-        solid = unit.with_points(back(filled.points))
-        # As they come out of a file of single precision.
+        back = best_similarity(points, unit.points, point_masses(unit))
+        solid = unit.with_points(back(points))
+        # As read from a file in single precision.
         rounded = unit.with_points(solid.points.astype(np.float32).astype(np.float64))
         reached = convex_hull(rounded.points, single_precision=True)
         shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
@@ -329,16 +305,19 @@ class Attempts:
         directions = design.directions @ back.rotation.T
         outcomes = outcome_probabilities(poses, directions)
         error = outcomes.error(self.target)
-        self.on_step(number, "fill", filled.energy, error)
+        self.on_step("fill", energy, error)
         return FilledHull(
-            attempt=number,
+            Draft(
+                attempt=0,
+                seconds=None,
+                error=error,
+                displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
+                apart_deg=float(np.degrees(outcomes.least_angle)),
+                margin_deg=float(np.degrees(outcome_margins(poses, outcomes).min())),
+                self_intersections=len(intersecting_triangles(solid.points, unit.triangles)),
+            ),
             points=self.center + self.radius * solid.points,
             hull_points=self.center + self.radius * back(design.hull.vertices),
             center_of_mass=self.center + self.radius * (solid.centroid + shift),
             directions=directions,
-            error=error,
-            displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
-            apart_deg=float(np.degrees(outcomes.least_angle)),
-            margin_deg=float(np.degrees(outcome_margins(poses, outcomes).min())),
-            self_intersections=len(intersecting_triangles(solid.points, unit.triangles)),
         )

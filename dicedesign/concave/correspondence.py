@@ -1,65 +1,58 @@
-"""Hull fill by correspondence: a surface follows the corners of its hull to where they are wanted.
+"""Hull fill by correspondence: every vertex of the designed hull is a point of the surface.
 
-Every corner of the hull is a point of the surface, so there is nothing to search: those points are
-fixed where they are wanted, and the others follow elastically. Points that would stick out of the
-wanted hull lean against the inside of its facets, along which they may slide (`Contacts`), and the
-center of mass is held by forces along its own gradient.
+These points are fixed in their designed places, and the others follow elastically. Points that
+would leave the hull are in contact with its facets, along which they can slide (`Contacts`), and
+forces along the gradient of the center of mass hold it in place.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from dicedesign.concave.hull_problem import Elasticity, HeldCorners
-from dicedesign.concave.result import FillResult, FillStatus, OnEnergy
+from dicedesign.concave.hull_problem import Elasticity, HeldCorners, center_gradient
+from dicedesign.concave.result import Fill, OnEnergy
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 
-CONTACT_REGULAR = 1e-10
-"""Part by which the diagonal is larger, where contacts depend on each other."""
+CONTACT_REGULARIZATION = 1e-10
+"""Relative increase of the diagonal, as contacts may depend on each other."""
 
-PATIENCE = 10
-"""Changes of all contacts that are wrong at once that may fail to make them fewer."""
+MAX_FAILED_PIVOTS = 10
+"""Number of exchanges of all wrong contacts at once that may fail to reduce their number."""
 
-MOST_PIVOTS = 200
-"""Changes in all."""
+MAX_PIVOTS = 200
+"""Maximum number of exchanges."""
 
-SLACK = 1e-9
-"""Part of the largest bound by which a point may go too far."""
+BOUND_TOLERANCE = 1e-9
+"""Allowed violation of a bound, relative to the largest one."""
 
 
-@dataclass
 class Contacts:
-    """Contacts without friction: a point may slide along a facet's plane and leave it inward.
+    """Contacts without friction: a point can slide along the plane of a facet and leave it inward.
 
     Attributes
     ----------
-    held: the corners that are in place.
-    points: (c,) number of each contact's point; one point may lean against several facets.
-    facets: (c,) number of the facet.
-    responses: (n, s) displacement of all points for a unit force on some.
-    place: (n,) column of `responses` for each point, or -1.
-    active: (c,) whether a contact bore the last time.
+    held: corners that are held in place.
+    points: (c,) point of each contact; a point may touch several facets.
+    facets: (c,) facet of each contact.
+    responses: (n, s) displacements of all points for unit forces on the points in contact.
+    place: (n,) column of `responses` of each point, or -1.
+    active: (c,) whether a contact was pressed in the last solution.
     """
 
-    held: HeldCorners
-    points: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    facets: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    responses: Floats = field(init=False)
-    place: Integers = field(init=False)
-    active: Booleans = field(default_factory=lambda: np.zeros(0, dtype=bool))
-
-    def __post_init__(self) -> None:
-        size = len(self.held.by_corner)
-        self.responses = np.zeros((size, 0))
-        self.place = np.full(size, -1, dtype=np.int64)
+    def __init__(self, held: HeldCorners) -> None:
+        size = len(held.by_corner)
+        self.held = held
+        self.points: Integers = np.zeros(0, dtype=np.int64)
+        self.facets: Integers = np.zeros(0, dtype=np.int64)
+        self.responses: Floats = np.zeros((size, 0))
+        self.place: Integers = np.full(size, -1, dtype=np.int64)
+        self.active: Booleans = np.zeros(0, dtype=bool)
 
     def add(self, points: Integers, facets: Integers) -> None:
-        """New contacts (c,); those that exist are left out."""
+        """Add contacts (c,) that do not exist yet."""
         known = set(zip(self.points.tolist(), self.facets.tolist(), strict=True))
         pairs = zip(points.tolist(), facets.tolist(), strict=True)
         fresh = np.array([pair not in known for pair in pairs], dtype=bool)
@@ -73,59 +66,60 @@ class Contacts:
     def solve(
         self, normals: Floats, bounds: Floats, gradient: Floats, raised: Floats, misses: Floats
     ) -> Floats:
-        """Displacement (n, 3) of least work that keeps to all contacts and meets three equations.
+        """Displacement (n, 3) of minimum work that respects all contacts and three equations.
 
-        normals: (c, 3) of the contacts' facets; bounds: (c,) how far each point may go along its
-        normal; gradient: (n, 3, 3) of the three other values, last; raised: (n, 3, 3)
-        displacements for forces along it; misses: (3,) what those values are to gain.
+        normals: (c, 3) normals of the contacts' facets; bounds: (c,) limits of the points along
+        them; gradient: (n, 3, 3) gradient of the three values, which are last; raised: (n, 3, 3)
+        displacements for forces along it; misses: (3,) required changes of the values.
 
         Source: Judice and Pires, Comput. Oper. Res. 21(5), 1994 (block pivoting).
         """
-        count = len(normals)
+        count, columns = len(normals), self.place[self.points]
         system = np.zeros((count + 3, count + 3))
-        among = self.responses[self.points][:, self.place[self.points]]
-        system[:count, :count] = among * (normals @ normals.T)
+        system[:count, :count] = self.responses[self.points][:, columns] * (normals @ normals.T)
         diagonal = np.arange(count)
-        system[diagonal, diagonal] *= 1.0 + CONTACT_REGULAR
+        system[diagonal, diagonal] *= 1.0 + CONTACT_REGULARIZATION
         system[:count, count:] = (raised[self.points] * normals[:, :, None]).sum(axis=1)
-        along = np.tensordot(gradient, self.responses, (0, 0))[:, :, self.place[self.points]]
+        along = np.tensordot(gradient, self.responses, (0, 0))[:, :, columns]
         system[count:, :count] = np.einsum("abs,sa->bs", along, normals)
         system[count:, count:] = np.einsum("nab,nac->bc", gradient, raised)
         values = np.concatenate([bounds, misses])
         fresh = np.ones(count - len(self.active), dtype=bool)
-        strengths = _complementary(system, values, np.concatenate([self.active, fresh]))
+        strengths = _solve_complementarity(system, values, np.concatenate([self.active, fresh]))
         self.active = strengths[:count] < 0.0
         pushes = strengths[:count, None] * normals
-        forces = sums_by_index(self.place[self.points], pushes, self.responses.shape[1])
+        forces = sums_by_index(columns, pushes, self.responses.shape[1])
         displacement: Floats = self.responses @ forces + raised @ strengths[count:]
         return displacement
 
 
-def _complementary(system: Floats, values: Floats, active: Booleans) -> Floats:
-    """Strengths x (c + 3,) with `system @ x = values` in the last three rows and in those of the
-    bearing contacts, where x < 0, and `system @ x <= values` in the others, where x = 0."""
+def _solve_complementarity(system: Floats, values: Floats, active: Booleans) -> Floats:
+    """Strengths x (c + 3,) with `system @ x = values` in the last three rows and in those of active
+    contacts, where x < 0, and `system @ x <= values` in the others, where x = 0.
+
+    active: (c,) first guess of the active contacts.
+    """
     count = len(active)
-    fewest, patience = count + 1, PATIENCE
+    fewest, patience = count + 1, MAX_FAILED_PIVOTS
     strengths = np.zeros(count + 3)
-    slack = SLACK * float(np.abs(values).max(initial=0.0))
-    for _ in range(MOST_PIVOTS):
-        active_rows = np.flatnonzero(active)
-        bearing = cho_factor(system[np.ix_(active_rows, active_rows)])
-        sides = np.column_stack([values[active_rows], system[active_rows, count:]])
-        alone, mixed = np.split(cho_solve(bearing, sides), [1], axis=1)
-        across = system[count:, active_rows]
+    tolerance = BOUND_TOLERANCE * float(np.abs(values).max(initial=0.0))
+    for _ in range(MAX_PIVOTS):
+        rows = np.flatnonzero(active)
+        factor = cho_factor(system[np.ix_(rows, rows)])
+        sides = np.column_stack([values[rows], system[rows, count:]])
+        alone, mixed = np.split(cho_solve(factor, sides), [1], axis=1)
+        across = system[count:, rows]
         rest = np.linalg.solve(
             system[count:, count:] - across @ mixed, values[count:] - across @ alone[:, 0]
         )
         strengths[:] = 0.0
-        strengths[active_rows], strengths[count:] = alone[:, 0] - mixed @ rest, rest
+        strengths[rows], strengths[count:] = alone[:, 0] - mixed @ rest, rest
         over = system[:count] @ strengths - values[:count]
-        wrong = np.where(active, strengths[:count] > 0.0, over > slack)
-        changes = np.flatnonzero(wrong)
+        changes = np.flatnonzero(np.where(active, strengths[:count] > 0.0, over > tolerance))
         if len(changes) == 0:
             break
         if len(changes) < fewest:
-            fewest, patience = len(changes), PATIENCE
+            fewest, patience = len(changes), MAX_FAILED_PIVOTS
         elif patience > 0:
             patience -= 1
         else:
@@ -135,19 +129,20 @@ def _complementary(system: Floats, values: Floats, active: Booleans) -> Floats:
     return strengths
 
 
-SINK = 2e-5
-"""Depth inside the wanted hull, over the diagonal, that points keep which would stick out: its
-corners alone then span it, in single precision too."""
+DEPTH = 2e-5
+"""Depth inside the designed hull, over the diagonal, of points that would leave it, so that its
+vertices alone span the hull of the surface, also in single precision."""
 
-MOST_ROUNDS = 30
-"""Rounds in which contacts come and go; five to ten do, as a rule."""
+MAX_ROUNDS = 30
+"""Maximum number of rounds of changing contacts; 5 to 10 usually suffice."""
 
 FIRST_ROUNDS = 5
-"""In these the whole displacement is the one of least work, later each further one alone: it is
-small, and then Newton's method on the center of mass squares the error."""
+"""Number of rounds in which the whole displacement has minimum work. Later only each further one
+has: as it is small, Newton's method for the center of mass then converges quadratically."""
 
 CENTERED = 1e-13
-"""Distance from the wanted center of mass, over the diagonal, at which they end."""
+"""Distance of the center of mass from its required place, over the diagonal, that ends the
+rounds."""
 
 
 def fill_by_correspondence(
@@ -156,61 +151,53 @@ def fill_by_correspondence(
     corners: Integers,
     center_of_mass: Floats,
     on_step: OnEnergy,
-) -> FillResult:
-    """Deform a surface until its hull and its center of mass are the wanted ones.
+) -> Fill | None:
+    """Deform a surface until it has a required hull and center of mass.
+
+    In the result the vertices of the hull are exact, every other point is inside, and the center of
+    mass is accurate to rounding. None if the center of mass cannot be held, or points are still
+    outside after the last round.
 
     Parameters
     ----------
-    elasticity: of the surface.
-    hull: the wanted one, in the surface's own unit and place, or near.
-    corners: (v,) distinct numbers of the surface's points that are to become its corners.
-    center_of_mass: (3,) that of the uniform solid that is wanted, inside the hull.
+    elasticity: elastic space around the surface.
+    hull: required hull, in the unit and near the place of the surface.
+    corners: (v,) distinct indices of the surface points that become its vertices.
+    center_of_mass: (3,) required center of mass of the uniform solid, inside the hull.
     on_step: see `OnEnergy`; the energy is the mean squared displacement.
-
-    Returns
-    -------
-    FITTED with the hull's corners exactly in place, every other point inside, and the center of
-    mass to rounding; NO_PROGRESS where the center cannot be held, STEP_LIMIT where points still
-    stick out after the last round.
     """
     surface, held = elasticity.surface, HeldCorners(elasticity, corners)
     following = held.follow(hull.vertices - surface.points[corners])
     contacts, moved = Contacts(held), following.copy()
     middle = hull.vertices.mean(axis=0)
-    room = hull.heights(middle) - SINK * surface.diagonal
-    status = FillStatus.STEP_LIMIT
-    for number in range(MOST_ROUNDS):
+    room = hull.heights(middle) - DEPTH * surface.diagonal
+    for number in range(MAX_ROUNDS):
         now = surface.with_points(surface.points + moved)
-        # By the forces they come there to within rounding times the condition of those.
+        # The forces move them there only to within rounding times their condition number.
         now.points[corners] = hull.vertices
         heights = (now.points - middle) @ hull.normals.T - room
-        highest = heights.argmax(axis=1)
-        worst = heights[np.arange(len(heights)), highest]
-        worst[corners] = -np.inf
-        outside = max(float(worst.max()) / surface.diagonal - SINK, 0.0)
+        highest, excess = heights.argmax(axis=1), heights.max(axis=1)
+        excess[corners] = -np.inf
+        outside = max(float(excess.max()) / surface.diagonal - DEPTH, 0.0)
         energy = float((moved * moved).sum(-1).mean())
         on_step(energy)
         miss = center_of_mass - now.centroid
         if not norms(moved).max() <= surface.diagonal:
-            status = FillStatus.NO_PROGRESS
             break
         if outside == 0.0 and norms(miss) <= CENTERED * surface.diagonal:
-            status = FillStatus.FITTED
-            break
-        out = np.flatnonzero(worst > 0.5 * SINK * surface.diagonal)
+            return now.points, energy
+        out = np.flatnonzero(excess > 0.5 * DEPTH * surface.diagonal)
         contacts.add(out, highest[out])
         if number < FIRST_ROUNDS:
-            # Of a change from start to end its gradient half way tells all but the third order.
-            halfway = surface.with_points(surface.points + 0.5 * moved)
-            whole = np.moveaxis(halfway.centroid_derivatives(), 0, -1)
-            misses = center_of_mass - surface.centroid - np.einsum("nab,na->b", whole, following)
+            # The gradient halfway gives the change from start to end up to the third order.
+            gradient = center_gradient(surface.with_points(surface.points + 0.5 * moved))
+            miss = center_of_mass - surface.centroid - np.einsum("nab,na->b", gradient, following)
         else:
-            following, misses = moved.copy(), miss
-            whole = np.moveaxis(now.centroid_derivatives(), 0, -1)
-        raised = held.hold(elasticity.center_responses(whole).reshape(-1, 9)).reshape(whole.shape)
-        normals, at = hull.normals[contacts.facets], contacts.points
-        places = surface.points[at] + following[at] - middle
+            following, gradient = moved.copy(), center_gradient(now)
+        responses = elasticity.center_responses(gradient).reshape(-1, 9)
+        raised = held.hold(responses).reshape(gradient.shape)
+        normals, touching = hull.normals[contacts.facets], contacts.points
+        places = surface.points[touching] + following[touching] - middle
         bounds = room[contacts.facets] - (places * normals).sum(-1)
-        change = contacts.solve(normals, bounds, whole, raised, misses)
-        moved = following + change
-    return FillResult(now.points, energy, status)
+        moved = following + contacts.solve(normals, bounds, gradient, raised, miss)
+    return None

@@ -1,8 +1,7 @@
-"""Elastic energy of a triangle surface against a reference: membrane and bending, with gradient and
-projected Hessian.
+"""Elastic energy of a triangle surface relative to a reference: membrane and bending, with gradient
+and projected Hessian.
 
-Both energies are free of units: they do not change when the surface is moved, turned or scaled as a
-whole.
+Both energies have no unit: they do not change when the surface is moved, rotated or scaled.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 @dataclass(frozen=True, eq=False)
 class ElasticEnergy:
-    """`lambda_m E_m + lambda_b E_b` of a surface against a reference (eq. 26).
+    """`lambda_m E_m + lambda_b E_b` of a surface relative to a reference (eq. 26).
 
     E_m is the mean over the reference's area, E_b the sum over its edges.
 
@@ -31,11 +30,11 @@ class ElasticEnergy:
     ----------
     triangles: (t, 3).
     stiffness: (t, 3, 3) cotangent stiffness of the reference, times `areas`.
-    areas: (t,) of the reference, over that of all of it, times lambda_m.
-    hinges: (e, 4) start and end of each edge between two triangles, the corner to its left and the
-        one to its right, seen from outside.
-    angles: (e,) of the reference there, in radians.
-    hinge_weights: (e,) of squared changes of angle, with lambda_b.
+    areas: (t,) areas of the reference over their sum, times lambda_m.
+    hinges: (e, 4) start and end of each edge between two triangles, and the corners to its left and
+        right, seen from outside.
+    angles: (e,) angles of the reference at the hinges, in radians.
+    hinge_weights: (e,) weights of squared changes of the angles, times lambda_b.
     """
 
     triangles: Integers
@@ -47,13 +46,10 @@ class ElasticEnergy:
 
     @classmethod
     def of(cls, reference: Surface, membrane: float, bending: float) -> ElasticEnergy:
-        """The energy against a reference, with lambda_m and lambda_b.
+        """Energy relative to a reference, with lambda_m and lambda_b.
 
-        Edges that two triangles do not share in opposite directions do not bend.
-
-        Raises
-        ------
-        InputError: a triangle of the reference has no area.
+        Edges without two oppositely oriented triangles do not bend. Raises InputError if a triangle
+        of the reference has no area.
         """
         points, triangles = reference.points, reference.triangles
         corners = points[triangles]
@@ -64,7 +60,7 @@ class ElasticEnergy:
                 f"surface: expected triangles with an area, got none in triangle "
                 f"{int(np.argmin(doubled))}; remesh it"
             )
-        # Of a triangle with edges e_i opposite to its corners, K_ij = e_i . e_j / (4 A_0).
+        # K_ij = e_i . e_j / (4 A_0) for the edges e_i opposite to the corners.
         stiffness = opposite @ np.swapaxes(opposite, 1, 2) / (2.0 * doubled.sum())
         neighbors = edge_neighbors(triangles)
         left, corner = np.nonzero(neighbors > np.arange(len(triangles))[:, None])
@@ -85,8 +81,8 @@ class ElasticEnergy:
     def membranes(self, corners: Tensor) -> Tensor:
         """(t,) conformal energies `w (x . K x / (2 A) - 1)` of triangles with corners (t, 3, 3).
 
-        But for w it is the mean of both ratios of the principal stretches, less 1: zero for every
-        similar triangle, infinite for a flat one.
+        Without w, it is the mean of the two ratios of the principal stretches, minus 1: zero for
+        similar triangles, infinite for flat ones.
 
         Source: Hormann and Greiner, MIPS: an efficient global parametrization method, Curve and
         Surface Design, 2000.
@@ -105,23 +101,23 @@ class ElasticEnergy:
         return self.hinge_weights * change**2
 
     def value(self, points: Floats) -> float:
-        """The energy at points (n, 3); infinite where a triangle is flat."""
+        """Energy at points (n, 3); infinite if a triangle is flat."""
         energy = float(self._value(torch.from_numpy(points)))
         return energy if math.isfinite(energy) else math.inf
 
     def gradient(self, points: Floats) -> Floats:
-        """(n, 3) derivative of the energy at points (n, 3)."""
-        at = torch.tensor(points, requires_grad=True)
-        return np.asarray(torch.autograd.grad(self._value(at), at)[0])
+        """(n, 3) gradient at points (n, 3)."""
+        variables = torch.tensor(points, requires_grad=True)
+        return np.asarray(torch.autograd.grad(self._value(variables), variables)[0])
 
     def hessian(self, points: Floats) -> csc_array:
-        """(3n, 3n) second derivative at points (n, 3), made positive semidefinite element by
-        element."""
+        """(3 n, 3 n) Hessian at points (n, 3), with each element projected to a positive
+        semidefinite one."""
         total = csc_array((points.size, points.size))
         for elements, energy in ((self.triangles, self.membranes), (self.hinges, self.bends)):
             corners = torch.tensor(points[elements], requires_grad=True)
             (slopes,) = torch.autograd.grad(energy(corners).sum(), corners, create_graph=True)
-            # No element knows of another: each pass gives one row of all their Hessians.
+            # The elements are independent: each pass gives one row of the Hessians of all.
             rows = [
                 torch.autograd.grad(slope, corners, retain_graph=True)[0].flatten(1)
                 for slope in slopes.sum(0).flatten()
@@ -139,8 +135,8 @@ class ElasticEnergy:
 
 
 def hinge_angles(corners: Tensor) -> Tensor:
-    """(e,) angles in radians between the triangles of hinges (e, 4, 3), 0 where it is flat and
-    positive at ridges."""
+    """(e,) angles in radians between the triangles of hinges (e, 4, 3): 0 if flat, positive at
+    ridges."""
     start, end, left, right = corners.unbind(1)
     edge = end - start
     first = torch.linalg.cross(edge, left - start)
@@ -151,10 +147,10 @@ def hinge_angles(corners: Tensor) -> Tensor:
 
 
 def positive_semidefinite(hessians: Floats) -> Floats:
-    """The nearest positive semidefinite matrices to Hessians (m, 3k, 3k) of energies of k points
-    that do not change when all points are moved alike."""
+    """Nearest positive semidefinite matrices to Hessians (m, 3 k, 3 k) of energies of k points that
+    are invariant under translations."""
     size = hessians.shape[1] // 3
-    # Left out, those moves leave smaller matrices.
+    # Without translations the matrices are smaller.
     shapes = np.linalg.qr(np.eye(size) - 1.0 / size)[0][:, : size - 1]
     basis = np.kron(shapes, np.eye(3))
     values, vectors = np.linalg.eigh(basis.T @ hessians @ basis)

@@ -1,10 +1,11 @@
-"""Designing the hull of a surface for wanted probabilities, its center of mass held where it is.
+"""Design of the hull of a surface for target probabilities, with a fixed center of mass.
 
-The hull stays dense: its corners are moved as smoothly and as little as the probabilities allow.
-All rests but the wanted ones are made to drain (`SlopeMemory`) while the probabilities of their
-clusters go to the target, by Gauss-Newton steps in the metric of `HullMetric`; the outcomes'
-directions follow their own rests on the way. From there Levenberg-Marquardt steps meet the
-probabilities to rounding. Then the hull is brought to take the surface less work."""
+The hull stays dense: its vertices move as smoothly and as little as the probabilities allow.
+Gauss-Newton steps in the metric of `HullMetric` bring the probabilities of clusters of rests to the
+target, while slopes (`SlopeMemory`) remove all rests but one of each outcome, which its direction
+follows. Levenberg-Marquardt steps then meet the probabilities to rounding, and further steps reduce
+the displacement of the surface.
+"""
 
 from __future__ import annotations
 
@@ -30,31 +31,31 @@ from dicedesign.concave.slopes import SlopeMemory, SlopeOptions, climbs, least_d
 from dicedesign.errors import DiceError
 from dicedesign.geometry.sphere import angle_between, foot_on_line, norms, unit_vectors
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
-from dicedesign.optimize.coordinates import VertexCoordinates
+from dicedesign.optimize.coordinates import Coordinates, VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import CandidateMaker, LevenbergMarquardt
 from dicedesign.rest.outcomes import assign_rests
 from dicedesign.runtime.arrays import Floats, Integers
 
-LARGEST_GAIN = 0.05
-"""Most by which probabilities are to change in one step."""
+MAX_GAIN = 0.05
+"""Maximum change of a probability that one step aims at."""
 
 EXACT = 1e-12
 """Largest |p - q| of an exact draft."""
 
 SMOOTH = SobolevOptions(smoothing=5.0, power=2)
-"""Metric of the steps to it."""
+"""Metric of the steps to an exact draft."""
 
 
 @dataclass(frozen=True)
 class HullDraft:
-    """A hull on the way.
+    """Hull during its design.
 
     Attributes
     ----------
-    corners: (n, 3) those of the original hull, moved; the center of mass is the origin.
-    rests: of their hull.
-    directions: (k, 3) of the outcomes.
+    corners: (n, 3) moved vertices of the original hull, with the center of mass at the origin.
+    rests: rests of their hull.
+    directions: (k, 3) directions of the outcomes.
     """
 
     corners: Floats
@@ -63,27 +64,27 @@ class HullDraft:
 
     @classmethod
     def of(cls, corners: Floats, directions: Floats) -> HullDraft | None:
-        """Draft of a hull; None if the center of mass is outside or there is no hull."""
+        """Draft of a hull; None if there is no hull or the center of mass is outside."""
         try:
             rests = evaluate_rests(torch.from_numpy(corners), torch.zeros(3, dtype=torch.float64))
-            draft = cls(corners, rests, directions)
-            return draft if np.isfinite(rests.probability_values).all() else None
         except DiceError:
             return None
+        is_finite = np.isfinite(rests.probability_values).all()
+        return cls(corners, rests, directions) if is_finite else None
 
     @cached_property
     def rest_normals(self) -> Floats:
-        """(r, 3) of all rests."""
+        """(r, 3) normals of all rests."""
         return self.rests.hull.normals[self.rests.paths.rests]
 
     @cached_property
     def main(self) -> Integers:
-        """(k,) the rest nearest to each outcome's direction."""
+        """(k,) rest nearest to the direction of each outcome."""
         return np.argmax(self.directions @ self.rest_normals.T, axis=1)
 
     @cached_property
     def of_rest(self) -> Integers:
-        """(r,) outcome of each rest: the one with the least to climb on the way."""
+        """(r,) outcome of each rest: the one that takes the smallest climb to reach."""
         if self.alone:
             return np.argsort(self.main)
         climb = climbs(self.rests.hull.vertices, self.rest_normals, self.directions)
@@ -93,71 +94,59 @@ class HullDraft:
 
     @property
     def alone(self) -> bool:
-        """True if each outcome has a rest of its own and there is no other."""
+        """Whether each outcome has its own rest and there are no others."""
         return len(self.rests.probability_values) == len(self.main) == len(np.unique(self.main))
 
     @property
     def normals(self) -> Floats:
-        """(k, 3) normals of the outcomes' own rests."""
+        """(k, 3) normals of the outcomes' main rests."""
         return self.rest_normals[self.main]
 
     @cached_property
     def probabilities(self) -> Floats:
-        """(k,) of the outcomes."""
+        """(k,) probabilities of the outcomes."""
         sums = np.bincount(self.of_rest, self.rests.probability_values, minlength=len(self.main))
         return np.asarray(sums, dtype=np.float64)
 
     @cached_property
     def apart(self) -> float:
-        """Least angle between two outcomes' own rests, in radians."""
-        one, other = np.triu_indices(len(self.main), 1)
-        angles = angle_between(self.normals[one], self.normals[other])
-        return float(angles.min(initial=np.pi))
+        """Smallest angle between the main rests of two outcomes, in radians."""
+        pairs = np.stack(np.triu_indices(len(self.main), 1))
+        return float(angle_between(*self.normals[pairs]).min(initial=np.pi))
 
     @cached_property
     def margin(self) -> float:
-        """Least angle, in radians, by which the body must be tipped to leave an outcome."""
+        """Smallest angle by which the body must be tipped to leave an outcome, in radians."""
         paths, vertices = self.rests.paths, self.rests.hull.vertices
-        tail, head = vertices[paths.saddle_ends[:, 0]], vertices[paths.saddle_ends[:, 1]]
+        tail, head = vertices[paths.saddle_ends.T]
         saddles = foot_on_line(tail, head, head - tail, np)
-        outcomes = self.of_rest[paths.basins]
-        leaves = outcomes[:, 0] != outcomes[:, 1]
+        first, second = self.of_rest[paths.basins.T]
+        leaves = first != second
         angles = angle_between(self.rest_normals[paths.basins[leaves]], saddles[leaves, None])
         return float(angles.min(initial=np.pi))
 
     def error(self, target: Floats) -> float:
-        """Largest error of the outcomes' probabilities, or the probability elsewhere if larger."""
-        return assign_rests(self.rest_normals, self.rests.probability_values, self.normals).error(
-            target
-        )
-
-    def lacks_at_most(self, problem: HullProblem, missing: float) -> bool:
-        """Whether the shortfall is no more than so much, which the probabilities alone often
-        tell."""
-        error = self.error(problem.target)
-        if error > (1.0 + missing) * problem.tolerance:
-            return False
-        return self.shortfall(problem) <= missing
+        """Largest |p - q|, or the probability of no outcome if that is larger."""
+        outcomes = assign_rests(self.rest_normals, self.rests.probability_values, self.normals)
+        return outcomes.error(target)
 
     def shortfall(self, problem: HullProblem) -> float:
-        """Sum of the relative distances of probabilities, angles and margins from their limits; 0
-        if all are met."""
+        """Sum of the relative violations by probabilities and angles; 0 if all limits are met."""
         apart, margin = (self.apart, problem.apart), (self.margin, problem.margin)
         return shortfall(self.error(problem.target), problem.tolerance, apart, margin)
 
     @property
     def jacobian(self) -> Floats:
-        """(k, n, 3) of the probabilities in the corners."""
+        """(k, n, 3) derivatives of the probabilities by the corners."""
         rests = self.rests
         sums = np.zeros((len(self.main), *self.corners.shape))
         by_corner = rests.jacobian.reshape(len(self.of_rest), -1, 3)
         for outcome in range(len(self.main)):
-            mine = self.of_rest == outcome
-            sums[outcome, rests.hull.source] = by_corner[mine].sum(axis=0)
+            sums[outcome, rests.hull.source] = by_corner[self.of_rest == outcome].sum(axis=0)
         return sums
 
 
-def change_of_least_work(
+def _least_work_step(
     problem: HullProblem,
     draft: HullDraft,
     compliance: Floats,
@@ -165,12 +154,12 @@ def change_of_least_work(
     directions: Floats,
     step: int,
 ) -> Floats:
-    """(n, 3) from a draft to the displacement of least work with the target's probabilities."""
+    """(n, 3) step of the corners toward the displacement of minimum work with the target."""
     displacement = draft.corners - problem.hull.vertices
     displacement = displacement + problem.shift(displacement)
     conditions = memory.conditions(draft.rests, directions, draft.of_rest, step)
-    gains = np.clip(problem.target - draft.probabilities, -LARGEST_GAIN, LARGEST_GAIN)
-    # The last of the equations follows from the others.
+    gains = np.clip(problem.target - draft.probabilities, -MAX_GAIN, MAX_GAIN)
+    # The last equation follows from the others.
     following = least_displacement(
         compliance,
         displacement,
@@ -183,22 +172,20 @@ def change_of_least_work(
 
 
 def make_designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
-    """A draft as the hull to fill, where the surface would be led by its corners alone."""
-    own, moved = draft.rests.hull, draft.corners - problem.hull.vertices
+    """Place the hull of a draft as `HullProblem.designed`."""
+    hull, moved = draft.rests.hull, draft.corners - problem.hull.vertices
     error = draft.error(problem.target)
-    return problem.designed(own.vertices, own.source, moved, draft.normals, error)
+    return problem.designed(hull.vertices, hull.source, moved, draft.normals, error)
 
 
 class _AllCorners(VertexCoordinates):
-    """Corners that leave the hull stay parameters: each is a point of the surface."""
+    """Vertices that stay parameters when they leave the hull, as each is a point of the surface."""
 
-    def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
-        return parameters
+    prune = Coordinates.prune
 
 
 def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
-    """The hull with the probabilities of the target to rounding to which steps lead from a draft
-    with no rests but the wanted ones; None where they lead to none."""
+    """Move a draft without other rests to the target, to rounding; None if that fails."""
     if not draft.alone:
         return None
     maker = CandidateMaker(np.zeros(3))
@@ -206,40 +193,38 @@ def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
     first = maker.attempt(coordinates, draft.corners.ravel(), draft.normals)
     if first is None:
         return None
-    steps = LevenbergMarquardt(problem.target, maker, EXACT / 2.0, SMOOTH)
-    trial = steps.solve(first)
+    trial = LevenbergMarquardt(problem.target, maker, EXACT / 2.0, SMOOTH).solve(first)
     if trial.error(problem.target) > EXACT:
         return None
     return HullDraft.of(trial.parameters.reshape(-1, 3), trial.directions)
 
 
 STAGE_STEPS = 24
-"""Steps in each of the metrics, one after the other."""
+"""Number of steps in each metric."""
 
-LARGEST_STEP = 0.03
-"""Farthest that a corner moves in one of them, over the circumscribed radius."""
+MAX_STEP = 0.03
+"""Maximum move of a corner in one step, over the circumscribed radius."""
 
-NEAR = 0.05
-"""Largest |p - q| from which on the last steps go."""
+EXACT_FROM = 0.05
+"""Largest |p - q| from which the exact draft is tried."""
 
-SOFTENING = tuple(
+METRICS = tuple(
     HullMetric(tether=0.2, smoothing=1.0, elastic=elastic, displaced=1.0)
     for elastic in (0.1, 0.03, 0.01)
 )
-"""Metrics of the steps: the stiffest in which a hull comes about is kept."""
+"""Metrics of the steps, the stiffest first."""
 
 FOLLOWED = 0.5
-"""Part of the way to its own rest that an outcome's direction goes in each step."""
+"""Share of the way to its main rest by which an outcome's direction moves in each step."""
 
-FOLLOWING = math.cos(math.radians(35.0))
-"""Cosine of the angle beyond which it does not."""
+MIN_FOLLOWED_COSINE = math.cos(math.radians(35.0))
+"""Cosine of the largest angle to its main rest at which an outcome's direction follows it."""
 
-ROOM = math.radians(5.0)
-"""Angle beyond the least one between outcomes that their directions keep."""
+EXTRA_APART = math.radians(5.0)
+"""Angle beyond the required one that the directions of outcomes keep while they follow."""
 
-HOPELESS = 0.3
-"""Mean displacement of the corners, over the circumscribed radius, at which nothing is hoped for
-any more."""
+HOPELESS_DISPLACEMENT = 0.3
+"""Mean displacement of the corners, over the circumscribed radius, at which a design ends."""
 
 
 def design_hull(
@@ -248,139 +233,135 @@ def design_hull(
     slopes: SlopeOptions,
     on_step: Callable[[float, float], None],
 ) -> HullDraft | None:
-    """A hull with the wanted probabilities and no other rests; where this way leads to none, the
-    one on it that was off by least, or None where there was no hull at all.
+    """Design a hull with the target probabilities and no other rests; if that fails, the draft with
+    the smallest shortfall, or None if there was no hull.
 
-    directions: (k, 3) unit directions of the outcomes, of rests of the original or not; on_step:
-    called with the energy and the largest |p - q| of every step.
+    directions: (k, 3) unit directions of the outcomes, which may be no rests of the original;
+    on_step: receives the energy and the largest |p - q| of every step.
     """
     memory, best = SlopeMemory(slopes), None
     corners, least = problem.hull.vertices, math.inf
-    for step in range(STAGE_STEPS * len(SOFTENING)):
+    for step in range(STAGE_STEPS * len(METRICS)):
         draft = HullDraft.of(corners, directions)
         if draft is None:
             break
         error = draft.error(problem.target)
         on_step(float(((problem.target - draft.probabilities) ** 2).sum()), error)
-        if draft.alone and error < NEAR:
+        if draft.alone and error < EXACT_FROM:
             exact = exact_draft(problem, draft)
             if exact is not None and exact.shortfall(problem) == 0.0:
                 return exact
-        missing = draft.shortfall(problem)
-        if missing == 0.0:
+        violation = draft.shortfall(problem)
+        if violation == 0.0:
             return draft
-        if missing < least:
-            best, least = draft, missing
-        directions = _follow_rests(problem, draft, directions)
-        compliance = problem.compliance(SOFTENING[step // STAGE_STEPS])
-        change = change_of_least_work(problem, draft, compliance, memory, directions, step)
-        longest = float(norms(change).max())
-        corners = corners + min(1.0, LARGEST_STEP / max(longest, LARGEST_STEP)) * change
-        if norms(corners - problem.hull.vertices).mean() > HOPELESS:
+        if violation < least:
+            best, least = draft, violation
+        # The directions follow their main rests as far as they stay apart.
+        followed, normals = directions.copy(), draft.normals
+        for number, main in enumerate(draft.main):
+            is_shared = np.count_nonzero(draft.main == main) > 1
+            if is_shared or normals[number] @ directions[number] < MIN_FOLLOWED_COSINE:
+                continue
+            nearer = (1.0 - FOLLOWED) * directions[number] + FOLLOWED * normals[number]
+            nearer = unit_vectors(nearer)
+            others = np.delete(followed, number, axis=0)
+            if (others @ nearer).max(initial=-1.0) < math.cos(problem.apart + EXTRA_APART):
+                followed[number] = nearer
+        directions = followed
+        compliance = problem.compliance(METRICS[step // STAGE_STEPS])
+        change = _least_work_step(problem, draft, compliance, memory, directions, step)
+        corners = corners + min(1.0, MAX_STEP / max(float(norms(change).max()), MAX_STEP)) * change
+        if norms(corners - problem.hull.vertices).mean() > HOPELESS_DISPLACEMENT:
             break
     return best
 
 
-def _follow_rests(problem: HullProblem, draft: HullDraft, directions: Floats) -> Floats:
-    """The outcomes' directions (k, 3) on the way to their own rests, as far as they stay apart."""
-    followed = directions.copy()
-    normals = draft.normals
-    for number, main in enumerate(draft.main):
-        alone = np.count_nonzero(draft.main == main) == 1
-        if not alone or normals[number] @ directions[number] < FOLLOWING:
-            continue
-        nearer = unit_vectors((1.0 - FOLLOWED) * directions[number] + FOLLOWED * normals[number])
-        others = np.delete(followed, number, axis=0)
-        if (others @ nearer).max(initial=-1.0) < math.cos(problem.apart + ROOM):
-            followed[number] = nearer
-    return followed
+MAX_ROUNDS = 5
+"""Maximum number of rounds back toward the original."""
 
-
-ROUNDS = 5
-"""Most rounds back toward the original."""
-
-WORTH = 0.98
-"""Part of the displacement that may be left by a round with another after it."""
+WORTHWHILE = 0.98
+"""Share of the displacement below which a round must reduce it for another to follow."""
 
 SWEEPS = 4
-"""Sweeps over the hull in each."""
+"""Sweeps over the hull in each round."""
 
 PLACES = 40
 """Places in each sweep, spread over the hull."""
 
 PLACE_WIDTH = 1.0
-"""Width of a place, times the root of their number, over the circumscribed radius."""
+"""Width of a place, times the square root of their number, over the circumscribed radius."""
 
 HALVINGS = 3
-"""Tries of half the length each."""
+"""Number of step lengths that are tried, each half of the one before."""
 
 CORRECTIONS = 6
-"""Newton steps to the probabilities, at the end."""
+"""Maximum number of final Newton steps to the probabilities."""
 
-EASED = 16
-"""Most groups of corners that are eased at a time."""
+MAX_GROUPS = 16
+"""Maximum number of groups of corners that are eased in turn."""
 
 NEAREST = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
-"""Metric of the steps: the displacement of the surface, above all."""
+"""Metric that mainly reduces the displacement of the surface."""
 
 UNCROSSED = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
-"""Metric where the surface meets itself: the work that it takes, above all."""
+"""Metric that mainly reduces the elastic work, for surfaces that would intersect themselves."""
 
 
 def nearer_draft(
-    problem: HullProblem,
-    draft: HullDraft,
-    slopes: SlopeOptions,
-    metric: HullMetric = NEAREST,
+    problem: HullProblem, draft: HullDraft, slopes: SlopeOptions, metric: HullMetric = NEAREST
 ) -> HullDraft:
-    """A hull that is as good and nearer to the original: steps to the least displacement among
-    hulls with these probabilities, of all corners and then of those about one place after the
-    other. Each goes as far as it makes nothing worse that will do."""
+    """Reduce the displacement of a draft without a larger shortfall, by steps of all corners and of
+    the corners around one place after the other."""
     compliance, original = problem.compliance(metric), problem.hull.vertices
     centers = original[spread_points(original, PLACES)]
     widths = PLACE_WIDTH / np.sqrt(len(centers))
     squares = cdist(centers, original, "sqeuclidean")
     about = np.exp(-squares / (2.0 * widths**2))[:, :, None]
-    for _ in range(ROUNDS):
-        nearer, memory, missing = draft, SlopeMemory(slopes), draft.shortfall(problem)
+    for _ in range(MAX_ROUNDS):
+        nearer, memory, violation = draft, SlopeMemory(slopes), draft.shortfall(problem)
         for sweep in range(SWEEPS):
             first = nearer
-            goal = nearer.corners + change_of_least_work(
+            goal = nearer.corners + _least_work_step(
                 problem, nearer, compliance, memory, nearer.normals, sweep
             )
             for part in (np.ones((1, 1)), *about):
                 change = part * (goal - nearer.corners)
-                nearer = _move(problem, nearer, change, missing) or nearer
+                nearer = _move(problem, nearer, change, violation) or nearer
             if nearer is first:
                 break
         before, after = (problem.displacement(hull.corners - original) for hull in (draft, nearer))
         if after < before:
             draft = nearer
-        if after >= WORTH * before:
+        if after >= WORTHWHILE * before:
             break
     return draft
 
 
 def _move(
-    problem: HullProblem, draft: HullDraft, change: Floats, missing: float
+    problem: HullProblem, draft: HullDraft, change: Floats, violation: float
 ) -> HullDraft | None:
-    """A draft after a change (n, 3) of its corners, or the first half, ... of it, from which no
-    more is missing than so much; None where more is all the way."""
+    """Move the corners by the first of a change (n, 3), its half and so on that keeps the shortfall
+    at most at `violation`; None if none does."""
     for halving in range(HALVINGS):
         following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
-        if following is not None and following.lacks_at_most(problem, missing):
+        if (
+            following is not None
+            # Decides most cases without the angles.
+            and following.error(problem.target) <= (1.0 + violation) * problem.tolerance
+            and following.shortfall(problem) <= violation
+        ):
             return following
     return None
 
 
 def settle_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
-    """The hull whose probabilities are met as well as can be, next to one where they nearly are."""
+    """Reduce the error of the probabilities of a draft as far as possible."""
     exact = exact_draft(problem, draft)
     if exact is not None:
         return exact
     compliance = problem.compliance(NEAREST)
     for _ in range(CORRECTIONS):
-        # The last of the equations follows from the others.
+        # The last equation follows from the others.
         jacobian = draft.jacobian[:-1]
         raised = np.tensordot(jacobian, compliance, 2)
         square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
@@ -396,31 +377,29 @@ def settle_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
 def relax_hull(
     problem: HullProblem, design: DesignedHull, places: Floats, width: float
 ) -> DesignedHull | None:
-    """A design whose corners near some places (p, 3) of the original surface go where the others
-    would take them, as far as that makes nothing worse that will do; None where it does at once.
+    """Move corners of a design near given places to where the other corners would take them, as far
+    as the shortfall does not grow; None if no corner moves.
 
-    width: distance from a place within which corners are eased, over the circumscribed radius.
+    places: (p, 3) points of the original surface; width: largest distance of the corners from them,
+    over the circumscribed radius.
     """
     original = problem.hull.vertices
     near = np.flatnonzero(cKDTree(places).query(original)[0] < width)
     draft = HullDraft.of(original + design.moved, design.directions)
     if draft is None or len(near) == 0:
         return None
-    missing = draft.shortfall(problem)
-    middles = original[near][spread_points(original[near], EASED)]
-    owner = cKDTree(middles).query(original)
-    # Where the corners are when the surface is not bent.
-    unbent, eased = original - design.shift, False
+    violation = draft.shortfall(problem)
+    middles = original[near][spread_points(original[near], MAX_GROUPS)]
+    distance, owner = cKDTree(middles).query(original)
+    # Corners of the surface if it is not bent.
+    unbent, is_eased = original - design.shift, False
     for place in range(len(middles)):
-        group = np.flatnonzero((owner[1] == place) & (owner[0] < width))
-        others = np.setdiff1d(np.arange(len(original)), group)
-        held = HeldCorners(problem.elasticity, problem.source[others])
-        followed = held.follow((draft.corners - unbent)[others])
+        is_free = (owner == place) & (distance < width)
+        held = HeldCorners(problem.elasticity, problem.source[~is_free])
+        followed = held.follow((draft.corners - unbent)[~is_free])
         goal = draft.corners.copy()
-        goal[group] = unbent[group] + followed[problem.source[group]]
-        following = _move(problem, draft, goal - draft.corners, missing)
+        goal[is_free] = unbent[is_free] + followed[problem.source[is_free]]
+        following = _move(problem, draft, goal - draft.corners, violation)
         if following is not None:
-            draft, eased = following, True
-    if not eased:
-        return None
-    return make_designed_hull(problem, settle_draft(problem, draft))
+            draft, is_eased = following, True
+    return make_designed_hull(problem, settle_draft(problem, draft)) if is_eased else None

@@ -1,15 +1,14 @@
-"""A surface whose hull is to have wanted probabilities, the space in which it gives way, and the
-hull that has them.
+"""Design problem of the hull of a surface, elastic space around the surface, and designed hull.
 
-The probabilities are a matter of the whole hull, and so is its design: a few hundred corners that
-are moved smoothly do as well as thousands. The surface follows them at its full resolution, by
-smooth displacements of the space that it lies in: those of least work that forces on points cause
-are sums of kernels about them, each coordinate apart. The kernel is that of the biharmonic operator
-in space, so the work is the integral of squared second derivatives: parts of a body that lie near
-each other move alike, both sides of an ear or a leg too, which a surface that knows itself only
-would push through each other.
+A few hundred vertices, moved smoothly, suffice to design the hull. The surface follows them at full
+resolution, by smooth displacements of the surrounding space. The displacement of minimum work for
+forces on points is a sum of kernels at these points, in each coordinate. The kernel belongs to the
+biharmonic operator in space, so the work is the integral of squared second derivatives. Close parts
+of a body therefore move together, such as both sides of an ear, which an energy on the surface
+alone would push through each other.
 
-Source: Sibson and Stone, SIAM J. Sci. Stat. Comput. 12(6), 1991 (the kernel |x - y|)."""
+Source: Sibson and Stone, SIAM J. Sci. Stat. Comput. 12(6), 1991 (the kernel |x - y|).
+"""
 
 from __future__ import annotations
 
@@ -30,16 +29,16 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.solvers.descent import graph_laplacian
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 
-FREE = 100.0
-"""The constant that is added to the kernel, for a body of circumscribed radius 1: to move it as a
-whole costs next to nothing, and the kernel is positive definite on it."""
+KERNEL_CONSTANT = 100.0
+"""Constant added to the kernel, for a body of circumscribed radius 1: translations cost almost
+nothing, and the kernel is positive definite on the body."""
 
 HANDLES = 600
-"""Points on which forces act that move the center of mass: the true ones, lumped."""
+"""Points that stand for all points in forces that move the center of mass."""
 
 
 def point_masses(surface: Surface) -> Floats:
-    """(n,) part of the surface's area that belongs to each point, summing to 1."""
+    """(n,) share of the surface's area at each point, summing to 1."""
     a, b, c = surface.points[surface.triangles].transpose(1, 0, 2)
     areas = norms(np.linalg.cross(b - a, c - a))
     masses = sums_by_index(surface.triangles.ravel(), areas.repeat(3), len(surface.points))
@@ -47,7 +46,10 @@ def point_masses(surface: Surface) -> Floats:
 
 
 def positive_inverse(matrix: Floats) -> Floats:
-    """Inverse of a symmetric positive definite matrix (n, n), in half the time of a general one."""
+    """Inverse of a symmetric positive definite matrix (n, n), in half the time of a general one.
+
+    Raises LinAlgError for another matrix.
+    """
     inverse, failed = dpotri(cholesky(matrix, lower=True), lower=1)
     if failed:
         raise np.linalg.LinAlgError("not positive definite")
@@ -57,8 +59,8 @@ def positive_inverse(matrix: Floats) -> Floats:
 
 
 def spread_points(points: Floats, count: int) -> Integers:
-    """(count,) numbers of points (n, 3) that lie as far from each other as can be, one after the
-    other; all of them where there are no more."""
+    """(count,) indices of points (n, 3), each the farthest from those before; all if there are no
+    more."""
     chosen = [0]
     nearest = np.full(len(points), np.inf)
     while len(chosen) < min(count, len(points)):
@@ -68,48 +70,46 @@ def spread_points(points: Floats, count: int) -> Integers:
     return np.array(chosen)
 
 
+def center_gradient(surface: Surface) -> Floats:
+    """(n, 3, 3) gradient of the center of mass of a surface, whose axis is last."""
+    return np.moveaxis(surface.centroid_derivatives(), 0, -1)
+
+
 @dataclass(frozen=True)
 class Elasticity:
-    """The space about a surface.
-
-    Attributes
-    ----------
-    surface: of circumscribed radius about 1.
-    """
+    """Elastic space around a surface of circumscribed radius about 1."""
 
     surface: Surface
 
     def responses(self, points: Integers) -> Floats:
-        """(n, c) displacements for a unit force on each of some points (c,)."""
-        return FREE - cdist(self.surface.points, self.surface.points[points])
+        """(n, c) displacements of all points for a unit force on each of the points (c,)."""
+        return KERNEL_CONSTANT - cdist(self.surface.points, self.surface.points[points])
 
     @cached_property
-    def _handles(self) -> tuple[Integers, Integers]:
-        """Points on which forces on all are lumped, and the handle of each (n,)."""
+    def _handles(self) -> tuple[Integers, Integers, Floats]:
+        """Points (h,) in which forces on all points are lumped, the handle of each point (n,), and
+        the responses (n, h)."""
         points = self.surface.points
         handles = spread_points(points, HANDLES)
-        return handles, np.asarray(cKDTree(points[handles]).query(points)[1], dtype=np.int64)
-
-    @cached_property
-    def _by_handle(self) -> Floats:
-        return self.responses(self._handles[0])
+        owner = np.asarray(cKDTree(points[handles]).query(points)[1], dtype=np.int64)
+        return handles, owner, self.responses(handles)
 
     def center_responses(self, gradient: Floats) -> Floats:
-        """(n, 3, 3) displacements that move the center of mass along each axis, last, for its
-        gradient (n, 3, 3)."""
-        handles, owner = self._handles
+        """(n, 3, 3) displacements that move the center of mass along each axis, which is last, for
+        its gradient (n, 3, 3)."""
+        handles, owner, responses = self._handles
         lumped = sums_by_index(owner, gradient.reshape(-1, 9), len(handles))
-        return (self._by_handle @ lumped).reshape(gradient.shape)
+        return (responses @ lumped).reshape(gradient.shape)
 
 
 @dataclass(frozen=True)
 class HeldCorners:
-    """Points of the surface that are moved to given places, and what resists it.
+    """Points of a surface that are moved to given places, and the elastic resistance.
 
     Attributes
     ----------
-    elasticity: of the surface.
-    corners: (c,) numbers of the points, distinct.
+    elasticity: elastic space around the surface.
+    corners: (c,) indices of the points, distinct.
     """
 
     elasticity: Elasticity
@@ -117,7 +117,7 @@ class HeldCorners:
 
     @cached_property
     def by_corner(self) -> Floats:
-        """(n, c) displacements for unit forces."""
+        """(n, c) displacements for unit forces on the corners."""
         return self.elasticity.responses(self.corners)
 
     @cached_property
@@ -126,25 +126,25 @@ class HeldCorners:
         return factor
 
     def follow(self, displacement: Floats) -> Floats:
-        """(n, d) displacements of all points for those (c, d) of the corners."""
+        """(n, d) displacements of all points for displacements (c, d) of the corners."""
         return np.asarray(self.by_corner @ cho_solve(self._factor, displacement))
 
     def hold(self, responses: Floats) -> Floats:
-        """(n, d) what is left of displacements (n, d) when the corners are held in place."""
+        """(n, d) remaining displacements when the corners are held, for displacements (n, d)."""
         return responses - self.follow(responses[self.corners])
 
     @cached_property
     def relative(self) -> tuple[Floats, Floats]:
-        """Forces for displacements relative to the center of mass, (c, 3, c, 3), and how far that
-        goes then, last, (c, 3, 3).
+        """Forces (c, 3, c, 3) for displacements of the corners relative to the center of mass, and
+        the resulting displacement of the center of mass (c, 3, 3), whose axis is last.
 
-        Raises InputError where nearly all points are corners, as those of a convex surface.
+        Raises InputError if nearly all points are corners, as on a convex surface.
         """
-        gradient = np.moveaxis(self.elasticity.surface.centroid_derivatives(), 0, -1)
+        gradient = center_gradient(self.elasticity.surface)
         by_center = self.elasticity.center_responses(gradient)
         own = np.einsum("nab,nac->bc", gradient, by_center)
         own = 0.5 * (own + own.T)
-        # The true gradient tells how far forces on corners move the center.
+        # Forces on corners are not lumped, so they move the center by the exact gradient.
         mixed = np.tensordot(self.by_corner, gradient, (0, 0))
         compliance = self.by_corner[self.corners][:, None, :, None] * np.eye(3)[None, :, None, :]
         compliance = compliance - mixed[:, :, None, :] - mixed.transpose(2, 0, 1)[None]
@@ -162,94 +162,59 @@ class HeldCorners:
         return forces, np.tensordot(forces, mixed - own, 2)
 
 
-SPREAD = 60
-"""Corners that are taken first, as far from each other as can be."""
+INITIAL_CORNERS = 60
+"""Number of spread vertices with which `coarse_corners` begins."""
 
-MOST_CORNERS = 300
-"""Corners beyond which none is added."""
+MAX_CORNERS = 300
+"""Number of vertices above which none is added."""
 
 CLOSE = 1e-3
-"""Distance of the corners that are left out from the hull of the others, over the circumscribed
-radius, at which it is near enough."""
+"""Largest distance of the omitted vertices from the hull of the others, over the circumscribed
+radius, at which that is close enough."""
 
 
 def coarse_corners(hull: ConvexHull) -> Integers:
-    """The rising numbers (c,) of corners of a hull whose own hull is near to it.
+    """Increasing indices (c,) of vertices of a hull whose own hull is close to it.
 
-    hull: of circumscribed radius about 1. Those that stick out farthest from the hull of the others
-    are taken in turn, one above each facet at a time.
+    Vertices that are farthest outside the hull of the chosen ones are added in turn, one above each
+    facet at a time. hull: of circumscribed radius about 1.
     """
     corners = hull.vertices
-    if len(corners) <= SPREAD:
+    if len(corners) <= INITIAL_CORNERS:
         return np.arange(len(corners))
-    chosen = spread_points(corners, SPREAD)
+    chosen = spread_points(corners, INITIAL_CORNERS)
     while True:
         coarse = convex_hull(corners[chosen])
         middle = coarse.vertices.mean(axis=0)
         above = (corners - middle) @ coarse.normals.T - coarse.heights(middle)
         facet = above.argmax(axis=1)
-        height = above[np.arange(len(corners)), facet]
+        height = above.max(axis=1)
         height[chosen] = 0.0
-        # Of those above each facet the highest, the highest of all first.
+        # The highest vertex above each facet, the highest of all first.
         order = np.argsort(-height, kind="stable")
         order = order[height[order] > CLOSE]
         first = np.sort(np.unique(facet[order], return_index=True)[1])
-        farthest = order[first][: MOST_CORNERS - len(chosen)]
+        farthest = order[first][: MAX_CORNERS - len(chosen)]
         if len(farthest) == 0:
             return np.sort(chosen)
         chosen = np.concatenate([chosen, farthest])
 
 
 SAMPLES = 600
-"""Points of the surface that stand for those around them."""
+"""Points of the surface that represent the points around them."""
 
-
-def displacement_form(held: HeldCorners, forces: Floats) -> Floats:
-    """(c, 3, c, 3) the quadratic form that is the mean squared displacement of the points of a
-    surface, laid onto the original as well as a similarity can, for displacements of some of them.
-
-    Parameters
-    ----------
-    held: those points, the corners.
-    forces: (c, 3, c, 3) on them, for displacements relative to the center of mass, on which they
-        act back (`HeldCorners.relative`).
-    """
-    points = held.elasticity.surface.points
-    samples = spread_points(points, SAMPLES)
-    nearest = cKDTree(points[samples]).query(points)[1]
-    weights = np.sqrt(np.bincount(nearest, minlength=len(samples)) / len(points))
-    gradient = np.moveaxis(held.elasticity.surface.centroid_derivatives(), 0, -1)
-    by_center = held.elasticity.center_responses(gradient)[samples]
-    moved = np.tensordot(held.by_corner[samples], forces, (1, 0))
-    moved -= np.tensordot(by_center, forces.sum(axis=0), (2, 0))
-    moved *= weights[:, None, None, None]
-    flat = moved.reshape(3 * len(samples), -1)
-    # Orthonormal displacements by which they are shifted, turned and scaled.
-    about = points[samples] - (weights**2) @ points[samples]
-    axes = np.eye(3)
-    moves = [np.broadcast_to(axis, about.shape) for axis in axes]
-    moves += [np.cross(axis, about) for axis in axes]
-    columns = np.stack([*moves, about], axis=-1) * weights[:, None, None]
-    similar = np.linalg.qr(columns.reshape(-1, 7))[0]
-    flat -= similar @ (similar.T @ flat)
-    return np.asarray((flat.T @ flat).reshape(forces.shape))
-
-
-GIVING = 3.0
-"""How far a center of mass gives way that cavities can shift, over how far the surface does when it
-is displaced as a whole: the more, the bolder are the steps with it."""
+CENTER_COMPLIANCE = 3.0
+"""Compliance of a center of mass that cavities can move, over the compliance of the whole surface:
+larger values make bolder steps."""
 
 
 @dataclass(frozen=True)
 class HullMetric:
-    """The cost of displacements of corners: `|(tether I + smoothing L) u|^2 / n`, with the graph
-    Laplacian L of the original hull (the Sobolev metric of section 3.3), `elastic` times the work
-    that the surface takes, and `displaced` times its mean squared displacement.
+    """Cost of displacements of the hull's vertices: `|(tether I + smoothing L) u|^2 / n` with the
+    graph Laplacian L of the original hull (the Sobolev metric of section 3.3), plus `elastic` times
+    the elastic work and `displaced` times the mean squared displacement of the surface.
 
-    Attributes
-    ----------
-    tether, smoothing: positive.
-    elastic, displaced: not negative.
+    tether, smoothing: positive; elastic, displaced: not negative.
     """
 
     tether: float
@@ -260,18 +225,18 @@ class HullMetric:
 
 @dataclass(frozen=True)
 class HullProblem:
-    """A surface whose hull is to have wanted probabilities.
+    """Surface whose hull is to have target probabilities.
 
     Attributes
     ----------
-    surface: its center of mass at the origin, its circumscribed radius 1.
-    target: (k,) the probabilities.
-    tolerance: largest error (`DesignedHull.error`) that will do.
-    apart: least angle between two outcomes that will do, in radians.
-    margin: least angle of tipping that leaves an outcome that will do, in radians.
-    coarse: whether some of the corners will do (`coarse_corners`), or all are designed with.
-    room: where cavities can bring the center of mass, relative to that of the uniform solid, which
-        is inside; None for a solid die.
+    surface: with its center of mass at the origin and circumscribed radius 1.
+    target: (k,) target probabilities.
+    tolerance: maximum error (`DesignedHull.error`).
+    apart: minimum angle between two outcomes, in radians.
+    margin: minimum angle of tipping that leaves an outcome, in radians.
+    coarse: whether to design with some of the vertices (`coarse_corners`), or with all.
+    room: convex region to which cavities can move the center of mass, around the centroid of the
+        uniform solid; None for a solid die.
     """
 
     surface: Surface
@@ -283,53 +248,72 @@ class HullProblem:
     room: ConvexHull | None = None
 
     def with_room(self, room: ConvexHull) -> HullProblem:
-        """Problem with other cavities; everything computed from the surface is shared."""
+        """Problem with other cavities that shares everything computed from the surface."""
         other = replace(self, room=room)
         vars(other).update({name: value for name, value in vars(self).items() if name != "room"})
         return other
 
     @cached_property
     def hull(self) -> ConvexHull:
-        """Hull of the original surface, or of enough of its corners."""
+        """Hull of the original surface, or of some of its vertices."""
         return convex_hull(self.surface.points[self._candidates])
 
     @cached_property
     def source(self) -> Integers:
-        """(n,) number of the surface's point of each corner."""
+        """(n,) index of the surface point at each vertex of the hull."""
         return self._candidates[self.hull.source]
 
     @cached_property
     def whole_hull(self) -> ConvexHull:
-        """Hull of the original surface, with all corners."""
+        """Hull of the original surface with all vertices."""
         return convex_hull(self.surface.points)
 
     @cached_property
     def _candidates(self) -> Integers:
-        """Points of the surface that its hull is made of."""
+        """Indices of the surface points from which the hull is made."""
         hull = self.whole_hull
         return hull.source[coarse_corners(hull)] if self.coarse else hull.source
 
     @cached_property
     def elasticity(self) -> Elasticity:
-        """Elastic energy of the surface."""
+        """Elastic space around the surface."""
         return Elasticity(self.surface)
 
     @cached_property
     def held(self) -> HeldCorners:
-        """The corners as points of the surface."""
+        """Vertices of the hull as points of the surface."""
         return HeldCorners(self.elasticity, self.source)
 
     @cached_property
     def displacement_form(self) -> Floats:
-        """(n, 3, n, 3) see `displacement_form`, for displacements of the corners."""
-        return displacement_form(self.held, self.held.relative[0])
+        """(n, 3, n, 3) quadratic form of displacements of the vertices relative to the center of
+        mass: the mean squared displacement of all points of the surface, after it is aligned with
+        the original by a similarity."""
+        points, forces = self.surface.points, self.held.relative[0]
+        samples = spread_points(points, SAMPLES)
+        nearest = cKDTree(points[samples]).query(points)[1]
+        weights = np.sqrt(np.bincount(nearest, minlength=len(samples)) / len(points))
+        by_center = self.elasticity.center_responses(center_gradient(self.surface))[samples]
+        moved = np.tensordot(self.held.by_corner[samples], forces, (1, 0))
+        moved -= np.tensordot(by_center, forces.sum(axis=0), (2, 0))
+        moved *= weights[:, None, None, None]
+        flat = moved.reshape(3 * len(samples), -1)
+        # Project out translations, rotations and scaling.
+        about = points[samples] - (weights**2) @ points[samples]
+        axes = np.eye(3)
+        moves = [np.broadcast_to(axis, about.shape) for axis in axes]
+        moves += [np.cross(axis, about) for axis in axes]
+        columns = np.stack([*moves, about], axis=-1) * weights[:, None, None]
+        similar = np.linalg.qr(columns.reshape(-1, 7))[0]
+        flat -= similar @ (similar.T @ flat)
+        return np.asarray((flat.T @ flat).reshape(forces.shape))
 
     def shift(self, moved: Floats) -> Floats:
-        """(3,) from the center of mass of the uniform solid to where cavities are to bring it, so
-        that the surface is displaced least.
+        """(3,) shift of the center of mass by cavities that minimizes the displacement of the
+        surface.
 
-        moved: (n, 3) displacement of the corners relative to the center of mass, whichever it is.
-        That relative to the solid's own is larger by the shift.
+        moved: (n, 3) displacement of the vertices relative to the shifted center of mass. Relative
+        to the centroid of the uniform solid it is larger by the shift.
         """
         if self.room is None:
             return np.zeros(3)
@@ -338,40 +322,23 @@ class HullProblem:
         return least_within(form, slope, room.normals, room.heights(np.zeros(3)))
 
     def displacement(self, moved: Floats) -> float:
-        """Root of the mean squared displacement of the surface, over its diagonal, when it is led
-        by the corners alone, moved by (n, 3) as in `shift`."""
+        """Root mean squared displacement of the surface over its diagonal, if only the vertices
+        determine it, for displacements (n, 3) as in `shift`."""
         moved = moved + self.shift(moved)
         square = np.tensordot(np.tensordot(self.displacement_form, moved, 2), moved, 2)
         return float(np.sqrt(square)) / self.surface.diagonal
 
     @cached_property
     def _compliances(self) -> dict[tuple[HullMetric, bool], Floats]:
-        """Compliances by metric, and by whether the center of mass is free."""
+        """Compliances by metric, and by whether cavities can move the center of mass."""
         return {}
 
     def compliance(self, metric: HullMetric) -> Floats:
-        """(n, 3, n, 3) displacement of the hull's corners for forces on them, relative to the
-        center of mass, which gives way too where cavities can bring it elsewhere."""
+        """(n, 3, n, 3) displacement of the vertices for forces on them, relative to the center of
+        mass, which also yields if cavities can move it."""
         key = metric, self.room is not None
-        if key not in self._compliances:
-            self._compliances[key] = self._compliance(metric)
-        return self._compliances[key]
-
-    def designed(
-        self, vertices: Floats, source: Integers, moved: Floats, directions: Floats, error: float
-    ) -> DesignedHull:
-        """A hull where the surface would be led by its corners alone.
-
-        vertices: (m, 3) of it, relative to the center of mass; source: (m,) corner of the original
-        hull that each of them was; moved: see `shift`; directions, error: see `DesignedHull`.
-        """
-        shift = self.shift(moved)
-        center = np.tensordot(moved + shift, self.held.relative[1], 2)
-        hull = convex_hull(vertices + (center + shift))
-        corners = self.source[source[hull.source]]
-        return DesignedHull(hull, corners, center, shift, directions, error, moved)
-
-    def _compliance(self, metric: HullMetric) -> Floats:
+        if key in self._compliances:
+            return self._compliances[key]
         count = len(self.hull.vertices)
         laplacian = np.asarray(graph_laplacian(self.hull).toarray(), dtype=np.float64)
         root = metric.tether * np.eye(count) + metric.smoothing * laplacian
@@ -382,28 +349,43 @@ class HullProblem:
         if metric.displaced > 0.0:
             stiffness += metric.displaced * self.displacement_form
         flat = stiffness.reshape(3 * count, 3 * count)
-        compliance = positive_inverse(flat).reshape(count, 3, count, 3)
+        compliance = positive_inverse(flat).reshape(stiffness.shape)
         if self.room is not None:
-            shifting = GIVING * np.linalg.inv(stiffness.sum(axis=(0, 2)))
+            shifting = CENTER_COMPLIANCE * np.linalg.inv(stiffness.sum(axis=(0, 2)))
             compliance = compliance + shifting[None, :, None, :]
-        return compliance
+        return self._compliances.setdefault(key, compliance)
+
+    def designed(
+        self, vertices: Floats, source: Integers, moved: Floats, directions: Floats, error: float
+    ) -> DesignedHull:
+        """Place a hull where the surface would be if only its vertices determined it.
+
+        vertices: (m, 3) vertices relative to the center of mass; source: (m,) index of each in the
+        original hull; moved: see `shift`; directions, error: see `DesignedHull`.
+        """
+        shift = self.shift(moved)
+        center = np.tensordot(moved + shift, self.held.relative[1], 2)
+        hull = convex_hull(vertices + (center + shift))
+        corners = self.source[source[hull.source]]
+        return DesignedHull(hull, corners, center, shift, directions, error, moved)
 
 
 @dataclass(frozen=True)
 class DesignedHull:
-    """A hull with the wanted probabilities.
+    """Hull with the target probabilities.
 
     Attributes
     ----------
-    hull: in the place of the surface; its corners are those of the surface's hull, moved, or some
-        of them.
-    corners: (v,) number of the surface's point of each corner.
-    center_of_mass: (3,) that of the uniform solid that is to fill it.
-    shift: (3,) from there to the place for which its probabilities are the wanted ones.
+    hull: in the place of the surface; its vertices are moved vertices of the surface's hull, or
+        some of them.
+    corners: (v,) index of the surface point of each vertex.
+    center_of_mass: (3,) required center of mass of the uniform solid.
+    shift: (3,) from there to the center of mass with cavities, which gives the probabilities.
     directions: (k, 3) normals of the outcomes' rests.
-    error: largest of |p - q| over clusters of rests within `SAME_REST_ANGLE` of those, and the
-        probabilities of all other rests together.
-    moved: (n, 3) displacement of all corners of the original hull, relative to that place.
+    error: largest |p - q| over clusters of rests within `SAME_REST_ANGLE`, or the total probability
+        of all other rests if that is larger.
+    moved: (n, 3) displacement of all vertices of the original hull, relative to the center of mass
+        with cavities.
     """
 
     hull: ConvexHull

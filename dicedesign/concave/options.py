@@ -1,4 +1,4 @@
-"""What a recipe says of a concave die, its surface and its method, which it does not load."""
+"""Options of the concave method and its built-in surfaces, in recipes."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from dicedesign.runtime.registry import STRICT, Number
 
 
 class HullWeights(PaperWeights):
-    """Weights beside the dice energy of a dense hull, in the published unit; see `TERMS`.
+    """Weights of the terms beside the dice energy for a dense hull, in the unit of the paper; see
+    `TERMS`.
 
-    With those of figure 15 (coplanar, barycenter and neighbor 0.01 to 0.3) clusters reach the
-    probabilities, but most keep several rests far apart. The defaults leave one rest each. Raises
+    With the weights of figure 15 (coplanar, barycenter and neighbor 0.01 to 0.3) clusters reach the
+    probabilities, but most keep several distant rests. The defaults leave one rest in each. Raises
     InputError for a number out of range.
     """
 
@@ -44,30 +45,30 @@ class HullWeights(PaperWeights):
 class ConcavePaperOptions:
     """Options of `hull: paper` and `fill: paper`.
 
-    The first six are of the hull (section 3.3), the others of the fill (appendix B): first come
-    quadratic programs for `closest_point E_CP + membrane E_m + bending E_b` (eq. 26), then steps
-    (eq. 35) for `center_of_mass E_CoM + membrane E_m + bending E_b` (eq. 31). E_m is the mean over
-    the surface, E_b a sum over its edges, and lengths are over the diagonal of the surface's box.
+    The first six belong to the hull (section 3.3), the others to the fill (appendix B): quadratic
+    programs for `closest_point E_CP + membrane E_m + bending E_b` (eq. 26), then steps (eq. 35) for
+    `center_of_mass E_CoM + membrane E_m + bending E_b` (eq. 31). E_m is the mean over the surface,
+    E_b a sum over its edges. Lengths are relative to the diagonal of the surface's box.
 
     Attributes
     ----------
-    weights: weights of the terms beside the dice energy, in the paper's unit, for the first hull;
-        other hulls multiply them by seeded factors.
-    sobolev: preconditioning of the gradient in the hull's corners; the default keeps most corners
+    weights: weights of the terms beside the dice energy, in the unit of the paper, for the first
+        hull; other hulls multiply them by seeded factors.
+    sobolev: preconditioning of the gradient in the hull's vertices; the default keeps most vertices
         of a dense hull.
-    drift: whether steps may shift the whole hull, as in the paper: the cheapest way to change
-        probabilities, but the fill must then move the center of mass far.
-    step: "momentum", over jumps of the energy, or "line_search", the paper's.
-    steps: most steps, at least 1.
-    finish: "exact" continues to the exact probabilities if each outcome has one rest and there is
-        no other; "none" ends as in the paper.
+    drift: whether steps may shift the whole hull, as in the paper: this changes probabilities most
+        easily, but the fill must then move the center of mass far.
+    step: "momentum", which crosses jumps of the energy, or "line_search" as in the paper.
+    steps: maximum number of steps, at least 1.
+    finish: "exact" continues to the exact probabilities if each outcome has one rest and there are
+        no other rests; "none" ends as in the paper.
     closest_point: lambda_CP of the first program, positive.
     membrane: lambda_m, positive.
     bending: lambda_b, positive.
     center_of_mass: lambda_CoM of the first steps, positive.
     growth: factor by which lambda_CP and lambda_CoM grow, above 1 and at most 100.
-    gamma: smoothing of the gradient in the surface's points, above 0 and at most 1e6.
-    power: p, number of smoothing passes, 1 to 4.
+    gamma: smoothing of the gradient in the points of the surface, above 0 and at most 1e6.
+    power: number p of smoothing passes, 1 to 4.
     """
 
     __pydantic_config__ = STRICT
@@ -89,29 +90,35 @@ class ConcavePaperOptions:
     def __post_init__(self) -> None:
         require_choice("paper.step", self.step, "momentum", "line_search")
         require_choice("paper.finish", self.finish, "exact", "none")
-        _require(self, "steps", self.steps >= 1, "a whole number above 0", "paper.")
-        for name in ("closest_point", "membrane", "bending", "center_of_mass"):
-            is_positive = 0.0 < getattr(self, name) < np.inf
-            _require(self, name, is_positive, "a positive number", "paper.")
-        is_growth = 1.0 < self.growth <= 100.0
-        _require(self, "growth", is_growth, "a number above 1 and at most 100", "paper.")
-        is_gamma = 0.0 < self.gamma <= LARGEST_SMOOTHING
-        expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
-        _require(self, "gamma", is_gamma, expected, "paper.")
-        _require(self, "power", 1 <= self.power <= 4, "1 to 4", "paper.")
+        positive = {
+            name: (0.0 < getattr(self, name) < np.inf, "a positive number")
+            for name in ("closest_point", "membrane", "bending", "center_of_mass")
+        }
+        _require(
+            self,
+            "paper.",
+            steps=(self.steps >= 1, "a whole number above 0"),
+            **positive,
+            growth=(1.0 < self.growth <= 100.0, "a number above 1 and at most 100"),
+            gamma=(
+                0.0 < self.gamma <= LARGEST_SMOOTHING,
+                f"a number above 0 and at most {LARGEST_SMOOTHING:g}",
+            ),
+            power=(1 <= self.power <= 4, "1 to 4"),
+        )
 
 
 FEWEST_POINTS = 50
-"""Of a surface that is to be decimated."""
+"""Minimum of `ConcaveOptions.points`."""
 
 
 @dataclass(frozen=True)
 class HollowOptions:
-    """Cavities that help to bring the center of mass to where it is wanted.
+    """Options of cavities that help to move the center of mass.
 
     Attributes
     ----------
-    wall_mm: least thickness of the cavity's walls, in mm; positive.
+    wall_mm: minimum thickness of walls around cavities, in mm; positive.
     """
 
     __pydantic_config__ = STRICT
@@ -119,7 +126,7 @@ class HollowOptions:
     wall_mm: float = 2.0
 
     def __post_init__(self) -> None:
-        _require(self, "wall_mm", 0.0 < self.wall_mm < np.inf, "a positive number")
+        _require(self, wall_mm=(0.0 < self.wall_mm < np.inf, "a positive number"))
 
 
 @dataclass(frozen=True)
@@ -128,22 +135,22 @@ class ConcaveOptions:
 
     Attributes
     ----------
-    tolerance: largest |p - q| wanted, over clusters of rests within 5 degrees, and largest total
+    tolerance: largest |p - q| over clusters of rests within 5 degrees, and largest total
         probability of all other rests; above 0 and below 1.
     hull: design of the hull: "gauss_newton", or "paper" for descent on the clustered energy with
         its regularizers.
     fill: fill of the hull by the surface: "correspondence", or "paper" for quadratic programs and a
         correction of the center of mass.
     paper: options of "paper" above, or None for the defaults.
-    apart_deg: least angle wanted between two outcomes' rests, in degrees; not negative and below
+    apart_deg: minimum angle between the rests of two outcomes, in degrees; at least 0 and below
         180.
-    margin_deg: least angle wanted by which the die can be tipped without leaving an outcome, in
-        degrees; not negative and below 90.
-    hollow: cavities that shift the center of mass, so that the surface needs less bending; None for
+    margin_deg: minimum angle by which the die can be tipped without leaving an outcome, in degrees;
+        at least 0 and below 90.
+    hollow: cavities that move the center of mass, so that the surface needs less bending; None for
         a solid die.
-    points: approximate number of points to decimate or refine the surface to first; None to leave
-        it.
-    attempts: most attempts at a hull, at least 1; the best is kept.
+    points: approximate number of points to which the surface is decimated or refined first; None
+        to keep its own.
+    attempts: maximum number of attempts at a hull, at least 1; the best is kept.
     displacement: mean displacement over the diagonal at which the search ends, positive.
     enough: attempts after which a converged die is accepted at any displacement, at least 1.
     seconds: wall-clock limit after which no further attempt starts, positive; None for no limit.
@@ -183,21 +190,28 @@ class ConcaveOptions:
                 f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "
                 "it out to keep the surface as it is"
             )
-        _require(self, "tolerance", 0.0 < self.tolerance < 1.0, "a number above 0 and below 1")
-        _require(self, "apart_deg", 0.0 <= self.apart_deg < 180.0, "degrees from 0 to below 180")
-        _require(self, "margin_deg", 0.0 <= self.margin_deg < 90.0, "degrees from 0 to below 90")
-        _require(self, "attempts", self.attempts >= 1, "a whole number above 0")
-        _require(self, "enough", self.enough >= 1, "a whole number above 0")
-        _require(self, "displacement", 0.0 < self.displacement < np.inf, "a positive number")
+        _require(
+            self,
+            tolerance=(0.0 < self.tolerance < 1.0, "a number above 0 and below 1"),
+            apart_deg=(0.0 <= self.apart_deg < 180.0, "degrees from 0 to below 180"),
+            margin_deg=(0.0 <= self.margin_deg < 90.0, "degrees from 0 to below 90"),
+            attempts=(self.attempts >= 1, "a whole number above 0"),
+            enough=(self.enough >= 1, "a whole number above 0"),
+            displacement=(0.0 < self.displacement < np.inf, "a positive number"),
+        )
         if self.seconds is not None and not 0.0 < self.seconds < np.inf:
             raise refuse("seconds", "a positive number", self.seconds, "no limit")
 
 
-def _require(options: object, name: str, is_valid: bool, expected: str, prefix: str = "") -> None:
-    """Raise InputError for an option out of range."""
-    if not is_valid:
-        default = getattr(type(options), name)
-        raise refuse(prefix + name, expected, getattr(options, name), f"{default:g}")
+def _require(options: object, prefix: str = "", **checks: tuple[bool, str]) -> None:
+    """Raise InputError for an option out of range.
+
+    checks: for each option, whether its value is valid and the expected values in words.
+    """
+    for name, (is_valid, expected) in checks.items():
+        if not is_valid:
+            default = getattr(type(options), name)
+            raise refuse(prefix + name, expected, getattr(options, name), f"{default:g}")
 
 
 def _start_shape(name: str, _: int) -> StartSurface:
@@ -209,7 +223,7 @@ def _start_shape(name: str, _: int) -> StartSurface:
 SHAPE: Final = StartKind(
     name="shape",
     line="a surface built in, `dragon`, `duck`, `kitten` or `knot`, for method concave",
-    # `SHAPES`, whose builders take long to import.
+    # Equal to `SHAPES`, whose module takes long to import.
     options=Literal["dragon", "duck", "kitten", "knot"],
     surface=_start_shape,
 )

@@ -1,4 +1,5 @@
-"""Designing the hull of a surface by the paper's method, the center of mass held (section 3.4)."""
+"""Design of the hull of a surface by the paper's method, with a fixed center of mass (section
+3.4)."""
 
 from __future__ import annotations
 
@@ -23,22 +24,22 @@ from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
 
 TRIALS = 10
-"""Hulls that are designed for one to be filled: section 5.2 asks for a careful search."""
+"""Number of hulls from which the best is filled: section 5.2 asks for a careful search."""
 
-SPREAD = 4.0
-"""Largest factor on a weight, or part of it, in that search."""
+MAX_WEIGHT_FACTOR = 4.0
+"""Maximum factor of a weight, or divisor."""
 
-SHAKES = 8
-"""Times that a hull is shaken to see whether its probabilities stand what a fill leaves open."""
+PERTURBATIONS = 8
+"""Number of random perturbations that test how sensitive the probabilities of a hull are."""
 
-SHAKE = 1e-3
-"""Standard deviation of that in each coordinate, over the circumscribed radius."""
+PERTURBATION = 1e-3
+"""Their standard deviation in each coordinate, over the circumscribed radius."""
 
 SCALED = ("coplanar", "barycenter", "neighbor", "apart")
-"""Weights that are multiplied by them."""
+"""Weights that are multiplied by random factors."""
 
 CHOICE_SCALE = 1.0
-"""Mean place, among the choices, of the one that a trial is made with."""
+"""Mean index of the choices that are tried."""
 
 
 def search_hull(
@@ -50,31 +51,31 @@ def search_hull(
     *,
     plain: bool,
 ) -> DesignedHull:
-    """The hull of `TRIALS` that has the probabilities, keeps them best when it is shaken and is
-    nearest to the original's; the one that misses them by least, where none has them.
+    """Design `TRIALS` hulls and return the best: one with the target probabilities, also when it is
+    perturbed, and near the original; else the one with the smallest error.
 
     Parameters
     ----------
-    choices: each (k, 3) unit directions of the outcomes, the likeliest first.
-    options: of the descents; their weights are multiplied by random factors.
-    on_step: called with the energy and the largest |p - q| of every step.
-    plain: whether the first trial takes the first choice and the weights as they are.
+    choices: each (k, 3) unit directions of the outcomes, the cheapest first.
+    options: options of the descents; their weights are multiplied by random factors.
+    on_step: receives the energy and the largest |p - q| of every step.
+    plain: whether the first trial takes the first choice and the given weights.
     """
 
     def cost(design: DesignedHull) -> tuple[float, float]:
-        """Cost of a hull: its error, also when shaken, its displacement and the way of its center
-        of mass."""
+        """Error above the tolerance, then the perturbed error plus displacement and shift of the
+        center of mass."""
         missed = design.error if design.error > problem.tolerance else 0.0
         moved = float(norms(design.moved).mean() + norms(design.center_of_mass))
-        return missed, _shaken_error(problem, design) + moved
+        return missed, _perturbed_error(problem, design) + moved
 
     designs = []
     for trial in range(TRIALS):
         own, chosen = options, choices[0]
         if trial > 0 or not plain:
             chosen = choices[int(random.exponential(CHOICE_SCALE)) % len(choices)]
-            # Those of the paper's regularizers and of apart, each times a factor of its own.
-            factors = np.exp(random.uniform(-np.log(SPREAD), np.log(SPREAD), len(SCALED)))
+            largest = np.log(MAX_WEIGHT_FACTOR)
+            factors = np.exp(random.uniform(-largest, largest, len(SCALED)))
             given = options.weights.as_dict()
             scaled = {n: given[n] * f for n, f in zip(SCALED, factors.tolist(), strict=True)}
             own = replace(options, weights=options.weights.replace(**scaled))
@@ -88,13 +89,12 @@ def descend_hull(
     options: ConcavePaperOptions,
     on_step: Callable[[float, float], None],
 ) -> DesignedHull:
-    """Hull at the end of a descent, with any error.
+    """Design a hull by a descent; it may have any error.
 
-    directions: (k, 3) unit directions of the outcomes; on_step: as in `search_hull`. The corners
-    are told by the least sum of squared distances from those of the original.
+    directions: (k, 3) unit directions of the outcomes; on_step: as in `search_hull`. Vertices are
+    matched with those of the original by the least sum of squared distances.
     """
     original = problem.hull.vertices
-
     design = solve_paper(
         Start(original, directions),
         problem.target,
@@ -119,22 +119,22 @@ def descend_hull(
         vertices, source = hull.vertices, source[hull.source]
     moved = np.zeros_like(original)
     moved[source] = vertices - original[source]
-    probabilities = outcome_probabilities(
-        analyze(convex_hull(vertices), np.zeros(3), "given"), normals
-    )
-    return problem.designed(vertices, source, moved, normals, probabilities.error(problem.target))
+    poses = analyze(convex_hull(vertices), np.zeros(3), "given")
+    error = outcome_probabilities(poses, normals).error(problem.target)
+    return problem.designed(vertices, source, moved, normals, error)
 
 
-def _shaken_error(problem: HullProblem, design: DesignedHull) -> float:
-    """Mean error of a design whose corners are put somewhere near."""
+def _perturbed_error(problem: HullProblem, design: DesignedHull) -> float:
+    """Mean error of a design under random perturbations of its vertices."""
     random, errors = np.random.default_rng(0), []
-    for _ in range(SHAKES):
-        shaken = design.hull.vertices + SHAKE * random.normal(size=design.hull.vertices.shape)
+    vertices = design.hull.vertices
+    for _ in range(PERTURBATIONS):
+        perturbed = vertices + PERTURBATION * random.normal(size=vertices.shape)
         try:
-            poses = analyze(convex_hull(shaken), design.center_of_mass, "given")
+            poses = analyze(convex_hull(perturbed), design.center_of_mass, "given")
         except DiceError:
-            # The center of mass is outside then.
+            # The center of mass is outside.
             errors.append(1.0)
-            continue
-        errors.append(outcome_probabilities(poses, design.directions).error(problem.target))
+        else:
+            errors.append(outcome_probabilities(poses, design.directions).error(problem.target))
     return float(np.mean(errors))

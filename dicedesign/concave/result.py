@@ -1,141 +1,75 @@
-"""Results of a hull fill, of an attempt and of a search for a concave die, and what is missing from
-them.
-"""
+"""Results of a hull fill, an attempt and a search for a concave die, and their ranking."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from typing import TypeAlias
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
+from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 
 OnEnergy: TypeAlias = Callable[[float], None]
-"""Called with the energy at the start and after every accepted step."""
+"""Callback that receives the energy at the start and after every accepted step."""
 
 
-class FillStatus(Enum):
-    """Reasons why a fill stopped; the value is the message."""
-
-    FITTED = "reached what was wanted"
-    NO_PROGRESS = "no step comes any nearer; design the hull nearer to that of the surface"
-    STEP_LIMIT = "reached the number of steps; allow more steps"
-    UNSOLVED = (
-        "a quadratic program was not solved; remesh the surface without slivers, or design the "
-        "hull nearer to that of the surface"
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class FillResult:
-    """The end of a fill.
-
-    Attributes
-    ----------
-    points: (n, 3) of the surface, in the order of those it was made from.
-    energy: there; those of different ways to fill do not compare.
-    status: why it stopped.
-    """
-
-    points: Floats
-    energy: float
-    status: FillStatus
-
-
-@dataclass(frozen=True)
-class ConcaveStep:
-    """One step of one attempt.
-
-    Attributes
-    ----------
-    attempt: its number, from 1 on.
-    stage: "hull", "fill" or "balance".
-    seconds: since the start, over all sessions.
-    energy: of the stage; those of different stages do not compare.
-    error: largest |p - q| of the hull, or None where the stage does not know.
-    """
-
-    attempt: int
-    stage: str
-    seconds: float
-    energy: float
-    error: float | None
+Fill: TypeAlias = tuple[Floats, float]
+"""Points (n, 3) of a surface that fills a hull, in their original order, and the final energy; each
+fill method has its own energy."""
 
 
 @dataclass(frozen=True, eq=False)
 class FilledHull:
-    """A surface that fills a designed hull.
+    """Surface that fills a designed hull.
 
     Attributes
     ----------
-    attempt: the one that led there.
-    points: (n, 3) of the surface, laid onto the original as well as a similarity can.
-    hull_points: (v, 3) corners of the designed hull, the same way.
-    center_of_mass: (3,) for which the probabilities are meant: that of the uniform solid, or where
-        cavities are to bring it.
-    directions: (k, 3) unit directions that are down in the outcomes.
-    error: largest of |p - q| over the clusters and the probabilities of all other rests together.
-    displacement: mean over the points, over the diagonal of the original.
-    apart_deg, margin_deg, self_intersections: as in `Draft`.
+    draft: error, displacement and angles; the search sets its number and time.
+    points: (n, 3) points of the surface, aligned with the original by a similarity.
+    hull_points: (v, 3) vertices of the designed hull, aligned in the same way.
+    center_of_mass: (3,) center of mass to which the probabilities belong: of the uniform solid, or
+        where cavities are to move it.
+    directions: (k, 3) unit down directions of the outcomes.
     """
 
-    attempt: int
+    draft: Draft
     points: Floats
     hull_points: Floats
     center_of_mass: Floats
     directions: Floats
-    error: float
-    displacement: float
-    apart_deg: float
-    margin_deg: float
-    self_intersections: int
-
-    def draft(self, seconds: float) -> Draft:
-        """Figures of this hull after an attempt, with the seconds it took."""
-        return Draft(
-            self.attempt,
-            seconds,
-            self.error,
-            self.displacement,
-            self.apart_deg,
-            self.margin_deg,
-            self.self_intersections,
-        )
 
 
 @dataclass(frozen=True)
 class ConcaveProgress:
-    """Enough to go on from.
+    """State of a search, from which it can be resumed.
 
     Attributes
     ----------
-    attempts: how many are done.
-    seconds: spent on them.
-    best: the best so far, or None.
-    tried: what each attempt led to that led anywhere.
-    history: steps of the best attempt, or of the last where none led anywhere.
+    attempts: number of finished attempts; seconds: their wall-clock time.
+    best: best filled hull so far, or None.
+    tried: results of all attempts that led to a filled hull.
+    history: steps of the best attempt, or of the last one if all failed.
     """
 
-    attempts: int
-    seconds: float
-    best: FilledHull | None
-    tried: tuple[Draft, ...]
-    history: tuple[ConcaveStep, ...]
+    attempts: int = 0
+    seconds: float = 0.0
+    best: FilledHull | None = None
+    tried: tuple[Draft, ...] = ()
+    history: tuple[Step, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Hollow:
-    """Wanted walls of cavities.
+    """Required cavities of a die.
 
     Attributes
     ----------
-    wall: least thickness around them, over the largest distance of two points of the surface.
-    center_of_mass: (3,) that the die has with them.
+    wall: minimum thickness of their walls, over the largest distance of two points of the surface.
+    center_of_mass: (3,) center of mass of the die with its cavities.
     """
 
     wall: float
@@ -144,17 +78,17 @@ class Hollow:
 
 @dataclass(frozen=True, eq=False)
 class ConcaveDie:
-    """A finished search.
+    """Result of a search.
 
     Attributes
     ----------
-    before: the surface as it came, after remeshing if that was asked for.
-    after: the die, in the same place and of the same triangles.
-    hull: the designed one.
-    directions: (k, 3) that are down in the outcomes, in the order of the target.
-    hull_corners: numbers of corners of the hulls before and after.
-    progress: how it went.
-    hollow: what its cavities are to do; None of a solid die.
+    before: original surface, remeshed if the options say so.
+    after: surface of the die, with the same triangles and about the same place and size.
+    hull: designed hull.
+    directions: (k, 3) down directions of the outcomes, in the order of the target.
+    hull_corners: numbers of vertices of the hulls before and after.
+    progress: final state of the search.
+    hollow: required cavities; None for a solid die.
     """
 
     before: Surface
@@ -167,51 +101,46 @@ class ConcaveDie:
 
 
 def shortfall(error: float, tolerance: float, *angles: tuple[float, float]) -> float:
-    """Sum of what is missing over its limits; 0 if nothing is missing.
+    """Sum of the relative violations of all limits; 0 if all are met.
 
-    error: largest |p - q|, which may be as large as the tolerance; angles: each with the least that
-    will do, in one unit.
+    error: largest |p - q|, at most the tolerance; angles: each with its minimum, in one unit.
     """
-    missing = max(error / tolerance - 1.0, 0.0)
-    return missing + sum(1.0 - angle / least for angle, least in angles if angle < least)
+    excess = max(error / tolerance - 1.0, 0.0)
+    return excess + sum(1.0 - angle / least for angle, least in angles if angle < least)
 
 
 MOST_EASED = 400
-"""Pairs of triangles that meet, beyond which there is no hope to part them."""
+"""Number of intersecting pairs of triangles above which easing the hull is hopeless."""
 
-MEETING = 0.5
-"""What is missing from a die that meets itself, beside its probabilities and angles; each pair of
-triangles adds its part of `MOST_EASED`."""
+INTERSECTION_SHORTFALL = 0.5
+"""Shortfall of any self-intersection; each pair of triangles adds 1 / `MOST_EASED`."""
 
 PREFERRED_APART = 1.5
-"""Angle between outcomes, in units of the least one that is wanted, beyond which more is worth
-nothing."""
+"""Angle between outcomes, over its minimum, above which a larger one is not preferred."""
 
 PREFERRED_MARGIN = 2.0
-"""The same of the angle of tipping."""
+"""Tipping margin, over its minimum, above which a larger one is not preferred."""
 
 
-def missing(die: FilledHull | Draft, options: ConcaveOptions) -> float:
-    """Sum of the relative distances of probabilities, angles and surface from their limits; 0 for
-    a converged die."""
-    apart = die.apart_deg, options.apart_deg
-    margin = die.margin_deg, options.margin_deg
-    missing = shortfall(die.error, options.tolerance, apart, margin)
+def missing(die: Draft, options: ConcaveOptions) -> float:
+    """Sum of the relative violations by probabilities, angles and self-intersections; 0 for a
+    converged die."""
+    angles = (die.apart_deg, options.apart_deg), (die.margin_deg, options.margin_deg)
+    violation = shortfall(die.error, options.tolerance, *angles)
     if die.self_intersections > 0:
-        missing += MEETING + die.self_intersections / MOST_EASED
-    return missing
+        violation += INTERSECTION_SHORTFALL + die.self_intersections / MOST_EASED
+    return violation
 
 
-def rank(die: FilledHull, options: ConcaveOptions) -> tuple[float, float]:
-    """Sort key, best first: what is missing, then the displacement, which counts for more in a die
-    that is hard to read (`doubts`)."""
-    dearer = 1.0 + doubts(die.apart_deg, die.margin_deg, options)
-    return missing(die, options), dearer * die.displacement
+def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float]:
+    """Sort key, best first: violations, then the displacement times 1 + `angle_penalty`."""
+    penalty = angle_penalty(die.apart_deg, die.margin_deg, options)
+    return missing(die, options), (1.0 + penalty) * die.displacement
 
 
-def doubts(apart: float, margin: float, options: ConcaveOptions) -> float:
-    """Penalty of small angles in degrees: 0 for outcomes that are easy to tell apart and hard to
-    leave, up to 1 for each angle at its limit."""
+def angle_penalty(apart: float, margin: float, options: ConcaveOptions) -> float:
+    """Sum of the penalties of two angles in degrees: each 1 at its minimum, and 0 above the
+    preferred value."""
     total = 0.0
     for angle, least, preferred in (
         (apart, options.apart_deg, PREFERRED_APART),

@@ -1,60 +1,48 @@
-"""From a surface to a concave die: ways to a hull are tried, filled and compared; and the file of a
-search, from which it goes on later.
-"""
+"""Search for a concave die: attempts at a hull are designed, filled and compared, and the state is
+saved in a checkpoint from which a later session resumes."""
 
 from __future__ import annotations
 
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.attempt import Attempts
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import (
-    ConcaveDie,
-    ConcaveProgress,
-    ConcaveStep,
-    FilledHull,
-    Hollow,
-    missing,
-)
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull, Hollow, missing
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
+from dicedesign.results.result import Step
 from dicedesign.runtime import checkpoint
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.checkpoint import Arrays
 from dicedesign.runtime.workers import one_thread
 
-_ARRAYS = ("points", "hull_points", "center_of_mass", "directions")
-"""Of `FilledHull`; all else is text in JSON."""
-
 
 def checkpoint_bytes(progress: ConcaveProgress, search: Mapping[str, str]) -> bytes:
-    """The content of a checkpoint.
+    """Content of a checkpoint.
 
-    search: what the progress belongs to, by kind, as in `read_checkpoint`.
+    search: texts that identify the search, by kind, as in `read_checkpoint`.
     """
-    state, arrays = asdict(progress), {}
-    if progress.best is not None:
-        arrays = {name: state["best"].pop(name) for name in _ARRAYS}
-    return checkpoint.checkpoint_bytes(search, state, arrays)
+    state = asdict(progress)
+    arrays = state.pop("best")
+    best = None if arrays is None else arrays.pop("draft")
+    return checkpoint.checkpoint_bytes(search, state | {"best": best}, arrays or {})
 
 
 def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
-    """The progress in a file that `checkpoint_bytes` made.
+    """Read the state of a search from a file of `checkpoint_bytes`.
 
-    search: texts that must be those it was written with, by kind, such as "recipe".
+    search: texts that must equal the stored ones, by kind, such as "target".
 
-    Raises
-    ------
-    InputError: the file is missing or damaged, or belongs to another search; the message names the
-        kind that differs.
+    Raises InputError: the file is missing, damaged, or belongs to another search; the message names
+    the kind that differs.
     """
     if not os.path.exists(path):
         raise InputError(
@@ -62,18 +50,20 @@ def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
             "--resume to begin"
         )
 
-    def progress(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
+    def restore(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
         best = state["best"]
-        if best is not None:
-            best = FilledHull(**best | {name: arrays[name] for name in _ARRAYS})
-        tried = tuple(Draft(**attempt) for attempt in state["tried"])
-        history = tuple(ConcaveStep(**step) for step in state["history"])
-        return ConcaveProgress(state["attempts"], state["seconds"], best, tried, history)
+        return ConcaveProgress(
+            state["attempts"],
+            state["seconds"],
+            None if best is None else FilledHull(Draft(**best), **arrays),
+            tuple(Draft(**draft) for draft in state["tried"]),
+            tuple(Step(**step) for step in state["history"]),
+        )
 
     return checkpoint.read_checkpoint(
         path,
         search,
-        progress,
+        restore,
         restart="run without --resume to start again",
         elsewhere="choose another folder with --out",
     )
@@ -87,58 +77,57 @@ def make_concave_die(
     wall: float | None = None,
     seed: int = 0,
     resume: ConcaveProgress | None = None,
-    on_step: Callable[[ConcaveStep], None] | None = None,
-    on_attempt: Callable[[ConcaveProgress], None] | None = None,
+    on_step: Callable[[Step], None] = lambda _: None,
+    on_attempt: Callable[[ConcaveProgress], None] = lambda _: None,
 ) -> ConcaveDie:
-    """Deform a surface until its convex hull and its center of mass have the wanted probabilities.
+    """Deform a surface until its convex hull and its center of mass give the target probabilities.
 
-    Each attempt designs the hull with the center of mass held, for one choice of outcomes, and lets
-    the surface follow. The best is one with nothing missing (`missing`), of least
-    displacement, which counts for more where angles are small (`rank`); where none is as
-    wanted, the one with the least missing.
+    Each attempt designs a hull for one choice of outcomes with a fixed center of mass, and deforms
+    the surface to fill it. The best die is the first by `rank`.
 
     Parameters
     ----------
-    surface: closed, of one component, without self-intersections (see `make_surface`).
-    target: (k,) the probabilities.
+    surface: closed, connected, without self-intersections (see `make_surface`).
+    target: (k,) target probabilities.
     options: see `ConcaveOptions`.
-    wall: least thickness around cavities, over the largest distance of two points of the die, above
-        0; None for a solid die.
-    seed: of the attempts' slopes and choices; attempt n is the same in any session, with any number
-        of threads.
-    resume: how far a former session came.
-    on_step: called after every step.
-    on_attempt: called after every attempt, with what it takes to go on from there.
+    wall: minimum thickness of walls around cavities, over the largest distance of two points of the
+        die, positive; None for a solid die.
+    seed: seed of the attempts' slopes and choices. Attempt n is the same in any session, with any
+        number of threads.
+    resume: state of an earlier session.
+    on_step: receives every step, numbered from 0 in each attempt.
+    on_attempt: receives the state after every attempt.
 
     Raises
     ------
     NoStartError: no attempt led to a filled hull.
-    InputError: more outcomes than the hull can carry; a fill needs a package that is missing.
+    InputError: the hull has too few vertices for the outcomes, or a package is missing.
     """
-    started, steps = time.perf_counter(), list[ConcaveStep]()
-    progress = resume or ConcaveProgress(0, 0.0, None, (), ())
+    started, steps = time.perf_counter(), list[Step]()
+    progress = resume or ConcaveProgress()
     before = progress.seconds
 
     def seconds() -> float:
-        """Wall-clock time, over all sessions."""
+        """Wall-clock time over all sessions."""
         return before + time.perf_counter() - started
 
-    def record(number: int, stage: str, energy: float, error: float | None = None) -> None:
-        steps.append(ConcaveStep(number, stage, seconds(), energy, error))
-        if on_step is not None:
-            on_step(steps[-1])
+    def record(stage: str, energy: float, error: float | None = None) -> None:
+        attempt = progress.attempts + 1
+        step = Step(len(steps), seconds(), energy, error, stage=stage, attempt=attempt)
+        steps.append(step)
+        on_step(step)
 
     def has_ended() -> bool:
-        """True if no more may be tried, or the best is as wanted and near the original, or all that
-        were enough are tried."""
+        """Whether attempts or time are used up, or the best die has converged and is near the
+        original or the best of enough attempts."""
         best, done = progress.best, progress.attempts
         if done >= options.attempts:
             return True
         if options.seconds is not None and done > 0 and seconds() >= options.seconds:
             return True
-        if best is None or missing(best, options) > 0.0:
+        if best is None or missing(best.draft, options) > 0.0:
             return False
-        return best.displacement <= options.displacement or done >= options.enough
+        return best.draft.displacement <= options.displacement or done >= options.enough
 
     attempts = Attempts(surface, target, options, seed, record, wall)
     with one_thread():
@@ -148,14 +137,14 @@ def make_concave_die(
             best, history, tried = progress.best, progress.history, progress.tried
             filled = attempts.attempt(number, best)
             if filled is not None:
-                tried += (filled.draft(seconds() - begun),)
+                draft = replace(filled.draft, attempt=number, seconds=seconds() - begun)
+                filled, tried = replace(filled, draft=draft), (*tried, draft)
             if filled is not None and attempts.is_better(filled, best):
                 best, history = filled, tuple(steps)
             elif best is None:
                 history = tuple(steps)
             progress = ConcaveProgress(number, seconds(), best, tried, history)
-            if on_attempt is not None:
-                on_attempt(progress)
+            on_attempt(progress)
     best = progress.best
     if best is None:
         raise NoStartError(
@@ -166,12 +155,6 @@ def make_concave_die(
     after, hollow = surface.with_points(best.points), None
     if wall is not None and is_shifted(after, best.center_of_mass):
         hollow = Hollow(wall, best.center_of_mass)
-    return ConcaveDie(
-        surface,
-        after,
-        convex_hull(best.hull_points),
-        best.directions,
-        (len(attempts.problem.whole_hull.vertices), len(best.hull_points)),
-        progress,
-        hollow,
-    )
+    hull = convex_hull(best.hull_points)
+    corners = len(attempts.problem.whole_hull.vertices), len(best.hull_points)
+    return ConcaveDie(surface, after, hull, best.directions, corners, progress, hollow)

@@ -1,18 +1,19 @@
-"""Surfaces that the package builds: level sets of distance functions, round parts that blend.
+"""Built-in surfaces: level sets of blended round parts.
 
-Each part maps points (..., 3) to values (...) that are below 0 inside, 0 on its surface and about
-the distance from it outside, in the unit of the points."""
+Each part is a function that maps points (..., 3) to values (...): negative inside, 0 on its surface
+and about the distance from it outside, in the unit of the points.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib import resources
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 import yaml
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.surfaces.grid_surface import smooth_mesh, surface_nets
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
@@ -23,11 +24,11 @@ Vector = tuple[float, float, float]
 
 
 def ellipsoid(center: Vector, radii: Vector, pitch: float = 0.0, yaw: float = 0.0) -> Distance:
-    """A solid ellipsoid.
+    """Ellipsoid.
 
-    center: of it; radii: half-axes along x, y and z, above 0, before it is turned; pitch: angle in
-    degrees by which its x axis then rises toward z; yaw: angle in degrees by which that is then
-    turned about z, from x toward y.
+    center: its center; radii: half-axes along x, y and z, positive, before it is rotated; pitch:
+    angle in degrees by which its x axis rises toward z; yaw: angle in degrees of the following
+    rotation about z, from x toward y.
     """
     rise, turn = np.radians(pitch), np.radians(yaw)
     pitched = np.array(
@@ -36,13 +37,13 @@ def ellipsoid(center: Vector, radii: Vector, pitch: float = 0.0, yaw: float = 0.
     yawed = np.array(
         [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
     )
-    half_axes = np.array(radii)
+    half_axes, rotation = np.array(radii), yawed @ pitched
 
     def distance(points: Floats) -> Floats:
-        local = (points - np.array(center)) @ (yawed @ pitched) / half_axes
+        local = (points - np.array(center)) @ rotation / half_axes
         norm = np.linalg.norm(local, axis=-1)
         slope = np.linalg.norm(local / half_axes, axis=-1)
-        # To first order; at the center, where it is 0 / 0, the smallest half-axis inside.
+        # First-order distance; at the center, where it is 0 / 0, minus the smallest half-axis.
         deep = np.full(norm.shape, -half_axes.min())
         return np.divide(norm * (norm - 1.0), slope, out=deep, where=slope > 0.0)
 
@@ -50,9 +51,9 @@ def ellipsoid(center: Vector, radii: Vector, pitch: float = 0.0, yaw: float = 0.
 
 
 def round_cone(start: Vector, end: Vector, start_radius: float, end_radius: float) -> Distance:
-    """Balls whose centers run along a segment and whose radii change evenly along it.
+    """Union of balls along a segment whose radii change linearly.
 
-    start and end: of the segment, not equal; the radii: above 0.
+    start, end: ends of the segment, not equal; radii: positive.
     """
     origin, axis = np.array(start), np.array(end) - np.array(start)
 
@@ -66,33 +67,27 @@ def round_cone(start: Vector, end: Vector, start_radius: float, end_radius: floa
 
 
 def tube(line: Sequence[Vector] | Floats, start_radius: float, end_radius: float) -> Distance:
-    """Round cones along a line of at least two points, its radius changing evenly from point to
-    point."""
+    """Round cones along a polyline of at least two points, with the radius changing by the same
+    amount from point to point."""
     radii = np.linspace(start_radius, end_radius, len(line)).tolist()
-    pieces = [
-        round_cone(line[k], line[k + 1], radii[k], radii[k + 1]) for k in range(len(line) - 1)
-    ]
+    ends = pairwise(zip(line, radii, strict=True))
+    pieces = [round_cone(a, b, start, end) for (a, start), (b, end) in ends]
     return lambda points: np.minimum.reduce([piece(points) for piece in pieces])
 
 
 def mirror(part: Distance) -> Distance:
-    """A part that lies at y above 0, and its mirror image in the plane y = 0."""
-
-    def distance(points: Floats) -> Floats:
-        x, y, z = np.moveaxis(points, -1, 0)
-        return part(np.stack([x, np.abs(y), z], axis=-1))
-
-    return distance
+    """Part at positive y, and its mirror image in the plane y = 0."""
+    return lambda points: part(np.where([False, True, False], np.abs(points), points))
 
 
 def stretch(part: Distance, factors: Vector) -> Distance:
-    """A part whose extents along x, y and z are multiplied by factors above 0."""
+    """Part whose extents along x, y and z are multiplied by positive factors."""
     return lambda points: min(factors) * part(points / np.array(factors))
 
 
 def blend(first: Distance, second: Distance, width: float) -> Distance:
-    """The union of two parts, its crease rounded where both values are within `width`, above 0, of
-    each other."""
+    """Union of two parts, with a rounded crease where their values differ by less than `width`,
+    which is positive."""
 
     def distance(points: Floats) -> Floats:
         a, b = first(points), second(points)
@@ -104,26 +99,26 @@ def blend(first: Distance, second: Distance, width: float) -> Distance:
 
 
 ROUNDS = 15
-"""Times that edges are flipped and points moved."""
+"""Number of rounds that flip edges and move points."""
 
 DIFFERENCE = 1e-5
 """Step of the difference quotients, in cells."""
 
 
 def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> Surface:
-    """Triangles with edges of about one length on the surface where a distance function is 0.
+    """Surface with edges of similar length on which a distance function is 0.
 
     A surface between the nodes of a grid (`surface_nets`) is made even (`smooth_mesh`).
 
     Parameters
     ----------
-    distance: negative inside. No part of the body and no gap may be thinner than two cells.
-    low, high: (3,) corners of a box that holds the surface with a cell to spare.
-    spacing: side of the cells, above 0.
+    distance: negative inside; no part and no gap may be thinner than two cells.
+    low, high: (3,) corners of a box that contains the surface with a margin of one cell.
+    spacing: side of the cells, positive.
 
     Returns
     -------
-    Surface, oriented outward; the same for the same input.
+    Surface oriented outward, deterministic.
     """
     axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
     values = distance(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
@@ -134,7 +129,7 @@ def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> 
         return np.asarray(low + spacing * (nodes + part[:, None] * (ahead - nodes)))
 
     def onto(points: Floats, _: Integers) -> Floats:
-        """Points after a Newton step toward the level set, no longer than half a cell."""
+        """Points after a Newton step to the level set, of at most half a cell."""
         step, values = DIFFERENCE * spacing, distance(points)
         slopes = (distance(points[:, None] + step * np.eye(3)) - values[:, None]) / step
         squares = (slopes * slopes).sum(axis=-1).clip(0.25)
@@ -144,29 +139,26 @@ def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> 
     return Surface(*smooth_mesh(*surface_nets(values < 0.0, crossing), onto, ROUNDS))
 
 
-PARTS: Final = {"ellipsoid": ellipsoid, "round_cone": round_cone, "tube": tube}
-"""Kinds of parts in shapes.yaml, which has the arguments of each."""
+PARTS: Final[dict[str, Callable[..., Distance]]] = {
+    "ellipsoid": ellipsoid,
+    "round_cone": round_cone,
+    "tube": tube,
+}
+"""Kinds of parts in shapes.yaml, with their arguments there."""
 
 SHAPES: Final = ("dragon", "duck", "kitten", "knot")
-"""Names of the surfaces that the package builds; all but the knot are in shapes.yaml."""
+"""Names of the built-in surfaces; all but the knot are in shapes.yaml."""
 
 
 def shape(name: str) -> Surface:
-    """Surface of a name in `SHAPES`, deterministic.
-
-    Raises InputError for another name.
-    """
-    if name not in SHAPES:
-        raise InputError(f"shape: expected one of {', '.join(SHAPES)}, got {name!r}; use one")
+    """Surface of a name in `SHAPES`, deterministic."""
     if name == "knot":
         return _knot()
     text = resources.files("dicedesign.concave").joinpath("shapes.yaml").read_text()
     described: dict[str, Any] = yaml.safe_load(text)[name]
     body: Distance | None = None
     for entry in described["parts"]:
-        kind = next(kind for kind in PARTS if kind in entry)
-        make: Any = PARTS[kind]
-        part: Distance = make(*entry[kind])
+        part = next(make(*entry[kind]) for kind, make in PARTS.items() if kind in entry)
         if "stretched" in entry:
             part = stretch(part, entry["stretched"])
         if entry.get("mirrored"):
@@ -179,15 +171,15 @@ def shape(name: str) -> Surface:
 
 
 def _knot() -> Surface:
-    """A tube along a trefoil knot; genus 1."""
+    """Tube along a trefoil knot, of genus 1."""
     around, rings, radius = 16, 156, 0.24
-    # Rings at even steps of the line's length, each turned by half a step against the one before.
+    # Rings at equal arc lengths, each rotated by half a step relative to the one before.
     fine = np.linspace(0.0, 2.0 * np.pi, 64 * rings + 1)
     line, _ = _trefoil(fine)
     length = np.append(0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum())
     t = np.interp(np.arange(rings) * length[-1] / rings, length, fine)
     line, tangent = _trefoil(t)
-    # Across the line and as nearly upward as can be; the trefoil is nowhere vertical.
+    # Horizontal and upward directions across the line, which is nowhere vertical.
     side = np.cross([0.0, 0.0, 1.0], tangent)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     top = np.cross(tangent, side)
@@ -209,7 +201,7 @@ def _knot() -> Surface:
 
 
 def _trefoil(t: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) on a trefoil knot at parameters (n,), and its derivatives there."""
+    """Points (n, 3) of a trefoil knot at parameters (n,), and their derivatives."""
     x, y = np.sin(t) + 2.0 * np.sin(2.0 * t), np.cos(t) - 2.0 * np.cos(2.0 * t)
     u, v = np.cos(t) + 4.0 * np.cos(2.0 * t), 4.0 * np.sin(2.0 * t) - np.sin(t)
     z, w = -1.5 * np.sin(3.0 * t), -4.5 * np.cos(3.0 * t)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict
-from itertools import count
 from typing import Final
 
 import numpy as np
 
 from dicedesign.concave.options import ConcaveOptions, HullWeights
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, ConcaveStep
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die, read_checkpoint
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
@@ -19,12 +18,10 @@ from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work
-from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.parts import Search, Status, TradeOff
-from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
 from dicedesign.tolerances import SAME_REST_ANGLE
@@ -43,29 +40,34 @@ def design_concave(work: Work) -> Design:
     InputError: the surface does not suit the target, or there is no checkpoint of this search to
         resume.
     """
-    recipe, surface, options = work.recipe, work.surface, work.recipe.method.concave
+    recipe, surface, options = work.recipe, work.surface, work.recipe.method.options
     assert surface is not None
-    assert options is not None
-    target, identity = work.target.probabilities, _search_identity(recipe, surface, options)
+    target = work.target.probabilities
+    size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
+    choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
+    # Searches with equal texts take the same path.
+    identity = {
+        "target": json.dumps(target.tolist()),
+        "seed": str(recipe.seed),
+        "method": json.dumps(choices | size, default=HullWeights.as_dict),
+        "surface": hashlib.sha256(
+            surface.points.tobytes() + surface.triangles.tobytes()
+        ).hexdigest(),
+    }
     path = None if work.folder is None else work.folder / CHECKPOINT
-    progress = ConcaveProgress(0, 0.0, None, (), ())
+    progress = ConcaveProgress()
 
     def report(latest: ConcaveProgress) -> None:
         nonlocal progress
         progress, line = latest, _describe(latest, options)
         if path is not None and latest.attempts > 0:
+            atomic_write(path, checkpoint_bytes(latest, identity))
             work.resume_note = f"{line}; run it again with --resume to go on"
         work.callbacks.on_attempt(line)
-
-    def on_attempt(latest: ConcaveProgress) -> None:
-        if path is not None:
-            atomic_write(path, checkpoint_bytes(latest, identity))
-        report(latest)
 
     if work.resume and path is not None:
         progress = read_checkpoint(path, identity)
     report(progress)
-    numbers = count(0)
     try:
         die = make_concave_die(
             surface,
@@ -74,8 +76,8 @@ def design_concave(work: Work) -> Design:
             wall=None if options.hollow is None else options.hollow.wall_mm / recipe.size_mm,
             seed=recipe.seed,
             resume=progress,
-            on_step=lambda step: work.callbacks.on_step(_step(next(numbers), step)),
-            on_attempt=on_attempt,
+            on_step=work.callbacks.on_step,
+            on_attempt=report,
         )
     except NoStartError:
         die = _keep_surface(surface, target, progress)
@@ -85,7 +87,7 @@ def design_concave(work: Work) -> Design:
     work.search = Search(
         attempts=progress.attempts,
         seconds=progress.seconds,
-        attempt=None if best is None else best.attempt,
+        attempt=None if best is None else best.draft.attempt,
         trade_off=_trade_off(progress, options),
     )
     return Design(
@@ -93,30 +95,9 @@ def design_concave(work: Work) -> Design:
         hull=die.hull,
         directions=die.directions,
         error=outcome_probabilities(poses, die.directions).error(target),
-        steps=tuple(_step(number, step) for number, step in enumerate(progress.history)),
+        steps=progress.history,
         reshaped=die,
     )
-
-
-def _step(number: int, step: ConcaveStep) -> Step:
-    return Step(
-        number, step.seconds, step.energy, step.error, stage=step.stage, attempt=step.attempt
-    )
-
-
-def _search_identity(recipe: Recipe, surface: Surface, options: ConcaveOptions) -> dict[str, str]:
-    """Texts that identify a search, by kind: equal ones take the same path."""
-    method = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
-    if options.hollow is not None:
-        method["size_mm"] = recipe.size_mm
-    return {
-        "target": json.dumps(recipe.target.target().probabilities.tolist()),
-        "seed": str(recipe.seed),
-        "method": json.dumps(method, default=HullWeights.as_dict),
-        "surface": hashlib.sha256(
-            surface.points.tobytes() + surface.triangles.tobytes()
-        ).hexdigest(),
-    }
 
 
 def _keep_surface(surface: Surface, target: Floats, progress: ConcaveProgress) -> ConcaveDie:
@@ -143,10 +124,10 @@ def _describe(progress: ConcaveProgress, options: ConcaveOptions) -> str:
     done = f"{progress.attempts} of {options.attempts} attempts"
     if options.seconds is not None:
         done += f", {progress.seconds:.0f} of {options.seconds:g} s"
-    best = progress.best
-    if best is None:
+    if progress.best is None:
         return f"{done}, no die yet"
-    flaws = _trade_off(progress, options).flaws(best.draft(progress.seconds))
+    best = progress.best.draft
+    flaws = _trade_off(progress, options).flaws(best)
     return (
         f"{done}, best moved by {100.0 * best.displacement:.2g} %, error {best.error:.1e}, "
         f"{' and '.join(status.name.lower() for status in flaws) or 'no flaws'}"

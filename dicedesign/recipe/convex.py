@@ -13,7 +13,6 @@ import numpy as np
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.optimize.coordinates import SymmetricCoordinates, orbits_of_directions
-from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exact
@@ -44,41 +43,31 @@ MAX_SYMMETRIC_STARTS: Final = 4
 def design_exact(work: Work) -> Design:
     """Design a die from the recipe's start or from searched shapes. Raises InputError if no start
     suits the target."""
-    wanted = target_probabilities(work.recipe)
-    return make_design(work, solver(work)(find_starts(work, wanted), wanted))
+    target = target_probabilities(work.recipe)
+    return make_design(work, make_solver(work)(find_starts(work, target), target))
 
 
 def design_paper(work: Work) -> Design:
     """Design a die from the recipe's start. Raises InputError if it does not suit the target."""
     from dicedesign.optimize.solvers.paper import solve_paper
 
-    recipe, start = work.recipe, work.start
-    center = normalized_center(recipe, start)
+    recipe, arguments = work.recipe, _solver_arguments(work)
     # Only the exact method searches shapes.
-    assert start is not None
-    assert recipe.method.paper is not None
+    assert work.start is not None
     result = solve_paper(
-        start,
+        work.start,
         target_probabilities(recipe),
-        recipe.method.paper,
-        center_of_mass=center,
         seed=recipe.seed,
-        on_step=make_step_callback(work),
-        on_evaluation=make_shape_callback(work),
-        on_candidate=make_shape_callback(work),
+        on_evaluation=arguments["on_candidate"],
+        **arguments,
     )
-    return make_design(work, replace(result, directions=_rest_directions(result, center)))
-
-
-def _rest_directions(result: DesignResult, center: Floats | None) -> Floats:
-    """(k, 3) normals of the most probable rest of each cluster, as the mean of a cluster may be no
-    rest; an empty cluster keeps its direction."""
-    hull, directions = result.hull, result.directions.copy()
-    poses = analyze(hull, hull.centroid if center is None else center)
-    # Rests are sorted by descending probability.
-    clusters, first = np.unique(cluster(poses.normals, directions).of_rest, return_index=True)
-    directions[clusters] = poses.normals[first]
-    return directions
+    # The mean of a cluster may be no rest: take its most probable one, which comes first. An empty
+    # cluster keeps its direction.
+    hull, directions, center = result.hull, result.directions.copy(), arguments["center_of_mass"]
+    normals = analyze(hull, hull.centroid if center is None else center).normals
+    clusters, first = np.unique(cluster(normals, directions).of_rest, return_index=True)
+    directions[clusters] = normals[first]
+    return make_design(work, replace(result, directions=directions))
 
 
 def choose_symmetry(work: Work) -> None:
@@ -112,14 +101,14 @@ def _reaches_target(work: Work) -> bool:
             return False
         if orbits_of_directions(start.directions, group).max() + 1 == len(start.directions):
             return False
-    target, options = target_probabilities(work.recipe), exact_options(work.recipe)
+    target, options = target_probabilities(work.recipe), work.recipe.method.options
     quick = replace(options, prefer=Preferences(), starts=MAX_SYMMETRIC_STARTS)
     if options.probabilities == "thrown":
         # Other tables do not decide whether a die exists.
         sensitivity = TableSensitivity(ThrowProbabilities.on(options.table_with_hand), (), target)
     starts = islice(find_starts(work, target), MAX_SEARCH_TURNS)
     try:
-        result = solver(work)(starts, target, options=quick, sensitivity=sensitivity)
+        result = make_solver(work)(starts, target, options=quick, sensitivity=sensitivity)
     except NoStartError:
         return False
     return result.status is Status.CONVERGED
@@ -130,51 +119,55 @@ def target_probabilities(recipe: Recipe) -> Floats:
     return recipe.target.target().probabilities[recipe.outcome_of_direction()]
 
 
-def exact_options(recipe: Recipe) -> ExactOptions:
-    """Options of the exact method."""
-    assert recipe.method.exact is not None
-    return recipe.method.exact
+def _solver_arguments(work: Work) -> dict[str, Any]:
+    """Options, center of mass and callbacks for the solver of a recipe's method."""
+    recipe, callbacks = work.recipe, work.callbacks
+    order = np.argsort(recipe.outcome_of_direction())
+    return {
+        "options": recipe.method.options,
+        "center_of_mass": normalized_center(recipe, work.start),
+        "on_step": lambda step: callbacks.on_step(_step(step)),
+        "on_candidate": lambda shape: callbacks.on_shape(shape.rests.hull, shape.directions[order]),
+    }
 
 
-def solver(work: Work) -> Callable[..., DesignResult]:
+def make_solver(work: Work) -> Callable[..., DesignResult]:
     """`solve_exact` with all arguments of a recipe but starts and target."""
     recipe = work.recipe
     return partial(
         solve_exact,
-        options=exact_options(recipe),
-        center_of_mass=normalized_center(recipe, work.start),
         group=recipe.group(),
         least_circle=recipe.min_inradius_mm / recipe.size_mm,
         prior=recipe.density_prior(),
-        on_step=make_step_callback(work),
-        on_candidate=make_shape_callback(work),
+        **_solver_arguments(work),
     )
 
 
-def find_starts(work: Work, wanted: Floats) -> Iterator[Start | None]:
-    """Yield starting shapes and call `on_start` for each; None after a while without one."""
+def find_starts(work: Work, target: Floats) -> Iterator[Start | None]:
+    """Yield starting shapes for a target (k,) and call `on_start` for each; None after a while
+    without one."""
     recipe, group, prior = work.recipe, work.recipe.group(), work.recipe.density_prior()
     starts: Iterator[Start | None]
     if work.start is not None:
-        starts = shapes_like(work.start, recipe.seed, group, any_order=recipe.any_order)
+        starts = shapes_like(work.start, recipe.seed, group)
     else:
         search = recipe.start.kind.search
         assert search is not None
-        starts = search(recipe.start.options, wanted, group, recipe.seed)
+        starts = search(recipe.start.options, target, group, recipe.seed)
         if prior is not None:
-            starts = (start and _rank_outcomes(start, wanted, prior) for start in starts)
+            starts = (start and _rank_outcomes(start, target, prior) for start in starts)
     for number, start in enumerate(starts):
         work.callbacks.on_start(number)
         yield start
 
 
-def _rank_outcomes(start: Start, wanted: Floats, prior: Prior) -> Start:
+def _rank_outcomes(start: Start, target: Floats, prior: Prior) -> Start:
     """Assign outcomes with probabilities (k,) to the rests of a shape by rank under a prior."""
     poses = rest_poses(start.points, "hull").under(prior)
     probabilities = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
     directions = np.empty_like(start.directions)
     order = np.argsort(-probabilities, kind="stable")
-    directions[np.argsort(-wanted, kind="stable")] = start.directions[order]
+    directions[np.argsort(-target, kind="stable")] = start.directions[order]
     return replace(start, directions=directions)
 
 
@@ -204,18 +197,6 @@ def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, .
         prior=recipe.density_prior(),
     )
     return die.reorder(np.argsort(recipe.outcome_of_direction()))
-
-
-def make_step_callback(work: Work) -> Callable[[DesignStep], None]:
-    """Callback that passes steps of a solver to `on_step`."""
-    return lambda step: work.callbacks.on_step(_step(step))
-
-
-def make_shape_callback(work: Work) -> Callable[[Any], None]:
-    """Callback that passes shapes of a solver to `on_shape`; they have `rests` and `directions`
-    (k, 3) in the order of the start."""
-    order = np.argsort(work.recipe.outcome_of_direction())
-    return lambda shape: work.callbacks.on_shape(shape.rests.hull, shape.directions[order])
 
 
 def _step(step: DesignStep) -> Step:

@@ -15,7 +15,7 @@ from dicedesign.recipe.recipe import NAME, Recipe
 from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.die import Assessment, Solid
+    from dicedesign.fabricate.die import Assessment
     from dicedesign.results.result import Result, Step
     from dicedesign.runtime.arrays import Floats, Integers
 
@@ -117,16 +117,12 @@ class Die:
     @property
     def vertices(self) -> Floats:
         """(n, 3) vertices of the solid, with labels and rounded edges if it has them."""
-        return self._solid.points
+        return self._work.finished.points
 
     @property
     def triangles(self) -> Integers:
         """(m, 3) triangles between the vertices, counter-clockwise seen from outside."""
-        return self._solid.triangles
-
-    @property
-    def _solid(self) -> Solid:
-        return self._work.engraved or self._work.solid
+        return self._work.finished.triangles
 
     def engrave(self, **options: Any) -> Die:
         """Cut or replace the labels, keeping rounded edges, and return the die.

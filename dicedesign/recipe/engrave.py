@@ -3,7 +3,7 @@ file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,7 +12,6 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.fabricate.convex_object import (
     ConvexObject,
-    Measured,
     core_of,
     measure_resting,
     measure_thrown,
@@ -94,8 +93,18 @@ def _finish_convex(work: Work) -> None:
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    measure, model, target = _choose_measure(work, finish, core)
-    directions = work.die.directions
+    directions, target = work.die.directions, work.target.probabilities
+    table, prior = work.recipe.method.table, work.die.prior
+    model: ProbabilityModel | None = None
+    if given is not None or table is None:
+        offset = None if given is None else given - finish.make_unlabeled(core).centroid
+        model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
+        measure = measure_resting(prior, offset)
+    else:
+        # Keep the probabilities that the plain shape has in the momentum model.
+        measure = measure_thrown(load_table(table), momentum_model(table))
+        model = ThrowProbabilities.on(table)
+        target = measure(Surface(solid.points, solid.triangles), directions).probabilities
     end = reshape(core, directions, placements, target, finish, measure, rounds=rounds, model=model)
     work.balance = Balance(
         by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
@@ -112,22 +121,6 @@ def _finish_convex(work: Work) -> None:
         _finish_stretched(work, end.surface, placed, by, end.core)
     else:
         _finish(work, end.surface, placed, end.core, center)
-
-
-def _choose_measure(
-    work: Work, finish: ConvexObject, core: ConvexHull
-) -> tuple[Callable[[Surface, Floats], Measured], ProbabilityModel | None, Floats]:
-    """Measure and probability model for reshaping, and the target (k,). The target of a thrown die
-    is the momentum model's probabilities of the plain shape."""
-    given, table = work.solid.center_of_mass, work.recipe.method.table
-    if given is not None or table is None:
-        offset = None if given is None else given - finish.make_unlabeled(core).centroid
-        prior = work.die.prior
-        model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
-        return measure_resting(prior, offset), model, work.target.probabilities
-    measure = measure_thrown(load_table(table), momentum_model(table))
-    plain = Surface(work.solid.points, work.solid.triangles)
-    return measure, ThrowProbabilities.on(table), measure(plain, work.die.directions).probabilities
 
 
 def _mark_surface(work: Work) -> None:
@@ -253,9 +246,7 @@ def fill_inside(work: Work) -> None:
 
     options, method = work.recipe.inside, work.recipe.method
     assert options is not None
-    body = read_back(work.files["die_plain.stl" if work.engraved is None else "die.stl"])
-    assert body.triangles is not None
-    surface = Surface(body.points, body.triangles)
+    surface = read_back(work.files[f"{work.stem}.stl"]).surface
     try:
         # The given center is at the origin.
         filled = move_center(surface, np.zeros(3), options.by, options)
@@ -264,7 +255,6 @@ def fill_inside(work: Work) -> None:
             raise InputError(f"inside: {error}") from error
         work.remarks.append(f"nothing inside: {error}")
         return
-    assert filled.body.triangles is not None
     work.files |= {f"die{rest}" if rest else "die.stl": data for rest, data in filled.files.items()}
     # The file alone determines a die with a cavity.
     center = None if options.by == "cavity" else filled.center
@@ -272,9 +262,9 @@ def fill_inside(work: Work) -> None:
         filled.files[""], work.die.directions, work.target, center, work.die.prior
     )
     work.engraved = replace(
-        work.engraved or work.solid,
+        work.finished,
         points=filled.body.points,
-        triangles=filled.body.triangles,
+        triangles=filled.body.surface.triangles,
         assessment=verdict,
     )
     work.inside = Inside(

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.die import Assessment, FinishedDie
+from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import (
     BODY_COLOR,
     FILE_FORMATS,
@@ -31,11 +31,10 @@ from dicedesign.fabricate.print_tolerances import (
     print_tolerances,
 )
 from dicedesign.fabricate.printability import PrintedSolid, printability
-from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
-from dicedesign.geometry.triangles import Surface, solid_properties
+from dicedesign.geometry.triangles import Surface
 from dicedesign.gradient.probability_model import probability_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
@@ -51,7 +50,7 @@ def prepare_print(work: Work) -> None:
     """Check printability, and make die_oriented.stl if the recipe has `oriented`."""
     options, engraving, engraved = work.recipe.print, work.recipe.engrave, work.engraved
     assert options is not None
-    plain, body, poses = work.plain, work.plain.body, work.plain.poses
+    plain, body, poses, solid = work.plain, work.plain.body, work.plain.poses, work.finished
     if engraved is not None:
         points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
         body = make_body(points, triangles, "die.stl", single_precision=True)
@@ -60,9 +59,8 @@ def prepare_print(work: Work) -> None:
         poses = (
             rest_poses(body, given) if engraved.assessment is None else engraved.assessment.poses
         )
-    placements = () if engraved is None else engraved.placements
-    labels = tuple(placement.text for placement in placements)
-    normals = np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
+    labels = tuple(placement.text for placement in solid.placements)
+    normals = np.array([placement.frame[:3, 2] for placement in solid.placements]).reshape(-1, 3)
     designed = shape = None
     if work.die.reshaped is None:
         designed = convex_hull(work.solid.hull_points)
@@ -71,36 +69,35 @@ def prepare_print(work: Work) -> None:
             # Marks are on top.
             labels, normals = work.target.labels, -plain.poses.normals[plain.outcomes.main]
         if work.solid.is_printable:
-            assert plain.body.triangles is not None
-            shape = Surface(plain.body.points, plain.body.triangles)
-    assert body.triangles is not None
+            shape = plain.body.surface
+    surface = body.surface
     hull = None if designed is None else poses.hull
     work.printability = printability(
-        PrintedSolid(body.points, body.triangles, hull, labels, normals),
+        PrintedSolid(surface.points, surface.triangles, hull, labels, normals),
         rests=poses,
         designed=designed,
         shape=shape,
-        placements=placements,
+        placements=solid.placements,
         options=options,
         engraving=engraving,
-        filling_mm3=0.0 if engraved is None or engraved.inlay is None else engraved.inlay.volume,
+        filling_mm3=0.0 if solid.inlay is None else solid.inlay.volume,
     )
     work.notes += work.printability.warnings
     if options.oriented:
         placement = np.array(work.printability.placement)
-        points = body.points @ placement[:3, :3].T + placement[:3, 3]
-        work.files["die_oriented.stl"] = stl_bytes(points, body.triangles)
+        points = surface.points @ placement[:3, :3].T + placement[:3, 3]
+        work.files["die_oriented.stl"] = stl_bytes(points, surface.triangles)
 
 
 def find_tolerances(work: Work) -> None:
-    """Compute how printing errors, and infill if the recipe has some, change the probabilities."""
+    """Compute how printing errors, and infill below 100 %, change the probabilities."""
     verdict, target, options = work.final, work.target.probabilities, work.recipe.print
     table, has_planes = work.recipe.method.table, work.die.reshaped is None
     assert options is not None
     assert work.printability is not None
     model = probability_model(table, work.die.prior)
     body, poses = verdict.body, verdict.poses
-    core = None if work.engraved is None else work.engraved.core
+    core = work.finished.core
     if work.recipe.edges is not None and core is not None:
         # Rounded edges move with the facets beside them, so the core stands for the die, with the
         # center of mass of the finished die.
@@ -117,11 +114,8 @@ def find_tolerances(work: Work) -> None:
     # momentum model jumps where a corner of several facets splits, which real dice do not.
     bias = verdict.outcomes.probabilities - target if table is None else np.zeros(len(target))
     work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
-    if options.infill < 1.0:
-        _find_infill(work, options, verdict)
-
-
-def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None:
+    if options.infill == 1.0:
+        return
     engrave, marked = work.recipe.engrave, None if verdict is work.plain else work.engraved
     unknown = None
     if work.die.reshaped is not None:
@@ -136,8 +130,7 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None
             "100 % infill"
         )
         return
-    body, hull, pockets = verdict.body, verdict.poses.hull, []
-    assert body.triangles is not None
+    hull, pockets = verdict.poses.hull, []
     if marked is not None and engrave is not None:
         # It imports manifold3d.
         from dicedesign.fabricate.engraving import cut_sections
@@ -148,7 +141,7 @@ def _find_infill(work: Work, options: PrintOptions, verdict: Assessment) -> None
     work.infill = infill_probabilities(
         verdict,
         work.die.directions,
-        solid_properties(body.points, body.triangles)[0],
+        verdict.body.surface.volume,
         inside_walls(hull, options.walls_mm, pockets),
         options.infill,
         options.walls_mm,
@@ -162,22 +155,19 @@ def write_files(work: Work) -> None:
     contents = die_contents(work)
     probabilities = _compute_probabilities(work, *join_parts(contents.parts))
     for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
-        name = f"{_stem(work)}.{kind.name}"
+        name = f"{work.stem}.{kind.name}"
         try:
             data = file_bytes(contents, kind, name)
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder, name)
                 path.write_bytes(data)
-                off = float(
-                    np.abs(
-                        _compute_probabilities(work, *kind.read_back(path)) - probabilities
-                    ).max()
-                )
+                changes = _compute_probabilities(work, *kind.read_back(path)) - probabilities
+            off = float(np.abs(changes).max())
             if not off <= kind.same_probabilities:
                 raise InputError(
                     f"{name}: expected the probabilities of the die to within "
-                    f"{kind.same_probabilities:g} as it is "
-                    f"read back, got a difference of {off:.2g}; take another format"
+                    f"{kind.same_probabilities:g} as it is read back, got a difference of "
+                    f"{off:.2g}; take another format"
                 )
             work.files[name] = data
         except InputError as error:
@@ -189,7 +179,7 @@ def die_contents(work: Work) -> Contents:
     """Solids and metadata of the finished die."""
     verdict = work.plain if work.engraved is None else work.engraved.assessment
     labels, target = work.target.labels, work.target.probabilities
-    stl = f"{_stem(work)}.stl"
+    stl = f"{work.stem}.stl"
     facts = {
         "Application": f"dicedesign {version('dicedesign')}",
         "Description": f"A die of {len(labels)} outcomes. {work.status.value.capitalize()}.",
@@ -200,33 +190,21 @@ def die_contents(work: Work) -> Contents:
     if verdict is not None:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
-    return Contents(work.recipe.name, _make_parts(work), facts)
+    plain, solid, options = work.solid, work.finished, work.recipe.engrave
+    parts = [Part("die", BODY_COLOR, solid.points, solid.triangles)]
+    if solid.inlay is not None:
+        parts.append(Part("labels", LABEL_COLOR, solid.inlay.points, solid.inlay.triangles))
+    elif work.engraved is not None and options is not None:
+        # It imports manifold3d.
+        from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
 
-
-def _stem(work: Work) -> str:
-    """File name of the finished die without its ending."""
-    return "die_plain" if work.engraved is None else "die"
-
-
-def _make_parts(work: Work) -> list[Part]:
-    """Bodies of the finished die."""
-    plain, marked, options = work.solid, work.engraved, work.recipe.engrave
-    solid = marked or plain
-    body = Part("die", BODY_COLOR, solid.points, solid.triangles)
-    if marked is None or options is None:
-        return [body]
-    if marked.inlay is not None:
-        return [body, Part("labels", LABEL_COLOR, marked.inlay.points, marked.inlay.triangles)]
-    # It imports manifold3d.
-    from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
-
-    surface = Surface(body.points, body.triangles)
-    if work.die.reshaped is None:
-        labels = labels_below_hull(surface, options.depth_mm)
-    else:
-        whole = Surface(plain.points, plain.triangles)
-        labels = labels_off_surface(surface, whole, options.depth_mm)
-    return [replace(body, labels=labels)]
+        surface, whole = (Surface(each.points, each.triangles) for each in (solid, plain))
+        if work.die.reshaped is None:
+            triangles = labels_below_hull(surface, options.depth_mm)
+        else:
+            triangles = labels_off_surface(surface, whole, options.depth_mm)
+        parts = [replace(parts[0], labels=triangles)]
+    return Contents(work.recipe.name, parts, facts)
 
 
 def _compute_probabilities(work: Work, points: Floats, triangles: Integers) -> Floats:
@@ -242,8 +220,7 @@ FIGURES_SHOWN: Final = ("faces", "rests", "reading")
 def draw_figures(work: Work) -> None:
     """Draw the figures that apply to the die."""
     work.images = figure_files(make_finished_die(work))
-    suffixes = {figure.name: figure.suffix for figure in FIGURES}
-    work.files |= {f"{name}{suffixes[name]}": data for name, data in work.images.items()}
+    work.files |= {f"{name}{FIGURES[name].suffix}": data for name, data in work.images.items()}
 
 
 def write_data_sheet(work: Work) -> None:
@@ -253,10 +230,9 @@ def write_data_sheet(work: Work) -> None:
     from dicedesign.report.renderer import RenderMesh
 
     die = make_finished_die(work)
-    solid = die.plain.body if die.engraved is None else die.engraved
-    assert solid.triangles is not None
+    solid = die.engraved or die.plain.body.surface
     surface = RenderMesh(solid.points, solid.triangles, smooth=die.reshaped is not None)
-    file = "die_plain.stl" if die.engraved is None else "die.stl"
+    file = f"{work.stem}.stl"
     checksum = hashlib.sha256(work.files[file]).hexdigest()
     facts = sheet_facts(die, file, checksum)
     figures = [decode_png(work.images[name]) for name in FIGURES_SHOWN if name in work.images]

@@ -18,13 +18,7 @@ from dicedesign.optimize.targets import Target
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.folder import PAGE, RECIPE, open_results_folder, write_results
-from dicedesign.results.parts import (
-    Concave,
-    Printability,
-    Search,
-    Status,
-    TableResult,
-)
+from dicedesign.results.parts import Concave, Printability, Search, Status, TableResult
 from dicedesign.results.result import (
     RESULT,
     Balance,
@@ -157,6 +151,16 @@ class Work:
         return (self.engraved and self.engraved.assessment) or self.plain
 
     @property
+    def finished(self) -> Solid:
+        """Solid of die.stl if there is one, else of die_plain.stl."""
+        return self.engraved or self.solid
+
+    @property
+    def stem(self) -> str:
+        """File name of the finished die without its ending."""
+        return "die_plain" if self.engraved is None else "die"
+
+    @property
     def design_error(self) -> float:
         """Largest |p - q| as designed, by the method's own probability model."""
         if self.recipe.method.is_thrown:
@@ -196,6 +200,16 @@ class Work:
                 reading=None if self.reading is None else self.reading.sentence,
                 balance=self.balance,
             )
+        files: dict[str, str] = {}
+        if self.folder is not None:
+            # All files, including those yet to be written.
+            page = [PAGE] if self.recipe.report else []
+            names = dict.fromkeys([*sorted(self.files), RECIPE, *page, RESULT])
+            # The stem stands for the STL file; other formats go by their whole names.
+            ordered = sorted(names, key=lambda name: name.endswith(".stl"))
+            by_stem = {Path(name).stem: name for name in ordered}
+            kinds = {name: stem for stem, name in by_stem.items()}
+            files = {kinds.get(name, name): name for name in names}
         result = Result(
             name=self.recipe.name,
             status=self.status.name.lower(),
@@ -228,25 +242,13 @@ class Work:
             tolerances=self.tolerances,
             infill=self.infill,
             extra=self.extra,
-            files=self._files_by_kind(),
+            files=files,
             stages=tuple(StageTime(**stage) for stage in self.clock.stages),
             peak_since=self.clock.peak_since,
             folder=self.folder,
             **plain.as_fields(),
         )
         return result if self.recipe.clock else result.without_clock()
-
-    def _files_by_kind(self) -> dict[str, str]:
-        """File names by kind, including files yet to be written."""
-        if self.folder is None:
-            return {}
-        page = [PAGE] if self.recipe.report else []
-        names = dict.fromkeys([*sorted(self.files), RECIPE, *page, RESULT])
-        # The stem stands for the STL file; other formats go by their whole names.
-        by_stem = {
-            Path(name).stem: name for name in sorted(names, key=lambda n: n.endswith(".stl"))
-        }
-        return {stem if by_stem[stem := Path(name).stem] == name else name: name for name in names}
 
 
 @dataclass(frozen=True)
@@ -297,11 +299,7 @@ STAGES: Final[Registry[Stage]] = Registry(
             "makes or reads the starting shape, and checks it against the target",
             "dicedesign.recipe.solid:make_start",
         ),
-        Stage(
-            "load",
-            "loads the solver of the recipe's method, and torch",
-            _load_method,
-        ),
+        Stage("load", "loads the solver of the recipe's method, and torch", _load_method),
         Stage(
             "symmetry",
             "finds the symmetry of a die with symmetry: auto",
@@ -412,10 +410,9 @@ def run_stages(work: Work, *, after: str | None = None, last: str | None = None)
     for stage in STAGES:
         place = len(stages)
         if stage.after is not None:
-            place = stages.index(STAGES[stage.after]) + 1
-            # Stages after the same one keep their order of registration.
-            while place < len(stages) and stages[place].after == stage.after:
-                place += 1
+            # Behind those registered earlier for the same place.
+            name = STAGES[stage.after].name
+            place = 1 + max(k for k, one in enumerate(stages) if name in (one.name, one.after))
         stages.insert(place, stage)
     first = 0 if after is None else stages.index(STAGES[after]) + 1
     end = len(stages) if last is None else stages.index(STAGES[last]) + 1

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, cast
 
 from pydantic import (
     AfterValidator,
@@ -42,9 +42,6 @@ AUTO: Final = "auto"
 MIN_RELATIVE_DEPTH: Final = 1e-6
 """Minimum label depth over die size; STL files round coordinates to about a tenth of it."""
 
-CONCAVE_MARKS: Final = (("engraved", "shape"), ("engraved", "none"))
-"""Pairs of style and balance that a concave die can have."""
-
 
 @dataclass(frozen=True)
 class StartRecipe:
@@ -54,17 +51,15 @@ class StartRecipe:
     ----------
     name: key of the start.
     options: its options.
-
-    `start.mesh` returns the options if the key is "mesh", else None; likewise for other keys.
     """
 
     name: str
     options: Any
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in STARTS:
-            raise AttributeError(name)
-        return self.options if name == self.name else None
+    @property
+    def mesh(self) -> Any:
+        """Options of a start from a mesh file; None for another start."""
+        return self.options if self.name == "mesh" else None
 
     @property
     def kind(self) -> StartKind:
@@ -76,7 +71,7 @@ class StartRecipe:
         def read(entry: Any) -> StartRecipe:
             if isinstance(entry, cls):
                 return entry
-            keys = _start_keys()
+            keys = _start_keys(tuple(STARTS))
             model = keys.model_validate_json(json.dumps(entry))
             name = model.one_of(*keys.model_fields)
             return cls(name, getattr(model, name))
@@ -91,18 +86,14 @@ class StartRecipe:
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
-        keys: dict[str, Any] = handler(_start_keys().__pydantic_core_schema__)
+        keys: dict[str, Any] = handler(_start_keys(tuple(STARTS)).__pydantic_core_schema__)
         return keys
 
 
-def _start_keys() -> type[Strict]:
-    """Model with a key for each registered start."""
-    return _make_keys(tuple((kind.name, kind.options) for kind in STARTS))
-
-
 @cache
-def _make_keys(kinds: tuple[tuple[str, Any], ...]) -> type[Strict]:
-    keys: dict[str, Any] = {name: (options | None, None) for name, options in kinds}
+def _start_keys(kinds: tuple[StartKind, ...]) -> type[Strict]:
+    """Model with a key for each start."""
+    keys: dict[str, Any] = {kind.name: (kind.options | None, None) for kind in kinds}
     return create_model("StartKeys", __base__=Strict, **keys)
 
 
@@ -138,6 +129,11 @@ class MethodRecipe(Strict):
         return self.one_of(*METHODS)
 
     @property
+    def options(self) -> Any:
+        """Options of the method."""
+        return getattr(self, self.name)
+
+    @property
     def is_thrown(self) -> bool:
         """Whether the target holds for throws onto a table."""
         return self.exact is not None and self.exact.probabilities == "thrown"
@@ -145,16 +141,14 @@ class MethodRecipe(Strict):
     @property
     def table(self) -> str | None:
         """Table name with throw distribution; None for probabilities without momentum."""
-        return self.exact.table_with_hand if self.exact is not None and self.is_thrown else None
+        return self.options.table_with_hand if self.is_thrown else None
 
     @property
     def tolerance(self) -> float:
         """Largest |p - q| that counts as reached."""
-        if self.paper is not None:
-            return self.paper.effective_tolerance
-        options = self.exact or self.concave
-        assert options is not None
-        return options.tolerance
+        options = self.options
+        tolerance: float = options.effective_tolerance if self.paper else options.tolerance
+        return tolerance
 
 
 def _check_prior(text: str | None) -> str | None:
@@ -203,7 +197,7 @@ class Recipe(Strict):
     target: outcomes and their probabilities.
     start: initial shape; by default shapes are searched.
     assignment: labels in the order of the start's directions; None, "in_order" in a file, for the
-        order of the target; empty, "any" in a file, to try random orders until one works.
+        order of the target.
     numbering: assignment of equally probable outcomes with numbers as labels: "given" as assigned,
         "standard" for opposite facets with a constant sum if the shape allows, "balanced" for sums
         of opposite facets and around corners as even as possible.
@@ -233,7 +227,7 @@ class Recipe(Strict):
     target: TargetRecipe
     start: StartRecipe = Field(default_factory=lambda: StartRecipe("search", SearchOptions()))
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
-    assignment: Annotated[list[Label] | None, _word("in_order", None), _word("any", [])] = None
+    assignment: Annotated[list[Label] | None, _word("in_order", None)] = None
     numbering: Literal["given", "standard", "balanced"] = "given"
     center_of_mass: Annotated[
         tuple[float, float, float] | None,
@@ -269,14 +263,12 @@ class Recipe(Strict):
 
     @model_validator(mode="after")
     def _check(self) -> Recipe:
-        exact = self.method.exact
         if (
             # With a symmetry a thrown die is right on more tables.
             "symmetry" not in self.model_fields_set
             and self.method.is_thrown
             and self.start.kind.search is not None
-            and exact is not None
-            and exact.coordinates == "facets"
+            and self.method.options.coordinates == "facets"
         ):
             object.__setattr__(self, "symmetry", AUTO)
         for conflict in self._list_conflicts():
@@ -307,12 +299,7 @@ class Recipe(Strict):
                 f"engrave.depth_mm: expected at least {least:.3g}, a millionth of size_mm, got "
                 f"{engrave.depth_mm:g}; enlarge it"
             )
-        if self.any_order and (exact is None or is_searched or symmetry is not None):
-            yield (
-                "assignment: expected any with the exact method, a given start and no symmetry "
-                "only, got another combination; write in_order, or leave it out"
-            )
-        if self.assignment and sorted(self.assignment) != sorted(target.labels):
+        if self.assignment is not None and sorted(self.assignment) != sorted(target.labels):
             yield (
                 f"assignment: expected each of the labels {labels} once, got "
                 f"{', '.join(self.assignment)}; write in_order for the target's order"
@@ -377,9 +364,8 @@ class Recipe(Strict):
             core_scale(self.edges, self.size_mm)
 
     def _list_concave_conflicts(self) -> Iterator[str]:
-        read, marks = "up", CONCAVE_MARKS[0]
-        if self.engrave is not None:
-            read, marks = self.engrave.read, (self.engrave.style, self.engrave.balance)
+        engrave = self.engrave or EngravingOptions()
+        style, balance = engrave.style, engrave.balance
         if self.start.kind.surface is None:
             yield (
                 "start: expected a surface to keep with the concave method, got "
@@ -396,17 +382,15 @@ class Recipe(Strict):
             "numbering: expected given with the concave method, which has no opposite facets, got "
             f"{self.numbering}": self.numbering != "given",
             "engrave.read: expected up with the concave method, whose labels are on top, got "
-            f"{read}": read in ("down", "both"),
+            f"{engrave.read}": engrave.read in ("down", "both"),
             "engrave: expected style engraved and balance shape or none with the concave method, "
-            f"got {' and '.join(marks)}": marks not in CONCAVE_MARKS,
+            f"got {style} and {balance}": style != "engraved" or balance not in ("shape", "none"),
         }
         yield from (f"{text}; leave it out" for text, applies in conflicts.items() if applies)
 
     def density_prior(self) -> DensityPrior | None:
         """Prior density; None for the uniform one."""
-        prior = None if self.prior is None else read_prior(self.prior)
-        assert prior is None or isinstance(prior, DensityPrior)
-        return prior
+        return None if self.prior is None else cast(DensityPrior, read_prior(self.prior))
 
     def group(self) -> Floats | None:
         """(g, 3, 3) point group; None for none, or if it is not resolved yet."""
@@ -416,11 +400,6 @@ class Recipe(Strict):
         """Index of the outcome of each direction of the start."""
         labels = self.target.target().labels
         return [labels.index(label) for label in self.assignment or labels]
-
-    @property
-    def any_order(self) -> bool:
-        """Whether the labels may come in any order."""
-        return self.assignment == []
 
     def warnings(self) -> Iterator[str]:
         """Yield warnings about a valid recipe."""
@@ -435,11 +414,11 @@ class Recipe(Strict):
         """Plain data of the recipe with every default."""
         plain: dict[str, Any] = self.model_dump(mode="json")
         words: dict[str, Any] = {
+            "assignment": "in_order",
             "center_of_mass": "uniform",
             "prior": "uniform",
             "symmetry": "none",
         }
-        words["assignment"] = "any" if self.any_order else "in_order"
         words |= dict.fromkeys(("engrave", "edges", "inside", "print"), False)
         for key, word in words.items():
             plain[key] = plain[key] or word

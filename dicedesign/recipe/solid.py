@@ -15,7 +15,6 @@ from dicedesign.fabricate.die import assess_file, make_solid
 from dicedesign.fabricate.numbering import number_die
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
-from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.starts.shapes import about_centroid
 from dicedesign.optimize.starts.start import Task, build_start
 from dicedesign.recipe.pipeline import Work
@@ -72,10 +71,21 @@ def _make_surface(work: Work, points: int | None) -> None:
 
 
 def _make_shape(work: Work) -> None:
-    recipe, exact, outcomes = work.recipe, work.recipe.method.exact, len(work.target.labels)
+    """Make the starting shape, after a check of the table of a thrown die."""
+    recipe, options, outcomes = work.recipe, work.recipe.method.options, len(work.target.labels)
     center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
-    if exact is not None and recipe.method.is_thrown:
-        _check_table(exact, recipe.size_mm)
+    if recipe.method.is_thrown:
+        from dicedesign.throws.engines import require_engine
+        from dicedesign.throws.momentum_model import momentum_model
+        from dicedesign.throws.tables import load_table
+
+        with named("method.exact.table"):
+            table = load_table(options.table_with_hand)
+            momentum_model(options.table_with_hand)
+        # Raises if the die is too large; its radius is at least half of its size.
+        replace(table, size=1e-3 * recipe.size_mm)
+        if options.refine is not None:
+            require_engine(options.refine.engine)
     start = build_start(
         recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center)
     )
@@ -96,25 +106,6 @@ def _make_shape(work: Work) -> None:
             check_orbits(recipe, start.directions)
     work.start = start
     work.notes += start.notes
-
-
-def _check_table(options: ExactOptions, size_mm: float) -> None:
-    """Raise InputError for an unknown table or one without a momentum model, a die too large for
-    it, or a missing engine.
-
-    size_mm: largest distance between two vertices of the die.
-    """
-    from dicedesign.throws.engines import require_engine
-    from dicedesign.throws.momentum_model import momentum_model
-    from dicedesign.throws.tables import load_table
-
-    with named("method.exact.table"):
-        table = load_table(options.table_with_hand)
-        momentum_model(options.table_with_hand)
-    # Raises if the die is too large; its radius is at least half of that distance.
-    replace(table, size=1e-3 * size_mm)
-    if options.refine is not None:
-        require_engine(options.refine.engine)
 
 
 def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
@@ -215,9 +206,8 @@ def check(work: Work) -> None:
     if die.reshaped is not None:
         from dicedesign.fabricate.surface_assessment import assess_surface
 
-        assert work.recipe.method.concave is not None
         work.concave, work.quality, more = assess_surface(
-            die.reshaped, solid, work.plain, work.recipe.method.concave, work.repaired
+            die.reshaped, solid, work.plain, work.recipe.method.options, work.repaired
         )
         flaws += more
     if die.status is not Status.CONVERGED:
@@ -241,7 +231,7 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
         yield f"max |p - q| is {verdict.max_abs_error:.3g} in the file, {designed} as designed"
     elsewhere = verdict.outcomes.elsewhere
     if elsewhere > recipe.method.tolerance or work.die.reshaped is not None:
-        yield f"{elsewhere:.3g} of the probability lies on rests without an outcome"
+        yield f"{elsewhere:.3g} of the probability is on rests without an outcome"
     missing = int((verdict.outcomes.main < 0).sum())
     if missing:
         yield f"{missing} outcomes have no facet to rest on"
@@ -249,9 +239,8 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
         from dicedesign.fabricate.surface_assessment import advise_on_surface
 
         assert work.concave is not None
-        assert recipe.method.concave is not None
         yield from advise_on_surface(
-            flaws, work.die.reshaped, work.concave, verdict, recipe.method.concave
+            flaws, work.die.reshaped, work.concave, verdict, recipe.method.options
         )
     elif flaws:
         yield from _advice(work, flaws)
@@ -261,9 +250,9 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
 def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
     """Yield advice on a convex die that did not converge."""
     method, verdict, solid = work.recipe.method, work.plain, work.solid
-    starts, rarest = work.die.starts or 1, float(work.target.probabilities.min())
-    if starts > 1:
-        yield f"this is the best of {starts} starting shapes"
+    rarest = float(work.target.probabilities.min())
+    if (work.die.starts or 1) > 1:
+        yield f"this is the best of {work.die.starts} starting shapes"
     if Status.CROWDED in flaws:
         yield (
             f"the nearest are {np.degrees(verdict.outcomes.least_angle):.2g} degrees apart; try "

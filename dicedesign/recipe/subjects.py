@@ -1,4 +1,4 @@
-"""Subject of a figure: a mesh file, the folder of a run, or a recipe."""
+"""Subjects of figures: mesh files, results folders and recipes."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from dicedesign.rest.outcomes import facet_of_rest
 from dicedesign.rest.poses import rest_poses
 
 if TYPE_CHECKING:
+    from dicedesign.recipe.pipeline import Work
     from dicedesign.recipe.recipe import Recipe
     from dicedesign.report.solid_figures import Ablation
 
@@ -72,6 +73,8 @@ def subject_of(
             )
 
     else:
+        from dicedesign.recipe.design_die import design_recipe
+        from dicedesign.recipe.pipeline import Callbacks
         from dicedesign.recipe.reading import read_recipe
         from dicedesign.results.folder import RECIPE
 
@@ -86,10 +89,19 @@ def subject_of(
         upward = np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path))
 
         def load() -> Lain:
-            return _read_die(path, recipe) if is_folder else _design_die(recipe, on_step)
+            if is_folder:
+                return _read_die(path, recipe)
+            # Read back from its file, as a die of a folder.
+            die = design_recipe(recipe, Callbacks(on_step=lambda _: on_step()), last="check").plain
+            return Lain(die.body, die.poses, [facet.label or "" for facet in die.facets])
 
         def make_ablations() -> list[Ablation]:
-            return _design_ablations(recipe, path, steps, on_step)
+            if recipe.method.paper is None:
+                raise InputError(
+                    f"ablation: expected a recipe by the paper's method, got {path} by method "
+                    f"{recipe.method.name}; recipes/paper has some"
+                )
+            return _design_ablations(design_recipe(recipe, last="start"), steps, on_step)
 
     def make_before(after: Lain) -> RenderMesh:
         if before is not None:
@@ -101,7 +113,7 @@ def subject_of(
                 f"before_after: expected to know what {path} was made from, got a mesh alone; name "
                 "that mesh with --before, or a recipe or a folder of a run instead"
             )
-        return _make_start(recipe, path, after)
+        return _draw_start(design_recipe(recipe, last="start"), path, after)
 
     return Subject(upward, load, make_before, make_ablations, down)
 
@@ -122,20 +134,8 @@ def _read_die(folder: Path, recipe: Recipe) -> Lain:
     return Lain(body, poses, labels)
 
 
-def _design_die(recipe: Recipe, on_step: Callable[[], None]) -> Lain:
-    """Design the die of a recipe, and read it back from its file."""
-    from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.recipe.pipeline import Callbacks
-
-    die = design_recipe(recipe, Callbacks(on_step=lambda _: on_step()), last="check").plain
-    return Lain(die.body, die.poses, [facet.label or "" for facet in die.facets])
-
-
-def _make_start(recipe: Recipe, path: Path, after: Lain) -> RenderMesh:
-    """Start of a recipe's design, with the size and the centroid of the die."""
-    from dicedesign.recipe.design_die import design_recipe
-
-    work = design_recipe(recipe, last="start")
+def _draw_start(work: Work, path: Path, after: Lain) -> RenderMesh:
+    """Start of a design, with the size and the centroid of the die."""
     if work.surface is not None:
         points, triangles = work.surface.points, work.surface.triangles
         hull = convex_hull(points)
@@ -152,30 +152,20 @@ def _make_start(recipe: Recipe, path: Path, after: Lain) -> RenderMesh:
     return surface_to_draw(moved, triangles, hull)
 
 
-def _design_ablations(
-    recipe: Recipe, path: Path, steps: int | None, on_step: Callable[[], None]
-) -> list[Ablation]:
-    """Dice of a recipe by the paper's descent without a finish: with all terms, without each
-    weighted term in turn, and by the dice energy alone.
+def _design_ablations(work: Work, steps: int | None, on_step: Callable[[], None]) -> list[Ablation]:
+    """Dice by the paper's descent without a finish: with all terms, without each weighted term in
+    turn, and by the dice energy alone.
 
-    steps: maximum steps of each descent; None for the recipe's. Raises as the recipe's design.
+    work: after the stage "start". steps: maximum steps of each descent; None for the recipe's.
     """
-    from dicedesign.optimize.options import PaperWeights
     from dicedesign.optimize.solvers.paper import solve_paper
     from dicedesign.optimize.terms import cluster
     from dicedesign.recipe.convex import normalized_center, target_probabilities
-    from dicedesign.recipe.design_die import design_recipe
     from dicedesign.report.solid_figures import Ablation
     from dicedesign.rest.poses import analyze
     from dicedesign.runtime.workers import one_tensor_thread
 
-    paper = recipe.method.paper
-    if paper is None:
-        raise InputError(
-            f"ablation: expected a recipe by the paper's method, got {path} by method "
-            f"{recipe.method.name}; recipes/paper has some"
-        )
-    start = design_recipe(recipe, last="start").start
+    recipe, start, paper = work.recipe, work.start, work.recipe.method.options
     assert start is not None
     center = normalized_center(recipe, start)
     weighted = [term.name for term, _ in paper.weights.active if term.weight is not None]
@@ -187,7 +177,7 @@ def _design_ablations(
         for name, left_out in cases.items():
             options = replace(
                 paper,
-                weights=PaperWeights(**paper.weights.as_dict() | dict.fromkeys(left_out, 0.0)),
+                weights=paper.weights.replace(**dict.fromkeys(left_out, 0.0)),
                 finish="none",
                 tolerance=None,
                 steps=paper.steps if steps is None else min(steps, paper.steps),

@@ -23,16 +23,14 @@ from dicedesign.optimize.solvers.refinement import Refinement, Thrown, shape_mea
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
 from dicedesign.recipe.convex import (
-    exact_options,
     find_starts,
     make_design,
+    make_solver,
     normalized_center,
-    solver,
     target_probabilities,
 )
 from dicedesign.recipe.pipeline import Work
-from dicedesign.results.parts import RoundOfThrows, Status
-from dicedesign.results.parts import TableResult as ThrownSection
+from dicedesign.results.parts import RoundOfThrows, Status, TableResult
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.bias import variations_on_tables
 from dicedesign.throws.momentum_model import (
@@ -50,7 +48,7 @@ MORE_SHAPES: Final = 3
 """Further shapes, of which the steadiest is taken."""
 
 VERDICT_ROUND: Final = MOST_ROUNDS + 1 + MORE_SHAPES
-"""Number of the round of throws of the finished die, after those of all rounds and shapes."""
+"""Number of the round of throws of the finished die, after all rounds and shapes of the design."""
 
 SEEDS_PER_ROUND: Final = 1000
 """Seeds of a round: one for the table, and one for each posterior table."""
@@ -66,12 +64,12 @@ model."""
 def design_for_table(work: Work) -> Design:
     """Design a die by the momentum model of its table, and refine it by rounds of throws if the
     recipe has `refine`. Raises InputError if no start suits the target."""
-    wanted, options = target_probabilities(work.recipe), exact_options(work.recipe)
+    target, options = target_probabilities(work.recipe), work.recipe.method.options
     name = options.table_with_hand
     others = other_tables(load_table(name), posterior_tables(name))
-    sensitivity = TableSensitivity(ThrowProbabilities.on(name), others, wanted)
-    starts = iter(find_starts(work, wanted))
-    result = solver(work)(starts, wanted, sensitivity=sensitivity)
+    sensitivity = TableSensitivity(ThrowProbabilities.on(name), others, target)
+    starts = find_starts(work, target)
+    result = make_solver(work)(starts, target, sensitivity=sensitivity)
     rounds: tuple[RoundOfThrows, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
         with throwing_threads() as workers:
@@ -87,13 +85,13 @@ def _refine(
     refine: RefineOptions,
     workers: Executor,
 ) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
-    """Refine a die by rounds of throws at its printed size; returns the die and the rounds. Begins
-    with the steadiest of several shapes if the table is uncertain."""
-    recipe, options, solve = work.recipe, exact_options(work.recipe), solver(work)
-    wanted, group, name = target_probabilities(recipe), recipe.group(), options.table_with_hand
+    """Refine a die by rounds of throws at its printed size, and return the die and the rounds.
+    Begin with the steadiest of several shapes if the table is uncertain."""
+    recipe, options, solve = work.recipe, work.recipe.method.options, make_solver(work)
+    target, group, name = target_probabilities(recipe), recipe.group(), options.table_with_hand
     center, model = normalized_center(recipe, work.start), momentum_model(name)
     others: tuple[Table, ...] = ()
-    is_free = len(np.unique(wanted)) > 1 or group is None
+    is_free = len(np.unique(target)) > 1 or group is None
     if options.prefer.robustness > 0.0 and sensitivity.is_known and is_free:
         others = posterior_tables(name) or sensitivity.tables
 
@@ -131,9 +129,9 @@ def _refine(
         )
 
     def rounds(die: DesignResult) -> Refinement:
-        orbits = np.arange(len(wanted))
+        orbits = np.arange(len(target))
         return Refinement(
-            target=wanted,
+            target=target,
             orbits=orbits if group is None else orbits_of_directions(die.directions, group),
             tables=table_measures(load_table(name), others),
             drops=refine.drops,
@@ -148,7 +146,7 @@ def _refine(
 
     if work.start is None and others:
         further = [
-            _solve_or_none(solve, islice(starts, MAX_VARIATIONS), wanted, sensitivity=sensitivity)
+            _solve_or_none(solve, islice(starts, MAX_VARIATIONS), target, sensitivity=sensitivity)
             for _ in range(MORE_SHAPES)
         ]
         dice = [die, *(other for other in further if other is not None)]
@@ -179,7 +177,8 @@ def throw(work: Work) -> None:
 
     The die is thrown with its labels, unless the center of mass was given: the effect of labels on
     it is then unknown."""
-    name, refine = exact_options(work.recipe).table_with_hand, exact_options(work.recipe).refine
+    options = work.recipe.method.options
+    name, refine = options.table_with_hand, options.refine
     target, model, tables = work.target.probabilities, momentum_model(name), posterior_tables(name)
     die = DieOnTable.of(
         work.final.body, work.solid.center_of_mass, work.die.directions, load_table(name)
@@ -202,7 +201,7 @@ def throw(work: Work) -> None:
                 )
     work.thrown = ThrownDie(die, die.momentum(model), throws)
     measured = work.thrown.measure(target)
-    work.throws = ThrownSection(
+    work.throws = TableResult(
         table=die.table.as_dict(),
         momentum=tuple(work.thrown.momentum.tolist()),
         rounds=work.die.rounds,

@@ -8,16 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import (
-    ConcaveDie,
-    ConcaveProgress,
-    ConcaveStep,
-    FilledHull,
-)
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
+from dicedesign.results.result import Step
 
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 NORMALS = np.concatenate([np.eye(3), -np.eye(3)])
@@ -64,42 +60,29 @@ class MadeUpSearch:
         wall: float | None = None,
         seed: int = 0,
         resume: ConcaveProgress | None = None,
-        on_step: Callable[[ConcaveStep], None] | None = None,
-        on_attempt: Callable[[ConcaveProgress], None] | None = None,
+        on_step: Callable[[Step], None] = lambda _: None,
+        on_attempt: Callable[[ConcaveProgress], None] = lambda _: None,
     ) -> ConcaveDie:
-        progress = resume or ConcaveProgress(0, 0.0, None, (), ())
+        progress = resume or ConcaveProgress()
         for attempt in range(progress.attempts + 1, min(options.attempts, 3) + 1):
             self.attempted.append(attempt)
             history = (
-                ConcaveStep(attempt, "hull", 0.5 * attempt, 1.0, 0.25),
-                ConcaveStep(attempt, "fill", 0.6 * attempt, 0.5, None),
+                Step(0, 0.5 * attempt, 1.0, 0.25, stage="hull", attempt=attempt),
+                Step(1, 0.6 * attempt, 0.5, None, stage="fill", attempt=attempt),
             )
             for step in history:
-                if on_step is not None:
-                    on_step(step)
+                on_step(step)
+            draft = Draft(attempt, 0.6, 0.0, 0.01 * attempt, 90.0, 45.0, 0)
             points = self.change(dented_cube(0.1 + 0.01 * attempt).points)
-            best = FilledHull(
-                attempt=attempt,
-                points=points,
-                hull_points=CORNERS,
-                center_of_mass=np.zeros(3),
-                directions=NORMALS[: len(target)],
-                error=0.0,
-                displacement=0.01 * attempt,
-                apart_deg=90.0,
-                margin_deg=45.0,
-                self_intersections=0,
-            )
-            tried = Draft(attempt, 0.6, 0.0, best.displacement, 90.0, 45.0, 0)
+            best = FilledHull(draft, points, CORNERS, np.zeros(3), NORMALS[: len(target)])
             progress = ConcaveProgress(
                 attempt,
                 0.6 * attempt,
                 None if self.leads_nowhere else best,
-                () if self.leads_nowhere else (*progress.tried, tried),
+                () if self.leads_nowhere else (*progress.tried, draft),
                 history,
             )
-            if on_attempt is not None:
-                on_attempt(progress)
+            on_attempt(progress)
             if attempt == self.interrupt_after:
                 raise KeyboardInterrupt
         if progress.best is None:

@@ -1,4 +1,4 @@
-"""What options of concave dice are refused, and in which words."""
+"""Messages about invalid options of concave dice."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def test_values_out_of_range(options: dict[str, Any], text: str) -> None:
 
 
 @pytest.mark.parametrize("wall", [0.0, math.nan])
-def test_walls_that_are_none(wall: float) -> None:
+def test_invalid_walls_are_refused(wall: float) -> None:
     with pytest.raises(InputError, match="wall_mm: expected a positive number, got"):
         HollowOptions(wall_mm=wall)
 
 
-def test_the_ends_of_the_ranges_are_taken() -> None:
+def test_the_limits_of_the_ranges_are_valid() -> None:
     options = ConcaveOptions(tolerance=0.999, points=50, attempts=1, displacement=1e-9, seconds=0.1)
     ConcaveOptions(apart_deg=0.0, margin_deg=0.0)
     ConcaveOptions(apart_deg=179.9, margin_deg=89.9)
@@ -66,12 +66,12 @@ def test_the_ends_of_the_ranges_are_taken() -> None:
         ({"power": 5}, "paper.power: expected 1 to 4, got 5; leave it out for 2"),
     ],
 )
-def test_values_of_the_paper_out_of_range(options: dict[str, Any], text: str) -> None:
+def test_values_of_the_paper_s_options_out_of_range(options: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         ConcavePaperOptions(**options)
 
 
-def test_a_recipe_gives_the_weights_of_the_paper() -> None:
+def test_a_recipe_sets_the_paper_s_options() -> None:
     method = {
         "concave": {
             "hull": "paper",
@@ -81,8 +81,6 @@ def test_a_recipe_gives_the_weights_of_the_paper() -> None:
     }
     entries = {"name": "die", "target": {"fair": 3}, "start": {"shape": "duck"}}
     options = parse_recipe({**entries, "method": method}).method.concave
-    assert options is not None
-    assert options.paper is not None
     assert options.paper.weights.barycenter == 0.3
     assert options.paper.weights.apart == ConcavePaperOptions().weights.apart
     assert (options.paper.bending, options.paper.power) == (0.5, 3)

@@ -1,4 +1,4 @@
-"""The elastic energy against the principal stretches, angles by hand, and finite differences."""
+"""The elastic energy, compared with principal stretches, angles and finite differences."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from dicedesign.runtime.arrays import Floats
 
 
 def frame(corners: Floats) -> Floats:
-    """(2, 2) the edges of a triangle (3, 3) in a basis of its plane."""
+    """(2, 2) edges of a triangle (3, 3) in a basis of its plane."""
     return np.linalg.qr((corners[1:] - corners[0]).T)[1]
 
 
 def dihedral(points: Floats, hinge: list[int]) -> float:
-    """The angle by which the surface turns at an edge, from the normals on its sides."""
+    """Angle between the normals on the two sides of an edge."""
     start, end, left, right = points[hinge]
     first, second = np.cross(end - start, left - start), np.cross(start - end, right - end)
     angle = np.arccos(first @ second / np.linalg.norm(first) / np.linalg.norm(second))
@@ -58,7 +58,7 @@ def test_energies_are_those_of_stretches_and_angles() -> None:
     assert bending.value(points) == pytest.approx(expected, rel=1e-9)
 
 
-def test_nothing_pulls_at_the_reference_wherever_it_is() -> None:
+def test_the_reference_has_no_energy_in_any_place_and_size() -> None:
     surface = bent_capsule()
     energy = ElasticEnergy.of(surface, 1.0, 0.02)
     turn = rotation_between(np.array([1.0, 0.3, 0.2]), np.array([-0.2, 0.8, 0.1]))
@@ -72,19 +72,21 @@ def test_gradient_and_hessian_of_the_whole_surface() -> None:
     rng = np.random.default_rng(5)
     energy = ElasticEnergy.of(surface, 1.0, 0.02)
     points = surface.points + 0.02 * rng.normal(size=surface.points.shape)
-    way = rng.normal(size=points.shape)
+    direction = rng.normal(size=points.shape)
     step = 1e-6
-    after, before = (energy.value(points + s * way) for s in (step, -step))
+    after, before = (energy.value(points + s * direction) for s in (step, -step))
     gradient = energy.gradient(points)
-    assert (gradient * way).sum() == pytest.approx((after - before) / (2.0 * step), rel=1e-6)
+    assert (gradient * direction).sum() == pytest.approx((after - before) / (2.0 * step), rel=1e-6)
     dense = energy.hessian(points).toarray()
     np.testing.assert_allclose(dense, dense.T, atol=1e-12 * np.abs(dense).max())
     assert np.linalg.eigvalsh(dense).min() > -1e-12 * np.abs(dense).max()
-    # At the reference nothing has to be projected away.
+    # At the reference nothing is projected.
     hessian = energy.hessian(surface.points)
-    pulls = [energy.gradient(surface.points + s * way) for s in (step, -step)]
+    pulls = [energy.gradient(surface.points + s * direction) for s in (step, -step)]
     expected = ((pulls[0] - pulls[1]) / (2.0 * step)).ravel()
-    np.testing.assert_allclose(hessian @ way.ravel(), expected, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        hessian @ direction.ravel(), expected, atol=1e-6 * np.abs(expected).max()
+    )
 
 
 def test_a_flat_triangle_has_infinite_energy() -> None:

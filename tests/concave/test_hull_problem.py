@@ -1,4 +1,4 @@
-"""Corners that stand for a hull, and how far a surface is displaced by them, by other code."""
+"""Coarse hulls, elastic space and displacement of a surface, computed in other ways."""
 
 from __future__ import annotations
 
@@ -12,13 +12,19 @@ from scipy.spatial.distance import cdist
 
 from dicedesign.concave.hull_problem import (
     CLOSE,
-    FREE,
-    MOST_CORNERS,
-    SPREAD,
+    HANDLES,
+    INITIAL_CORNERS,
+    KERNEL_CONSTANT,
+    MAX_CORNERS,
+    Elasticity,
+    HeldCorners,
     HullMetric,
     HullProblem,
     coarse_corners,
+    point_masses,
+    spread_points,
 )
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import best_similarity
 from dicedesign.geometry.triangles import Surface
@@ -26,32 +32,32 @@ from dicedesign.runtime.arrays import Floats
 
 
 def heights_above(points: Floats, corners: Floats) -> Floats:
-    """(n,) of points over the hull of others; negative inside."""
+    """(n,) heights of points above the hull of others, negative inside."""
     equations = OtherHull(corners).equations
     return np.asarray((points @ equations[:, :3].T + equations[:, 3]).max(axis=1))
 
 
 def squashed(subdivisions: int) -> Surface:
-    """A round body, all of whose points are corners, of three widths."""
+    """Ellipsoid, all of whose points are vertices of its hull."""
     surface = ball(subdivisions)
     return unit(surface.with_points(surface.points * np.array([1.0, 0.8, 0.3])))
 
 
 @pytest.mark.parametrize("surface", [unit(bumpy_sphere(3)), squashed(3)])
-def test_what_is_left_out_is_near_or_they_are_many(surface: Surface) -> None:
+def test_omitted_vertices_are_close_unless_many_are_chosen(surface: Surface) -> None:
     hull = convex_hull(surface.points)
     chosen = coarse_corners(hull)
     assert (np.diff(chosen) > 0).all()
-    assert SPREAD < len(chosen) < len(hull.vertices)
+    assert INITIAL_CORNERS < len(chosen) < len(hull.vertices)
     out = heights_above(hull.vertices, hull.vertices[chosen]).max()
-    assert out <= 1.01 * CLOSE or len(chosen) == MOST_CORNERS
-    # Far nearer than as many corners at random.
+    assert out <= 1.01 * CLOSE or len(chosen) == MAX_CORNERS
+    # As many random vertices leave others much farther away.
     random = np.random.default_rng(0).choice(len(hull.vertices), len(chosen), replace=False)
     assert out < 0.7 * heights_above(hull.vertices, hull.vertices[random]).max()
 
 
 @pytest.mark.parametrize("coarse", [True, False])
-def test_a_problem_tells_which_points_its_corners_are(coarse: bool) -> None:
+def test_source_gives_the_surface_points_of_the_hull(coarse: bool) -> None:
     surface = unit(bumpy_sphere(3))
     problem = HullProblem(surface, np.array([0.5, 0.5]), 0.004, coarse=coarse)
     np.testing.assert_array_equal(surface.points[problem.source], problem.hull.vertices)
@@ -72,53 +78,51 @@ def problem() -> HullProblem:
 
 
 @cache
-def led() -> tuple[Floats, Floats]:
-    """(3 n, 3 n) displacements of all points for forces on them, and (3 c, 3 n) those of the
-    corners relative to the center of mass, by differences."""
+def brute_force() -> tuple[Floats, Floats]:
+    """(3 n, 3 n) displacements of all points for forces on them, and (3 c, 3 n) displacements of
+    the corners relative to the center of mass, by finite differences."""
     surface, source, step = problem().surface, problem().source, 1e-5
     points = surface.points
     rows = np.zeros((len(source), 3, *points.shape))
     rows[np.arange(len(source))[:, None], np.arange(3), source[:, None], np.arange(3)] = 1.0
-    for point in range(len(points)):
-        for axis in range(3):
-            shift = np.zeros_like(points)
-            shift[point, axis] = step
-            ahead = surface.with_points(points + shift).centroid
-            behind = surface.with_points(points - shift).centroid
-            rows[:, :, point, axis] -= (ahead - behind) / (2.0 * step)
-    responses = np.kron(FREE - cdist(points, points), np.eye(3))
+    for point, axis in np.ndindex(points.shape):
+        shift = np.zeros_like(points)
+        shift[point, axis] = step
+        ahead = surface.with_points(points + shift).centroid
+        behind = surface.with_points(points - shift).centroid
+        rows[:, :, point, axis] -= (ahead - behind) / (2.0 * step)
+    responses = np.kron(KERNEL_CONSTANT - cdist(points, points), np.eye(3))
     return responses, rows.reshape(3 * len(source), -1)
 
 
+def forces_by_brute_force(moved: Floats) -> Floats:
+    """(3 c,) forces of minimum work for displacements (c, 3) of the corners."""
+    responses, rows = brute_force()
+    return np.linalg.solve(rows @ responses @ rows.T, moved.ravel())
+
+
 def displacement_of_all(moved: Floats) -> Floats:
-    """(n, 3) the one of least work for a displacement (c, 3) of the corners."""
-    responses, rows = led()
-    forces = np.linalg.solve(rows @ responses @ rows.T, moved.ravel())
-    return (responses @ rows.T @ forces).reshape(-1, 3)
-
-
-def square(moved: Floats) -> float:
-    """What the quadratic form says."""
-    return float(np.tensordot(np.tensordot(problem().displacement_form, moved, 2), moved, 2))
+    """(n, 3) displacement of minimum work for displacements (c, 3) of the corners."""
+    responses, rows = brute_force()
+    return (responses @ rows.T @ forces_by_brute_force(moved)).reshape(-1, 3)
 
 
 @pytest.mark.parametrize("smooth", [True, False])
-def test_it_is_what_a_similarity_leaves(smooth: bool) -> None:
+def test_the_displacement_is_measured_after_alignment(smooth: bool) -> None:
     points, random = problem().surface.points, np.random.default_rng(0)
     corners = points[problem().source]
     moved = random.normal(size=corners.shape)
     if smooth:
         moved = np.sin(corners @ random.normal(size=(3, 3)) * 2.0)
-    # As small as derivatives are exact for.
+    # Small enough for the linearization.
     there = points + 1e-5 * displacement_of_all(moved)
     back = best_similarity(there, points, np.ones(len(points)))
     squares = ((back(there) - points) ** 2).sum(axis=1)
-    assert square(moved) == pytest.approx(1e10 * squares.mean(), rel=1e-3)
-    whole = np.sqrt(1e10 * squares.mean()) / problem().surface.diagonal
-    assert problem().displacement(moved) == pytest.approx(whole, rel=1e-3)
+    expected = np.sqrt(1e10 * squares.mean()) / problem().surface.diagonal
+    assert problem().displacement(moved) == pytest.approx(expected, rel=1e-3)
 
 
-def test_the_metric_is_smoothness_and_work_and_displacement() -> None:
+def test_the_metric_sums_smoothness_work_and_displacement() -> None:
     metric_problem = problem()
     hull, count = metric_problem.hull, len(metric_problem.hull.vertices)
     u = np.random.default_rng(5).normal(size=(count, 3))
@@ -135,3 +139,63 @@ def test_the_metric_is_smoothness_and_work_and_displacement() -> None:
     assert costs[1] - costs[0] == pytest.approx(3.0 * float(work), rel=1e-4)
     square = (metric_problem.displacement(u) * metric_problem.surface.diagonal) ** 2
     assert costs[2] - costs[0] == pytest.approx(3.0 * square, rel=1e-4)
+
+
+def test_relative_forces_and_centers_by_brute_force() -> None:
+    held, surface = problem().held, problem().surface
+    wanted = 0.1 * np.random.default_rng(4).normal(size=(len(held.corners), 3))
+    expected = forces_by_brute_force(wanted)
+    forces, centers = held.relative
+    np.testing.assert_array_equal(forces, forces.transpose(2, 3, 0, 1))
+    np.testing.assert_allclose(
+        np.tensordot(wanted, forces, 2).ravel(), expected, atol=1e-5 * np.abs(expected).max()
+    )
+    center = surface.centroid_derivatives().reshape(3, -1) @ displacement_of_all(wanted).ravel()
+    np.testing.assert_allclose(np.tensordot(wanted, centers, 2), center, atol=1e-6)
+
+
+def test_followed_displacements_have_minimum_work() -> None:
+    held, points = problem().held, problem().surface.points
+    wanted = np.random.default_rng(1).normal(size=(len(held.corners), 3))
+    followed = held.follow(wanted)
+    np.testing.assert_allclose(followed[held.corners], wanted, atol=1e-10)
+    free = np.setdiff1d(np.arange(len(followed)), held.corners)
+    forces = np.linalg.inv(KERNEL_CONSTANT - cdist(points, points)) @ followed
+    assert np.abs(forces[free]).max() < 1e-8 * np.abs(forces).max()
+
+
+def test_lumped_forces_move_the_center_of_mass_nearly_alike() -> None:
+    surface = unit(bumpy_sphere(3))
+    assert len(surface.points) > HANDLES
+    elasticity = Elasticity(surface)
+    gradient = np.moveaxis(surface.centroid_derivatives(), 0, -1)
+    exact = np.tensordot(elasticity.responses(np.arange(len(gradient))), gradient, (1, 0))
+    lumped = elasticity.center_responses(gradient)
+    np.testing.assert_allclose(lumped, exact, atol=2e-3 * np.abs(exact).max())
+
+
+def test_a_convex_surface_is_refused() -> None:
+    convex = unit(ball(1))
+    held = HeldCorners(Elasticity(convex), convex_hull(convex.points).source)
+    text = "surface: expected one with dents, but 42 of its 42 points are corners of its hull, and"
+    with pytest.raises(InputError, match=text):
+        _ = held.relative
+
+
+def test_point_masses_are_shares_of_the_area() -> None:
+    surface = bumpy_sphere(1)
+    a, b, c = surface.points[surface.triangles].transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    expected = [areas[(surface.triangles == point).any(axis=1)].sum() / 3.0 for point in range(42)]
+    expected = np.array(expected) / areas.sum()
+    np.testing.assert_allclose(point_masses(surface), expected, rtol=1e-12)
+
+
+def test_each_spread_point_is_the_farthest_from_those_before() -> None:
+    points = np.random.default_rng(5).normal(size=(40, 3))
+    chosen = spread_points(points, 12)
+    assert len(set(chosen.tolist())) == 12
+    for number in range(1, 12):
+        nearest = cdist(points, points[chosen[:number]]).min(axis=1)
+        assert chosen[number] == nearest.argmax()
+    assert sorted(spread_points(points, 100).tolist()) == list(range(40))

@@ -1,4 +1,4 @@
-"""Which directions may become outcomes, against the cheapest transport by linear programs."""
+"""Choices of outcome directions, compared with optimal transport by linear programs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from dicedesign.runtime.arrays import Floats
 APART = float(np.radians(40.0))
 
 CLOSE = 0.006
-"""Climb, over the circumscribed radius, that costs may be off by: assignments are softened, and the
-directions that the body is set down with are others here."""
+"""Difference of costs, as climb over the circumscribed radius: assignments are softened, and the
+sample directions differ here."""
 
 BOX = CORNERS * np.array([1.0, 0.8, 0.6]) / np.sqrt(2.0)
 
@@ -32,8 +32,7 @@ def bumpy_hull() -> ConvexHull:
 
 @cache
 def flat_hull() -> ConvexHull:
-    """Much is to be climbed on it, and one of its sides has more of the probabilities than the
-    other."""
+    """Flat body with large climbs, one of whose sides is more probable than the other."""
     points = directions_at_random(80, 2) * np.array([1.0, 0.6, 0.35]) + np.array([0.0, 0.0, 0.1])
     return convex_hull(points / np.linalg.norm(points, axis=1).max())
 
@@ -44,7 +43,7 @@ def directions_at_random(count: int, seed: int) -> Floats:
 
 
 def climb(points: Floats, starts: Floats, end: Floats) -> Floats:
-    """(s,) how high one has to climb, at most, on the arcs from starts (s, 3) to an end."""
+    """(s,) climbs along the arcs from starts (s, 3) to an end."""
     angles = np.arccos(np.clip(starts @ end, -1.0, 1.0))
     highest = np.zeros(len(starts))
     lowest = np.full(len(starts), np.inf)
@@ -58,40 +57,39 @@ def climb(points: Floats, starts: Floats, end: Floats) -> Floats:
 
 
 def climbs(points: Floats, directions: Floats) -> Floats:
-    """(s, k) from many directions to some (k, 3)."""
+    """(s, k) climbs from many directions to ends (k, 3)."""
     starts = directions_at_random(400, 7)
     return np.stack([climb(points, starts, end) for end in directions], axis=1)
 
 
 def cost(costs: Floats, shares: Floats) -> float:
-    """The least mean of costs (s, k) when each outcome takes its share of the starts."""
+    """Minimum mean of costs (s, k) if each outcome takes its share of the starts."""
     starts, outcomes = costs.shape
     by_start = np.kron(np.eye(starts), np.ones(outcomes))
     by_outcome = np.kron(np.ones(starts), np.eye(outcomes))
-    found = linprog(
+    solution = linprog(
         costs.ravel(),
         A_eq=np.concatenate([by_start, by_outcome]),
         b_eq=np.concatenate([np.full(starts, 1.0 / starts), shares]),
     )
-    assert found.success
-    return float(found.fun)
+    assert solution.success
+    return float(solution.fun)
 
 
-@pytest.mark.parametrize("target", [[0.9, 0.1]])
-def test_the_cheapest_come_first(target: list[float]) -> None:
-    points, shares = flat_hull().vertices, np.array(target)
+def test_the_cheapest_choices_come_first() -> None:
+    points, shares = flat_hull().vertices, np.array([0.9, 0.1])
     choices = outcome_choices(flat_hull(), shares, APART, 0)
     prices = [cost(climbs(points, directions), shares) for directions in choices[::6]]
     assert min(np.diff(prices)) > -CLOSE
     assert prices[-1] > prices[0] + CLOSE
     for seed in range(100, 140):
-        others = directions_at_random(len(target), seed)
+        others = directions_at_random(2, seed)
         cosines = others @ others.T - 2.0 * np.eye(len(others))
         if cosines.max() < np.cos(APART):
             assert cost(climbs(points, others), shares) > prices[0] + CLOSE
 
 
-def test_rests_that_have_the_probabilities_are_the_first_choice() -> None:
+def test_rests_with_the_target_probabilities_are_the_first_choice() -> None:
     poses = rest_poses(BOX, center_of_mass=np.zeros(3))
     order = np.random.default_rng(1).permutation(6)
     target = poses.probabilities[order]
@@ -103,7 +101,7 @@ def test_rests_that_have_the_probabilities_are_the_first_choice() -> None:
 
 
 @pytest.mark.parametrize(("count", "degrees"), [(2, 90.0), (3, 60.0)])
-def test_choices_are_apart_and_all_different(count: int, degrees: float) -> None:
+def test_choices_are_apart_and_differ(count: int, degrees: float) -> None:
     target = np.full(count, 1.0 / count)
     choices = outcome_choices(bumpy_hull(), target, float(np.radians(degrees)), 0)
     assert len(choices) > 1
@@ -115,7 +113,7 @@ def test_choices_are_apart_and_all_different(count: int, degrees: float) -> None
     assert len({tuple(sorted(map(tuple, choice.tolist()))) for choice in choices}) == len(choices)
 
 
-def test_where_none_are_so_far_apart_they_are_as_far_as_can_be() -> None:
+def test_an_unreachable_angle_is_loosened() -> None:
     """No four directions are more than 109.5 degrees apart."""
     target = np.full(4, 0.25)
     for directions in outcome_choices(bumpy_hull(), target, float(np.radians(150.0)), 0):
@@ -124,7 +122,7 @@ def test_where_none_are_so_far_apart_they_are_as_far_as_can_be() -> None:
 
 
 def test_more_outcomes_than_facets() -> None:
-    """The facets could be split, up to the number that the text names."""
+    """Facets can be split, up to the number in the message."""
     cube = convex_hull(CORNERS / np.sqrt(3.0))
     for directions in outcome_choices(cube, np.full(7, 1.0 / 7.0), APART, 0):
         assert (directions @ directions.T - 2.0 * np.eye(7)).max() < 0.95

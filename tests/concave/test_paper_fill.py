@@ -1,4 +1,4 @@
-"""The hull fill by quadratic programs: its energy, its programs, and small surfaces filled."""
+"""The paper's hull fill: quadratic programs, their energy, and the balance."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import trimesh
-from common.bumpy import bent_capsule, bumpy_sphere, nearby_hull
+from common.bumpy import ball, bent_capsule, bumpy_sphere, nearby_hull
 from scipy import spatial
 from scipy.optimize import minimize
 from scipy.sparse import csc_array
@@ -17,13 +17,17 @@ from dicedesign.concave.options import ConcavePaperOptions
 from dicedesign.concave.paper_fill import (
     ClosestPointEnergy,
     PointsInside,
+    balance,
+    centering_gradient,
     fill_by_quadratic_programs,
+    hull_keeping_moves,
     solve_quadratic_program,
 )
-from dicedesign.concave.result import FillResult, FillStatus
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import Surface
+from dicedesign.optimize.options import SobolevOptions
+from dicedesign.optimize.solvers.descent import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Floats
 
 needs_clarabel = pytest.mark.skipif(
@@ -32,32 +36,33 @@ needs_clarabel = pytest.mark.skipif(
 )
 
 
-def fill(
-    surface: Surface, hull: ConvexHull, **options: float
-) -> tuple[FillResult, list[float], Floats]:
-    """Filled; the distances of the hull's corners from the surface are over its diagonal."""
+def fill(surface: Surface, hull: ConvexHull, **options: float) -> tuple[Floats, Floats]:
+    """Points of the filled surface, and distances of the hull's vertices from it over its
+    diagonal."""
     energies: list[float] = []
-    result = fill_by_quadratic_programs(
+    filled = fill_by_quadratic_programs(
         surface, hull, ConcavePaperOptions(**options), energies.append
     )
-    assert energies[-1] == result.energy
+    points, energy = filled
+    assert energies[-1] == energy
     middle = hull.vertices.mean(axis=0)
-    slacks = hull.heights(middle) - (result.points - middle) @ hull.normals.T
-    assert slacks.min() > 0.0
-    corners = result.points[surface.triangles]
-    distances = [
-        np.linalg.norm(
-            trimesh.triangles.closest_point(corners, np.repeat(corner[None], len(corners), axis=0))
-            - corner,
-            axis=1,
-        ).min()
-        for corner in hull.vertices
+    assert (hull.heights(middle) - (points - middle) @ hull.normals.T).min() > 0.0
+    distances = np.sqrt(closest_squares(surface.with_points(points), hull.vertices))
+    return points, distances / surface.diagonal
+
+
+def closest_squares(surface: Surface, corners: Floats) -> Floats:
+    """(v,) squared distances of points from a surface, one triangle after the other."""
+    triangles = surface.points[surface.triangles]
+    feet = [
+        trimesh.triangles.closest_point(triangles, np.tile(corner, (len(triangles), 1)))
+        for corner in corners
     ]
-    return result, energies, np.array(distances) / surface.diagonal
+    return ((np.array(feet) - corners[:, None]) ** 2).sum(axis=2).min(axis=1)
 
 
 def bent_by(surface: Surface, points: Floats) -> float:
-    """Sum of squared changes of angle between neighboring triangles."""
+    """Sum of squared changes of the angles between adjacent triangles."""
     angles = []
     for places in (surface.points, points):
         mesh = trimesh.Trimesh(places, surface.triangles, process=False)
@@ -71,20 +76,19 @@ def bent_by(surface: Surface, points: Floats) -> float:
 )
 def test_the_surface_spans_the_hull(surface: Surface, amount: float) -> None:
     hull = nearby_hull(surface, amount)
-    result, _, distances = fill(surface, hull)
-    assert result.status is FillStatus.FITTED
+    points, distances = fill(surface, hull)
     assert distances.mean() <= 1e-3
-    volumes = [spatial.ConvexHull(points).volume for points in (result.points, hull.vertices)]
+    volumes = [spatial.ConvexHull(corners).volume for corners in (points, hull.vertices)]
     assert volumes[0] == pytest.approx(volumes[1], rel=0.02)
-    moved = np.linalg.norm(result.points - surface.points, axis=1) / surface.diagonal
+    moved = np.linalg.norm(points - surface.points, axis=1) / surface.diagonal
     assert moved.mean() < 1.5 * amount
 
 
 @needs_clarabel
-def test_what_resists_bending_bends_less() -> None:
+def test_a_larger_bending_weight_bends_less() -> None:
     surface = bumpy_sphere()
     hull = nearby_hull(surface, 0.04)
-    soft, stiff = (fill(surface, hull, bending=weight)[0].points for weight in (1e-4, 1.0))
+    soft, stiff = (fill(surface, hull, bending=weight)[0] for weight in (1e-4, 1.0))
     assert bent_by(surface, stiff) < 0.8 * bent_by(surface, soft)
 
 
@@ -99,37 +103,16 @@ SURFACE = bumpy_sphere(1)
 CORNERS = nearby_hull(bumpy_sphere(2), 0.05).vertices
 
 
-def transcribed(points: Floats) -> float:
-    """`sum_p |p - CP(p)|^2`, one corner and one triangle after the other."""
-    total = 0.0
-    for corner in CORNERS:
-        least = np.inf
-        for triangle in SURFACE.triangles:
-            foot = trimesh.triangles.closest_point(points[triangle][None], corner[None])[0]
-            least = min(least, float(((corner - foot) ** 2).sum()))
-        total += least
-    return total
-
-
-def energy_at(points: Floats) -> ClosestPointEnergy:
-    return ClosestPointEnergy.of(Surface(points, SURFACE.triangles), CORNERS)
-
-
-def test_the_energy_is_eq_28() -> None:
-    assert energy_at(SURFACE.points).value(SURFACE.points) == pytest.approx(
-        transcribed(SURFACE.points), rel=1e-12
-    )
-
-
-def test_gradient_and_hessian_tell_all_while_the_closest_points_stay() -> None:
-    held = energy_at(SURFACE.points)
-    move = 0.3 * np.random.default_rng(3).normal(size=SURFACE.points.shape)
+def test_the_closest_point_energy_is_eq_28_and_quadratic() -> None:
+    points, random = SURFACE.points, np.random.default_rng(3)
+    energy, move = ClosestPointEnergy.of(SURFACE, CORNERS), 0.3 * random.normal(size=points.shape)
+    assert energy.value(points) == pytest.approx(closest_squares(SURFACE, CORNERS).sum(), rel=1e-12)
     flat = move.ravel()
-    change = (held.gradient(SURFACE.points) * move).sum() + 0.5 * flat @ (held.hessian @ flat)
-    moved = SURFACE.points + move
-    assert held.value(moved) == pytest.approx(held.value(SURFACE.points) + change, rel=1e-12)
-    # Where they were is not nearer than where they are.
-    assert held.value(moved) >= transcribed(moved)
+    change = (energy.gradient(points) * move).sum() + 0.5 * flat @ (energy.hessian @ flat)
+    moved = SURFACE.with_points(points + move)
+    assert energy.value(moved.points) == pytest.approx(energy.value(points) + change, rel=1e-12)
+    # The former closest points are not closer than the new ones.
+    assert energy.value(moved.points) >= closest_squares(moved, CORNERS).sum()
 
 
 @needs_clarabel
@@ -138,7 +121,7 @@ def test_a_quadratic_program_against_scipy() -> None:
     root = rng.normal(size=(6, 6))
     hessian, gradient = root @ root.T, rng.normal(size=6)
     rows, bounds = rng.normal(size=(9, 6)), rng.uniform(0.1, 1.0, size=9)
-    found = solve_quadratic_program(csc_array(hessian), gradient, csc_array(rows), bounds)
+    solution = solve_quadratic_program(csc_array(hessian), gradient, csc_array(rows), bounds)
     expected = minimize(
         lambda x: 0.5 * x @ hessian @ x + gradient @ x,
         np.zeros(6),
@@ -146,22 +129,20 @@ def test_a_quadratic_program_against_scipy() -> None:
         constraints={"type": "ineq", "fun": lambda x: bounds - rows @ x},
         tol=1e-12,
     ).x
-    assert found is not None
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    np.testing.assert_allclose(solution, expected, atol=1e-6)
     rows = csc_array(np.array([[1.0], [-1.0]]))
     assert solve_quadratic_program(csc_array(np.eye(1)), np.zeros(1), rows, -np.ones(2)) is None
 
 
 @needs_clarabel
 def test_points_inside_a_polyhedron() -> None:
-    """Pulled out of a ball of half-spaces, each point stops at the boundary nearest to its aim."""
+    """Each point stops at the boundary point nearest to its aim."""
     rng = np.random.default_rng(9)
     hull = convex_hull(rng.normal(size=(200, 3)) * [1.0, 0.5, 2.0])
     inside = PointsInside(hull.normals, hull.heights(hull.centroid))
     points = 0.1 * rng.normal(size=(40, 3))
     aims = 3.0 * rng.normal(size=(40, 3))
     moves = inside.step(points, csc_array(np.eye(120)), points - aims)
-    assert moves is not None
     reached = inside.pull_inside(points + moves)
     assert inside.slacks(reached).min() > -1e-14
     for place, aim in zip(reached, aims, strict=True):
@@ -172,3 +153,89 @@ def test_points_inside_a_polyhedron() -> None:
             constraints={"type": "ineq", "fun": lambda x: inside.slacks(x[None])[0]},
         ).x
         np.testing.assert_allclose(place, expected, atol=1e-4)
+
+
+# The balance.
+
+OPTIONS = ConcavePaperOptions()
+
+
+@pytest.mark.parametrize("direction", [[0.0, 0.0, 0.0], [0.004, -0.01, 0.003]])
+def test_the_balance_moves_the_center_of_mass_and_keeps_the_hull(direction: list[float]) -> None:
+    surface = bent_capsule(18, 10)
+    hull = convex_hull(surface.points)
+    center = surface.centroid + surface.diagonal * np.array(direction)
+    energies: list[float] = []
+    points, energy = balance(surface, surface, hull, center, OPTIONS, energies.append)
+    miss = surface.with_points(points).centroid - center
+    assert np.linalg.norm(miss) < 1e-12 * surface.diagonal
+    after = convex_hull(points)
+    np.testing.assert_array_equal(after.source, hull.source)
+    np.testing.assert_array_equal(after.vertices, hull.vertices)
+    assert energies[-1] == energy
+    moved = np.linalg.norm(points - surface.points, axis=1) / surface.diagonal
+    assert moved.max() < 0.2
+
+
+def test_a_convex_surface_stays_as_it_is() -> None:
+    """All its points are vertices of the hull."""
+    convex, center = ball(1), np.array([0.05, 0.0, 0.0])
+    hull = convex_hull(convex.points)
+    points, _ = balance(convex, convex, hull, center, OPTIONS, lambda energy: None)
+    np.testing.assert_array_equal(points, convex.points)
+
+
+def centroid_of(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Center of mass from tetrahedra with a corner at the origin."""
+    volume, moment = 0.0, np.zeros(3)
+    for a, b, c in points[triangles]:
+        part = float(np.dot(a, np.cross(b, c))) / 6.0
+        volume += part
+        moment += part * (a + b + c) / 4.0
+    return moment / volume
+
+
+def test_the_centering_gradient_is_eq_33_by_finite_differences() -> None:
+    surface = bumpy_sphere(1)
+    surface = surface.with_points(surface.points - [5.1, -1.8, 0.7])
+    gradient = centering_gradient(surface)
+    for point, axis in [(0, 0), (7, 1), (20, 2), (41, 0)]:
+        energies = []
+        for step in (1e-5, -1e-5):
+            points = surface.points.copy()
+            points[point, axis] += step
+            energies.append((centroid_of(points, surface.triangles) ** 2).sum())
+        slope = (energies[0] - energies[1]) / 2e-5
+        assert gradient[point, axis] == pytest.approx(slope, rel=1e-5, abs=1e-10)
+
+
+@pytest.mark.parametrize(("gamma", "power"), [(5.0, 2), (40.0, 3)])
+def test_moves_are_those_of_eq_35(gamma: float, power: int) -> None:
+    """`D (I + gamma L)^-p D g`, with matrices filled entry by entry."""
+    surface = bumpy_sphere(1)
+    count = len(surface.points)
+    operator = np.eye(count)
+    edges = {
+        frozenset((t[i], t[(i + 1) % 3])) for t in surface.triangles.tolist() for i in range(3)
+    }
+    for a, b in map(sorted, edges):
+        for i, j in ((a, b), (b, a)):
+            operator[i, i] += gamma
+            operator[i, j] -= gamma
+    hull = convex_hull(surface.points)
+    depths = np.array(
+        [
+            min((hull.polygon(f)[0] - x) @ n for f, n in enumerate(hull.normals))
+            for x in surface.points
+        ]
+    )
+    gradient = np.random.default_rng(1).normal(size=(count, 3))
+    expected = np.diag(depths) @ gradient
+    for _ in range(power):
+        expected = np.linalg.inv(operator) @ expected
+    expected = np.diag(depths) @ expected
+    tails, heads = surface.triangles.ravel(), np.roll(surface.triangles, -1, axis=1).ravel()
+    solver = SobolevSolver(edge_laplacian(tails, heads, count), SobolevOptions(gamma, power))
+    moves, _ = hull_keeping_moves(solver, depths, gradient)
+    np.testing.assert_allclose(moves, expected, atol=1e-12 * np.abs(gradient).max())
+    assert (moves * gradient).sum() > 0.0

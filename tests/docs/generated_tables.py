@@ -1,10 +1,9 @@
-"""Tables of the documentation that are made from the code: recipe keys, statuses,
-and what each registry has.
+"""Tables of the documentation that are generated from the code: recipe keys, statuses, registries.
 
     python tests/docs/generated_tables.py
 
-writes them anew, between a line `<!-- table: NAME -->` and the next `<!-- end -->` of each page.
-A test compares them with what the pages say.
+rewrites them, between a line `<!-- table: NAME -->` and the next `<!-- end -->` of each page. A
+test compares the pages with the code.
 """
 
 from __future__ import annotations
@@ -51,16 +50,16 @@ REGISTRIES = {
     "figures": "dicedesign.report.figures:FIGURES",
     "kinds of figures": "dicedesign.report.figures:BODY_FIGURES",
 }
-"""Name of a table, and where its registry is: "module:attribute"."""
+"""Address "module:attribute" of the registry of each table."""
 
 COMMANDS = {"kinds of figures": "dicedesign figure "}
-"""What is written before the names of a table's entries."""
+"""Text before the names of a table's entries."""
 
 BLOCK = re.compile(r"(<!-- table: ([\w ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 
 def tables() -> dict[str, Callable[[], str]]:
-    """Makers of all tables by name."""
+    """Functions that generate all tables, by name."""
     registries = {
         name: partial(registry_table, place, COMMANDS.get(name, ""))
         for name, place in REGISTRIES.items()
@@ -79,22 +78,22 @@ def tables() -> dict[str, Callable[[], str]]:
 
 
 def pages() -> list[Path]:
-    """The pages that a reader may open."""
+    """README and pages of docs/."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def blocks(page: Path) -> dict[str, str]:
-    """The tables of a page by name, as they stand."""
+    """Current tables of a page by name."""
     return {match[2]: match[3] for match in BLOCK.finditer(page.read_text(encoding="utf-8"))}
 
 
-def rewritten(text: str, makers: dict[str, Callable[[], str]]) -> str:
-    """The text of a page with its tables made anew."""
+def rewrite(text: str, makers: dict[str, Callable[[], str]]) -> str:
+    """Text of a page with generated tables."""
     return BLOCK.sub(lambda match: match[1] + makers[match[2]]() + match[4], text)
 
 
 def markdown(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """A table. Bars within cells are escaped."""
+    """Markdown table with escaped bars in cells."""
     lines = [header, ("---",) * len(header), *rows]
     return "".join(
         "|" + "|".join(cell if cell == "---" else f" {cell} " for cell in line) + "|\n"
@@ -112,7 +111,7 @@ def registry_table(place: str, command: str) -> str:
 
 
 def hands_table() -> str:
-    """Meaning and numbers of each hand."""
+    """Meaning and numbers of each throw distribution."""
     return markdown(
         ("name", "meaning", "height (m)", "speed (m/s)", "spin (rad/s)"),
         [
@@ -130,7 +129,7 @@ def hands_table() -> str:
 
 
 def limits_table() -> str:
-    """Numbers of each kind of printer, a column each."""
+    """Limits of each kind of printer, in columns."""
     printers = list(PRINTERS)
     names = [field.name for field in dataclasses.fields(Printer)]
     rows = []
@@ -143,12 +142,12 @@ def limits_table() -> str:
             ]
             rows.append(("`materials`, with their densities in g/cm³", *cells))
         elif name != "has_nozzle":
-            rows.append((f"`{name}`: {documented(Printer)[name]}", *(f"{v:g}" for v in values)))
+            rows.append((f"`{name}`: {parse_meanings(Printer)[name]}", *(f"{v:g}" for v in values)))
     return markdown(("", *(f"`{printer.name}`" for printer in printers)), rows)
 
 
 def sources_table() -> str:
-    """Where the numbers of each kind of printer, and of the materials, are from."""
+    """Sources of the numbers of printers and materials."""
     rows = [(f"`{printer.name}`", "; ".join(printer.sources)) for printer in PRINTERS]
     by_source: dict[str, list[str]] = {}
     for name, material in MATERIALS.items():
@@ -158,7 +157,7 @@ def sources_table() -> str:
 
 
 def bench_table() -> str:
-    """What each bench measures."""
+    """First line of each bench."""
     rows = []
     for name in import_module("benchmarks.frame").BENCHES:
         line = (import_module(f"benchmarks.{name}").__doc__ or "").partition("\n")[0]
@@ -174,7 +173,7 @@ def status_table() -> str:
 
 
 def format_table() -> str:
-    """What files of solids hold, by format."""
+    """Properties of each file format."""
     rows = [
         (f"`{kind.name}`", kind.line, kind.unit, kind.upward, kind.precision, kind.carries)
         for kind in FILE_FORMATS
@@ -183,7 +182,7 @@ def format_table() -> str:
 
 
 def priors_table() -> str:
-    """How each prior is written, and what it says."""
+    """Form and meaning of each prior."""
     rows = [(f"`{kind.form}`", kind.line) for kind in PRIORS]
     return markdown(("prior", "meaning"), rows)
 
@@ -199,11 +198,11 @@ MISSING = object()
 def recipe_rows(
     schema: type, parent: str = "", instance: object = None
 ) -> Iterator[tuple[str, str, str]]:
-    """The entries of a model or option class and of those within, depth first."""
+    """Yield the entries of a model or option class and of nested ones, depth first."""
     if hasattr(schema, "list_numbers"):  # Numbers that extensions declare.
         for number in schema.list_numbers().values():
             default = getattr(instance, number.name, number.default)
-            yield f"`{parent}{number.name}`", written(default), number.line
+            yield f"`{parent}{number.name}`", format_default(default), number.line
         return
     if schema is StartRecipe:
         for kind in STARTS:
@@ -211,21 +210,23 @@ def recipe_rows(
             yield f"`{parent}{kind.name}`", "", kind.line
             yield from () if nested is None else recipe_rows(nested, f"{parent}{kind.name}.")
         return
-    meanings = documented(schema)
+    meanings = parse_meanings(schema)
     hints = typing.get_type_hints(schema)
     for name, default in defaults(schema, instance):
         key, nested = f"{parent}{name}", nested_type(hints[name])
         parts = (
-            [] if nested is None else list(recipe_rows(nested, f"{key}.", made(nested, default)))
+            []
+            if nested is None
+            else list(recipe_rows(nested, f"{key}.", make_instance(nested, default)))
         )
-        shown = "required" if default is MISSING else "" if parts else written(default)
+        shown = "required" if default is MISSING else "" if parts else format_default(default)
         meaning = meanings.get(name) or summary(nested, name)
         yield f"`{key}`", shown, with_numbers(meaning, schema)
         yield from parts
 
 
 def defaults(schema: type, instance: object) -> Iterator[tuple[str, object]]:
-    """Names of the fields with the values of an instance, or with their own defaults."""
+    """Yield the fields with the values of an instance, or with their defaults."""
     if issubclass(schema, BaseModel):
         for name, entry in schema.model_fields.items():
             own = MISSING if entry.is_required() else entry.get_default(call_default_factory=True)
@@ -242,7 +243,7 @@ def defaults(schema: type, instance: object) -> Iterator[tuple[str, object]]:
 
 
 def nested_type(hint: Any) -> type | None:
-    """The class of options within a type, through optional and annotated ones."""
+    """Class of options in a type that may be optional or annotated."""
     if isinstance(hint, type) and not isinstance(hint, types.GenericAlias):
         is_options = (
             issubclass(hint, BaseModel)
@@ -250,12 +251,12 @@ def nested_type(hint: Any) -> type | None:
             or hasattr(hint, "list_numbers")
         )
         return hint if is_options else None
-    found = (nested_type(part) for part in typing.get_args(hint) if part is not type(None))
-    return next((part for part in found if part is not None), None)
+    parts = (nested_type(part) for part in typing.get_args(hint) if part is not type(None))
+    return next((part for part in parts if part is not None), None)
 
 
-def made(schema: type, default: object) -> object:
-    """The default itself, or where it is None the options as they are once asked for."""
+def make_instance(schema: type, default: object) -> object:
+    """The default, or an instance with all defaults if it is None."""
     if default is not None and default is not MISSING:
         return default
     try:
@@ -264,27 +265,27 @@ def made(schema: type, default: object) -> object:
         return None
 
 
-def written(value: object) -> str:
-    """A default as a recipe would say it."""
+def format_default(value: object) -> str:
+    """Default as a recipe has it."""
     if value is None:
         return ""
     plain = to_jsonable_python(value)
     return f"`{plain if isinstance(plain, str) else json.dumps(plain)}`"
 
 
-def documented(schema: type) -> dict[str, str]:
-    """What a class says about its fields: under "Attributes" of its docstring, or below each."""
+def parse_meanings(schema: type) -> dict[str, str]:
+    """Documentation of the fields of a class, in its docstring or below each field."""
     text = inspect.getdoc(schema) or ""
     section = re.search(r"^Attributes\n-+\n(.*?)(?=^\w+\n-+\n|^\S+: *\n|\Z)", text, re.S | re.M)
     meanings: dict[str, str] = {}
     names = "|".join(typing.get_type_hints(schema))
     field = rf"(?:{names})(?:, (?:{names}))*"
     for entry in re.split(r"\n(?=\S)", section[1]) if section else ():
-        for found in re.finditer(
+        for match in re.finditer(
             rf"(?:^|[;.]\s)({field}): (.*?)(?=[;.]\s{field}: |\Z)", entry, re.S
         ):
-            for name in found[1].split(", "):
-                meanings[name] = tidy(found[2])
+            for name in match[1].split(", "):
+                meanings[name] = tidy(match[2])
     bases = [base for base in reversed(schema.__mro__) if dataclasses.is_dataclass(base)]
     for each in dict.fromkeys([*bases, schema]):
         source = ast.parse(textwrap.dedent(inspect.getsource(each))).body[0]
@@ -302,14 +303,14 @@ def documented(schema: type) -> dict[str, str]:
 
 
 def summary(schema: type | None, name: str) -> str:
-    """What the class of an entry says first."""
+    """First sentence of the docstring of an entry's class."""
     first = (inspect.getdoc(schema) or "").split("\n\n")[0] if schema is not None else ""
     first = tidy(first).split(". ")[0]
     return re.sub(rf"^`[\w.]*\b{name}`[:,] *", "", first)
 
 
 def with_numbers(meaning: str, schema: type) -> str:
-    """A meaning with the numbers that its module's constants stand for."""
+    """Meaning with the values of constants of its module."""
     constants = vars(sys.modules[schema.__module__])
 
     def number(match: re.Match[str]) -> str:
@@ -320,17 +321,17 @@ def with_numbers(meaning: str, schema: type) -> str:
 
 
 def tidy(text: str) -> str:
-    """One line, which ends without a full stop."""
+    """Join lines and remove the full stop."""
     line = " ".join(text.split()).replace("``", "`")
     return line if line.endswith("...") else line.removesuffix(".")
 
 
 def main() -> int:
-    """Write all tables anew, and say which pages changed."""
+    """Rewrite all tables and print the pages that changed."""
     makers = tables()
     for page in pages():
         old = page.read_text(encoding="utf-8")
-        new = rewritten(old, makers)
+        new = rewrite(old, makers)
         if new != old:
             page.write_text(new, encoding="utf-8")
             print(page.relative_to(ROOT))

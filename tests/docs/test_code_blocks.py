@@ -1,5 +1,5 @@
-"""Commands, Python and recipes of all pages and the examples run as they stand, in a folder where
-the first command of the README has been run."""
+"""Commands, Python code and recipes of all pages and the examples run, in a folder with the results
+of the README's first command."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ LONG = (
     "run recipes/fair_d7_table.yaml",
     "run outputs/binomial_5_search/best.yaml",
 )
-"""Beginnings of commands that are only parsed here. `.ci/run` and tests of their own run them."""
+"""Beginnings of commands that are only parsed here; `.ci/run` and other tests run them."""
 
 SHORTER = {"design ": " --no-figures", "run ": " --no-figures", "throw ": " --drops 500"}
-"""What is added to commands."""
+"""Options added to commands."""
 
 EXAMPLES = sorted(
     path
@@ -49,14 +49,14 @@ def arguments(line: str) -> str:
 
 
 def called(line: str) -> str:
-    """A command as Python."""
+    """Python code of a command."""
     added = "".join(text for start, text in SHORTER.items() if line.startswith(start))
     given = shlex.split(line + added)
     return f"from dicedesign.cli.main import main\nassert main({given!r}) == 0"
 
 
 def ordered_parts() -> dict[str, str]:
-    """Everything that is run, as Python by name: first what others read."""
+    """All parts as Python code by name, those first whose files others read."""
     first = next(line for line in TYPED if "dicedesign run" in line).split("dicedesign ")[1]
     lines = [arguments(line) for line in TYPED if line.startswith("dicedesign ")]
     parts = {line: called(line) for line in [first, *lines] if not line.startswith(LONG)}
@@ -82,7 +82,7 @@ def test_commands_examples_and_code_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", [line for line in TYPED if line.startswith(PROGRAMS)])
-def test_a_command_is_understood(line: str) -> None:
+def test_commands_are_valid(line: str) -> None:
     command, *given = shlex.split(arguments(line))
     parser = argparse.ArgumentParser()
     if command == "python":
@@ -97,7 +97,7 @@ def test_a_command_is_understood(line: str) -> None:
             assert list(ROOT.glob(word)), word
 
 
-def test_nothing_else_is_typed() -> None:
+def test_other_commands_are_known() -> None:
     others = {line for line in TYPED if not line.startswith((*PROGRAMS, *INSTALLS))}
     assert others == {
         "pytest tests/fuzz --hypothesis-profile=nightly",

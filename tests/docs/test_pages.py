@@ -1,4 +1,4 @@
-"""What the pages say of files, equations, floors and options is what there is."""
+"""Files, equations, floors and options in the pages exist."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ MADE_UP = {"recipes/NAME.yaml"}
 
 
 def anchors(page: Path) -> set[str]:
-    """What a link to a heading of a page is called."""
+    """Anchors of the headings of a page."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def links(page: Path) -> list[str]:
-    """Targets of the links and pictures of a page that do not leave the repository."""
+    """Targets of links and pictures of a page within the repository."""
     targets = re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8"))
     return [target for target in targets if "://" not in target]
 
@@ -50,7 +50,7 @@ IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
 
 
 def named_files(page: Path) -> set[str]:
-    """Files and folders of the package, the tests and the examples that a page names as code."""
+    """Files and folders of the repository that a page names as code."""
     text = page.read_text(encoding="utf-8")
     code = IN_BACKTICKS.findall(re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))
     folders = "|".join(path.name for path in (ROOT / "dicedesign").iterdir() if path.is_dir())
@@ -59,7 +59,7 @@ def named_files(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_files_that_are_named_are_there(page: Path) -> None:
+def test_named_files_exist(page: Path) -> None:
     for name in named_files(page) - MADE_UP:
         assert (ROOT / name).exists() or (ROOT / "dicedesign" / name).exists(), name
 
@@ -70,7 +70,7 @@ def test_every_page_is_linked_from_the_readme() -> None:
 
 
 def expanded(text: str) -> set[int]:
-    """The numbers in a text such as "7, 8", "9 and 10" or "26 to 30"; decimals are not ours."""
+    """Whole numbers in a text such as "7, 8", "9 and 10" or "26 to 30"."""
     text = re.sub(r"\d+\.\d+", "", text)
     numbers = set()
     for first, last in re.findall(r"(\d+)(?: to (\d+))?", text):
@@ -82,13 +82,13 @@ CITED = re.compile(r"\b(?:eqs?\.|equations?)\s+(\d[\d.]*(?:(?:, | and | to )\d[\
 
 
 def cited(text: str) -> set[str]:
-    """Equations, algorithms and appendices of the paper that a text names."""
-    found = {f"eq. {number}" for part in CITED.findall(text) for number in expanded(part)}
-    found |= {f"algorithm {number}" for number in re.findall(r"\balgorithm\s+(\d+)", text)}
-    return found | {f"appendix {name}" for name in re.findall(r"\bappendix\s+([A-Z]\.\d)", text)}
+    """Equations, algorithms and appendices of the paper in a text."""
+    names = {f"eq. {number}" for part in CITED.findall(text) for number in expanded(part)}
+    names |= {f"algorithm {number}" for number in re.findall(r"\balgorithm\s+(\d+)", text)}
+    return names | {f"appendix {name}" for name in re.findall(r"\bappendix\s+([A-Z]\.\d)", text)}
 
 
-def test_the_method_knows_every_equation_that_the_code_names() -> None:
+def test_the_method_page_lists_every_equation_of_the_code() -> None:
     text = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
     table = {name for cell in first_column(text) for name in cited(cell)}
     for path in sorted((ROOT / "dicedesign").rglob("*")):
@@ -98,8 +98,8 @@ def test_the_method_knows_every_equation_that_the_code_names() -> None:
 
 
 def test_signatures_are_those_of_the_code(repository: Path) -> None:
-    """Those that a page writes out, with their keywords."""
-    found = 0
+    """Signatures with keywords in a page."""
+    count = 0
     for page in generated_tables.pages():
         text = " ".join(page.read_text(encoding="utf-8").split())
         for name, arguments in re.findall(r"`dd\.(\w+)\(([^`]*\*, [^`]*)\)`", text):
@@ -107,8 +107,8 @@ def test_signatures_are_those_of_the_code(repository: Path) -> None:
             bare = [p.replace(annotation=inspect.Parameter.empty) for p in parameters]
             expected = str(inspect.Signature(bare))[1:-1]
             assert arguments.replace('"', "'") == expected, page.name
-            found += 1
-    assert found
+            count += 1
+    assert count
 
 
 def test_every_public_name_is_in_the_api_reference() -> None:
@@ -124,7 +124,7 @@ def test_the_floors_are_those_of_the_architecture_test() -> None:
     assert tuple(name.replace("\\", "") for name in names) == FLOORS
 
 
-def test_game_designers_read_of_every_key() -> None:
+def test_the_designers_page_has_every_key() -> None:
     text = (ROOT / "docs" / "designers.md").read_text(encoding="utf-8")
     start, end = text.index("\n## Write a recipe"), text.index("\n## Sizes and labels")
     cells = first_column(text[start:end])
@@ -132,7 +132,7 @@ def test_game_designers_read_of_every_key() -> None:
 
 
 @pytest.mark.parametrize("page", generated_tables.pages(), ids=lambda page: page.stem)
-def test_tables_are_what_the_code_has(page: Path) -> None:
+def test_tables_agree_with_the_code(page: Path) -> None:
     makers = generated_tables.tables()
     for name, text in generated_tables.blocks(page).items():
         assert text == makers[name](), f"{name}: run python tests/docs/generated_tables.py"

@@ -1,5 +1,5 @@
-"""The README has the commands that the check of a change runs, and the tables of shipped recipes
-keep what the recipes promise. That the recipes keep it too is tested in `test_recipes`."""
+"""Lengths of pages, install commands, and tables of shipped recipes, which keep their tolerances.
+`test_recipes` tests the recipes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dicedesign.recipe.recipe import Recipe
 from dicedesign.tolerances import FILE_PROBABILITIES
 
 MOST_LINES = {"README": 150, "CHANGELOG": 1000, "numbers": 1000, "recipes": 1000}
-"""Lines of a page that is read in minutes; 250 of any other."""
+"""Maximum number of lines of pages; 250 of others."""
 
 
 def rows(page: Path, pattern: str) -> list[tuple[str, ...]]:
@@ -40,7 +40,7 @@ def test_two_commands_install(repository: Path) -> None:
 
 
 def test_every_bench_is_among_the_numbers(repository: Path) -> None:
-    # The script that checks a change runs them as they stand.
+    # The check of a change runs these lines.
     lines = commands(repository / "docs" / "numbers.md")
     benches = [line.split()[3] for line in lines if line.startswith("python -m benchmarks ")]
     assert set(benches) == set(BENCHES)
@@ -48,14 +48,14 @@ def test_every_bench_is_among_the_numbers(repository: Path) -> None:
 
 def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> None:
     pattern = r"^\| `(\w+)` \| (\d+) \| (\d+) \+ (\d+) \| (\S+) \| (\S+) \|"
-    told = rows(repository / "docs" / "numbers.md", pattern)
+    table = rows(repository / "docs" / "numbers.md", pattern)
     recipes = [
         recipe
         for recipe in shipped(repository)
         if recipe.method.concave is None and not recipe.method.is_thrown
     ]
-    assert [row[0] for row in told] == [recipe.name for recipe in recipes]
-    for recipe, (_, outcomes, labeled, stray, designed, error) in zip(recipes, told, strict=True):
+    assert [row[0] for row in table] == [recipe.name for recipe in recipes]
+    for recipe, (_, outcomes, labeled, stray, designed, error) in zip(recipes, table, strict=True):
         assert int(outcomes) == int(labeled) == len(recipe.target.target().labels)
         assert int(stray) == 0
         assert float(designed) <= recipe.method.tolerance
@@ -64,23 +64,23 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
 
 def test_every_concave_recipe_is_in_its_table_within_its_tolerance(repository: Path) -> None:
     pattern = r"^\| `(\w+)` \| (\d+) \| (\S+e\S+) \| (\S+e\S+) \| (\S+) \|"
-    told = rows(repository / "docs" / "concave.md", pattern)
+    table = rows(repository / "docs" / "concave.md", pattern)
     recipes = [recipe for recipe in shipped(repository) if recipe.method.concave is not None]
-    assert [row[0] for row in told] == [recipe.name for recipe in recipes]
-    for recipe, (_, outcomes, error, elsewhere, displacement) in zip(recipes, told, strict=True):
+    assert [row[0] for row in table] == [recipe.name for recipe in recipes]
+    for recipe, (_, outcomes, error, elsewhere, displacement) in zip(recipes, table, strict=True):
         assert int(outcomes) == len(recipe.target.target().labels)
         assert max(float(error), float(elsewhere)) <= recipe.method.tolerance
         assert float(displacement) <= 5.0
 
 
-def test_every_recipe_for_a_table_is_in_its_table_within_what_it_asks_for(
+def test_every_recipe_for_a_table_is_in_its_table_within_its_limit(
     repository: Path,
 ) -> None:
     pattern = r"^\| `(\w+)` \| `\w+` \| (0\.\d+) \| (0\.\d+) \|"
-    told = rows(repository / "docs" / "tables.md", pattern)
+    table = rows(repository / "docs" / "tables.md", pattern)
     recipes = [recipe for recipe in shipped(repository) if recipe.method.is_thrown]
-    assert [row[0] for row in told] == [recipe.name for recipe in recipes]
-    for recipe, (_, deviation, perfect) in zip(recipes, told, strict=True):
+    assert [row[0] for row in table] == [recipe.name for recipe in recipes]
+    for recipe, (_, deviation, perfect) in zip(recipes, table, strict=True):
         exact = recipe.method.exact
         assert exact is not None
         assert exact.refine is not None

@@ -1,9 +1,6 @@
-"""`assignment:` in a recipe: each label comes where it is named, with the probabilities of its
-own."""
+"""`assignment` in a recipe: each label gets its place with its own probability."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +17,7 @@ from dicedesign.results.parts import RoundOfThrows, Status
 
 PROBABILITIES = {"a": 0.22, "b": 0.24, "c": 0.26, "d": 0.28}
 ORDER = "cabd"
-"""A turn of three labels: its inverse is another order."""
+"""Permutation that differs from its inverse."""
 
 METHODS = {
     "paper": {"paper": {"prefer": {}}},
@@ -45,12 +42,11 @@ def recipe(method: str) -> Recipe:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_labels_come_where_they_are_named(method: str) -> None:
+def test_labels_get_their_places(method: str) -> None:
     """Facets move little from probabilities of 1/4 each."""
-    given: dict[str, Any] = {"last": "check"}
     if method == "thrown":
         pytest.importorskip("dicedesign_kernels")
-    work = design_recipe(recipe(method), **given)
+    work = design_recipe(recipe(method), last="check")
     directions = dict(zip(work.target.labels, work.die.directions, strict=True))
     for label, named in zip(ORDER, prism(4).directions, strict=True):
         assert directions[label] @ named > np.cos(np.radians(20.0))
@@ -66,20 +62,19 @@ def test_labels_come_where_they_are_named(method: str) -> None:
     ).all()
 
 
-def test_what_a_solver_tells_by_direction_is_told_by_outcome() -> None:
-    """Also of the rounds of throws."""
+def test_results_by_direction_are_reordered_by_outcome() -> None:
     given, start = recipe("thrown"), prism(4)
     np.testing.assert_array_equal(
         target_probabilities(given), [PROBABILITIES[label] for label in ORDER]
     )
-    asked, seen = (0.1, 0.2, 0.3, 0.4), (0.15, 0.25, 0.35, 0.2)
+    requested, frequencies = (0.1, 0.2, 0.3, 0.4), (0.15, 0.25, 0.35, 0.2)
     result = DesignResult(
         Status.CONVERGED, convex_hull(start.points), start.directions, 0.0, {}, (), 1, 1, 0
     )
-    rounds = (RoundOfThrows(100, 0.1, 0.01, 0.1, 0, None, True, asked, seen),)
+    rounds = (RoundOfThrows(100, 0.1, 0.01, 0.1, 0, None, True, requested, frequencies),)
     die = make_design(Work(given), result, rounds)
     for place, label in enumerate(ORDER):
         outcome = "abcd".index(label)
         np.testing.assert_array_equal(die.directions[outcome], start.directions[place])
-        assert die.rounds[0].requested[outcome] == asked[place]
-        assert die.rounds[0].frequencies[outcome] == seen[place]
+        assert die.rounds[0].requested[outcome] == requested[place]
+        assert die.rounds[0].frequencies[outcome] == frequencies[place]

@@ -1,4 +1,4 @@
-"""The verdict on dice that are made up."""
+"""Verdicts and advice on given designs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 FROM_PRISM = {"method": {"paper": {}}, "start": {"prism": {}}}
-"""Entries of a recipe of the paper's method."""
+"""Entries of a recipe by the paper's method."""
 
 
 def message(work: Work) -> str:
@@ -22,14 +22,14 @@ def message(work: Work) -> str:
 
 
 def roof(degrees: float) -> Floats:
-    """Corners of a cube whose lower side is bent by an angle: two rests."""
+    """Corners of a cube whose bottom is bent by an angle into two facets."""
     rise = np.tan(np.radians(degrees / 2.0))
     corners = box(2.0, 2.0, 2.0)
     raised = corners + np.array([0.0, 0.0, rise]) * (corners[:, 2:] < 0.0)
     return np.concatenate([raised, [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0]]])
 
 
-def test_a_good_die_has_no_advice() -> None:
+def test_a_converged_die_has_no_advice() -> None:
     work = checked(box(4.0, 5.0, 6.0), starts=3)
     assert work.status is Status.CONVERGED
     assert len(work.remarks) == 2
@@ -37,17 +37,14 @@ def test_a_good_die_has_no_advice() -> None:
     assert work.design_error < 1e-12
 
 
-def test_probabilities_that_are_off_are_told_with_how_much() -> None:
+def test_the_error_is_named() -> None:
     points = box(4.0, 5.0, 6.0)
     work = checked(points, target={"fair": 6}, starts=3)
     assert work.status is Status.OFF_TARGET
     off = np.abs(work.plain.outcomes.probabilities - 1.0 / 6.0).max()
     assert off > 0.05
-    told = [
-        float(number)
-        for number in re.findall(r"[0-9.]+(?= in the file| as designed)", message(work))
-    ]
-    assert told == pytest.approx([off, off], rel=5e-3)
+    numbers = re.findall(r"[0-9.]+(?= in the file| as designed)", message(work))
+    assert list(map(float, numbers)) == pytest.approx([off, off], rel=5e-3)
     assert work.design_error == pytest.approx(off, rel=1e-6)
     assert "3 starting shapes" in message(work)
     assert "finish" not in message(work)
@@ -59,8 +56,8 @@ def test_probabilities_that_are_off_are_told_with_how_much() -> None:
     assert "finish: exact" in message(checked(points, target={"fair": 6}, entries=rough))
 
 
-def test_rests_of_no_outcome_are_told() -> None:
-    """A box that has four outcomes only."""
+def test_rests_without_outcome_are_named() -> None:
+    """A box with outcomes on four of its sides."""
     points = box(4.0, 5.0, 6.0)
     work = checked(points, SIDES[[0, 1, 3, 4]])
     assert work.status is Status.OFF_TARGET
@@ -75,7 +72,7 @@ def test_rests_of_no_outcome_are_told() -> None:
 
 
 def test_outcomes_without_a_rest_are_counted() -> None:
-    """Two directions beside that of a side, which is nearer to another."""
+    """Two directions are near a side that is nearest to another outcome."""
     near = np.array([[1.0, 0.3, 0.0], [1.0, 0.0, 0.3]]) / np.sqrt(1.09)
     work = checked(box(1.0, 1.0, 1.0), np.concatenate([SIDES, near]), target={"fair": 8})
     assert (work.plain.outcomes.main < 0).sum() == 2
@@ -93,19 +90,18 @@ def test_outcomes_without_a_rest_are_counted() -> None:
         (Status.NO_PROGRESS, {}, None),
     ],
 )
-def test_what_to_raise_is_told_of_dice_that_ran_into_it(
+def test_the_limit_that_was_reached_is_named(
     status: Status, entries: dict[str, Any], key: str | None
 ) -> None:
     work = checked(box(4.0, 5.0, 6.0), status=status, target={"fair": 6}, entries=entries)
     assert work.status is status
-    found = re.findall(r"method\.\w+\.(?:seconds|evaluations)", message(work))
-    assert found == ([] if key is None else [key])
-    # What is wrong with its probabilities goes without saying.
+    keys = re.findall(r"method\.\w+\.(?:seconds|evaluations)", message(work))
+    assert keys == ([] if key is None else [key])
     assert Status.OFF_TARGET.value not in message(work)
 
 
 @pytest.mark.parametrize("status", [Status.CONVERGED, Status.NO_PROGRESS])
-def test_outcomes_that_are_one_to_the_eye_are_told_with_their_angle(status: Status) -> None:
+def test_the_angle_between_close_outcomes_is_named(status: Status) -> None:
     points = roof(4.0)
     half = np.radians(2.0)
     below = [[-np.sin(half), 0.0, -np.cos(half)], [np.sin(half), 0.0, -np.cos(half)]]
@@ -118,19 +114,18 @@ def test_outcomes_that_are_one_to_the_eye_are_told_with_their_angle(status: Stat
     assert Status.CROWDED.value not in message(apart)
 
 
-def test_an_outcome_that_is_left_at_a_nudge_is_named() -> None:
-    """A box stands on an end so thin that a tilt by a twentieth of a degree makes it fall."""
+def test_an_unsteady_outcome_is_named() -> None:
+    """A long box on its end falls when it is tilted by a twentieth of a degree."""
     work = checked(box(1.0, 1.1, 1100.0), target={"fair": 6}, entries={"size_mm": 100})
     weakest = work.plain.margins
     assert Status.UNSTEADY.value in message(work)
-    told = re.search(r"(\d) is left at ([0-9.]+) degrees", message(work))
-    assert told is not None
-    assert told[1] == work.target.labels[int(np.argmin(weakest))]
-    assert told[1] in "36"
-    assert float(told[2]) == pytest.approx(np.degrees(np.arctan(1.0 / 1100.0)), rel=0.05)
+    match = re.search(r"(\d) is left at ([0-9.]+) degrees", message(work))
+    assert match[1] == work.target.labels[int(np.argmin(weakest))]
+    assert match[1] in "36"
+    assert float(match[2]) == pytest.approx(np.degrees(np.arctan(1.0 / 1100.0)), rel=0.05)
 
 
-def test_facets_that_broke_are_put_down_to_moving_vertices() -> None:
+def test_vertex_coordinates_are_named_as_cause() -> None:
     entries = {"method": {"exact": {"coordinates": "vertices"}}}
     work = checked(box(4.0, 5.0, 6.0), target={"fair": 6}, entries=entries)
     assert "coordinates: vertices" in message(work)
@@ -138,22 +133,21 @@ def test_facets_that_broke_are_put_down_to_moving_vertices() -> None:
     assert "coordinates" not in message(checked(box(4.0, 5.0, 6.0), entries=entries))
 
 
-def test_the_smallest_circle_is_that_of_an_outcome_s_facet() -> None:
-    """Of a box 30 mm long between two corners: half the smallest side of any facet."""
+def test_the_smallest_inscribed_circle_is_named() -> None:
+    """Half the smallest side of a box with a diagonal of 30 mm."""
     points = box(4.0, 5.0, 6.0)
     size = np.linalg.norm([4.0, 5.0, 6.0])
     work = checked(points, status=Status.TOO_SMALL)
-    told = re.search(r"([0-9.]+) mm", message(work))
-    assert told is not None
-    assert float(told[1]) == pytest.approx(2.0 * 30.0 / size, rel=5e-3)
+    match = re.search(r"([0-9.]+) mm", message(work))
+    assert float(match[1]) == pytest.approx(2.0 * 30.0 / size, rel=5e-3)
     assert "circle has a radius" not in message(checked(points, target={"fair": 6}))
 
 
-@pytest.mark.parametrize(("smallest", "told"), [(9e-6, True), (1e-5, False), (2e-5, False)])
-def test_what_is_too_rare_is_told(smallest: float, told: bool) -> None:
+@pytest.mark.parametrize(("smallest", "is_rare"), [(9e-6, True), (1e-5, False)])
+def test_rare_outcomes_are_named(smallest: float, is_rare: bool) -> None:
     rest = (1.0 - smallest) / 5.0
     target = {"probabilities": [smallest, *[rest] * 5]}
     work = checked(box(4.0, 5.0, 6.0), target=target)
-    assert (f"{smallest:.2g} rarely" in message(work)) == told
+    assert (f"{smallest:.2g} rarely" in message(work)) == is_rare
     paper = checked(box(4.0, 5.0, 6.0), target=target, entries=FROM_PRISM)
     assert "rarely gets" not in message(paper)

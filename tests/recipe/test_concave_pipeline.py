@@ -1,12 +1,11 @@
-"""A recipe of a concave die run end to end: with a made-up search what is written, told and kept,
-and with the real one what comes out."""
+"""Recipes of concave dice from file to folder: results and checkpoints with a replaced search, and
+real searches."""
 
 from __future__ import annotations
 
 import json
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +21,15 @@ from common.killed import kill_at_write
 from dicedesign import rest_poses
 from dicedesign.cli.main import main
 from dicedesign.errors import InputError, LabelRoomError
+from dicedesign.geometry.meshes.body import shells_of
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
+from dicedesign.geometry.triangles import Surface, solid_properties
 from dicedesign.recipe import pipeline
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Callbacks
 from dicedesign.recipe.reading import read_recipe
-from dicedesign.recipe.recipe import Recipe
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
 
@@ -45,7 +48,7 @@ PICTURES = (
 
 @pytest.fixture
 def recipe_path(tmp_path: Path) -> Path:
-    """Of a cube, which is a fair die whatever its dents."""
+    """Recipe of a dented cube, which is a fair die."""
     write_cube(tmp_path / "cube.obj")
     path = tmp_path / "cube.yaml"
     entries = {
@@ -61,7 +64,7 @@ def recipe_path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
-    """Takes the place of the real one."""
+    """Replacement of the real search."""
     made_up = MadeUpSearch()
     monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", made_up)
     return made_up
@@ -69,7 +72,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> MadeUpSearch:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No pictures are drawn."""
+    """Skip drawing figures."""
     monkeypatch.setattr(
         "dicedesign.recipe.output.figure_files",
         lambda *arguments: dict.fromkeys(PICTURES, b"\x89PNG\r\n\x1a\n"),
@@ -126,8 +129,7 @@ def test_a_recipe_becomes_a_checked_die(
 def test_the_verdict_is_that_of_the_file(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    """A search that says all is well, where the die is a box: its probabilities are those of its
-    file."""
+    """The search reports success, but the die is a box."""
     search.change = lambda points: points * [1.0, 1.1, 1.25]
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "off_target"
@@ -144,14 +146,14 @@ def test_the_verdict_is_that_of_the_file(
     assert summary["max_abs_error"] == pytest.approx(np.abs(probabilities - 1 / 6).max(), abs=1e-12)
     assert summary["max_abs_error"] > 0.02
     assert "the probabilities of the outcomes are off by more than the tolerance" in result.message
-    # The hull was to be a cube; its corners are (1, 1, 1) from the middle, now (1, 1.1, 1.25).
+    # The designed hull is a cube with corners at (1, 1, 1), now at (1, 1.1, 1.25).
     assert "the surface does not fill the designed hull" in result.message
     outside = 0.25 / (2.0 * np.sqrt(1.0 + 1.1**2 + 1.25**2))
     assert summary["concave"]["hull"]["gap"] >= outside - 1e-6
     assert "this is the best of 3 attempts" in result.message
 
 
-def test_rests_that_are_no_outcome_are_told(
+def test_rests_without_outcome_are_a_flaw(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
     changes = ["target={probabilities: [0.5, 0.25, 0.25]}", "method.concave.tolerance=0.4"]
@@ -163,10 +165,10 @@ def test_rests_that_are_no_outcome_are_told(
     check(result.folder)
 
 
-def test_a_search_that_leads_nowhere_leaves_the_surface_as_it_came(
+def test_a_failed_search_keeps_the_surface(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    """The target has more outcomes than the cube sides."""
+    """The target has more outcomes than the cube has sides."""
     search.leads_nowhere = True
     result = run(recipe_path, tmp_path / "out", "target={fair: 9}", "engrave=true")
     assert result.status == "unchanged"
@@ -183,10 +185,10 @@ def test_a_search_that_leads_nowhere_leaves_the_surface_as_it_came(
     assert "die" not in summary["files"]
 
 
-def test_a_surface_that_meets_itself_did_not_converge(
+def test_a_self_intersecting_surface_has_not_converged(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    """Two opposite dents so deep that they go through each other."""
+    """Two opposite dents are so deep that they intersect."""
 
     def push(points: np.ndarray) -> np.ndarray:
         deep = points.copy()
@@ -201,22 +203,11 @@ def test_a_surface_that_meets_itself_did_not_converge(
     assert any("meets itself" in note for note in result.notes)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda points: np.where(np.arange(14)[:, None] == 8, -3.0 * points, points),
-    ],
-    ids=["pierced"],
-)
-def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
-    change: Callable[[np.ndarray], np.ndarray],
-    recipe_path: Path,
-    tmp_path: Path,
-    search: MadeUpSearch,
+def test_a_die_with_many_flaws_is_written_with_all_figures(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch
 ) -> None:
-    """A dent that comes out on the other side, or two opposite corners in each other's place; with
-    all pictures."""
-    search.change = change
+    """A dent goes through the opposite side."""
+    search.change = lambda points: np.where(np.arange(14)[:, None] == 8, -3.0 * points, points)
     changes = ["engrave=true", "print={printer: fdm, oriented: true}"]
     result = run(recipe_path, tmp_path / "out", *changes)
     assert result.status == "off_target"
@@ -229,7 +220,7 @@ def test_a_die_that_is_off_in_many_ways_is_written_with_all_that_can_be_told(
     assert result.tolerances is None
 
 
-def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
+def test_an_unprintable_surface_is_written_unchanged(
     recipe_path: Path,
     tmp_path: Path,
     search: MadeUpSearch,
@@ -246,7 +237,7 @@ def test_a_surface_that_is_no_printable_solid_is_written_as_it_is(
     assert len(trimesh.load_mesh(result.folder / "die_plain.stl").vertices) == 14
 
 
-def test_files_of_a_former_run_that_do_not_belong_are_removed(
+def test_files_of_an_earlier_run_are_removed(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
     folder = tmp_path / "out"
@@ -262,12 +253,12 @@ def test_files_of_a_former_run_that_do_not_belong_are_removed(
 def test_marks_that_do_not_fit(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    """An error where the die is good; else one more remark on it."""
+    """An error for a converged die, else a remark."""
     folder = tmp_path / "out"
     with pytest.raises(LabelRoomError, match=r"min_height_mm.*--resume"):
         run(recipe_path, folder, "engrave=true", "size_mm=5")
     assert names(folder) == ["checkpoint.npz"]
-    # The search needs not be done again.
+    # The search is not repeated.
     search.attempted.clear()
     assert run(recipe_path, folder, "engrave=true", "size_mm=50", resume=True).converged
     assert search.attempted == []
@@ -278,10 +269,10 @@ def test_marks_that_do_not_fit(
     assert "die.stl" not in names(folder)
 
 
-# What is kept.
+# Checkpoints.
 
 
-def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(
+def test_a_resumed_search_ends_like_an_uninterrupted_one(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
     whole = summary_of(run(recipe_path, tmp_path / "whole", "clock=false"))
@@ -299,10 +290,10 @@ def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(
     assert whole == parts
 
 
-def test_a_search_that_was_done_is_finished_at_once(
+def test_a_resumed_search_may_have_other_limits(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
-    """Limits may be others than before, and so may all that does not concern the search."""
+    """So may all entries that do not concern the search."""
     folder = tmp_path / "out"
     search.interrupt_after = 2
     with pytest.raises(KeyboardInterrupt):
@@ -315,33 +306,26 @@ def test_a_search_that_was_done_is_finished_at_once(
     check(folder)
 
 
-@pytest.mark.parametrize(
-    ("change", "kind"),
-    [
-        ("target={probabilities: [0.5, 0.5]}", "target"),
-        ("method.concave={fill: paper, paper: {bending: 1}}", "method"),
-        ("start={shape: kitten}", "surface"),
-    ],
-)
 def test_a_checkpoint_of_another_search_is_refused(
-    change: str,
-    kind: str,
-    recipe_path: Path,
-    tmp_path: Path,
-    search: MadeUpSearch,
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch
 ) -> None:
     folder = tmp_path / "out"
     search.interrupt_after = 1
     with pytest.raises(KeyboardInterrupt):
         run(recipe_path, folder)
     before = (folder / "checkpoint.npz").read_bytes()
-    with pytest.raises(InputError, match=f"expected a checkpoint of this {kind}, got"):
-        run(recipe_path, folder, change, resume=True)
-    assert (folder / "checkpoint.npz").read_bytes() == before
-    assert names(folder) == ["checkpoint.npz"]
+    for change, kind in (
+        ("target={probabilities: [0.5, 0.5]}", "target"),
+        ("method.concave={fill: paper, paper: {bending: 1}}", "method"),
+        ("start={shape: kitten}", "surface"),
+    ):
+        with pytest.raises(InputError, match=f"expected a checkpoint of this {kind}, got"):
+            run(recipe_path, folder, change, resume=True)
+        assert (folder / "checkpoint.npz").read_bytes() == before
+        assert names(folder) == ["checkpoint.npz"]
 
 
-def test_an_interrupt_while_results_are_written_keeps_the_search(
+def test_an_interrupt_while_results_are_written_keeps_the_checkpoint(
     recipe_path: Path,
     tmp_path: Path,
     search: MadeUpSearch,
@@ -368,7 +352,7 @@ def test_an_interrupt_while_results_are_written_keeps_the_search(
     assert search.attempted == []
 
 
-def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
+def test_an_interrupt_before_the_first_checkpoint_has_no_message(
     recipe_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*arguments: object, **options: object) -> None:
@@ -384,7 +368,7 @@ def test_an_interrupt_before_anything_is_kept_says_no_more_than_that(
 # From the command line.
 
 
-def test_the_command_line_prints_the_probabilities_and_what_was_moved(
+def test_the_command_prints_probabilities_and_displacement(
     recipe_path: Path,
     tmp_path: Path,
     search: MadeUpSearch,
@@ -416,7 +400,7 @@ def test_the_command_line_prints_the_probabilities_and_what_was_moved(
         assert option.split("=")[0] in capsys.readouterr().out
 
 
-def test_attempts_limits_and_the_best_are_shown_in_a_terminal(
+def test_a_terminal_shows_attempts_limits_and_the_best_die(
     recipe_path: Path,
     tmp_path: Path,
     search: MadeUpSearch,
@@ -437,7 +421,7 @@ def test_attempts_limits_and_the_best_are_shown_in_a_terminal(
     assert "too_near" in capsys.readouterr().err
 
 
-def test_an_interrupt_is_one_line_that_says_how_to_go_on(
+def test_an_interrupt_prints_how_to_resume_in_one_line(
     recipe_path: Path,
     tmp_path: Path,
     search: MadeUpSearch,
@@ -465,28 +449,19 @@ def test_an_interrupt_is_one_line_that_says_how_to_go_on(
 # The surface.
 
 
-def surface_recipe(tmp_path: Path, *changes: str) -> Recipe:
-    path = tmp_path / "r.yaml"
+def test_a_surface_is_remeshed_to_a_number_of_points(tmp_path: Path) -> None:
+    path, works = tmp_path / "r.yaml", []
     path.write_text("name: r\ntarget: {fair: 3}\nstart: {shape: knot}\nmethod: concave\n")
-    return read_recipe(path, changes)
+    for changes in ([], ["method.concave.points=400"]):
+        works.append(design_recipe(read_recipe(path, changes), last="start"))
+    before, after = works
+    assert before.notes == []
+    assert [note.partition(" ")[0] for note in after.notes] == ["decimated"]
+    assert 360 < len(after.surface.points) < 560
+    assert after.surface.volume == pytest.approx(before.surface.volume, rel=0.03)
 
 
-@pytest.mark.parametrize("points", [400])
-def test_a_surface_is_brought_to_a_number_of_points(points: int, tmp_path: Path) -> None:
-    work = design_recipe(surface_recipe(tmp_path), last="start")
-    surface = work.surface
-    assert work.notes == []
-    recipe = surface_recipe(tmp_path, f"method.concave.points={points}")
-    work = design_recipe(recipe, last="start")
-    changed, notes = work.surface, work.notes
-    assert len(notes) == 1
-    assert notes[0].startswith("decimated" if points < len(surface.points) else "refined")
-    # Even triangles are cut all at once.
-    assert 0.9 * points < len(changed.points) < (1.4 if points == 400 else 2.0) * points
-    assert changed.volume == pytest.approx(surface.volume, rel=0.03)
-
-
-def test_what_was_repaired_is_told(
+def test_repairs_are_noted(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
     mesh = tmp_path / "cube.obj"
@@ -507,9 +482,8 @@ def test_what_was_repaired_is_told(
 
 
 @pytest.mark.shipped
-def test_a_knot_becomes_a_loaded_die_killed_or_not(tmp_path: Path, quick: None) -> None:
-    """Killed while the state after the second attempt is written. Which attempts lead there is a
-    matter of rounding, which is not the same on all processors."""
+def test_a_killed_search_of_a_knot_is_resumed(tmp_path: Path, quick: None) -> None:
+    """Killed while the second checkpoint is written."""
     path = tmp_path / "knot.yaml"
     path.write_text(
         "name: knot\nseed: 2\ntarget: {probabilities: [0.5, 0.3, 0.2]}\nstart: {shape: knot}\n"
@@ -527,3 +501,38 @@ def test_a_knot_becomes_a_loaded_die_killed_or_not(tmp_path: Path, quick: None) 
     assert names(parts)[-1] == "checkpoint.npz"
     run(path, parts, resume=True)
     assert (parts / "die_plain.stl").read_bytes() == (whole / "die_plain.stl").read_bytes()
+
+
+@pytest.mark.shipped
+def test_a_hollow_die_has_the_probabilities_by_its_own_center_of_mass(tmp_path: Path) -> None:
+    tolerance, wall_mm = 0.005, 1.0
+    recipe = {
+        "name": "hollow",
+        "target": {"fair": 3},
+        "start": {"shape": "duck"},
+        "method": {
+            "concave": {"tolerance": tolerance, "attempts": 1, "hollow": {"wall_mm": wall_mm}}
+        },
+        "engrave": {"depth_mm": 0.4},
+        "size_mm": 50,
+        "figures": False,
+        "report": False,
+    }
+    result = pipeline.run(recipe, tmp_path)
+    for name in ("die_plain.stl", "die.stl"):
+        body = read_body(tmp_path / name)
+        poses = rest_poses(body)
+        own = {facet.label: facet.normal for facet in result.facets}
+        downs = np.array([own[label] for label in result.labels])
+        probabilities = outcome_probabilities(poses, downs).probabilities
+        np.testing.assert_allclose(probabilities, 1.0 / 3.0, atol=tolerance)
+    body = read_body(tmp_path / "die_plain.stl")
+    shell = shells_of(body.triangles)
+    outer, inner = (Surface(body.points, body.triangles[shell == k]) for k in range(2))
+    assert outer.volume > 0.0 > inner.volume
+    np.testing.assert_allclose(-inner.volume, result.concave.cavities.volume_mm3, rtol=1e-9)
+    # Without the cavity the probabilities would be others.
+    centroid = solid_properties(outer.points, outer.triangles)[1]
+    assert np.linalg.norm(centroid - rest_poses(body).center_of_mass) > 0.1
+    near = distances_from_surface(outer, body.points[np.unique(inner.triangles)]).min()
+    assert near >= wall_mm * (1.0 - 1e-4)

@@ -21,7 +21,7 @@ def coin() -> Die:
 
 
 def test_a_die_of_probabilities(coin: Die) -> None:
-    """Its probabilities are those of its corners, by the forward model on its own."""
+    """Judged by the forward model on its vertices."""
     assert (coin.status, coin.converged, coin.is_engraved) == ("converged", True, False)
     assert coin.message.startswith("The file has your probabilities: off by at most 0.0")
     assert coin.labels == ("heads", "tails", "edge")
@@ -39,8 +39,8 @@ def test_a_die_of_probabilities(coin: Die) -> None:
     assert coin.history[-1].max_abs_error < 1e-12
 
 
-def test_what_makes_a_target(coin: Die) -> None:
-    """A list, a mapping as in a recipe, and a Target are the same."""
+def test_targets_of_every_kind(coin: Die) -> None:
+    """Lists, mappings and `Target`s give the same die."""
     target = Target(coin.labels, coin.target)
     mapping = {"probabilities": ["1/2", "1/3", "1/6"], "labels": list(coin.labels)}
     for same in (target, mapping):
@@ -52,8 +52,8 @@ def test_what_makes_a_target(coin: Die) -> None:
     np.testing.assert_allclose(fair.probabilities, 0.25, atol=1e-7)
 
 
-def test_engraved_saved_and_read_back(coin: Die, tmp_path: Path) -> None:
-    plain = design(["1/2", 1 / 3, 1 / 6], labels=["heads", "tails", "edge"], seed=3, size_mm=40.0)
+def test_an_engraved_die_is_saved_and_read_back(coin: Die, tmp_path: Path) -> None:
+    plain = design(coin.target, labels=coin.labels, seed=3, size_mm=40.0)
     corners = len(plain.vertices)
     assert plain.engrave(depth_mm=0.6) is plain
     assert plain.is_engraved
@@ -71,7 +71,7 @@ def test_engraved_saved_and_read_back(coin: Die, tmp_path: Path) -> None:
     assert 0.9 * whole < volumes[0] < whole
 
 
-def test_a_report_is_what_a_run_leaves(tmp_path: Path) -> None:
+def test_a_report_has_the_files_of_a_run(tmp_path: Path) -> None:
     die = design({"fair": 3}, engrave=True)
     with pytest.raises(InputError, match="die: expected a die that was written to a folder"):
         len(str(die.result.plain_file))
@@ -84,7 +84,7 @@ def test_a_report_is_what_a_run_leaves(tmp_path: Path) -> None:
     assert die.result.folder is None
 
 
-def test_what_is_engraved_again_is_told_once() -> None:
+def test_a_second_engraving_replaces_the_first() -> None:
     die = design({"fair": 3}, size_mm=40.0)
     plain = die.message
     first = die.engrave(depth_mm=0.4).message
@@ -94,14 +94,14 @@ def test_what_is_engraved_again_is_told_once() -> None:
     assert die.engrave(depth_mm=0.4).message == first
 
 
-def test_numbers_of_numpy_are_numbers() -> None:
+def test_numpy_numbers_are_valid() -> None:
     die = design({"fair": np.int64(3)}, seed=np.int64(3), size_mm=np.float32(40.0))
     assert (die.recipe.seed, die.recipe.size_mm) == (3, 40.0)
     with pytest.raises(InputError, match=r"target\.labels"):
         design({"fair": 3, "labels": [10**400, 1, 2]})
 
 
-def test_what_cannot_be_used() -> None:
+def test_invalid_arguments() -> None:
     for target in ([0.5, 0.4], {"fare": 3}, "fair", [0.5, "x"]):
         with pytest.raises(InputError, match="target"):
             design(target)
@@ -115,7 +115,7 @@ def test_what_cannot_be_used() -> None:
     assert not die.is_engraved
 
 
-def test_edges_stay_rounded_under_labels(tmp_path: Path) -> None:
+def test_engraving_keeps_rounded_edges(tmp_path: Path) -> None:
     die = design({"fair": 5}, edges={"radius_mm": 1.5}, printing="sla")
     assert not die.is_engraved
     rounded = die.result
@@ -137,9 +137,8 @@ def test_edges_stay_rounded_under_labels(tmp_path: Path) -> None:
     np.testing.assert_allclose(probabilities, 0.2, atol=1e-5)
 
 
-def test_files_of_rounded_dice_keep_their_strips() -> None:
-    """Where strips are as fine as what single precision rounds, a file's facets run together, and
-    its probabilities are off by percents."""
+def test_rounded_edges_survive_single_precision() -> None:
+    """Strips as fine as rounding errors would merge, with errors of percents."""
     probabilities = np.random.default_rng(1).dirichlet(np.full(5, 12.0)) + 0.02
     die = design(probabilities / probabilities.sum(), edges={"radius_mm": 1.0})
     assert die.converged

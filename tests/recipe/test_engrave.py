@@ -1,15 +1,18 @@
-"""Labels cut into made-up dice."""
+"""Labels of given designs, and sizes at which they fit."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from common.made_up_die import SIDES, box, designed
 
 from dicedesign.errors import EngravingError
+from dicedesign.fabricate.die import make_solid
+from dicedesign.fabricate.engraving import place_on_facets
 from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
@@ -22,7 +25,7 @@ from dicedesign.runtime.arrays import Floats
 def engraved(
     size_mm: float = 25.0, center_of_mass: Floats | None = None, read: str = "auto"
 ) -> Work:
-    """A run up to the stage engrave of a box that is no fair die."""
+    """Run up to the stage "engrave" of a box that is not fair."""
     work = designed(
         box(4.0, 5.0, 6.0),
         SIDES,
@@ -36,8 +39,8 @@ def engraved(
 
 
 @pytest.mark.parametrize("depth_mm", [0.3, 3.0])
-def test_what_labels_change_by_more_than_a_twentieth_is_told(depth_mm: float) -> None:
-    """Of a frustum, which seldom rests on its top: a label deep in the base is worth much there."""
+def test_large_changes_by_labels_are_noted(depth_mm: float) -> None:
+    """A deep label in the base of a frustum changes the small probability of its top a lot."""
     frustum = box(4.0, 4.0, 2.5)
     frustum[frustum[:, 2] > 0.0] *= [0.3, 0.3, 1.0]
     options = {
@@ -54,30 +57,25 @@ def test_what_labels_change_by_more_than_a_twentieth_is_told(depth_mm: float) ->
         {"engrave": options},
     )
     run_stages(work, after="design", last="engrave")
-    assert work.engraved is not None
     verdict = work.engraved.assessment
-    assert verdict is not None
     changes = np.abs(verdict.outcomes.probabilities / work.plain.outcomes.probabilities - 1.0)
     assert (changes.max() > 0.05) == (depth_mm > 1.0)
-    told = [re.search(r"probabilities of (\S+) by (\d+)%", note) for note in work.notes]
+    notes = [re.search(r"probabilities of (\S+) by (\d+)%", note) for note in work.notes]
     if depth_mm < 1.0:
-        assert told == []
+        assert notes == []
         return
-    (found,) = told
-    assert found is not None
-    assert found[1] == ("■", "1")[int(changes.argmax())]
-    assert int(found[2]) == round(100.0 * changes.max())
+    (match,) = notes
+    assert match[1] == ("■", "1")[int(changes.argmax())]
+    assert int(match[2]) == round(100.0 * changes.max())
 
 
 @pytest.mark.parametrize(("read", "sign"), [("down", 1.0), ("auto", -1.0)])
 def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> None:
-    """Below the facet that an outcome rests on or the one above there is less of the file's solid,
-    by as much as that label takes."""
+    """Each label takes its volume from the facet on top, or from the one that is down."""
     work = engraved(read=read)
-    assert work.engraved is not None
     points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
     engraved_solid, depth = solid(points.astype(np.float64), triangles), 0.6
-    # Labels are pockets, so that the box is its hull.
+    # The hull is the box, as labels are pockets.
     hull = convex_hull(points.astype(np.float64), single_precision=True)
     plain = solid(hull.vertices, hull.triangles)
     for label, side, placement in zip("abcdef", SIDES, work.engraved.placements, strict=True):
@@ -96,9 +94,8 @@ def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> Non
     assert work.result().engraved.max_abs_error is not None
 
 
-def test_with_a_center_that_was_given_nobody_knows_what_labels_change() -> None:
+def test_a_labeled_die_with_a_given_center_is_not_assessed() -> None:
     work = engraved(center_of_mass=np.zeros(3))
-    assert work.engraved is not None
     assert work.engraved.assessment is None
     assert work.result().engraved.probabilities is None
     assert "die.stl" in work.files
@@ -126,8 +123,8 @@ def test_one_label_without_a_rest_keeps_the_die_plain() -> None:
     assert "die.stl" not in work.files
 
 
-def test_labels_without_room_on_top_lie_below_unless_asked_for() -> None:
-    """Of a frustum that bears its short label on its small top, if that is read from below."""
+def test_labels_without_room_on_top_are_read_from_below() -> None:
+    """The short label fits on the small top of a frustum, the long one only on its base."""
     frustum = box(4.0, 4.0, 2.5)
     frustum[frustum[:, 2] > 0.0] *= [0.2, 0.2, 1.0]
 
@@ -143,3 +140,67 @@ def test_labels_without_room_on_top_lie_below_unless_asked_for() -> None:
     assert way(30.0, "auto") == "down"
     assert way(30.0, "up") is None
     assert way(8.0, "auto") is None
+
+
+# Sizes.
+
+
+def sized_work(
+    size_mm: float, engrave: bool = True, enlarge: bool = True, label: str = "6", thin: float = 4.0
+) -> Work:
+    """Run up to the stage "size" of a box with a label on a facet with its smallest side."""
+    entries = {"engrave": engrave, "size_mm": size_mm}
+    target = {"fair": 6, "labels": ["1", "2", "3", "4", "5", label]}
+    work = designed(box(thin, 5.0, 6.0), target=target, entries=entries)
+    work.enlarge = enlarge
+    run_stages(work, after="design", last="size")
+    return work
+
+
+def fits(work: Work, size_mm: float) -> bool:
+    try:
+        solid = make_solid(work.die, size_mm)
+        place_on_facets(
+            solid.poses,
+            solid.outcomes.main,
+            solid.poses.hull,
+            work.target.labels,
+            work.recipe.engrave,
+        )
+    except EngravingError:
+        return False
+    return True
+
+
+def test_the_size_is_the_smallest_whole_number_of_millimeters() -> None:
+    work = sized_work(5.0)
+    size = work.recipe.size_mm
+    assert size == int(size) > 5.0
+    assert fits(work, size)
+    assert not fits(work, size - 1.0)
+    assert len(work.notes) == 1
+    assert f"{size:g}" in work.notes[0]
+    assert "rare outcomes" not in work.notes[0]
+    assert work.recipe.engrave is not None
+
+
+@pytest.mark.parametrize(
+    "options", [{"size_mm": 30.0}, {"engrave": False}, {"enlarge": False}], ids=str
+)
+def test_a_sufficient_size_is_kept(options: dict[str, Any]) -> None:
+    work = sized_work(**{"size_mm": 5.0, **options})
+    assert work.recipe.size_mm == options.get("size_mm", 5.0)
+    assert work.notes == []
+
+
+def test_a_size_that_does_not_help_is_kept() -> None:
+    """The label needs more than the largest size, or a missing facet."""
+    huge = sized_work(30.0, label="not so short", thin=0.02)
+    assert (huge.recipe.size_mm, huge.notes) == (30.0, [])
+    lacking = designed(box(4.0, 5.0, 6.0), SIDES, target={"fair": 6}, entries={"engrave": True})
+    lacking.enlarge = True
+    directions = SIDES.copy()
+    directions[5] = [0.8, 0.6, 0.0]
+    lacking.die = designed(box(4.0, 5.0, 6.0), directions, target={"fair": 6}).die
+    run_stages(lacking, after="design", last="size")
+    assert (lacking.recipe.size_mm, lacking.notes) == (30.0, [])

@@ -1,4 +1,4 @@
-"""The die in every format, as a run leaves it: read back by trimesh, with its probabilities."""
+"""Files of a run in every format, with the probabilities of the die, and its data sheet."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import hashlib
 import json
 import re
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pypdf
 import pytest
 import yaml
+from PIL import Image
 
 from dicedesign.fabricate import file_formats
 from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
@@ -22,7 +25,12 @@ from dicedesign.results.folder import read_result
 
 FORMATS = ["3mf", "obj", "glb", "ply", "off"]
 
-COIN = {"name": "coin", "target": {"probabilities": ["1/2", "1/3", "1/6"]}, "seed": 3}
+COIN = {
+    "name": "coin",
+    "target": {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]},
+    "seed": 3,
+    "size_mm": 40.0,
+}
 
 QUICK = {"figures": False, "report": False, "clock": False}
 
@@ -48,7 +56,7 @@ def test_every_file_has_the_probabilities_of_the_stl(coin: Path) -> None:
         np.testing.assert_allclose(sorted_probabilities(coin / f"die.{name}"), exact, atol=1e-9)
 
 
-def test_every_file_is_told_with_its_checksum(coin: Path) -> None:
+def test_the_result_lists_every_file_with_its_checksum(coin: Path) -> None:
     result = read_result(coin)
     names = {path.name for path in coin.iterdir()} - {"result.json"}
     assert {f"die.{name}" for name in ["stl", *FORMATS]} < names
@@ -58,7 +66,7 @@ def test_every_file_is_told_with_its_checksum(coin: Path) -> None:
         assert result.sha256[name] == hashlib.sha256((coin / name).read_bytes()).hexdigest()
 
 
-def test_facts_are_those_of_the_result(coin: Path) -> None:
+def test_metadata_are_those_of_the_result(coin: Path) -> None:
     result = read_result(coin)
     data = (coin / "die.glb").read_bytes()
     scene = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
@@ -72,10 +80,11 @@ def test_facts_are_those_of_the_result(coin: Path) -> None:
     assert [material["name"] for material in scene["materials"]] == ["die", "labels"]
 
 
-def test_formats_that_are_not_asked_for_any_more_are_removed(tmp_path: Path) -> None:
+def test_files_of_an_earlier_recipe_are_removed(tmp_path: Path) -> None:
     entries = {**COIN, **QUICK, "engrave": False}
-    run({**entries, "files": ["obj", "stl"]}, tmp_path)
-    assert (tmp_path / "die_plain.obj").exists()
+    run({**entries, "files": ["obj", "stl"], "data_sheet": True}, tmp_path)
+    files = {path.name for path in tmp_path.iterdir()}
+    assert files >= {"die_plain.obj", "data_sheet.pdf", "data_sheet.png"}
     result = run(entries, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(result.files.values())
     assert set(result.files) == {"die_plain", "recipe", "result"}
@@ -109,10 +118,31 @@ def test_a_file_with_other_probabilities_is_left_out(
     [
         ([], ["stl"]),
         ("obj", ["stl", "obj"]),
-        (["obj", "stl", "obj", False], ["stl", "obj", "off"]),  # YAML takes a bare off for false.
+        (["obj", "stl", "obj", False], ["stl", "obj", "off"]),  # YAML reads a bare off as false.
     ],
 )
 def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> None:
     recipe = parse_recipe({**COIN, "files": files})
     assert recipe.files == expected
     assert yaml.safe_load(yaml.safe_dump(recipe.as_dict()))["files"] == expected
+
+
+def test_a_data_sheet_describes_the_die_beside_it(tmp_path: Path) -> None:
+    first, second = (
+        run({**COIN, **QUICK, "data_sheet": True, "figures": figures}, tmp_path / f"{figures}")
+        for figures in (True, False)
+    )
+    for result in (first, second):
+        reader = pypdf.PdfReader(result.folder / "data_sheet.pdf")
+        (page,) = reader.pages
+        text = page.extract_text()
+        assert result.sha256["die.stl"] in text
+        for label, probabilities in zip(result.labels, result.engraved.probabilities, strict=True):
+            assert label in text
+            assert f"{100.0 * probabilities:.3f}" in text
+        picture = Image.open(BytesIO((result.folder / "data_sheet.png").read_bytes()))
+        assert picture.size == (1240, 1754)
+        assert {"data_sheet.pdf", "data_sheet.png"} < set(result.files.values())
+    # Figures are on the sheet if they were drawn.
+    pages = [pypdf.PdfReader(r.folder / "data_sheet.pdf").pages[0] for r in (first, second)]
+    assert len(pages[0].images) == len(pages[1].images) + 1

@@ -1,4 +1,4 @@
-"""The finished dice of recipes/finished, made by one command, and read back by others' readers."""
+"""Finished dice of recipes/finished, made by one command and read by other libraries."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WITHIN = {"stl": 1e-6, "obj": 1e-9, "3mf": 1e-9, "glb": 1e-6}
 
 
 def probabilities(file: Path, result: dict) -> np.ndarray:
-    """Of the outcomes, for the bodies in a file as trimesh reads them."""
+    """(k,) probabilities of the outcomes of a file read by trimesh."""
     loaded = trimesh.load(file, force="scene", process=False)
     bodies = [body.copy() for body in loaded.dump()]
     if file.suffix == ".stl" and "die_inlay" in result["files"]:
@@ -42,14 +42,14 @@ def probabilities(file: Path, result: dict) -> np.ndarray:
 
 @pytest.fixture(scope="module", params=NAMES)
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a run leaves of a recipe, called like it."""
+    """Results folder of a recipe."""
     recipe = ROOT / "recipes" / "finished" / f"{request.param}.yaml"
     out = tmp_path_factory.mktemp("finished") / request.param
     assert main(["run", str(recipe), "--out", str(out), "--no-figures"]) == 0
     return out
 
 
-def test_a_slicer_takes_them_without_repair(folder: Path) -> None:
+def test_a_slicer_needs_no_repair(folder: Path) -> None:
     for kind in ("stl", "3mf"):
         assert slicer_info(folder / f"die.{kind}")["manifold"] == "yes"
 
@@ -58,8 +58,8 @@ def test_every_file_has_the_probabilities_names_and_colors(folder: Path) -> None
     result = json.loads((folder / "result.json").read_text())
     assert result["status"] == "converged"
     for kind, most in WITHIN.items():
-        found = probabilities(folder / f"die.{kind}", result)
-        assert np.abs(found - result["target"]).max() <= most, kind
+        computed = probabilities(folder / f"die.{kind}", result)
+        assert np.abs(computed - result["target"]).max() <= most, kind
 
     model = lib3mf.Wrapper().CreateModel()
     reader = model.QueryReader("3mf")
@@ -67,10 +67,8 @@ def test_every_file_has_the_probabilities_names_and_colors(folder: Path) -> None
     reader.ReadFromFile(str(folder / "die.3mf"))
     assert reader.GetWarningCount() == 0
     group = model.GetMetaDataGroup()
-    told = [group.GetMetaData(k) for k in range(group.GetMetaDataCount())]
-    assert {"Title": folder.name}.items() <= {
-        entry.GetName(): entry.GetValue() for entry in told
-    }.items()
+    entries = [group.GetMetaData(k) for k in range(group.GetMetaDataCount())]
+    assert ("Title", folder.name) in [(entry.GetName(), entry.GetValue()) for entry in entries]
     colors = model.GetBaseMaterialGroups()
     assert colors.MoveNext()
     assert len(colors.GetCurrentBaseMaterialGroup().GetAllPropertyIDs()) == 2

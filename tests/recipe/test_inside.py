@@ -1,4 +1,4 @@
-"""Dice with a center of mass that was given, which their printed solids have."""
+"""Printed dice with a given center of mass."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def recipe(inside: Any, **entries: Any) -> dict[str, Any]:
 
 
 def probabilities(mesh: trimesh.Trimesh, center: np.ndarray, count: int) -> np.ndarray:
-    """The largest, of the hull of a file with a center of mass."""
+    """The largest probabilities of a mesh with a center of mass."""
     poses = rest_poses(np.asarray(mesh.vertices).astype(np.float32), center)
     return np.sort(poses.probabilities)[::-1][:count]
 
@@ -44,13 +44,10 @@ def test_a_cavity_below_labels(tmp_path: Path) -> None:
     assert result.converged
     mesh = trimesh.load(tmp_path / "die.stl")
     assert mesh.is_watertight
-    # That which was given is at the origin, and that of the file without any help.
+    # The given center of mass is at the origin, and so is that of the file.
     np.testing.assert_allclose(mesh.center_mass, 0.0, atol=1e-5)
     np.testing.assert_allclose(probabilities(mesh, mesh.center_mass, 5), 0.2, atol=1e-6)
-    assert result.inside is not None
-    assert result.inside.wall_mm is not None
     assert result.inside.wall_mm >= 1.5 * (1.0 - 1e-4)
-    assert result.engraved.max_abs_error is not None
     assert result.engraved.max_abs_error <= 1e-6
     assert read_result(tmp_path).inside == result.inside
 
@@ -60,21 +57,22 @@ def test_a_cavity_of_a_die_under_a_prior(tmp_path: Path) -> None:
     result = run(parse_recipe(recipe("cavity", engrave=False, prior=prior)), tmp_path)
     mesh = trimesh.load(tmp_path / "die.stl")
     corners = np.asarray(mesh.vertices).astype(np.float32)
-    found = rest_poses(corners, mesh.center_mass).under(prior).probabilities
-    np.testing.assert_allclose(found[:5], 0.2, atol=1e-6)
+    computed = rest_poses(corners, mesh.center_mass).under(prior).probabilities
+    np.testing.assert_allclose(computed[:5], 0.2, atol=1e-6)
     assert result.converged
-    assert result.engraved.max_abs_error == pytest.approx(np.abs(found[:5] - 0.2).max(), abs=1e-7)
+    assert result.engraved.max_abs_error == pytest.approx(
+        np.abs(computed[:5] - 0.2).max(), abs=1e-7
+    )
 
 
 def test_infill_has_a_file_of_its_own(tmp_path: Path) -> None:
     result = run(parse_recipe(recipe("infill", engrave=False)), tmp_path)
     assert result.converged
     assert "die_sparse.stl" in result.files.values()
-    assert result.inside is not None
     assert result.inside.off_mm <= 1e-4 < result.inside.shift_mm
 
 
-def test_what_is_refused() -> None:
+def test_invalid_insides_are_refused() -> None:
     with pytest.raises(RecipeError, match="inside: expected a center_of_mass with it"):
         parse_recipe(recipe("cavity", center_of_mass="uniform"))
     with pytest.raises(RecipeError, match=r"inside.*wall_mm"):

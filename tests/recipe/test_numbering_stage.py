@@ -1,4 +1,4 @@
-"""Made-up and designed dice whose equally probable outcomes change places."""
+"""Numbering of equally probable outcomes of given and designed dice."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dicedesign.results.parts import RoundOfThrows, Status
 
 
 def numbered(style: str, sides: tuple[float, float, float] = (1.0, 1.0, 1.0), **more: Any) -> Work:
-    """A run up to the stage check, of a box whose labels were in the order of `SIDES`."""
+    """Run up to the stage "check" of a box with labels in the order of `SIDES`."""
     work = designed(box(*sides), entries={"numbering": style, **more})
     run_stages(work, after="design", last="check")
     return work
@@ -41,7 +41,7 @@ def test_a_cube_gets_sums_of_seven() -> None:
 
 @pytest.mark.parametrize("style", ["standard", "balanced"])
 def test_probabilities_stay_with_their_labels(style: str) -> None:
-    """Of a box of three kinds of sides only opposite ones change places, of a square one four."""
+    """Only opposite sides are interchangeable, and in a square box four sides."""
     for sides in ((4.0, 5.0, 6.0), (4.0, 4.0, 6.0)):
         work = numbered(style, sides)
         assert work.status is Status.CONVERGED
@@ -55,22 +55,23 @@ def test_probabilities_stay_with_their_labels(style: str) -> None:
         assert sorted(map(tuple, after.tolist())) == sorted(map(tuple, before.tolist()))
 
 
-def test_what_throws_told_of_an_outcome_goes_with_it() -> None:
-    asked = np.arange(6.0)
-    thrown = RoundOfThrows(10, 0.0, 0.0, 0.0, 0, None, True, tuple(asked), tuple(2.0 * asked))
+def test_rounds_of_throws_are_reordered_too() -> None:
+    requested = np.arange(6.0)
+    thrown = RoundOfThrows(
+        10, 0.0, 0.0, 0.0, 0, None, True, tuple(requested), tuple(2.0 * requested)
+    )
     work = designed(box(1.0, 1.0, 1.0), entries={"numbering": "standard"}, rounds=(thrown,))
     run_stages(work, after="design", last="numbering")
     (after,) = work.die.rounds
     of_side = (work.die.directions @ SIDES.T).argmax(axis=1)
     assert list(of_side) != list(range(6))
-    np.testing.assert_array_equal(after.requested, asked[of_side])
-    np.testing.assert_array_equal(after.frequencies, 2.0 * asked[of_side])
+    np.testing.assert_array_equal(after.requested, requested[of_side])
+    np.testing.assert_array_equal(after.frequencies, 2.0 * requested[of_side])
 
 
-def test_the_label_goes_where_its_outcome_went() -> None:
+def test_labels_follow_their_outcomes() -> None:
     work = numbered("standard", engrave=True)
     run_stages(work, after="check", last="engrave")
-    assert work.engraved is not None
     for direction, placement, text in zip(
         work.die.directions, work.engraved.placements, work.target.labels, strict=True
     ):
@@ -79,7 +80,7 @@ def test_the_label_goes_where_its_outcome_went() -> None:
 
 
 def test_a_symmetric_die_stays_symmetric() -> None:
-    """Facets that the group carries to each other still bear equally probable labels."""
+    """Facets that the group maps to each other have equally probable labels."""
     recipe = parse_recipe(
         {
             "name": "d6",
@@ -92,14 +93,13 @@ def test_a_symmetric_die_stays_symmetric() -> None:
     work = design_recipe(recipe, last="check")
     assert work.status is Status.CONVERGED
     group = recipe.group()
-    assert group is not None
     orbits = orbits_of_directions(work.die.directions, group)
     for orbit in np.unique(orbits):
         assert np.ptp(work.target.probabilities[orbits == orbit]) == 0.0
     assert across(work)
 
 
-def test_an_outcome_without_a_facet_keeps_all_where_they_are() -> None:
+def test_a_die_with_a_missing_facet_is_not_renumbered() -> None:
     directions = SIDES.copy()
     directions[5] = [0.8, 0.6, 0.0]
     work = designed(

@@ -1,4 +1,4 @@
-"""A recipe run end to end, checked by other tools: its stages, and who listens to them."""
+"""Recipes run end to end and checked by other tools, and the stages."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import STAGES, Callbacks, Stage, Work, run
 from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Designed, HullCounts, Result
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
-"""Corners of a body with more than four rests, in coordinates of its own."""
+"""Points of a body with more than four rests, away from the origin."""
 
 CIRCUS = Path("recipes", "paper", "2d6_circus.yaml")
 
 
 def few_steps(count: int) -> list[str]:
-    """The paper's literal method, cut short."""
+    """The paper's literal method with few steps."""
     return [f"method.paper={{step: line_search, finish: none, tolerance: 1e-6, steps: {count}}}"]
 
 
@@ -79,7 +80,7 @@ def test_without_a_clock_the_same_seed_gives_the_same_bytes(
 
 
 def stone_recipe(folder: Path, entries: str, stone: np.ndarray = STONE) -> Recipe:
-    """A recipe that looks at a stone as it is, and moves nothing."""
+    """Recipe that takes a stone as it is."""
     lines = ["v " + " ".join(map(repr, corner.tolist())) for corner in stone]
     (folder / "stone.obj").write_text("\n".join(lines))
     path = folder / "stone.yaml"
@@ -96,17 +97,17 @@ def test_a_given_center_of_mass_is_in_the_mesh_s_own_coordinates(tmp_path: Path)
     poses = rest_poses(STONE, center)
     recipe = stone_recipe(tmp_path, f"target: {{fair: 4}}\ncenter_of_mass: {center}")
     work = design_recipe(recipe, last="check")
-    found = work.solid.poses
+    designed = work.solid.poses
     np.testing.assert_allclose(work.die.directions, poses.normals[:4], atol=1e-12)
-    np.testing.assert_allclose(found.probabilities, poses.probabilities, atol=1e-10)
-    np.testing.assert_allclose(found.normals, poses.normals, atol=1e-10)
+    np.testing.assert_allclose(designed.probabilities, poses.probabilities, atol=1e-10)
+    np.testing.assert_allclose(designed.normals, poses.normals, atol=1e-10)
     # The file holds it to single precision.
     np.testing.assert_allclose(work.plain.poses.probabilities, poses.probabilities, atol=1e-6)
 
 
-@pytest.mark.parametrize(("smallest", "told"), [(1e-6, True), (1.1e-6, False)])
-def test_a_tolerance_that_hides_the_smallest_outcome_is_told(
-    tmp_path: Path, smallest: float, told: bool
+@pytest.mark.parametrize(("smallest", "is_hidden"), [(1e-6, True), (1.1e-6, False)])
+def test_a_tolerance_above_the_smallest_outcome_is_noted(
+    tmp_path: Path, smallest: float, is_hidden: bool
 ) -> None:
     """The tolerance is 1e-6."""
     target = [0.3, smallest, 0.3, 0.4 - smallest]
@@ -116,11 +117,11 @@ def test_a_tolerance_that_hides_the_smallest_outcome_is_told(
         "method.paper.tolerance lower"
     )
     work = design_recipe(recipe, last="check")
-    assert "; ".join(work.remarks).endswith(remark) == told
+    assert "; ".join(work.remarks).endswith(remark) == is_hidden
 
 
 def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
-    """The target counts every rest for the nearest of four directions, as the energy does."""
+    """The target assigns every rest to the nearest of four directions, as the energy does."""
     poses = rest_poses(STONE)
     nearest = np.argmax(poses.normals @ poses.normals[:4].T, axis=1)
     sums = np.bincount(nearest, poses.probabilities)
@@ -133,7 +134,7 @@ def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
         "the probabilities of the outcomes are off by more than the tolerance; "
     )
     stray = poses.probabilities[4:].sum()
-    assert f"{stray:.3g} of the probability lies on rests without an outcome" in message
+    assert f"{stray:.3g} of the probability is on rests without an outcome" in message
     assert "finish: exact" in message
 
 
@@ -174,14 +175,14 @@ RECIPE = {"name": "x", "target": {"fair": 3}, "engrave": False, "start": {"prism
 
 
 def weigh(work: Work) -> None:
-    """A note of what a die of 1.2 g/cm3 weighs."""
+    """Note the weight of a die of 1.2 g/cm3."""
     volume, _ = solid_properties(work.solid.points, work.solid.triangles)
     work.notes.append(f"it weighs {1.2e-3 * volume:.1f} g")
 
 
 @pytest.fixture
 def weighing() -> Iterator[Stage]:
-    """Before engraving, of dice that are larger than 20 mm."""
+    """Stage before engraving for dice larger than 20 mm."""
     yield STAGES.register(
         Stage(
             name="weigh",
@@ -194,7 +195,7 @@ def weighing() -> Iterator[Stage]:
     STAGES.unregister("weigh")
 
 
-def test_a_stage_from_outside_has_its_turn(weighing: Stage) -> None:
+def test_a_registered_stage_runs_in_its_place(weighing: Stage) -> None:
     work = design_recipe(parse_recipe(RECIPE))
     names = [stage["name"] for stage in work.clock.stages]
     assert names == ["start", "load", "design", "export", "check", "weigh"]
@@ -203,8 +204,8 @@ def test_a_stage_from_outside_has_its_turn(weighing: Stage) -> None:
     assert [stage["name"] for stage in small.clock.stages][-1] == "check"
 
 
-def test_a_result_says_what_the_work_holds() -> None:
-    """Of a box that has a label on three of its sides."""
+def test_a_result_has_the_data_of_the_work() -> None:
+    """A box with labels on three of its sides."""
     work = checked(box(4.0, 5.0, 6.0), SIDES[:3], Status.NO_PROGRESS, {"fair": 3})
     work.notes.append("a note")
     work.extra |= {"grams": 2.5}
@@ -217,7 +218,7 @@ def test_a_result_says_what_the_work_holds() -> None:
     assert result.unstable_facets == 0
     assert result.rest_counts == (1, 1, 1)
     assert result.least_angle_deg == pytest.approx(90.0, abs=1e-5)
-    # From its smallest side over one of the longer edges.
+    # Tipped from its smallest side over a longer edge.
     assert result.least_margin_deg == pytest.approx(np.degrees(np.arctan(4.0 / 6.0)), abs=1e-4)
     assert result.elsewhere == pytest.approx(0.5, abs=1e-6)
     assert (result.folder, result.files) == (None, {})
@@ -225,7 +226,7 @@ def test_a_result_says_what_the_work_holds() -> None:
     assert work.result().design.energy == {"dice": 0.25}
 
 
-def test_what_is_done_to_a_copy_is_not_done_to_the_work() -> None:
+def test_a_copy_is_independent() -> None:
     work = checked(box(4.0, 5.0, 6.0))
     before = [len(work.remarks), len(work.notes), len(work.extra), len(work.files)]
     stages = len(work.clock.stages)
@@ -239,3 +240,54 @@ def test_what_is_done_to_a_copy_is_not_done_to_the_work() -> None:
         pass
     assert [len(work.remarks), len(work.notes), len(work.extra), len(work.files)] == before
     assert (len(work.clock.stages), work.images) == (stages, {})
+
+
+# Callbacks.
+
+METHODS: list[dict[str, Any]] = [
+    {"start": {"search": {}}},
+    {"start": {"prism": {}}, "assignment": ["c", "a", "b"]},
+    {"start": {"prism": {}}, "method": {"paper": {"steps": 40}}, "assignment": ["c", "a", "b"]},
+]
+
+
+@pytest.mark.parametrize("entries", METHODS, ids=["searched", "exact", "paper"])
+def test_shapes_have_the_probabilities_of_their_steps(entries: dict[str, Any]) -> None:
+    target = {"probabilities": [0.5, 0.3, 0.2], "labels": ["a", "b", "c"]}
+    recipe = parse_recipe({"name": "d3", "target": target, **entries})
+    shapes, errors, starts = [], [], []
+    callbacks = Callbacks(
+        on_start=starts.append,
+        on_shape=lambda *shape: shapes.append(shape),
+        on_step=lambda step: errors.append(step.max_abs_error),
+    )
+    work = design_recipe(recipe, callbacks, last="design")
+    assert len(shapes) == len(errors) == len(work.die.steps)
+    assert starts == list(range(len(starts)))
+    assert len(starts) >= (work.die.starts if work.recipe.method.exact else 0)
+    hull, directions = shapes[-1]
+    np.testing.assert_array_equal(hull.vertices, work.die.hull.vertices)
+    np.testing.assert_array_equal(directions, work.die.directions)
+    for (hull, directions), error in zip(shapes, errors, strict=True):
+        outcomes = outcome_probabilities(rest_poses(hull.vertices), directions)
+        if outcomes.elsewhere < 1e-12 and (outcomes.rest_counts == 1).all():
+            computed = outcomes.max_abs_error(recipe.target.target().probabilities)
+            assert computed == pytest.approx(error, abs=1e-9)
+
+
+class Enough(BaseException):
+    """Exception of a callback."""
+
+
+def test_an_exception_of_a_callback_ends_the_run() -> None:
+    shapes = []
+
+    def on_shape(*shape: Any) -> None:
+        shapes.append(shape)
+        if len(shapes) == 3:
+            raise Enough
+
+    recipe = parse_recipe({"name": "d5", "target": {"fair": 5}})
+    with pytest.raises(Enough):
+        design_recipe(recipe, Callbacks(on_shape=on_shape), last="design")
+    assert len(shapes) == 3

@@ -1,5 +1,4 @@
-"""`prior:` in a recipe: the files have the probabilities under it, by rolling directions that are
-drawn."""
+"""Priors in recipes: files have the target probabilities under them."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ BARE = {"print": False, "figures": False, "report": False, "engrave": False}
 
 
 def lower_half(axis: tuple[float, float, float], count: int) -> np.ndarray:
-    """(count, 3) directions all over the half-sphere about an axis."""
+    """(count, 3) random directions of the half-sphere around an axis."""
     drawn = np.random.default_rng(11).normal(size=(count, 3))
     return drawn * np.sign(drawn @ np.array(axis))[:, None]
 
@@ -39,12 +38,12 @@ def test_the_target_is_met_under_the_prior(target: dict[str, object], prior: str
     assert work.status is dd.Status.CONVERGED, work.remarks
     assert work.solid.outcomes.max_abs_error(wanted) <= 1e-12
     assert work.plain.max_abs_error < 1e-6
-    # With all directions alike it is another die.
+    # Under a uniform prior it is off.
     even = outcome_probabilities(work.plain.poses.under(None), work.die.directions)
     assert even.max_abs_error(wanted) > 0.01
 
 
-def test_the_labeled_file_has_the_probabilities_of_directions_that_are_drawn(
+def test_the_labeled_file_has_the_probabilities_of_random_directions(
     tmp_path: Path,
 ) -> None:
     axis = (0.0, 0.6, -0.8)
@@ -57,8 +56,8 @@ def test_the_labeled_file_has_the_probabilities_of_directions_that_are_drawn(
     path = tmp_path / "die.stl"
     path.write_bytes(work.files["die.stl"])
     poses = dd.rest_poses(dd.read_body(path))
-    found = outcome_probabilities(poses.under(text), work.die.directions)
-    assert found.max_abs_error(work.target.probabilities) < 1e-6
+    outcomes = outcome_probabilities(poses.under(text), work.die.directions)
+    assert outcomes.max_abs_error(work.target.probabilities) < 1e-6
     rolled = poses.under(dd.SampledDirections(lower_half(axis, 20_000)))
     counted = outcome_probabilities(rolled, work.die.directions)
     # Four standard deviations.
@@ -67,12 +66,11 @@ def test_the_labeled_file_has_the_probabilities_of_directions_that_are_drawn(
     result = work.result()
     assert result.prior == text
     assert f"the prior {text}" in throwing_advice(result.thrown, result.prior)
-    assert result.infill is not None
     assert result.infill.max_abs_error < 0.05
     assert np.abs(np.array(result.tolerances.deviations)).max() < 0.1
 
 
-def test_all_directions_alike_is_no_prior() -> None:
+def test_a_uniform_prior_is_no_prior() -> None:
     for prior in ("uniform", None):
         given = parse_recipe({"name": "die", "target": {"fair": 4}, "prior": prior})
         assert given.prior is None
@@ -84,7 +82,7 @@ def test_all_directions_alike_is_no_prior() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entries", "said"),
+    ("entries", "text"),
     [
         ({"prior": "vmf:0,0,0:1"}, "prior: expected an axis"),
         ({"prior": "half:0,0,1", "method": "paper", "start": {"repulsion": {}}}, "paper"),
@@ -95,13 +93,13 @@ def test_all_directions_alike_is_no_prior() -> None:
         ),
     ],
 )
-def test_what_cannot_be_meant_is_refused(entries: dict[str, object], said: str) -> None:
-    with pytest.raises(RecipeError, match=said):
+def test_invalid_priors_are_refused(entries: dict[str, object], text: str) -> None:
+    with pytest.raises(RecipeError, match=text):
         parse_recipe({"name": "die", "target": {"fair": 6}, **entries})
 
 
-def test_samples_are_refused_with_what_would_help(tmp_path: Path) -> None:
-    path = tmp_path / "seen.csv"
+def test_samples_are_no_density(tmp_path: Path) -> None:
+    path = tmp_path / "samples.csv"
     path.write_text("x,y,z\n0,0,1\n")
     with pytest.raises(RecipeError, match="dicedesign rest"):
         parse_recipe({"name": "die", "target": {"fair": 6}, "prior": f"samples:{path}"})

@@ -1,4 +1,4 @@
-"""Recipes: what is accepted, and what is said of the rest."""
+"""Valid and invalid recipes, and typed targets."""
 
 from __future__ import annotations
 
@@ -9,14 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from dicedesign.concave.shapes import SHAPES
 from dicedesign.errors import RecipeError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.reading import read_recipe, recipe_text
+from dicedesign.recipe.reading import (
+    format_probabilities,
+    parse_recipe,
+    parse_target,
+    read_recipe,
+    recipe_text,
+)
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.results.parts import Status
+from dicedesign.recipe.target import TargetRecipe
 
 GOOD: dict[str, Any] = {
     "name": "test",
@@ -31,18 +37,13 @@ def read(tmp_path: Path, entries: dict[str, object], changes: tuple[str, ...] = 
     return read_recipe(path, changes)
 
 
-def test_shipped_recipes_are_read(repository: Path) -> None:
+def test_shipped_recipes_are_read_and_written(repository: Path, tmp_path: Path) -> None:
     recipes = sorted((repository / "recipes").glob("*.yaml"))
     assert len(recipes) >= 9
     for path in recipes:
-        assert read_recipe(path).name == path.stem
-
-
-def test_a_resolved_recipe_reads_as_itself(repository: Path, tmp_path: Path) -> None:
-    for path in (repository / "recipes").glob("*.yaml"):
         recipe = read_recipe(path)
-        again = read(tmp_path, recipe.as_dict())
-        assert again == recipe
+        assert recipe.name == path.stem
+        assert read(tmp_path, recipe.as_dict()) == recipe
 
 
 CONCAVE: dict[str, Any] = {
@@ -54,7 +55,7 @@ CONCAVE: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("method", ["concave", {"concave": {}}, {"concave": {"points": 500}}])
-def test_a_concave_die_is_plain_unless_marks_are_asked_for(method: object, tmp_path: Path) -> None:
+def test_a_concave_die_is_plain_by_default(method: object, tmp_path: Path) -> None:
     plain = read(tmp_path, {**CONCAVE, "method": method})
     assert plain.engrave is None
     assert plain.as_dict()["engrave"] is False
@@ -66,9 +67,9 @@ def test_a_concave_die_is_plain_unless_marks_are_asked_for(method: object, tmp_p
     assert read(tmp_path, GOOD).engrave == EngravingOptions()
 
 
-def test_every_shape_that_is_built_can_be_a_start(tmp_path: Path) -> None:
+def test_every_built_in_shape_is_a_start(tmp_path: Path) -> None:
     for name in SHAPES:
-        assert read(tmp_path, {**CONCAVE, "start": {"shape": name}}).start.shape == name
+        assert read(tmp_path, {**CONCAVE, "start": {"shape": name}}).start.options == name
     listed = Recipe.model_json_schema()["properties"]["start"]["properties"]["shape"]
     assert listed["anyOf"][0]["enum"] == list(SHAPES)
 
@@ -79,7 +80,7 @@ BAD_CONCAVE = [
     ({"method": "exact"}, r"start.shape: expected method: \{concave: \{\}\} with it, got exact"),
     ({"center_of_mass": [0, 0, 1]}, "center_of_mass: expected uniform .*; leave it out"),
     ({"symmetry": "C3v"}, "symmetry: expected the exact method"),
-    ({"assignment": "any"}, "assignment: expected in_order with the concave method"),
+    ({"assignment": ["1"]}, "assignment: expected in_order with the concave method"),
     ({"min_inradius_mm": 1}, "min_inradius_mm: expected the exact method, .*, got concave"),
     ({"method": {"concave": {}, "exact": {}}}, "one of exact, .*, got exact and concave; keep"),
     (
@@ -99,42 +100,19 @@ def test_bad_recipes_of_concave_dice_are_explained(
         read(tmp_path, {**CONCAVE, **entries})
 
 
-def test_any_order_of_the_labels_is_tried(tmp_path: Path) -> None:
-    """Binomial probabilities in their own order around a prism lead nowhere; in another order they
-    do."""
-    entries = {
-        "name": "x",
-        "target": {"binomial": 5},
-        "start": {"prism": {}},
-        "method": {"exact": {"prefer": {}, "starts": 60}},
-    }
-    recipe = read(tmp_path, {**entries, "assignment": "any"})
-    assert recipe.as_dict()["assignment"] == "any"
-    assert recipe.outcome_of_direction() == list(range(6))
-    work = design_recipe(recipe, last="check")
-    assert work.status is Status.CONVERGED
-    directions = work.start.directions
-    assert np.argmax(work.die.directions @ directions.T, axis=1).tolist() != list(range(6))
-    for other in ({"symmetry": "Cs"}, {"start": {"search": {}}}, {"method": "paper"}):
-        with pytest.raises(RecipeError, match="assignment: expected any with the exact method"):
-            read(tmp_path, {**entries, "assignment": "any", **other})
-
-
-def test_paths_of_fonts_and_icons_count_from_the_recipe(tmp_path: Path) -> None:
+def test_paths_of_fonts_and_icons_are_relative_to_the_recipe(tmp_path: Path) -> None:
     options = {"font": "fonts/a.OTF", "icons": {6: "six.svg", 7: "/seven.svg"}}
     recipe = read(tmp_path, {**GOOD, "engrave": options}, ("engrave.icons.8=eight.svg",))
-    assert recipe.engrave is not None
     assert recipe.engrave.font == str(tmp_path / "fonts" / "a.OTF")
     six, seven, eight = str(tmp_path / "six.svg"), "/seven.svg", str(Path.cwd() / "eight.svg")
     assert recipe.engrave.icons == {"6": six, "7": seven, "8": eight}
     assert read(tmp_path, recipe.as_dict()) == recipe
     named = read(tmp_path, {**GOOD, "engrave": {"font": "DejaVu Serif", "upright": [0, 0, 1]}})
-    assert named.engrave is not None
     assert (named.engrave.font, named.engrave.upright) == ("DejaVu Serif", (0.0, 0.0, 1.0))
     assert read(tmp_path, named.as_dict()) == named
 
 
-def test_a_mesh_path_counts_from_the_recipe_or_in_a_change_from_where_one_is(
+def test_a_mesh_path_is_relative_to_the_recipe_and_in_a_change_to_the_working_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, elsewhere = tmp_path / "recipes", tmp_path / "elsewhere"
@@ -146,7 +124,6 @@ def test_a_mesh_path_counts_from_the_recipe_or_in_a_change_from_where_one_is(
     changed = read_recipe(Path("recipes/r.yaml"), ["start.mesh.path=b.stl"])
     monkeypatch.chdir(elsewhere)
     for given, path in ((recipe, folder / "a.stl"), (changed, tmp_path / "b.stl")):
-        assert given.start.mesh is not None
         assert given.start.mesh.path == str(path)
         (elsewhere / "again.yaml").write_text(recipe_text(given))
         assert read_recipe(Path("again.yaml")) == given
@@ -260,7 +237,7 @@ def test_missing_key(tmp_path: Path) -> None:
         (b"x: !!int x\n", "expected YAML, but"),
     ],
 )
-def test_files_that_are_no_recipes(tmp_path: Path, content: bytes, message: str) -> None:
+def test_invalid_files_are_explained(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_bytes(content)
     with pytest.raises(RecipeError, match=message):
@@ -284,7 +261,7 @@ BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for 
         ),
     ],
 )
-def test_a_small_file_that_stands_for_much_is_refused_at_once(
+def test_a_small_file_that_expands_is_refused_at_once(
     tmp_path: Path, text: str, message: str
 ) -> None:
     path = tmp_path / "bomb.yaml"
@@ -300,15 +277,15 @@ def test_a_small_file_that_stands_for_much_is_refused_at_once(
 
 def test_yaml_runs_no_code(tmp_path: Path) -> None:
     path = tmp_path / "code.yaml"
-    made = tmp_path / "made"
+    touched = tmp_path / "touched"
     for tag in ("apply:pathlib.Path.touch", "new:os.system", "name:os.system", "module:os"):
-        path.write_text(f"target: !!python/object/{tag} ['{made}']\n")
+        path.write_text(f"target: !!python/object/{tag} ['{touched}']\n")
         with pytest.raises(RecipeError, match="could not determine a constructor for the tag"):
             read_recipe(path)
-        path.write_text(f"target: !!python/{tag} ['{made}']\n")
+        path.write_text(f"target: !!python/{tag} ['{touched}']\n")
         with pytest.raises(RecipeError, match="could not determine a constructor for the tag"):
             read_recipe(path)
-    assert not made.exists()
+    assert not touched.exists()
 
 
 def test_bad_changes(tmp_path: Path) -> None:
@@ -316,3 +293,84 @@ def test_bad_changes(tmp_path: Path) -> None:
         read(tmp_path, GOOD, ("size_mm",))
     with pytest.raises(RecipeError, match="--set size_mm: expected YAML"):
         read(tmp_path, GOOD, ("size_mm=[",))
+
+
+PLAIN: dict[str, Any] = {"name": "die", "target": {"fair": 4}, "start": {"repulsion": {}}}
+
+
+def labeled(label: str) -> dict[str, Any]:
+    return {"target": {"probabilities": [0.25] * 4, "labels": ["a", "b", "c", label]}}
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"size_mm": 1000.0},
+        {"size_mm": 30.0, "min_inradius_mm": 14.999},
+        labeled("ä"),
+    ],
+)
+def test_limits_are_valid(entries: dict[str, Any]) -> None:
+    assert isinstance(parse_recipe({**PLAIN, **entries}), Recipe)
+
+
+@pytest.mark.parametrize(
+    ("entries", "key"),
+    [
+        ({"size_mm": 1000.1}, "size_mm"),
+        ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
+        (labeled("\ud800"), "labels"),
+        ({"start": {"repulsion": {}, "repulsions": {}}}, "start"),
+    ],
+)
+def test_values_beyond_the_limits_are_refused(entries: dict[str, Any], key: str) -> None:
+    with pytest.raises(RecipeError, match=key):
+        parse_recipe({**PLAIN, **entries})
+
+
+def test_a_recipe_is_immutable() -> None:
+    recipe = parse_recipe(PLAIN)
+    with pytest.raises(ValidationError, match="frozen"):
+        recipe.seed = 3
+
+
+@pytest.mark.parametrize("method", ["", "method: exact\n"])
+def test_a_change_adds_missing_parts(tmp_path: Path, method: str) -> None:
+    path = tmp_path / "die.yaml"
+    path.write_text("name: die\ntarget: {fair: 4}\n" + method)
+    assert read_recipe(path, ["method.exact.starts=7"]).method.options.starts == 7
+
+
+@pytest.mark.parametrize(
+    ("text", "entries"),
+    [
+        ("fair: 7", {"fair": 7}),
+        (" fair:7", {"fair": 7}),
+        ("sum_of_dice: [6, 6]", {"sum_of_dice": [6, 6]}),
+        ("{binomial: 4}", {"binomial": 4}),
+        ("probabilities: [1/2, 0.5]", {"probabilities": ["1/2", 0.5]}),
+        ("1/2,1/3, 1/6", {"probabilities": ["1/2", "1/3", "1/6"]}),
+    ],
+)
+def test_typed_targets(text: str, entries: dict[str, object]) -> None:
+    assert parse_target(text) == entries
+    assert parse_target(text, "a, b") == {**entries, "labels": ["a", "b"]}
+
+
+@pytest.mark.parametrize("text", ["a:", ": :", "[a: 1]", "fair: [", "!!python/x: y", "- a: 1"])
+def test_invalid_typed_targets(text: str) -> None:
+    with pytest.raises((RecipeError, ValueError)):
+        TargetRecipe.model_validate(parse_target(text))
+
+
+def test_probabilities_are_written_to_the_last_bit() -> None:
+    random = np.random.default_rng(0)
+    for probabilities in (
+        np.arange(1, 7) / 21.0,
+        random.dirichlet(np.ones(5)),
+        np.array([1e-9, 1.0 - 1e-9]),
+    ):
+        text = format_probabilities(probabilities.tolist())
+        read = TargetRecipe.model_validate(parse_target(text))
+        assert read.probabilities == probabilities.tolist()
+    assert format_probabilities([1 / 2, 1 / 3, 1 / 6]) == "1/2, 1/3, 1/6"

@@ -1,4 +1,4 @@
-"""Every shipped recipe, designed, and judged by the forward model from the files it would write."""
+"""Every shipped recipe, judged by the forward model from files."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ pytestmark = pytest.mark.shipped
 RECIPES = sorted((ROOT / "recipes").rglob("*.yaml"))
 EXACT = 1e-12
 SINGLE, DOUBLE = 1e-5, 1e-11
-"""What rounding to the float32 of an STL file, and reading a float64 OBJ file, may add."""
+"""Errors by rounding to float32 in STL files, and by reading float64 OBJ files."""
 MOST_EVALUATIONS, MOST_ATTEMPTS = 20_000, 20
-"""Dice that are tried on the way to one, convex or concave."""
+"""Maximum number of dice that are tried, for convex and concave ones."""
 
 
 def _name(path: Path) -> str:
@@ -34,13 +34,13 @@ def _name(path: Path) -> str:
 
 OTHERS = [path for path in RECIPES if re.search("concave|thrown", path.read_text())]
 CONVEX = [path for path in RECIPES if path not in OTHERS]
-# Those that show how dice are finished are other recipes' dice, which take long.
+# The recipes of finished dice repeat others, and take long.
 CONCAVE = [path for path in OTHERS if "concave" in path.read_text() and "finished" not in path.stem]
 THROWN = [path for path in OTHERS if "thrown" in path.read_text() and "finished" not in path.stem]
 LARGEST_DISPLACEMENT = 0.05
 """Mean, over the diagonal, of the recipes of concave dice."""
 ENOUGH = 8
-"""Attempts of a test at them; the recipes' own come nearer to the original."""
+"""Attempts in tests; the recipes have more."""
 
 
 @pytest.mark.parametrize("path", CONVEX, ids=_name)
@@ -62,7 +62,7 @@ def test_a_recipe_gives_its_die_with_little_work(path: Path, tmp_path: Path) -> 
 
 
 FEW = {"drops": 2000, "rounds": 8, "verdict": 5000, "within": 0.03}
-"""Throws of a test; the recipes' own are more."""
+"""Throws in tests; the recipes have more."""
 
 
 @pytest.mark.parametrize("path", THROWN, ids=_name)
@@ -76,8 +76,7 @@ def test_a_recipe_gives_its_die_for_the_table(path: Path) -> None:
     assert total_variation(work.thrown.momentum, target) < 0.1
     measured = work.thrown.measure(target)
     assert measured.drops == FEW["verdict"]
-    kept = [one for one in work.die.rounds if one.is_kept]
-    expected = kept[0].expected if kept else 0.0
+    expected = next((one.expected for one in work.die.rounds if one.is_kept), 0.0)
     assert measured.total_variation <= 2.0 * float(np.hypot(expected, measured.noise_floor))
 
 

@@ -1,4 +1,4 @@
-"""What figures are about: meshes, recipes and folders of runs, each with what it was made from."""
+"""Subjects of figures: meshes, recipes and results folders."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PAPER = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a run by the paper's method."""
+    """Results folder of a run by the paper's method."""
     out = tmp_path_factory.mktemp("run") / "few"
     run(PAPER, out=out)
     return out
@@ -42,7 +42,7 @@ def test_a_recipe_and_its_folder_are_the_same_die(folder: Path) -> None:
         hulls = convex_hull(before.points), subject.poses.hull
         assert hulls[0].diameter == pytest.approx(hulls[1].diameter)
         np.testing.assert_allclose(hulls[0].centroid, hulls[1].centroid, atol=1e-9)
-        # A start of the prism is not the die.
+        # The prism is not the die.
         assert len(hulls[0].vertices) != len(hulls[1].vertices)
 
 
@@ -74,7 +74,7 @@ def test_ablations_leave_out_one_weight_after_the_other(folder: Path) -> None:
         "without apart",
         "probabilities alone",
     ]
-    # After so many steps with momentum comes a line search of as many.
+    # Momentum is followed by a line search with as many steps.
     assert len(dice) < len(steps) <= len(dice) * 2 * (6 + 1)
     for die in dice:
         assert die.poses.probabilities.sum() == pytest.approx(1.0)

@@ -1,9 +1,7 @@
-"""`symmetry:` in a recipe: the die has it to rounding, and so do its probabilities; or it is
-found."""
+"""`symmetry` in a recipe: given, of the start, or automatic."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +17,8 @@ from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
 
 PAIRED = [2, 3, 4, 5, 6, 7, 8, 10, 9, 11, 12]
-"""Totals of two dice in the order of the hendecahedron's facets, with half-turns of each other
-equally probable."""
+"""Totals of two dice on the hendecahedron's facets, such that half-turns map equally probable ones
+to each other."""
 
 
 def recipe(**entries: object) -> Recipe:
@@ -50,7 +48,7 @@ def test_a_symmetric_die_is_symmetric_to_rounding(
     assert work.status is Status.CONVERGED
     probabilities = work.solid.outcomes.probabilities
     assert np.abs(probabilities - work.target.probabilities).max() <= 1e-12
-    # Mirror images or half-turns of each other: 2 and 12, 3 and 11, ...
+    # The symmetry maps 2 to 12, 3 to 11 and so on.
     assert np.abs(probabilities - probabilities[::-1]).max() <= 1e-15
     assert np.sum(np.abs(np.diff(np.sort(probabilities))) <= 1e-15) >= pairs
     hull = work.die.hull
@@ -67,7 +65,7 @@ def test_a_symmetric_die_is_symmetric_to_rounding(
         ({"target": {"fair": 6}, "start": {"prism": {"height": 1.0}}}, "D6h"),
     ],
 )
-def test_a_die_whose_probabilities_symmetry_fixes_is_improved_too(
+def test_preferences_improve_a_die_that_symmetry_makes_fair(
     entries: dict[str, object], group: str
 ) -> None:
     given = recipe(**entries, symmetry=group)
@@ -117,7 +115,7 @@ def test_images_with_unequal_probabilities_are_refused() -> None:
         design_recipe(given, last="start")
 
 
-def test_none_is_no_symmetry_and_is_written_so(tmp_path: Path) -> None:
+def test_none_is_no_symmetry_and_is_written_as_none() -> None:
     given = recipe(target={"fair": 4}, symmetry="none")
     assert given.symmetry is None
     assert given.as_dict()["symmetry"] == "none"
@@ -137,25 +135,23 @@ def test_a_fair_die_is_fair_by_symmetry_alone() -> None:
     assert work.recipe.as_dict()["symmetry"] == name
     assert any(name in note for note in work.notes)
     group = work.recipe.group()
-    assert group is not None
     assert set(orbits_of_directions(work.die.directions, group)) == {0}
 
 
-def test_of_a_given_start_it_takes_what_that_has() -> None:
+def test_auto_takes_a_symmetry_of_a_given_start() -> None:
     work = designed(target={"fair": 5}, start={"prism": {}})
     assert work.recipe.symmetry == "D5h"
-    # Those that are as probable are opposite to each other, or not.
+    # Equally probable outcomes on opposite facets, or on adjacent ones.
     order = {"target": {"binomial": 3}, "start": {"prism": {}}}
     work = designed(**order, assignment=[0, 1, 3, 2])
     group = work.recipe.group()
-    assert group is not None
     orbits = orbits_of_directions(work.die.directions, group)
     assert orbits[0] == orbits[3] != orbits[1]
     assert orbits[1] == orbits[2]
     assert designed(**order, assignment=[0, 1, 2, 3]).recipe.symmetry is None
 
 
-def test_without_equal_probabilities_there_is_none() -> None:
+def test_auto_is_none_without_equal_probabilities() -> None:
     work = designed(target={"probabilities": [0.5, 0.3, 0.2]})
     assert work.recipe.symmetry is None
     assert work.recipe.group() is None
@@ -166,14 +162,13 @@ def test_equally_probable_outcomes_of_a_thrown_die_are_images() -> None:
     work = designed(target={"binomial": 4}, method={"exact": {"probabilities": "thrown"}})
     assert work.status is Status.CONVERGED
     group = work.recipe.group()
-    assert group is not None
     orbits = orbits_of_directions(work.die.directions, group)
     assert orbits[0] == orbits[4]
     assert orbits[1] == orbits[3]
     assert len(np.unique(orbits)) == 3
 
 
-def test_thrown_dice_are_symmetric_unless_they_are_told_otherwise() -> None:
+def test_thrown_dice_are_symmetric_by_default() -> None:
     thrown = {"method": {"exact": {"probabilities": "thrown"}}}
     for entries, expected in (
         (thrown, "auto"),

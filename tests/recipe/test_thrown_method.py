@@ -1,4 +1,4 @@
-"""Dice that are thrown onto changed tables while they are designed."""
+"""Designs of robust dice for uncertain tables."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ OPTIONS = ExactOptions(probabilities="thrown", prefer=Preferences(circles=1.0), 
 
 
 def model_of(table: str) -> TableSensitivity:
-    """What is known of dice that are yet to be thrown."""
+    """Sensitivity before any throws."""
     return TableSensitivity(ThrowProbabilities.on(table), other_tables(load_table(table)), TARGET)
 
 
@@ -46,7 +46,7 @@ def die() -> DesignResult:
 
 
 def changes_of(die: DesignResult) -> float:
-    """Sum of the changes of a die's probabilities, by the momentum model, on both tables."""
+    """Sum of the changes of a die's probabilities on other tables, by the momentum model."""
     rests = evaluate_rests(torch.as_tensor(die.hull.vertices))
     thrown = ThrowProbabilities.on("board-game")
     return sum(
@@ -88,7 +88,7 @@ POSTERIOR = [
 
 @pytest.fixture
 def fitted_table(tmp_path: Path) -> str:
-    """A table that may be one of four others."""
+    """Table with four posterior tables."""
     path = tmp_path / "fitted.json"
     entries = {
         "name": "fitted",
@@ -106,15 +106,15 @@ def fitted_table(tmp_path: Path) -> str:
 def test_rounds_throw_onto_the_tables_of_robust_dice(
     fitted_table: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Few throws onto each, all with numbers of their own, and so does the verdict."""
+    """All series of throws, including the verdict, have different seeds."""
     thrown: list[tuple[float, float, int, int]] = []
     simulate = die_on_table.simulate
 
-    def told(body: RigidBody, table: Table, drops: int, seed: int, **options: Any) -> Throws:
+    def record(body: RigidBody, table: Table, drops: int, seed: int, **options: Any) -> Throws:
         thrown.append((table.restitution, table.friction, drops, seed))
         return simulate(body, table, drops, seed, **options)
 
-    monkeypatch.setattr(die_on_table, "simulate", told)
+    monkeypatch.setattr(die_on_table, "simulate", record)
     rounds: list[RoundOfThrows] = []
     exact = {**ROBUST["method"]["exact"], "table": fitted_table}
     work = Work(
@@ -129,16 +129,16 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
     assert [r.drops for r in rounds] == [r.drops for r in work.die.rounds]
     assert [r.deviation for r in rounds] == [r.deviation for r in work.die.rounds]
     on_others = sum(drops for *table, drops, _ in thrown if tuple(table) in others)
-    slicer_info = work.result().thrown
-    assert slicer_info.simulated.drops == 300
-    assert len(slicer_info.elsewhere.values) == 4
-    assert slicer_info.elsewhere.often <= slicer_info.elsewhere.worst
-    in_rounds = sum(entry.elsewhere_drops for entry in slicer_info.rounds)
-    assert on_others >= slicer_info.elsewhere.drops + in_rounds > slicer_info.elsewhere.drops > 0
-    assert [entry.is_kept for entry in slicer_info.rounds].count(True) == 1
+    section = work.result().thrown
+    assert section.simulated.drops == 300
+    assert len(section.elsewhere.values) == 4
+    assert section.elsewhere.often <= section.elsewhere.worst
+    in_rounds = sum(entry.elsewhere_drops for entry in section.rounds)
+    assert on_others >= section.elsewhere.drops + in_rounds > section.elsewhere.drops > 0
+    assert [entry.is_kept for entry in section.rounds].count(True) == 1
 
 
-def test_a_die_that_need_not_be_robust_is_thrown_onto_its_table_alone(fitted_table: str) -> None:
+def test_a_die_without_robustness_is_thrown_onto_its_table_only(fitted_table: str) -> None:
     exact = {**ROBUST["method"]["exact"], "table": fitted_table, "prefer": {"circles": 1.0}}
     work = Work(parse_recipe({**ROBUST, "method": {"exact": exact}}))
     run_stages(work, last="design")
@@ -146,6 +146,6 @@ def test_a_die_that_need_not_be_robust_is_thrown_onto_its_table_alone(fitted_tab
     assert all(one.elsewhere_drops == 0 and one.elsewhere is None for one in work.die.rounds)
 
 
-def test_where_nothing_bounces_nothing_swings() -> None:
+def test_a_table_without_bounces_has_no_known_sensitivity() -> None:
     assert not model_of("carpet").is_known
     assert model_of("board-game").is_known

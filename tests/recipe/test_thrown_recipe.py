@@ -1,4 +1,4 @@
-"""Recipes for a table, from the file to the folder of results."""
+"""Recipes for a table, from file to folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
-def test_a_run_leaves_what_the_die_does_on_the_table(folder: Path) -> None:
+def test_a_result_has_the_probabilities_on_the_table(folder: Path) -> None:
     result = json.loads((folder / "result.json").read_text())
     thrown = result["thrown"]
     assert list(thrown) == ["table", "momentum", "rounds", "simulated", "elsewhere"]
@@ -45,11 +45,13 @@ def test_a_run_leaves_what_the_die_does_on_the_table(folder: Path) -> None:
     assert (simulated["drops"], simulated["unresolved"]) == (1000, 0)
     assert sum(simulated["counts"]) == 1000
     np.testing.assert_allclose(simulated["frequencies"], np.array(simulated["counts"]) / 1000)
-    for (low, high), seen in zip(simulated["intervals"], simulated["frequencies"], strict=True):
-        assert low < seen < high
+    for (low, high), frequency in zip(
+        simulated["intervals"], simulated["frequencies"], strict=True
+    ):
+        assert low < frequency < high
     deviation = 0.5 * np.abs(np.array(simulated["frequencies"]) - 0.2).sum()
     assert simulated["total_variation"] == pytest.approx(deviation)
-    # Symmetry makes it right, on all tables.
+    # By symmetry it needs no rounds.
     assert thrown["rounds"] == []
     elsewhere = thrown["elsewhere"]
     assert len(elsewhere["values"]) == len(posterior_tables("board-game"))
@@ -60,7 +62,7 @@ def test_a_run_leaves_what_the_die_does_on_the_table(folder: Path) -> None:
     assert "thrown 1000 times" in result["message"]
 
 
-def test_it_is_thrown_at_its_printed_size(folder: Path) -> None:
+def test_the_die_is_thrown_at_its_printed_size(folder: Path) -> None:
     body = read_body(folder / "die.stl")
     poses = rest_poses(body)
     radius = np.linalg.norm(poses.hull.vertices - poses.center_of_mass, axis=1).max()
@@ -70,7 +72,7 @@ def test_it_is_thrown_at_its_printed_size(folder: Path) -> None:
     np.testing.assert_allclose(probabilities, np.sort(result["thrown"]["momentum"]), atol=1e-5)
 
 
-def test_pictures_and_report_are_there(folder: Path) -> None:
+def test_figures_and_report_are_written(folder: Path) -> None:
     files = json.loads((folder / "result.json").read_text())["files"]
     for kind, name in (("table", "table.png"), ("throw", "throw.gif")):
         assert files[kind] == name
@@ -81,7 +83,7 @@ def test_pictures_and_report_are_there(folder: Path) -> None:
     assert "On nine in ten of these" in page
 
 
-def test_a_die_that_misses_says_so(
+def test_a_die_off_target_on_the_table(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     again = tmp_path / "recipe.yaml"
@@ -93,7 +95,7 @@ def test_a_die_that_misses_says_so(
     assert out.splitlines()[1].split() == ["label", "target", "set", "down", "model", "thrown"]
 
 
-def test_probabilities_by_the_model_alone_take_no_simulation(
+def test_a_design_by_the_model_alone_has_no_simulation(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recipe = tmp_path / "recipe.yaml"
@@ -109,7 +111,9 @@ def test_probabilities_by_the_model_alone_take_no_simulation(
     assert np.abs(np.array(result["probabilities"]) - result["target"]).max() > 0.002
 
 
-def test_a_hand_beside_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_throw_distribution_with_a_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     recipe = tmp_path / "recipe.yaml"
     recipe.write_text(
         "name: held\ntarget: {fair: 3}\nstart: {prism: {}}\nsymmetry: D3h\nengrave: false\n"
@@ -129,7 +133,7 @@ def test_a_hand_beside_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[s
     page = (tmp_path / "out" / "report.html").read_text()
     assert "throws out of a cup, in which it falls from 5 to 12 cm above the table" in page
     assert "Throw it out of a cup: let it fall" in page
-    # A die that is larger than the cup is high.
+    # A die larger than the smallest drop height.
     recipe.write_text(recipe.read_text() + "size_mm: 60\n")
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 2
     assert "no larger than the least drop height of 0.05 m" in capsys.readouterr().err

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.triangles import (
+    Surface,
     doubled_area_vectors,
     edge_keys,
     find_parts,
@@ -65,6 +66,12 @@ class Body:
     single_precision: bool
     notes: tuple[str, ...]
     mass_properties: MassProperties | None = None
+
+    @property
+    def surface(self) -> Surface:
+        """Surface of a body that came as a mesh."""
+        assert self.triangles is not None
+        return Surface(self.points, self.triangles)
 
 
 def make_body(

@@ -175,9 +175,7 @@ LARGEST_VARIATION: Final = 0.3
 """Size that variations approach."""
 
 
-def shapes_like(
-    start: Start, seed: int, group: Floats | None = None, *, any_order: bool = False
-) -> Iterator[Start]:
+def shapes_like(start: Start, seed: int, group: Floats | None = None) -> Iterator[Start]:
     """Yield a start, then variants with facets turned and shifted more and more, without end;
     pinned facets stay.
 
@@ -189,7 +187,6 @@ def shapes_like(
     seed: of the variations.
     group: (g, 3, 3) a point group about the origin that the start has as symmetry, and that its
         variations are to keep, or None.
-    any_order: each variation has its outcomes on the facets in a random order.
 
     Raises
     ------
@@ -210,6 +207,4 @@ def shapes_like(
         except (DiceError, np.linalg.LinAlgError):
             continue
         nearest = np.argmax(hull.normals[facets] @ normals.T, axis=1)
-        if any_order:
-            nearest = rng.permutation(nearest)
         yield replace(start, points=points, directions=normals[nearest])
