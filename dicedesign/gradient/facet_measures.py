@@ -20,7 +20,7 @@ from torch import Tensor
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
-from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.probability_model import RESTING, ProbabilityModel
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
@@ -35,23 +35,30 @@ def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
 
 
 def offset_secants(
-    rests: RestEvaluation, model: ProbabilityModel | None, step: Tensor | float
+    rests: RestEvaluation, step: Tensor | float, model: ProbabilityModel = RESTING
 ) -> Tensor:
-    """(k, m) changes of the probabilities of the rests, in the order of `rests.paths.rests`, when a
-    facet goes from `step` inside of its place to `step` outside, over that distance; with gradients
-    in the vertices.
+    """(k, m) difference quotients of the probabilities of the rests, in the order of their facets,
+    as the plane of each facet moves from `step` inside to `step` outside of its place; with
+    gradients in the vertices.
 
-    Where separatrices run along an edge probabilities have a kink, which a derivative sees but one
-    side of. Where a facet breaks, the rests on its parts count together; one that is lost counts as
-    0. A side on which the body is none is left out.
+    Unlike a derivative, this sees both sides of the kinks of probabilities where separatrices
+    run along an edge. If a facet breaks, the rests on its parts count together; a lost rest counts
+    as 0. If a body is degenerate on one side, only the other is used.
 
-    model: of the probabilities, where they are not those without momentum and with uniform start
-        orientations;
-    step: () positive, in the unit of the vertices.
+    step: () positive, in the unit of the vertices; model: of the probabilities.
     """
     hull, vertices = rests.hull, rests.vertices
     moves = _corner_moves(hull, rests.facet_normals(np.arange(len(hull.normals))))
-    on_table = _probabilities_by_rest(rests, rests, model)
+    normals = hull.normals[rests.facets]
+
+    def probabilities(moved: RestEvaluation) -> Tensor:
+        """(k,) probabilities of a moved body, summed by the nearest rest of the given one."""
+        cosines = moved.hull.normals[moved.facets] @ normals.T
+        nearest = torch.from_numpy(np.argmax(cosines, axis=1))
+        zeros = torch.zeros(len(normals), dtype=torch.float64)
+        return zeros.index_add(0, nearest, model.tensor(moved))
+
+    unmoved = probabilities(rests)
     columns = []
     for facet, first in enumerate(hull.facet_start[:-1]):
         border = slice(int(first), int(hull.facet_start[facet + 1]))
@@ -60,26 +67,13 @@ def offset_secants(
         ends, length = [], 0
         for side in (1, -1):
             try:
-                there = vertices + side * step * outward
-                moved = _probabilities_by_rest(
-                    evaluate_rests(there, rests.given_center), rests, model
-                )
+                moved = vertices + side * step * outward
+                ends.append(probabilities(evaluate_rests(moved, rests.given_center)))
                 length += 1
             except DiceError:
-                moved = on_table
-            ends.append(moved)
+                ends.append(unmoved)
         columns.append((ends[0] - ends[1]) / (max(length, 1) * step))
     return torch.stack(columns, dim=1)
-
-
-def _probabilities_by_rest(
-    rests: RestEvaluation, named: RestEvaluation, model: ProbabilityModel | None
-) -> Tensor:
-    """(k,) probabilities of rests, summed by the nearest rest of another body."""
-    probabilities = rests.probabilities if model is None else model.tensor(rests)
-    normals, names = rests.hull.normals[rests.facets], named.hull.normals[named.facets]
-    nearest = torch.from_numpy(np.argmax(normals @ names.T, axis=1))
-    return torch.zeros(len(names), dtype=torch.float64).index_add(0, nearest, probabilities)
 
 
 def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:

@@ -81,7 +81,9 @@ class Energy:
                 if not isinstance(slopes, np.ndarray):
                     continue
                 if slopes.ndim == 1:
-                    walls = rests.depth_gradient(slopes)
+                    walls = kernels.depth_gradient(
+                        rests.hull, rests.equilibria.center_of_mass, slopes
+                    )
                     assert walls is not None, "kernels that have the energies have these"
                     by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
                 else:

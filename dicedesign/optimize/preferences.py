@@ -170,9 +170,10 @@ def tolerance_residuals(die: OutcomeFacets) -> Tensor:
     of one standard deviation, the sum of squares is in proportion to the summed variance of the
     probabilities."""
     from dicedesign.gradient.facet_measures import offset_secants, soft_diameter
+    from dicedesign.gradient.probability_model import RESTING
 
     diameter = soft_diameter(die.rests)
-    secants = offset_secants(die.rests, die.model, OFF * diameter)
+    secants = offset_secants(die.rests, OFF * diameter, die.model or RESTING)
     return secants.norm(dim=0) * diameter / USUAL_SLOPE
 
 

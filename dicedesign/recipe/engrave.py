@@ -25,9 +25,9 @@ from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, join_surfaces
 from dicedesign.gradient.probability_model import (
-    ProbabilitiesUnderPrior,
     ProbabilityModel,
     ThrowProbabilities,
+    probability_model,
 )
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshape, stretch
 from dicedesign.recipe.pipeline import Work
@@ -116,14 +116,14 @@ def _finish_convex(work: Work) -> None:
 
 def _choose_measure(
     work: Work, finish: ConvexObject, core: ConvexHull
-) -> tuple[Callable[[Surface, Floats], Measured], ProbabilityModel | None, Floats]:
+) -> tuple[Callable[[Surface, Floats], Measured], ProbabilityModel, Floats]:
     """Measure and probability model for reshaping, and the target (k,). The target of a thrown die
     is the momentum model's probabilities of the plain shape."""
     given, table = work.solid.center_of_mass, work.recipe.method.table
     if given is not None or table is None:
         offset = None if given is None else given - finish.make_unlabeled(core).centroid
         prior = work.die.prior
-        model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
+        model = probability_model(None, prior)
         return measure_resting(prior, offset), model, work.target.probabilities
     measure = measure_thrown(load_table(table), momentum_model(table))
     plain = Surface(work.solid.points, work.solid.triangles)
