@@ -218,12 +218,6 @@ PREFERENCES: Final = Registry(
             residuals=robustness_residuals,
         ),
         Preference(
-            name="nearness",
-            line="parameters near those of the first die",
-            # They are of the parameters, which the solver has.
-            residuals=lambda die: None,
-        ),
-        Preference(
             name="tolerance",
             line="probabilities that change little under print errors of the facets",
             residuals=tolerance_residuals,
@@ -268,8 +262,8 @@ class Preferences(Numbers):
 
 
 def preference_residuals(die: OutcomeFacets, preferences: Preferences) -> list[Tensor]:
-    """Residuals of each preference with a weight, whose sum of squares is the weighted sum of all
-    but `nearness`, which is about parameters."""
+    """Residuals of the preferences with a weight; the sum of all squares is the weighted sum of the
+    preferences."""
     residuals = []
     for preference in PREFERENCES:
         weight = getattr(preferences, preference.name)

@@ -417,11 +417,6 @@ class EnergyWeights(Numbers):
         return tuple((term, weight) for term, weight in pairs if weight > 0.0)
 
     @property
-    def of_terms(self) -> dict[str, float]:
-        """The weights of these by name."""
-        return {term.name: weight for term, weight in self.active}
-
-    @property
     def single_rests(self) -> bool:
         """True where a term with a weight wants one rest for each outcome and no other."""
         return any(term.single_rests for term, _ in self.active)

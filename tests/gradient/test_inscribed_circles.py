@@ -14,7 +14,7 @@ from dicedesign.geometry.sphere import rotation_between, unit_vectors
 from dicedesign.gradient.facet_measures import SOFTNESS, circle_radii, soft_circle_radii
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
-from dicedesign.optimize.solvers.candidate import BARRIER_DEPTH, barrier_residuals
+from dicedesign.optimize.solvers.null_space_descent import BARRIER_DEPTH, barrier_residuals
 from dicedesign.optimize.starts.shapes import prism, repulsion
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))

@@ -12,15 +12,18 @@ from scipy.spatial import ConvexHull as QhullHull
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
-from dicedesign.optimize.energy import (
+from dicedesign.optimize.energy import Energy, energy_terms
+from dicedesign.optimize.starts.shapes import repulsion
+from dicedesign.optimize.terms import (
+    TERMS,
     ClusteredRests,
     Clusters,
-    Energy,
+    EnergyWeights,
+    Term,
+    TermOption,
     cluster,
-    energy_terms,
+    outcome_facets,
 )
-from dicedesign.optimize.starts.shapes import repulsion
-from dicedesign.optimize.terms import TERMS, EnergyWeights, Term, TermOption, outcome_facets
 
 REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
 ROUND = (1.0, 0.9, 1.15)

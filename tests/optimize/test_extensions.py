@@ -153,7 +153,7 @@ def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
     )
     weights = recipe.method.paper.weights
     assert (weights.low_peaks, weights.peak_height, weights.coplanar) == (0.3, 0.25, 2.0)
-    assert list(weights.of_terms)[-1] == "low_peaks"
+    assert weights.active[-1][0].name == "low_peaks"
     start = build_start(recipe.start.name, recipe.start.options, Task(4))
     assert np.ptp(start.points, axis=0).tolist() == [1.0, 1.0, 2.0]
     assert read(tmp_path, **recipe.as_dict()) == recipe

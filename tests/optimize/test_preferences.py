@@ -130,9 +130,7 @@ def test_weights_multiply_the_terms() -> None:
     candidate = die(1)
     facets = candidate.outcome_facets
     weights = dict(zip(TERMS, [0.5, 2.0, 1.0, 0.0, 3.0, 0.25, 0.75], strict=True))
-    residuals = preference_residuals(
-        OutcomeFacets(candidate.rests, facets), Preferences(**weights, nearness=7.0)
-    )
+    residuals = preference_residuals(OutcomeFacets(candidate.rests, facets), Preferences(**weights))
     expected = sum(weights[name] * total(candidate.rests, name, facets) for name in TERMS)
     assert float((torch.cat(residuals).detach() ** 2).sum()) == pytest.approx(expected)
     assert preference_residuals(OutcomeFacets(candidate.rests, facets), Preferences()) == []
@@ -219,7 +217,7 @@ def test_robust_is_who_has_the_wanted_probabilities_on_other_tables() -> None:
 def test_gradients_of_robustness_are_differences() -> None:
     seed = 0
     candidate = die(seed)
-    maker, facets = CandidateMaker(None, BOARD_GAME), candidate.outcome_facets
+    maker, facets = CandidateMaker(None, model=BOARD_GAME), candidate.outcome_facets
     wanted = np.full(len(facets), 1.0 / len(facets))
     known = sensitivity(
         candidate, wanted, np.random.default_rng(seed).normal(0.0, 0.1, (2, len(facets)))

@@ -177,9 +177,9 @@ def test_a_tied_body_has_the_probabilities_of_both_sides() -> None:
             continue
         tied += 1
         body = rigid_body(make_body(points), poses)
-        found = momentum_probabilities(poses, body, BOARD_GAME.model[0])
+        found = momentum_probabilities(poses, body, BOARD_GAME.model)
         with without_kernels():
-            expected = momentum_probabilities(poses, body, BOARD_GAME.model[0])
+            expected = momentum_probabilities(poses, body, BOARD_GAME.model)
         # Barriers as low as the center is moved aside are known to a few digits.
         assert found == pytest.approx(expected, abs=1e-4)
         assert found.sum() == pytest.approx(1.0, abs=1e-12)
@@ -189,7 +189,7 @@ def test_a_barrier_that_rounds_below_nothing_is_none() -> None:
     hull = convex_hull(random_points(8, 8))
     rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
     assert BOARD_GAME.model is not None
-    model, inertia = BOARD_GAME.model[0], solid_inertia(hull.vertices, hull.triangles)
+    model, inertia = BOARD_GAME.model, solid_inertia(hull.vertices, hull.triangles)
     transitions = Transitions.of(hull, rests.paths)
     features = body_features(
         transitions, hull.vertices, hull.centroid, inertia, rests.probability_values, np

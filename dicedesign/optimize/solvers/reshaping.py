@@ -21,7 +21,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.probability_model import RESTING, ProbabilityModel
 from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.coordinates import (
     FacetCoordinates,
@@ -113,7 +113,7 @@ def reshape(
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
-    model: ProbabilityModel | None = None,
+    model: ProbabilityModel = RESTING,
 ) -> Reshaped:
     """Lead the object made of a shape to wanted probabilities.
 
@@ -157,12 +157,8 @@ def reshape(
         try:
             offset = measured.center_of_mass - core.centroid
             rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
-            probabilities = (
-                rests.probability_values if model is None else model.probabilities(rests)
-            )
-            plain = assign_rests(
-                rests.hull.normals[rests.facets], probabilities, directions
-            ).probabilities
+            normals = rests.hull.normals[rests.facets]
+            plain = assign_rests(normals, model.probabilities(rests), directions).probabilities
             came.append(np.concatenate([offset / size, measured.probabilities - plain]))
             changes, guess = np.stack(came) - np.stack(guessed), came[-1]
             if len(came) > 1:
@@ -173,7 +169,7 @@ def reshape(
 
             bearing = np.concatenate([directions, labeled.bearing(labels)])
             coordinates, parameters = tie_coordinates(core, bearing, FOLD)
-            maker = CandidateMaker(None, model, guess[:3] * size)
+            maker = CandidateMaker(None, guess[:3] * size, model=model)
             shape = _solve(coordinates, parameters, directions, target - guess[3:], maker)
             if shape is None:
                 break

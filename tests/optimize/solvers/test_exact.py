@@ -19,13 +19,8 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.options import ExactOptions, SobolevOptions
 from dicedesign.optimize.preferences import Preferences
-from dicedesign.optimize.solvers.candidate import (
-    CandidateMaker,
-    DesignResult,
-    DesignStep,
-    largest_jump,
-)
-from dicedesign.optimize.solvers.exact import solve_exact
+from dicedesign.optimize.solvers.candidate import CandidateMaker, DesignResult, DesignStep
+from dicedesign.optimize.solvers.exact import largest_jump, solve_exact
 from dicedesign.optimize.starts.search import shapes_like, shapes_near
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start

@@ -14,8 +14,8 @@ from dicedesign.gradient.facet_measures import circle_radii
 from dicedesign.optimize.coordinates import Coordinates, FacetCoordinates, SymmetricCoordinates
 from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preference_residuals
 from dicedesign.optimize.solvers import null_space_descent as improvement
-from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
-from dicedesign.optimize.solvers.null_space_descent import improve
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
+from dicedesign.optimize.solvers.null_space_descent import NullSpaceDescent, barrier_residuals
 from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.rest.poses import rest_poses
 
@@ -48,20 +48,19 @@ class Run:
         preferences: Preferences,
         least_circle: float = 0.0,
         steps: int = 60,
-        out_of_time: bool = False,
     ) -> Candidate:
         self.phases = 2 if least_circle > 0.0 else 1
-        self.last = improve(
-            self.first,
-            self.first.probabilities.copy(),
-            self.maker,
-            preferences,
+        descent = NullSpaceDescent(
+            target=self.first.probabilities.copy(),
+            maker=self.maker,
+            preferences=preferences,
+            sensitivity=None,
             least_circle=least_circle,
             tolerance=TOLERANCE,
-            steps=steps,
-            out_of_time=lambda: out_of_time,
+            out_of_time=lambda: False,
             on_step=self.take_note,
         )
+        self.last = descent.improve(self.first, steps)
         return self.last
 
     def take_note(self, candidate: Candidate, value: float) -> None:
@@ -205,14 +204,3 @@ def test_of_many_residuals_no_jacobian_is_taken(monkeypatch: pytest.MonkeyPatch)
     run.check()
     assert len(run.values) > 5
     assert value(improved, MIXED) < 0.9 * value(run.first, MIXED)
-
-
-def test_nearness_keeps_parameters_near() -> None:
-    moves = []
-    for weight in (0.0, 1.0, 100.0):
-        run = facet_run(0)
-        improved = run.improved(Preferences(circles=1.0, nearness=weight))
-        run.check()
-        moves.append(np.abs(improved.parameters - run.first.parameters).max())
-        assert smallest(improved) > smallest(run.first)
-    assert moves[0] > 1.5 * moves[1] > 1.5 * 1.5 * moves[2]

@@ -88,7 +88,7 @@ def test_failed_trials_are_never_taken() -> None:
     end = search.search(problem.at(np.array([1.0])), np.array([2.0]))
     assert end is not None
     assert 0.995 < end.parameters[0] < 1.0
-    assert search.evaluations == len(problem.tried) > 1
+    assert len(problem.tried) > 1
     assert all(x[0] <= 0.995 for x in problem.tried[:-1])
 
 

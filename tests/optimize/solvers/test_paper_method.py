@@ -15,6 +15,7 @@ from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.geometry.hulls import hull as hulls
 from dicedesign.geometry.hulls.polygons import facet_inradius
+from dicedesign.optimize.coordinates import ShapeEvaluator
 from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import PaperOptions, PaperWeights, SobolevOptions
 from dicedesign.optimize.preferences import Preferences
@@ -155,7 +156,10 @@ def test_weights_are_those_of_a_dice_energy_in_solid_angles() -> None:
     whole = (4.0 * np.pi) ** 2
     for here in seen:
         objective = Objective(
-            here.objective.coordinates, target.probabilities, ones.of_probabilities, None
+            here.objective.coordinates,
+            target.probabilities,
+            ones.of_probabilities,
+            ShapeEvaluator(None),
         )
         plain = replace(here, objective=objective).energy.terms
         areas = 4.0 * np.pi * probabilities(here)
