@@ -21,7 +21,7 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, HullMemory, convex_hull
 from dicedesign.geometry.point_groups import fixed_space
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.gradient.body_function import BodyFunction, double_tensor, take_constant
+from dicedesign.gradient.body_function import double_tensor, take_constant
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
@@ -55,10 +55,6 @@ class Coordinates(Protocol):
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """Make the shape. hull_of: makes the hulls that this requires."""
 
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """Points of the shape as a function of parameters (p,) in float32 or float64, for autograd
-        and `torch.func`. Raises as `shape`, and InputError for parameters of another kind."""
-
     def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """Remove parameters that the shape can never use again; the default keeps all."""
         return parameters
@@ -91,17 +87,6 @@ class VertexCoordinates(Coordinates):
             return self.scale * gradients.reshape(len(gradients), len(parameters))
 
         return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pull_back)
-
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """See `Coordinates`."""
-        given = double_tensor(parameters, "parameters", "3 n")
-        if len(given) % 3 != 0:
-            raise InputError(
-                f"parameters: expected three numbers for each of n points, got {len(given)}; pass "
-                "all of one point and then all of the next"
-            )
-        points = torch.from_numpy(self.origin) + self.scale * given.reshape(-1, 3)
-        return points.to(parameters)
 
     def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """Remove points that are not vertices of the hull."""
@@ -146,36 +131,30 @@ class FacetCoordinates(Coordinates):
         planes meet. Raises DegenerateBodyError if the half-spaces bound no solid."""
         return self._shape_and_planes(parameters, hull_of)[0]
 
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """See `Coordinates`. If `torch.func.vmap` maps over shapes with different numbers of
-        corners, unused rows repeat the first corner of a shape."""
+    def points(self, parameters: Tensor) -> Tensor:
+        """Corners of the shape as a function of parameters (4 m,) in float32 or float64, for
+        autograd and `torch.func`. If `torch.func.vmap` maps over shapes with different numbers of
+        corners, unused rows repeat the first corner of a shape.
+
+        Raises as `shape`, and InputError for parameters of another kind.
+        """
         given = double_tensor(parameters, "parameters", "4 m")
         if len(given) % 4 != 0:
             raise InputError(
                 f"parameters: expected three numbers of a normal and one of a distance for each of "
                 f"m facets, got {len(given)}; pass all normals and then all distances"
             )
-        solids: list[tuple[Shape, Integers]] = []
 
-        def find(parameters: Floats) -> Integers:
-            """Find the corners of solids (*l) with parameters (*l, 4 m), and number the solids."""
-            for row in parameters.reshape(-1, parameters.shape[-1]):
-                solids.append(self._shape_and_planes(row, hull_of))
-            return np.arange(len(solids)).reshape(parameters.shape[:-1])
+        def find(numbers: Floats) -> Integers:
+            """Facets (*l, t, 3) that meet at the corners of shapes with parameters (*l, 4 m)."""
+            rows = numbers.reshape(-1, numbers.shape[-1])
+            planes = [self._shape_and_planes(row, convex_hull)[1] for row in rows]
+            corners = np.arange(max(map(len, planes)))
+            padded = [own[np.where(corners < len(own), corners, 0)] for own in planes]
+            return np.reshape(padded, (*numbers.shape[:-1], len(corners), 3))
 
-        def rows_of(solid: int) -> Integers:
-            places = np.arange(max(len(planes) for _, planes in solids))
-            return np.where(places < len(solids[solid][1]), places, 0)
-
-        def value(which: Integers, parameters: Floats) -> tuple[Floats]:
-            return (np.stack([solids[solid][0].points[rows_of(solid)] for solid in which]),)
-
-        def formula(solid: int, parameters: Tensor) -> tuple[Tensor]:
-            corners = _corners(parameters, solids[solid][1])
-            return (torch.from_numpy(self.origin) + corners[rows_of(solid)],)
-
-        corners = BodyFunction(1, 1, formula, value)(take_constant(find, given), given)[0]
-        return corners.to(parameters)
+        corners = _corners(given, take_constant(find, given))
+        return (torch.from_numpy(self.origin) + corners).to(parameters)
 
     def half_spaces(self, parameters: Floats) -> Floats:
         """(4 m,) parameters of all facets."""
@@ -207,20 +186,20 @@ class FacetCoordinates(Coordinates):
         return Shape(self.origin + corners, pull_back), facets
 
 
-def _corners(parameters: Tensor, facets: Integers) -> Tensor:
+def _corners(parameters: Tensor, facets: Tensor) -> Tensor:
     """Corners (t, 3) relative to the origin, where the planes of three facets (t, 3) meet."""
     normals = normals_of(parameters)
     units = normals / torch.linalg.vector_norm(normals, dim=1, keepdim=True)
     polar = units * torch.exp(-parameters[normals.numel() :, None])
-    planes = polar[torch.from_numpy(facets)]
-    return torch.linalg.solve(planes, torch.ones((len(planes), 3), dtype=torch.float64))
+    planes = polar[facets]
+    return torch.linalg.solve(planes, torch.ones(planes.shape[:2], dtype=torch.float64))
 
 
 def _corner_gradients(parameters: Floats, facets: Integers, rows: Floats) -> Floats:
     """Convert gradients (r, 3 t) in corners to gradients (r, 4 m) in parameters; see `_corners`."""
     with torch.enable_grad():
         leaf = torch.tensor(parameters, requires_grad=True)
-        corners = _corners(leaf, facets).ravel()
+        corners = _corners(leaf, torch.from_numpy(facets)).ravel()
         pulled = [
             torch.autograd.grad(corners, leaf, torch.from_numpy(row), retain_graph=True)[0].numpy()
             for row in rows
@@ -254,11 +233,11 @@ class LinkedCoordinates(Coordinates):
         shape = self.facets.shape(self.half_spaces(parameters), self._check(hull_of))
         return Shape(shape.points, lambda rows: shape.pull_back(rows) @ self.expansion)
 
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """See `Coordinates`."""
+    def points(self, parameters: Tensor) -> Tensor:
+        """See `FacetCoordinates`."""
         given = double_tensor(parameters, "parameters", self.expansion.shape[1])
         moved = torch.from_numpy(self.base) + torch.from_numpy(self.expansion) @ given
-        return self.facets.points(moved, self._check(hull_of)).to(parameters)
+        return self.facets.points(moved).to(parameters)
 
     def _check(self, hull_of: HullMaker) -> HullMaker:
         """Maker of polar hulls, which may refuse some."""

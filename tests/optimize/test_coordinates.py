@@ -71,16 +71,6 @@ def test_coordinates_reproduce_their_shape(start: Start, kind) -> None:
     np.testing.assert_allclose(made.centroid, hull.centroid, atol=1e-13)
 
 
-@pytest.mark.parametrize("kind", [FacetCoordinates, VertexCoordinates])
-def test_gradcheck_of_points(random_points, kind) -> None:
-    points = random_points(4, 9)
-    coordinates, parameters = kind.of(points, convex_hull(points).centroid)
-    rng = np.random.default_rng(0)
-    parameters = parameters + 0.01 * rng.normal(size=parameters.shape)
-    leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
-
-
 @pytest.mark.parametrize("noise", [1e-6, 1e-3, 0.05])
 def test_facets_stay_flat_under_any_change(start: Start, noise: float) -> None:
     """As many polygonal facets as half-spaces that cut, which Qhull's intersection tells."""
@@ -259,13 +249,6 @@ def test_parameters_are_the_components_along_orthonormal_directions(name: str) -
     kept = (images == np.arange(len(hull.normals))).sum(axis=1)
     free = (kept * (np.trace(group, axis1=1, axis2=2) + 1.0)).mean()
     assert size == pytest.approx(free)
-
-
-@pytest.mark.parametrize("name", ["C3v", "D2d"])
-def test_gradcheck_of_symmetric_points(name: str) -> None:
-    coordinates, parameters = symmetric(name, seed=3)
-    leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
 
 
 def test_a_shape_in_single_precision_becomes_symmetric_to_the_last_digits() -> None:
