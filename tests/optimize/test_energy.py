@@ -221,16 +221,6 @@ def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -
         assert torch.isfinite(gradient).all()
 
 
-def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:
-    """At a saddle the body balances on an edge, at a maximum on a vertex."""
-    rests, clusters = clustered
-    state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.5))
-    poses = rest_poses(rests.hull.vertices)
-    ends = np.array([[line[-1], line[0]] for line in poses.morse.polylines])
-    np.testing.assert_allclose(state.saddles.detach(), poses.morse.saddles, atol=1e-9)
-    np.testing.assert_allclose(state.maxima.detach().reshape(-1, 2, 3), ends, atol=1e-9)
-
-
 def test_means_of_clusters_are_normalized_and_an_empty_cluster_keeps_its_own(random_points) -> None:
     rests, clusters = case(random_points(3, 16, ROUND), 3)
     normals = rests.rest_normals.detach().numpy()

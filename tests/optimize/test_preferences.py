@@ -7,9 +7,10 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
+from common.stones import stone
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_measures import SOFTNESS
 from dicedesign.gradient.probability_model import USUAL_SWING, TableSensitivity, ThrowProbabilities
@@ -27,7 +28,6 @@ from dicedesign.optimize.preferences import (
     preference_residuals,
 )
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
-from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.rest.morse import basin_moments, separatrix_points
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_model import other_tables
@@ -57,12 +57,9 @@ def box_axes(rests: RestEvaluation) -> np.ndarray:
     return np.abs(rests.hull.normals).argmax(axis=1)
 
 
-def die(seed: int, facets: int = 9) -> Candidate:
+def die(seed: int) -> Candidate:
     """One without symmetry, some of whose facets are no rests, in facet coordinates."""
-    rng = np.random.default_rng(seed)
-    normals = convex_hull(repulsion(facets, seed).points).normals
-    normals = unit_vectors(normals + 0.2 * rng.normal(size=normals.shape))
-    points = polyhedron_corners(normals, rng.uniform(0.8, 1.3, size=facets)) * [1.0, 1.3, 2.2]
+    points = stone(seed)
     hull = convex_hull(points)
     coordinates, parameters = FacetCoordinates.of(points, hull.centroid)
     candidate = CandidateMaker(None).attempt(coordinates, parameters, rest_poses(points).normals)

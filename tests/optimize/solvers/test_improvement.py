@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from common.stones import stone
 
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.point_groups import point_group
@@ -16,7 +17,6 @@ from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preferen
 from dicedesign.optimize.solvers import null_space_descent as improvement
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.null_space_descent import NullSpaceDescent, barrier_residuals
-from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.rest.poses import rest_poses
 
 TOLERANCE = 1e-12
@@ -88,16 +88,8 @@ def start(coordinates: Coordinates, parameters: np.ndarray, points: np.ndarray) 
     return run
 
 
-def stone(seed: int, facets: int = 8) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    normals = convex_hull(repulsion(facets, seed).points).normals
-    normals = unit_vectors(normals + 0.2 * rng.normal(size=normals.shape))
-    points = polyhedron_corners(normals, rng.uniform(0.8, 1.3, size=facets))
-    return points * [1.0, 1.3, 2.2]
-
-
 def facet_run(seed: int) -> Run:
-    points = stone(seed)
+    points = stone(seed, 8)
     return start(*FacetCoordinates.of(points, convex_hull(points).centroid), points)
 
 
@@ -150,7 +142,7 @@ def test_where_it_stops_hardly_anything_is_to_be_gained() -> None:
 
 
 def test_a_mixture_with_a_center_of_mass_of_one_s_own() -> None:
-    points = stone(3)
+    points = stone(3, 8)
     hull = convex_hull(points)
     center = hull.centroid + np.array([0.03, -0.02, 0.01])
     coordinates, parameters = FacetCoordinates.of(points, center)

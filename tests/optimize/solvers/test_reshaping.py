@@ -122,11 +122,6 @@ def test_unbalanced_dice_say_what_they_lack() -> None:
     assert work.status is Status.CONVERGED
 
 
-def test_a_radius_larger_than_a_facet() -> None:
-    with pytest.raises(InputError, match=r"edges.radius_mm.*facet"):
-        made(edges={"radius_mm": 6.0}, engrave=False)
-
-
 @pytest.mark.parametrize("engrave", [{"style": "raised"}, {"balance": "fill"}])
 def test_a_surface_is_only_marked(engrave: dict[str, str]) -> None:
     with pytest.raises(InputError, match="concave"):
