@@ -182,7 +182,7 @@ OTHERS = other_tables(load_table("board-game"))
 
 
 def sensitivity(
-    candidate: Candidate, wanted: np.ndarray, bias: np.ndarray | None = None
+    candidate: Candidate, wanted: np.ndarray, bias: np.ndarray | float = 0.0
 ) -> TableSensitivity:
     return TableSensitivity(BOARD_GAME, OTHERS, wanted, bias)
 
