@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def _find_rests(
     points: Tensor,
     centers: Tensor | None,
-    counts: Tensor | None,
+    counts: Integers | None,
     like: Tensor,
     model: ProbabilityModel,
 ) -> tuple[Tensor, Tensor]:
@@ -40,13 +40,12 @@ def _find_rests(
     first. A body with fewer than k rests has zeros in the other rows.
 
     points: (*l, n, 3) float64; centers: (*l, 3) centers of mass, or None for uniform solids;
-    counts: (*l) number of points of each body, the others are ignored; None for all. like: tensor
+    counts: (b,) number of points of each body, the others are ignored; None for all. like: tensor
     with the type and device of the result.
     """
-    single_precision = like.dtype == torch.float32
-    bodies = _RestedBodies(centers is not None, counts is not None, single_precision, model)
+    bodies = _RestedBodies(counts, like.dtype == torch.float32, model)
     inputs = (points,) if centers is None else (points, centers)
-    which = take_constant(bodies.find, *inputs, *(() if counts is None else (counts,)))
+    which = take_constant(bodies.find, *inputs)
     normals, probabilities = bodies.function(which, *inputs)
     return normals.to(like), probabilities.to(like)
 
@@ -55,14 +54,9 @@ class _RestedBodies:
     """Bodies of one call: their combinatorics, and the function from points to rests."""
 
     def __init__(
-        self,
-        has_centers: bool,
-        has_counts: bool,
-        single_precision: bool,
-        model: ProbabilityModel,
+        self, counts: Integers | None, single_precision: bool, model: ProbabilityModel
     ) -> None:
-        self._has_centers, self._has_counts = has_centers, has_counts
-        self._single_precision, self._model = single_precision, model
+        self._counts, self._single_precision, self._model = counts, single_precision, model
         # Basins of a body, or of the bodies beside it if it is tied.
         self._sides: dict[int, tuple[Basins, ...]] = {}
         self._records: dict[int, tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]] = {}
@@ -71,27 +65,21 @@ class _RestedBodies:
     def function(self) -> BodyFunction:
         """Function from points, and given centers, to normals and probabilities."""
         return BodyFunction(
-            1 + self._has_centers,
+            1 if self._centers is None else 2,
             2,
             self._formula,
             lambda which, *_: (self._normals[which], self._probabilities[which]),
             self._adjoint,
         )
 
-    def find(self, points: Floats, *others: Floats) -> Integers:
-        """Find the rests of bodies (*l), and number the bodies.
-
-        others: centers and counts, see `_find_rests`.
-        """
+    def find(self, points: Floats, *centers: Floats) -> Integers:
+        """Find the rests of bodies (*l), and number the bodies. centers: see `_find_rests`."""
         lead, (size, _) = points.shape[:-2], points.shape[-2:]
         bodies = math.prod(lead)
         self._points = np.ascontiguousarray(points).reshape(bodies, size, 3)
-        self._centers = None
-        if self._has_centers:
-            self._centers = np.ascontiguousarray(others[0]).reshape(bodies, 3)
-        self._counts = np.full(bodies, size)
-        if self._has_counts:
-            self._counts = np.ascontiguousarray(others[-1], np.int64).reshape(bodies)
+        self._centers = np.ascontiguousarray(centers[0]).reshape(bodies, 3) if centers else None
+        counts = size if self._counts is None else self._counts
+        self._counts = np.ravel(np.broadcast_to(counts, lead)).astype(np.int64)
         self._handle = None
         if self._model == RESTING:
             self._handle = kernels.bodies(
@@ -306,7 +294,7 @@ def differentiable_rest_batch(
     return _find_rests(points, centers, point_counts, like, probability_model(table, prior))
 
 
-def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Tensor:
+def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Integers:
     """Check numbers of points of bodies (b,), from 0 to the number of rows."""
     counts = torch.as_tensor(given).to("cpu")
     whole = not (counts.is_floating_point() or counts.is_complex())
@@ -320,10 +308,10 @@ def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Tensor:
             f"counts: expected from 0 to {most} points, got {int(counts[body])} for body {body}; "
             "say how many of its rows each body has"
         )
-    return counts.to(torch.int64)
+    return counts.to(torch.int64).numpy()
 
 
-def _pad(bodies: Sequence[Tensor]) -> tuple[Tensor, Tensor | None]:
+def _pad(bodies: Sequence[Tensor]) -> tuple[Tensor, Integers | None]:
     """Stack bodies of different sizes: points (b, n, 3), and the number of points of each body, or
     None if these are equal."""
     if len(bodies) == 0:
@@ -345,4 +333,4 @@ def _pad(bodies: Sequence[Tensor]) -> tuple[Tensor, Tensor | None]:
     # Padding repeats any point; it is ignored, and its gradient is 0.
     rows = torch.where(places < counts[:, None], start[:, None] + places, 0)
     flat = double_tensor(torch.cat(list(bodies)), "bodies", "t", 3)
-    return flat.index_select(0, rows.ravel()).reshape(len(sizes), most, 3), counts
+    return flat.index_select(0, rows.ravel()).reshape(len(sizes), most, 3), counts.numpy()
