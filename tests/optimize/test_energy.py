@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 import torch
@@ -240,26 +238,6 @@ def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
         assert outcome_facets(parts, up, np.array(depths)).tolist() == [deepest]
     both = outcome_facets(parts, np.concatenate([parts[:1], parts[2:]]), np.array([-0.1, 0.1, 0.9]))
     assert both.tolist() == [1, 2]
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        ({"coplanar": -1.0}, "weights.coplanar: expected a number not below 0, got -1"),
-        ({"neighbor": np.nan}, "weights.neighbor: expected a number not below 0, got nan"),
-        (
-            {"neighbor_radius": 0.0},
-            "weights.neighbor_radius: expected a chord length above 0 and at most 2, got 0",
-        ),
-        (
-            {"stability_margin": 0.0},
-            "weights.stability_margin: expected a fraction above 0 and at most 1, got 0",
-        ),
-    ],
-)
-def test_bad_weights_are_refused_in_words(options: dict[str, float], text: str) -> None:
-    with pytest.raises(InputError, match=re.escape(text)):
-        EnergyWeights(**options)
 
 
 @pytest.mark.parametrize("name", ["neighbor", "active", "replace"])

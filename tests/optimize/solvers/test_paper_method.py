@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from functools import cache
 
@@ -233,19 +232,6 @@ def test_rests_of_an_outcome_become_one() -> None:
     assert len(flat.normals) == 6
     np.testing.assert_allclose(flat.probabilities, 1.0 / 6.0, atol=0.01)
     assert np.degrees(np.arccos((normals * directions).sum(1))).max() < 1.5
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        ({"step": "newton"}, "step: expected momentum or line_search, got 'newton'"),
-        ({"steps": -1}, "steps: expected a whole number not below 0, got -1"),
-        ({"tolerance": 1.0}, "tolerance: expected a number from 1e-15 on and below 1, got 1"),
-    ],
-)
-def test_bad_options_are_refused_in_words(options, text: str) -> None:
-    with pytest.raises(InputError, match=re.escape(text)):
-        PaperOptions(**options)
 
 
 def test_bad_bodies_are_refused() -> None:

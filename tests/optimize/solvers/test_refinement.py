@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.options import RefineOptions
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.refinement import Refinement, Thrown
 from dicedesign.results.parts import Status
@@ -273,17 +271,3 @@ def test_a_die_that_its_symmetry_makes_right_is_not_thrown() -> None:
     assert rounds == ()
     assert world.drops == []
     np.testing.assert_array_equal(die.directions, fair)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"drops": 0}, "refine.drops: expected a whole number from 1 to 10000000, got 0"),
-        ({"rounds": 0}, "refine.rounds: expected a whole number from 1 to 50, got 0"),
-        ({"verdict": -1}, "refine.verdict: expected a whole number from 1 to 10000000, got -1"),
-        ({"within": 1.0}, r"refine.within: expected a number in \(0, 1\), got 1"),
-    ],
-)
-def test_impossible_options_are_errors(options: dict, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        RefineOptions(**options)
