@@ -82,11 +82,8 @@ class VertexCoordinates(Coordinates):
 
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """See `Coordinates`."""
-
-        def pull_back(gradients: Floats) -> Floats:
-            return self.scale * gradients.reshape(len(gradients), len(parameters))
-
-        return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pull_back)
+        points = self.origin + self.scale * parameters.reshape(-1, 3)
+        return Shape(points, lambda rows: self.scale * rows.reshape(len(rows), points.size))
 
     def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
         """Remove points that are not vertices of the hull."""
