@@ -7,7 +7,6 @@ by one half-space and continues with the exact method.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -91,14 +90,8 @@ def solve_paper(
     result = _Descent(first, SobolevGradient(options.sobolev, drift), log).run(options)
     if options.finish == "none":
         return result
-    return finish_exactly(
-        result,
-        target,
-        options,
-        center_of_mass=evaluator.center_of_mass,
-        on_step=on_step,
-        on_candidate=on_candidate,
-    )
+    log.on_shape = on_candidate
+    return finish_exactly(result, target, options, evaluator.center_of_mass, log)
 
 
 class _Descent:
@@ -213,19 +206,16 @@ def finish_exactly(
     result: DesignResult,
     target: Floats,
     options: PaperOptions,
-    *,
     center_of_mass: Floats | None = None,
-    on_step: Callable[[DesignStep], None] | None = None,
-    on_candidate: Callable[[Candidate], None] | None = None,
+    log: StepLog | None = None,
 ) -> DesignResult:
     """Continue a result to probabilities (k,) exact to `options.tolerance`, and improve the die by
     `options.prefer`. If that fails, the die stays as it is.
 
-    The history continues that of the result.
+    log: log of the result, which is continued, if there is one.
     """
     before, maker = result.history[-1], CandidateMaker(center_of_mass)
-    started = time.perf_counter() - before.seconds
-    log = StepLog(on_step, on_candidate, list(result.history), started)
+    log = log or StepLog(steps=list(result.history))
     exact = ExactOptions(tolerance=options.effective_tolerance, prefer=options.prefer)
     best = result
     with suppress(NoStartError):
