@@ -1,5 +1,5 @@
-"""The oracle against closed forms and reference values. The product is held against it by
-`tests/fuzz`."""
+"""The oracle against closed forms and reference values. `tests/fuzz` compares the product with
+it."""
 
 from __future__ import annotations
 
