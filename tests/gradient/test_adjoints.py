@@ -215,7 +215,7 @@ def test_corners_of_half_spaces_pull_gradients_back(
     assert (found[:, idle] == 0.0).all()
 
 
-def test_evaluations_go_with_their_last_reference(random_points) -> None:
+def test_evaluations_have_no_reference_cycles(random_points) -> None:
     """Tensors and what their gradients need hold each other in no circle."""
     gc.disable()
     try:

@@ -66,7 +66,7 @@ def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabi
 
 @pytest.mark.parametrize("step", [0.005, 0.05])
 @pytest.mark.parametrize("seed", range(3))
-def test_secants_are_between_bodies_whose_facets_are_off(seed: int, step: float) -> None:
+def test_secants_are_differences_of_bodies_with_moved_facets(seed: int, step: float) -> None:
     normals, distances = half_spaces(seed)
     rests = evaluated(normals, distances)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)

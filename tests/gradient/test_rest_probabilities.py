@@ -104,7 +104,7 @@ def test_bad_tensors_are_refused_in_words(vertices, center, error, text: str) ->
             function(vertices, center)
 
 
-def test_single_precision_is_carried_there_and_back() -> None:
+def test_results_and_gradients_keep_single_precision() -> None:
     """Facets that rounding made uneven are one facet, as for `rest_poses`."""
     turned = CUBE * [1.0, 1.1, 1.2] @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     rounded = torch.tensor(turned, dtype=torch.float32, requires_grad=True)

@@ -151,7 +151,7 @@ def shaped(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates, Tensor]:
 
 
 @pytest.mark.parametrize("name", ["facets", "C2v", "D2d"])
-def test_parameters_of_every_kind(name: str) -> None:
+def test_points_are_differentiable_in_parameters(name: str) -> None:
     coordinates, parameters = shaped(name)
     points = coordinates.points(parameters)
     by_shape = coordinates.shape(parameters.numpy()).points

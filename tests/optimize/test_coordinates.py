@@ -87,7 +87,7 @@ def test_facets_stay_flat_under_any_change(start: Start, noise: float) -> None:
     np.testing.assert_allclose(nearest, 1.0, atol=1e-9)
 
 
-def test_pruned_drops_points_inside_and_keeps_half_spaces(random_points) -> None:
+def test_pruning_drops_points_inside_and_keeps_half_spaces(random_points) -> None:
     points = random_points(5, 10)
     coordinates, parameters = VertexCoordinates.of(points, points.mean(axis=0))
     inner = np.concatenate([[0.0, 0.0, 0.0], parameters, 0.5 * parameters[:3]])
@@ -128,7 +128,7 @@ def reach(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return (points @ directions.T).max(axis=0)
 
 
-def test_the_others_move_as_without_pins() -> None:
+def test_free_facets_move_as_without_pins() -> None:
     rng = np.random.default_rng(0)
     origin = convex_hull(START.points).centroid
     pinned = START.directions[list(PINNED)]
@@ -169,7 +169,7 @@ def test_a_design_leaves_pinned_facets_where_they_are(pinned: tuple[int, ...]) -
     assert (np.abs(planes[kept]) < 1e-12).all()
 
 
-def test_variations_leave_them_too() -> None:
+def test_variations_leave_pinned_facets_where_they_are() -> None:
     start = replace(START, pinned=PINNED)
     pinned = START.directions[list(PINNED)]
     for shape in islice(shapes_like(start, 0), 1, 6):
@@ -251,7 +251,7 @@ def test_parameters_are_the_components_along_orthonormal_directions(name: str) -
     assert size == pytest.approx(free)
 
 
-def test_a_shape_in_single_precision_becomes_symmetric_to_the_last_digits() -> None:
+def test_a_shape_in_single_precision_becomes_exactly_symmetric() -> None:
     group = point_group("D5d")
     rounded = symmetric_points("D5d").astype(np.float32).astype(np.float64)
     # Its facets are flat to seven digits, as those of a mesh file.
@@ -287,7 +287,7 @@ def test_shapes_without_the_symmetry_are_refused_in_words(
         SymmetricCoordinates.of(points, np.zeros(3), point_group(name))
 
 
-def test_an_orbit_that_rounding_would_break_is_refused_in_words() -> None:
+def test_an_orbit_broken_by_rounding_is_refused_in_words() -> None:
     angle = np.arange(12) * np.pi / 6.0
     sides = np.stack([np.cos(angle), np.sin(angle), np.full(12, -0.3)], axis=1)
     normals = np.concatenate([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], sides])

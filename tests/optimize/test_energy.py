@@ -160,7 +160,7 @@ def test_apart_energy_charges_pairs_of_outcomes_that_are_near(clustered, distanc
     assert distance < 2.0 or expected > 0.0
 
 
-def test_outcomes_in_one_place_cost_much_but_no_infinity() -> None:
+def test_outcomes_in_one_place_have_a_finite_cost() -> None:
     """An empty outcome with the direction of another, whose one rest it shares."""
     rests = evaluate_rests(torch.tensor(repulsion(4, 0).points, requires_grad=True))
     normals = rests.hull.normals[rests.paths.rests]
@@ -219,7 +219,9 @@ def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -
         assert torch.isfinite(gradient).all()
 
 
-def test_means_of_clusters_are_normalized_and_an_empty_cluster_keeps_its_own(random_points) -> None:
+def test_means_of_clusters_are_normalized_and_empty_clusters_keep_their_direction(
+    random_points,
+) -> None:
     rests, clusters = case(random_points(3, 16, ROUND), 3)
     normals = rests.rest_normals.detach().numpy()
     far = unit(np.array([[0.1, -0.2, 0.3]]))
@@ -231,7 +233,7 @@ def test_means_of_clusters_are_normalized_and_an_empty_cluster_keeps_its_own(ran
     np.testing.assert_array_equal(updated[3], far[0])
 
 
-def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
+def test_the_deepest_part_of_a_broken_facet_has_the_outcome() -> None:
     parts = unit(np.array([[0.0, 0.01, 1.0], [0.0, -0.01, 1.0], [1.0, 0.0, 0.0]]))
     up = np.array([[0.0, 0.0, 1.0]])
     for depths, deepest in (([0.02, -0.02, 0.9], 0), ([-0.02, 0.02, 0.9], 1)):
@@ -241,7 +243,7 @@ def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
 
 
 @pytest.mark.parametrize("name", ["neighbor", "active", "replace"])
-def test_names_of_options_that_are_taken_are_refused(name: str) -> None:
+def test_names_that_are_taken_are_refused(name: str) -> None:
     """By another term, or by what weights need for themselves."""
     option = TermOption(
         name=name,

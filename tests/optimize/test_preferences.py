@@ -187,7 +187,7 @@ def sensitivity(
     return TableSensitivity(BOARD_GAME, OTHERS, wanted, bias)
 
 
-def test_robust_is_who_has_the_wanted_probabilities_on_other_tables() -> None:
+def test_robustness_compares_probabilities_on_other_tables() -> None:
     candidate = die(0)
     facets, where = candidate.outcome_facets, candidate.rest_of_outcome
     there = [BOARD_GAME.onto(table).probabilities(candidate.rests)[where] for table in OTHERS]

@@ -92,7 +92,7 @@ def off_balance(distance: float, *, corner: bool) -> Problem:
 
 def glancing(growth: float) -> Problem:
     """A random body in which a separatrix leaves a cell where the distance from the center hardly
-    grows: r_p . v = growth |r_p| |v| for the crossed edge. For negative growth, p is a maximum."""
+    grows: r_p . v = growth |r_p| |v| for the crossed edge. Without this edge, p is a maximum."""
     points = random_body(GLANCING_SEED).points
     hull = Triangulation(points)
     center = points[hull.vertices].mean(axis=0)

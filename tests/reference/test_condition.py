@@ -55,7 +55,7 @@ def test_conditions_grow_where_a_path_grazes(power: int) -> None:
     assert 0.1 < found * 10.0**-power < 1e3
 
 
-def test_a_body_that_balances_has_none() -> None:
+def test_a_balanced_body_has_no_condition() -> None:
     """A frustum that overhangs its bottom, with the center of mass above an edge of that."""
     square = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
     hull = convex_hull(

@@ -145,7 +145,7 @@ def reshape(
     best = Reshaped(surface, core, labels, first, first, ())
     # Offsets of the center of mass over the size, and differences of the probabilities; both are 0
     # for the plain shape.
-    guessed, came = [np.zeros(3 + len(target))], list[Floats]()
+    guessed, images = [np.zeros(3 + len(target))], list[Floats]()
     for _ in range(rounds):
         if min(errors) <= BALANCED_PROBABILITIES or (
             len(errors) > 2 and errors[-1] > SLOW * errors[-3]
@@ -156,12 +156,12 @@ def reshape(
             rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
             normals = rests.hull.normals[rests.facets]
             plain = assign_rests(normals, model.probabilities(rests), directions).probabilities
-            came.append(np.concatenate([offset / size, measured.probabilities - plain]))
-            changes, guess = np.stack(came) - np.stack(guessed), came[-1]
-            if len(came) > 1:
+            images.append(np.concatenate([offset / size, measured.probabilities - plain]))
+            changes, guess = np.stack(images) - np.stack(guessed), images[-1]
+            if len(images) > 1:
                 by_guess = np.diff(changes, axis=0).T
                 weights = np.linalg.lstsq(by_guess, changes[-1], rcond=RANK)[0]
-                guess = guess - weights @ np.diff(came, axis=0)
+                guess = guess - weights @ np.diff(images, axis=0)
             guessed.append(guess)
 
             bearing = np.concatenate([directions, labeled.bearing(labels)])

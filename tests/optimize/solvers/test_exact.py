@@ -83,7 +83,7 @@ def test_vertices_meet_targets_too(name: str, metric: SobolevOptions | None) -> 
         (prism(5), binomial(4).probabilities),
     ],
 )
-def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> None:
+def test_the_die_stays_similar_to_a_given_start(start: Start, target: np.ndarray) -> None:
     options = ExactOptions(prefer=Preferences())
     result = solve_exact(shapes_like(start, 0), target, options)
     check_exact(result, target)
@@ -93,7 +93,7 @@ def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> No
     assert np.mean(nearest == np.arange(len(target))) > 0.5
 
 
-def test_every_accepted_step_is_told() -> None:
+def test_callbacks_receive_every_accepted_step() -> None:
     seen: list[DesignStep] = []
     target = np.array(TARGETS["uneven"])
     options = ExactOptions(prefer=Preferences())
@@ -109,7 +109,7 @@ OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
 """Rests of so small probabilities are lost on the way."""
 
 
-def test_what_is_not_met_ends_with_the_best_found() -> None:
+def test_unreachable_targets_end_with_the_best_die() -> None:
     result = solved(OUT_OF_REACH, starts=5)
     assert result.status is Status.NO_START
     assert result.starts == 5
@@ -127,7 +127,7 @@ def test_what_is_not_met_ends_with_the_best_found() -> None:
     assert 40 <= few.evaluations < 80
 
 
-def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
+def test_starts_without_a_fixed_center_inside_are_skipped() -> None:
     target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
     start = repulsion(4, 0)
     beside = replace(start, points=start.points + 5.0)
@@ -183,7 +183,7 @@ def test_bad_arguments_are_refused_in_words(
         solve_exact([], np.array([0.5, 0.5]), ExactOptions(**options), **arguments)
 
 
-def test_the_solver_takes_a_prior_by_its_text() -> None:
+def test_the_solver_accepts_a_prior_as_text() -> None:
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     start = Start(cube, rest_poses(cube).normals)
     target = np.array([0.3, 0.14, 0.14, 0.14, 0.14, 0.14])
@@ -207,7 +207,7 @@ WEDGE = np.concatenate([WEDGE, WEDGE[4:] + np.array([0, 1, 0])])
 
 
 @pytest.mark.parametrize(("aside", "jumps"), [(0.3, False), (1e-9, True)])
-def test_a_center_of_mass_over_an_edge_is_a_place_to_jump(aside: float, jumps: bool) -> None:
+def test_probabilities_jump_with_a_center_of_mass_over_an_edge(aside: float, jumps: bool) -> None:
     center = np.array([aside, 0.5, 0.9])
     poses = dd.rest_poses(WEDGE, center).under(PRIOR)
     coordinates, parameters = FacetCoordinates.of(WEDGE, center)

@@ -107,7 +107,7 @@ def value(candidate: Candidate, preferences: Preferences) -> float:
 @pytest.mark.parametrize(
     "name", ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers"]
 )
-def test_every_preference_is_served(name: str) -> None:
+def test_every_preference_improves_its_objective(name: str) -> None:
     # The die of seed 3 has facets without an outcome.
     run = facet_run(3 if name == "small_helpers" else 1)
     preferences = Preferences(**{name: 1.0})
@@ -135,13 +135,13 @@ def best_gain(candidate: Candidate, maker: CandidateMaker) -> float:
     return max(gains)
 
 
-def test_where_it_stops_hardly_anything_is_to_be_gained() -> None:
+def test_the_descent_ends_near_a_local_minimum() -> None:
     run = facet_run(2)
     improved = run.improved(CIRCLES, steps=200)
     assert best_gain(improved, run.maker) < 0.1 * best_gain(run.first, run.maker)
 
 
-def test_a_mixture_with_a_center_of_mass_of_one_s_own() -> None:
+def test_mixed_preferences_with_a_given_center_of_mass() -> None:
     points = stone(3, 8)
     hull = convex_hull(points)
     center = hull.centroid + np.array([0.03, -0.02, 0.01])
@@ -189,7 +189,7 @@ def test_a_least_circle_is_reached_and_then_kept() -> None:
     assert value(bound, preferences) < value(reached, preferences)
 
 
-def test_of_many_residuals_no_jacobian_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_residuals_need_no_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(improvement, "MOST_ROWS", 0)
     run = facet_run(1)
     improved = run.improved(MIXED)

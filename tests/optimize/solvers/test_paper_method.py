@@ -57,7 +57,7 @@ def least_angle(result: DesignResult) -> float:
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", sorted(DESIGNS))
-def test_probabilities_come_near_and_outcomes_stay_apart(name: str, seed: int) -> None:
+def test_probabilities_are_near_and_outcomes_stay_apart(name: str, seed: int) -> None:
     """As published dice do, whose errors are from 0.003 to 0.02."""
     result = designed(name, "none", seed)
     target = DESIGNS[name][1].probabilities
@@ -86,7 +86,7 @@ def test_an_exact_finish_has_one_flat_rest_for_each_outcome(name: str, seed: int
     assert least_angle(result) > min(15.0, 0.9 * least_angle(before))
 
 
-def test_the_history_goes_on_through_the_finish() -> None:
+def test_the_history_continues_in_the_finish() -> None:
     steps: list[DesignStep] = []
     start, target = DESIGNS["binomial4"]
     options = PaperOptions(prefer=PLAIN, steps=80)
@@ -99,7 +99,7 @@ def test_the_history_goes_on_through_the_finish() -> None:
     assert result.evaluations >= len(steps)
 
 
-def test_preferences_make_the_finished_die_better() -> None:
+def test_preferences_improve_the_finished_die() -> None:
     start, target = DESIGNS["binomial4"]
     options = PaperOptions(prefer=Preferences(circles=1.0))
     better = solve_paper(start, target.probabilities, options)
@@ -127,7 +127,7 @@ def test_every_step_rule_and_preconditioner_lowers_the_energy(step: str, power: 
     assert energies[-1] <= min(energies) * (1.0 + 1e-3)
 
 
-def test_a_center_near_a_facet_is_shaken_by_less() -> None:
+def test_a_center_near_a_facet_reduces_the_noise() -> None:
     """As much noise as usual would leave it outside for half of the seeds."""
     start = repulsion(6, 0)
     poses = rest_poses(start.points)
@@ -140,7 +140,7 @@ def test_a_center_near_a_facet_is_shaken_by_less() -> None:
         assert np.isfinite(result.hull.vertices).all()
 
 
-def test_weights_are_those_of_a_dice_energy_in_solid_angles() -> None:
+def test_weights_are_relative_to_the_dice_energy_in_solid_angles() -> None:
     """`E = sum (A - 4 pi q)^2 + sum lambda E_lambda` but for a factor."""
     start, target = DESIGNS["2d6"]
     weights = PaperWeights(coplanar=3.0, barycenter=0.7, neighbor=0.5, apart=0.2)
@@ -188,7 +188,7 @@ def test_momentum_never_empties_an_outcome() -> None:
     assert [here.clusters.empty for here in seen] == [0] * len(seen)
 
 
-def test_a_seed_decides_everything_and_the_clock_nothing() -> None:
+def test_the_result_depends_on_the_seed_and_not_on_the_clock() -> None:
     start, target = DESIGNS["binomial4"]
     with slow_machine():
         slow = solve_paper(start, target.probabilities, PaperOptions(prefer=PLAIN))
@@ -208,7 +208,7 @@ def test_a_fixed_center_of_mass_stays_as_given() -> None:
     assert np.abs(probabilities_of(result) - target.probabilities).max() > 1e-4
 
 
-def test_what_cannot_be_reached_is_returned_as_it_is() -> None:
+def test_unreachable_targets_return_the_descent() -> None:
     """The centroid of a tetrahedron is too far from three of the facets for such probabilities."""
     target = np.array([0.97, 0.01, 0.01, 0.01])
     options = PaperOptions(steps=60, prefer=PLAIN)
@@ -220,7 +220,7 @@ def test_what_cannot_be_reached_is_returned_as_it_is() -> None:
     assert np.isfinite(result.hull.vertices).all()
 
 
-def test_rests_of_an_outcome_become_one() -> None:
+def test_rests_of_an_outcome_are_merged() -> None:
     """A cube with a corner moved by a little, so that three of its faces are bent."""
     cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     bent = cube.copy()

@@ -104,7 +104,7 @@ class World:
 FACTORS = np.exp(np.random.default_rng(3).normal(scale=0.3, size=11))
 
 
-def test_rounds_lead_to_the_target_to_within_what_was_asked() -> None:
+def test_rounds_lead_to_the_target_within_the_tolerance() -> None:
     world = World(FACTORS, drift=0.5)
     die, rounds = world.refined()
     assert rounds[0].deviation > 0.08
@@ -114,7 +114,7 @@ def test_rounds_lead_to_the_target_to_within_what_was_asked() -> None:
     assert len(set(world.numbers)) == len(world.numbers) > 2
 
 
-def test_what_is_expected_of_a_die_is_what_it_does() -> None:
+def test_expected_deviations_are_the_true_ones_on_average() -> None:
     """On the mean over many runs, of the first die and of the one that is kept."""
     expected, true = [], []
     for seed in range(12):
@@ -134,7 +134,7 @@ def test_what_is_expected_of_a_die_is_what_it_does() -> None:
     assert 0.8 < last < 2.0
 
 
-def test_a_model_that_answers_too_much_is_seen_through() -> None:
+def test_a_model_that_exaggerates_changes_is_corrected() -> None:
     """Where the true probabilities move by a third of what the model says, two rounds tell, and the
     dice of later ones are right."""
 
@@ -151,7 +151,7 @@ def test_a_model_that_answers_too_much_is_seen_through() -> None:
     assert world.deviation(die) < 0.01
 
 
-def test_a_die_that_was_lucky_at_first_is_found_out() -> None:
+def test_a_lucky_first_die_is_detected() -> None:
     """Its first throws show the target itself, though it is far from it; of two kinds of facets
     they seem to tell enough."""
     world = World(np.where(ALONE < 5, 1.1, 1.0))
@@ -188,7 +188,7 @@ def test_a_worse_die_is_not_kept() -> None:
     assert rounds[-1].expected > 0.1
 
 
-def test_outcomes_of_one_orbit_are_corrected_alike() -> None:
+def test_outcomes_of_one_orbit_have_equal_corrections() -> None:
     orbits = np.array([0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0])
     world = World(FACTORS[orbits])
     die, _ = world.refined(orbits=orbits)
@@ -211,7 +211,7 @@ def test_a_correction_without_a_die_is_halved() -> None:
     assert world.deviation(die) < 0.02
 
 
-def test_what_other_tables_do_is_learned_from_few_throws_on_each() -> None:
+def test_few_throws_on_each_other_table_measure_its_bias() -> None:
     world = World(FACTORS)
     die, rounds = world.refined(tables=TABLES, drops=100_000, rounds=6, within=0.01)
     assert 16 * world.on_tables[0] == pytest.approx(world.drops[0] / 2, rel=0.01)
@@ -245,7 +245,7 @@ def test_a_die_that_is_right_on_more_tables_is_kept() -> None:
     assert die.error == 0.9
 
 
-def test_how_much_the_probabilities_change_with_the_table_is_told_by_throws() -> None:
+def test_throws_measure_how_probabilities_change_with_the_table() -> None:
     world = World(FACTORS)
     refinement = world.refinement(tables=TABLES, drops=50_000)
     for place, steadiness in enumerate((0.1, 0.9, 0.4)):
@@ -257,14 +257,14 @@ def test_how_much_the_probabilities_change_with_the_table_is_told_by_throws() ->
     assert min(world.numbers) >= refinement.rounds
 
 
-def test_the_rounds_end_where_no_die_is_found() -> None:
+def test_rounds_end_if_no_die_is_found() -> None:
     world = World(FACTORS)
     die, rounds = world.refined(design=lambda die, probabilities, bias: None)
     assert len(rounds) == 1
     np.testing.assert_array_equal(die.directions, TARGET)
 
 
-def test_a_die_that_its_symmetry_makes_right_is_not_thrown() -> None:
+def test_a_die_fair_by_symmetry_is_not_thrown() -> None:
     world, fair = World(np.ones(11)), np.full(11, 1 / 11)
     refinement = world.refinement(target=fair, orbits=np.zeros(11, dtype=np.int64))
     die, rounds = refinement.refine(die_with(fair))

@@ -53,9 +53,7 @@ def test_the_solver_is_the_dense_inverse(hull: ConvexHull, smoothing: float, pow
 
 
 @pytest.mark.parametrize("options", [None, SobolevOptions(5.0, 2)])
-def test_without_drift_the_mean_stays_and_the_rest_is_as_before(
-    random_points, options: SobolevOptions | None
-) -> None:
+def test_without_drift_the_mean_stays(random_points, options: SobolevOptions | None) -> None:
     hull = convex_hull(random_points(4, 30))
     gradient = np.zeros((30, 3))
     gradient[hull.source] = np.random.default_rng(1).normal(size=hull.vertices.shape)

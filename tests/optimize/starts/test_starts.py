@@ -93,14 +93,14 @@ def test_a_mesh_start_ranks_the_rests_for_a_given_center() -> None:
     assert np.abs(rest_poses(points).normals[:3] - poses.normals[:3]).max() > 0.1
 
 
-def test_a_mesh_start_hands_on_what_was_repaired() -> None:
+def test_a_mesh_start_passes_on_notes() -> None:
     corners = np.vstack([np.eye(3), -np.ones((1, 3)), np.eye(3)[:1]])
     assert mesh_start(make_body(corners), 3).notes == (
         "welded 1 points to others at equal positions",
     )
 
 
-def test_starts_have_the_own_coordinates_that_they_describe() -> None:
+def test_starts_have_the_documented_coordinates() -> None:
     def own(start: Start) -> np.ndarray:
         return start.origin + start.scale * start.points
 
