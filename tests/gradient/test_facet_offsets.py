@@ -1,4 +1,4 @@
-"""Probabilities as a function of the places of facets, against bodies whose facets are moved."""
+"""Probabilities as functions of the places of facets, against bodies with moved facets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BOARD_GAME = ThrowProbabilities.on("board-game")
 
 
 def half_spaces(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (9, 3) and distances (9,) of a body whose corners have three facets each."""
+    """Normals (9, 3) and distances (9,) of a body with three facets at each corner."""
     rng = np.random.default_rng(seed)
     return convex_hull(repulsion(9, seed).points).normals, rng.uniform(0.8, 1.2, size=9)
 
@@ -28,7 +28,7 @@ def evaluated(
 
 
 def of_facets(rests: RestEvaluation, values: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(9,) of values of the rests, by the facets that these are in the list of normals."""
+    """Values (9,) by facet in the list of normals, from values of the rests."""
     numbers = np.argmax(rests.hull.normals[rests.paths.rests] @ normals.T, axis=1)
     found = np.zeros((len(normals), *values.shape[1:]))
     found[numbers] = values

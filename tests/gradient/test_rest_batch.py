@@ -1,4 +1,4 @@
-"""Many bodies at once, against one after the other."""
+"""Batches of bodies against single calls."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def assorted() -> list[Tensor]:
 
 
 def rowwise(normals: Tensor, probabilities: Tensor) -> Tensor:
-    """A sum in which every number weighs otherwise and rows of 0 nothing."""
+    """A sum with different weights for all numbers; rows of zeros add nothing."""
     weights = torch.arange(1.0, probabilities.shape[-1] + 1.0, dtype=torch.float64)
     turns = normals @ torch.tensor([0.3, -0.7, 0.2]).double()
     return (weights * (probabilities**2 + probabilities * turns)).sum()
@@ -45,7 +45,7 @@ def rowwise(normals: Tensor, probabilities: Tensor) -> Tensor:
 def one_by_one(
     bodies: Sequence[Tensor], centers: Tensor | None = None, table: str | None = None
 ) -> tuple[list[tuple[Tensor, Tensor]], list[Tensor], list[Tensor]]:
-    """Normals and probabilities of each, and gradients of their weighted sums."""
+    """Normals and probabilities of each body, and gradients of their weighted sums."""
     found, slopes, by_center = [], [], []
     for place, points in enumerate(bodies):
         leaf = points.clone().requires_grad_()
@@ -82,7 +82,7 @@ def test_a_batch_equals_single_calls(way, given: bool, table: str | None) -> Non
 
 
 def test_a_padded_tensor_equals_a_list(way) -> None:
-    """Whatever stands in the rows that are left out."""
+    """Ignored rows can have any content."""
     bodies = assorted()
     counts = [len(points) for points in bodies]
     padded = torch.full((len(bodies), max(counts) + 1, 3), torch.nan, dtype=torch.float64)
@@ -105,7 +105,7 @@ def test_a_padded_tensor_equals_a_list(way) -> None:
 
 @compiled_only
 def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another thread of Python gets its turns before the kernels are done."""
+    """Another Python thread runs before the kernels are done."""
     turns, done, counted = 0, threading.Event(), []
     original = ops.bodies
 

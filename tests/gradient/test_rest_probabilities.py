@@ -25,7 +25,7 @@ def leaf(values: np.ndarray) -> torch.Tensor:
 
 
 def inside(points: np.ndarray, seed: int) -> np.ndarray:
-    """A point of the hull's middle, away from its centroid."""
+    """A point near the centroid of the hull, but not there."""
     weights = np.random.default_rng(seed).dirichlet(np.full(len(points), 3.0))
     return 0.6 * rest_poses(points).center_of_mass + 0.4 * weights @ points
 
@@ -105,7 +105,7 @@ def test_bad_tensors_are_refused_in_words(vertices, center, error, text: str) ->
 
 
 def test_results_and_gradients_keep_single_precision() -> None:
-    """Facets that rounding made uneven are one facet, as for `rest_poses`."""
+    """Facets made uneven by rounding are merged, as by `rest_poses`."""
     turned = CUBE * [1.0, 1.1, 1.2] @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     rounded = torch.tensor(turned, dtype=torch.float32, requires_grad=True)
     center = torch.zeros(3, requires_grad=True)

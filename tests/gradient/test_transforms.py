@@ -43,7 +43,7 @@ def probabilities(points: Tensor, center: Tensor | None = None, table: str | Non
 
 
 def energy(points: Tensor, center: Tensor | None = None, table: str | None = None) -> Tensor:
-    """Of normals and probabilities, the same whatever number of rows is 0."""
+    """Function of normals and probabilities that does not depend on rows of zeros."""
     normals, probabilities = differentiable_rest(points, center, table=table)
     return (probabilities**2).sum() + (normals[:, 0] * probabilities).sum()
 
@@ -100,7 +100,7 @@ def test_second_derivatives(way) -> None:
 
 
 def test_maps_over_bodies_of_every_kind(way) -> None:
-    """One balances, and all have different numbers of rests."""
+    """Numbers of rests differ, and one body balances."""
     cube = torch.tensor(solids.box(1.0, 1.0, 1.0).points)
     points = torch.stack([die(1, 8), cube, die(2, 8), die(3, 8) * torch.tensor([1.0, 1.0, 4.0])])
     centers = points.mean(1)

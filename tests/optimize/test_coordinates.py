@@ -49,7 +49,7 @@ STARTS = {
 
 
 def corners(points: np.ndarray) -> np.ndarray:
-    """Rounded and sorted, so that equal shapes have equal arrays."""
+    """Corners, rounded and sorted, so that equal shapes have equal arrays."""
     vertices = np.round(convex_hull(points).vertices, 9) + 0.0
     return vertices[np.lexsort(vertices.T)]
 
@@ -73,7 +73,7 @@ def test_coordinates_reproduce_their_shape(start: Start, kind) -> None:
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-3, 0.05])
 def test_facets_stay_flat_under_any_change(start: Start, noise: float) -> None:
-    """As many polygonal facets as half-spaces that cut, which Qhull's intersection tells."""
+    """There are as many facets as half-spaces that cut, by the intersection of Qhull."""
     coordinates, parameters = FacetCoordinates.of(start.points, np.zeros(3))
     count = len(parameters) // 4
     moved = parameters + noise * np.random.default_rng(0).normal(size=parameters.shape)
@@ -124,7 +124,7 @@ PINNED = (1, 4)
 
 
 def reach(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(p,) how far a body reaches in each direction."""
+    """Extent (p,) of a body from the origin in each direction."""
     return (points @ directions.T).max(axis=0)
 
 
@@ -233,7 +233,7 @@ def test_any_parameters_make_a_symmetric_shape(name: str) -> None:
 
 @pytest.mark.parametrize("name", GROUPS)
 def test_parameters_are_the_components_along_orthonormal_directions(name: str) -> None:
-    """So the shortest step of the parameters is the shortest symmetric one of all half-spaces."""
+    """So the shortest step of the parameters is the shortest symmetric step of the half-spaces."""
     coordinates, parameters = symmetric(name)
     size = coordinates.expansion.shape[1]
     square = coordinates.expansion.T @ coordinates.expansion

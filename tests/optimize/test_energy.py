@@ -1,4 +1,4 @@
-"""Every energy against loops written from its equation, and at its edges."""
+"""Energy terms against loops written from the equations, and edge cases."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROUND = (1.0, 0.9, 1.15)
 
 
 def term(name: str, rests: RestEvaluation, clusters: Clusters, **options: float) -> torch.Tensor:
-    """A term without its weight."""
+    """Value of a term without its weight."""
     state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.1))
     return TERMS[name].evaluate(state, EnergyWeights(**options)).detach()
 
@@ -161,7 +161,7 @@ def test_apart_energy_charges_pairs_of_outcomes_that_are_near(clustered, distanc
 
 
 def test_outcomes_in_one_place_have_a_finite_cost() -> None:
-    """An empty outcome with the direction of another, whose one rest it shares."""
+    """An outcome without a rest has the direction of another outcome."""
     rests = evaluate_rests(torch.tensor(repulsion(4, 0).points, requires_grad=True))
     normals = rests.hull.normals[rests.paths.rests]
     clusters = cluster(normals, np.concatenate([normals, normals[:1]]))
@@ -196,7 +196,7 @@ def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
 
 
 def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -> None:
-    """A twin of a direction gets no rest; with or without it the clusters are the same."""
+    """A second outcome with a direction has no rest; the other clusters do not change."""
     for seed in (1, 4, 8):
         rests, clusters = case(random_points(seed, 14, ROUND), 3, seed)
         normals = rests.rest_normals.detach().numpy()
@@ -244,7 +244,7 @@ def test_the_deepest_part_of_a_broken_facet_has_the_outcome() -> None:
 
 @pytest.mark.parametrize("name", ["neighbor", "active", "replace"])
 def test_names_that_are_taken_are_refused(name: str) -> None:
-    """By another term, or by what weights need for themselves."""
+    """Names of other terms, and of attributes of the weights."""
     option = TermOption(
         name=name,
         default=1.0,

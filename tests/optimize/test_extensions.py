@@ -107,7 +107,7 @@ ENGINES.register(
 
 @pytest.fixture
 def outside(tmp_path: Path) -> Iterator[None]:
-    """The extensions, as somebody else's module registers them."""
+    """Extensions that an outside module registers."""
     path = tmp_path / "outside.py"
     path.write_text(OUTSIDE)
     spec = importlib.util.spec_from_file_location("outside", path)
@@ -189,7 +189,7 @@ def test_invalid_uses_of_extensions_are_explained(tmp_path: Path) -> None:
 def test_terms_without_a_kernel_are_added_to_the_energy(
     random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
 ) -> None:
-    """Value and gradient of the sum, the latter against finite differences."""
+    """Value and gradient of the sum; the gradient against finite differences."""
     if not compiled:
         monkeypatch.setattr(kernels, "compiled", None)
     points = random_points(3, 10, (1.0, 0.9, 1.15))

@@ -47,7 +47,7 @@ def only(name: str, weight: float = 1.0) -> Preferences:
 
 
 def total(rests: RestEvaluation, name: str, facets: np.ndarray | None = None) -> float:
-    """The sum of squares of one term; facets are all stable ones if not given."""
+    """Sum of squares of a preference. facets: of the outcomes; all stable ones by default."""
     bearing = np.flatnonzero(rests.equilibria.stable) if facets is None else facets
     (residuals,) = preference_residuals(OutcomeFacets(rests, bearing), only(name))
     return float((residuals.detach() ** 2).sum())
@@ -58,7 +58,7 @@ def box_axes(rests: RestEvaluation) -> np.ndarray:
 
 
 def die(seed: int) -> Candidate:
-    """One without symmetry, some of whose facets are no rests, in facet coordinates."""
+    """A die without symmetry, with facets that are no rests, in facet coordinates."""
     points = stone(seed)
     hull = convex_hull(points)
     coordinates, parameters = FacetCoordinates.of(points, hull.centroid)

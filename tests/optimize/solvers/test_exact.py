@@ -49,7 +49,7 @@ def solved(target: list[float], seed: int = 0, **options: Any) -> DesignResult:
 
 
 def check_exact(result: DesignResult, target: np.ndarray, tolerance: float = 1e-12) -> None:
-    """Against the forward model, which shares no step of the solver, and the 60-digit oracle."""
+    """Check a result by the forward model, which shares no code with the solver, and the oracle."""
     assert result.status is Status.CONVERGED
     poses = rest_poses(result.hull.vertices)
     assert len(poses.normals) == len(target)
@@ -106,7 +106,7 @@ def test_callbacks_receive_every_accepted_step() -> None:
 
 
 OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
-"""Rests of so small probabilities are lost on the way."""
+"""Target with such small probabilities that rests are lost on the way."""
 
 
 def test_unreachable_targets_end_with_the_best_die() -> None:

@@ -1,4 +1,4 @@
-"""Dice made better while their probabilities are kept: what must not change, and what must."""
+"""Improvement of dice by preferences while their probabilities are kept."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Run:
         self.values.append(value)
 
     def check(self) -> None:
-        """By the forward model, which shares no step of the method."""
+        """Check all dice by the forward model, which shares no code with the method."""
         target = self.first.probabilities
         assert (self.on_the_way or [self.first])[-1] is self.last
         assert (np.diff(self.values) >= 0.0).sum() < self.phases
@@ -117,7 +117,7 @@ def test_every_preference_improves_its_objective(name: str) -> None:
 
 
 def merit(candidate: Candidate) -> float:
-    """What is minimized for large circles."""
+    """Objective of the descent for large circles."""
     barrier = barrier_residuals(candidate.rests).detach()
     return value(candidate, CIRCLES) + float((barrier**2).sum())
 
@@ -156,7 +156,7 @@ def test_mixed_preferences_with_a_given_center_of_mass() -> None:
 
 
 def test_symmetry_that_ties_the_probabilities_is_kept() -> None:
-    """The probabilities' Jacobian then has half the rank."""
+    """The Jacobian of the probabilities has half the rank then."""
     rng = np.random.default_rng(0)
     normals = unit_vectors(np.eye(3)[[0, 1, 2, 0]] + 0.3 * rng.normal(size=(4, 3)))
     points = polyhedron_corners(

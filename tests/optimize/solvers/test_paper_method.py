@@ -43,14 +43,14 @@ def designed(name: str, finish: str, seed: int = 0) -> DesignResult:
 
 
 def probabilities_of(result: DesignResult, center: Floats | None = None) -> Floats:
-    """(k,) by the forward model, each rest counted for the nearest direction."""
+    """Probabilities (k,) by the forward model; each rest counts for the nearest direction."""
     poses = rest_poses(result.hull.vertices, center)
     nearest = np.argmax(poses.normals @ result.directions.T, axis=1)
     return np.bincount(nearest, poses.probabilities, minlength=len(result.directions))
 
 
 def least_angle(result: DesignResult) -> float:
-    """In degrees, between two outcomes."""
+    """Least angle between two outcomes, in degrees."""
     cosines = result.directions @ result.directions.T - 2.0 * np.eye(len(result.directions))
     return float(np.degrees(np.arccos(cosines.max())))
 
@@ -58,7 +58,7 @@ def least_angle(result: DesignResult) -> float:
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", sorted(DESIGNS))
 def test_probabilities_are_near_and_outcomes_stay_apart(name: str, seed: int) -> None:
-    """As published dice do, whose errors are from 0.003 to 0.02."""
+    """Published dice have errors from 0.003 to 0.02."""
     result = designed(name, "none", seed)
     target = DESIGNS[name][1].probabilities
     assert result.status is Status.CONVERGED
@@ -128,7 +128,7 @@ def test_every_step_rule_and_preconditioner_lowers_the_energy(step: str, power: 
 
 
 def test_a_center_near_a_facet_reduces_the_noise() -> None:
-    """As much noise as usual would leave it outside for half of the seeds."""
+    """The usual noise would leave it outside for half of the seeds."""
     start = repulsion(6, 0)
     poses = rest_poses(start.points)
     center = poses.hull.polygon(0).mean(axis=0) - 1e-4 * poses.hull.normals[0]
@@ -141,7 +141,7 @@ def test_a_center_near_a_facet_reduces_the_noise() -> None:
 
 
 def test_weights_are_relative_to_the_dice_energy_in_solid_angles() -> None:
-    """`E = sum (A - 4 pi q)^2 + sum lambda E_lambda` but for a factor."""
+    """`E = sum (A - 4 pi q)^2 + sum lambda E_lambda`, up to a factor."""
     start, target = DESIGNS["2d6"]
     weights = PaperWeights(coplanar=3.0, barycenter=0.7, neighbor=0.5, apart=0.2)
     seen: list[Evaluation] = []
@@ -175,7 +175,7 @@ def probabilities(here: Evaluation) -> Floats:
 
 
 def test_momentum_never_empties_an_outcome() -> None:
-    """Of a start whose smallest outcome is near the verge."""
+    """The smallest outcome of the start has a nearly unstable rest."""
     start = prism(6, height=1.0)
     target = np.array([0.5, 0.3, 0.15, 0.03, 0.015, 0.005])
     seen: list[Evaluation] = []
@@ -209,7 +209,7 @@ def test_a_fixed_center_of_mass_stays_as_given() -> None:
 
 
 def test_unreachable_targets_return_the_descent() -> None:
-    """The centroid of a tetrahedron is too far from three of the facets for such probabilities."""
+    """The centroid of a tetrahedron is too far from three facets for such probabilities."""
     target = np.array([0.97, 0.01, 0.01, 0.01])
     options = PaperOptions(steps=60, prefer=PLAIN)
     result = solve_paper(repulsion(4, 0), target, options)
@@ -221,7 +221,7 @@ def test_unreachable_targets_return_the_descent() -> None:
 
 
 def test_rests_of_an_outcome_are_merged() -> None:
-    """A cube with a corner moved by a little, so that three of its faces are bent."""
+    """A cube with a moved corner, so that three faces are bent."""
     cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     bent = cube.copy()
     bent[-1] *= 0.98

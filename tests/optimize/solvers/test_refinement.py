@@ -1,4 +1,4 @@
-"""Rounds of throwing and designing anew, in a world where the model's mistake is known."""
+"""Rounds of throws and designs with a simulated, known error of the model."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def tilted(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
 
 
 class World:
-    """Dice whose true probabilities are those in the model times fixed factors, and a bit more."""
+    """Dice with true probabilities that are those in the model times fixed factors, plus a
+    drift."""
 
     def __init__(self, factors: np.ndarray, drift: float = 0.0) -> None:
         self.factors, self.drift = np.log(factors), drift
@@ -115,7 +116,7 @@ def test_rounds_lead_to_the_target_within_the_tolerance() -> None:
 
 
 def test_expected_deviations_are_the_true_ones_on_average() -> None:
-    """On the mean over many runs, of the first die and of the one that is kept."""
+    """Over many runs, for the first die and the one that is kept."""
     expected, true = [], []
     for seed in range(12):
         factors = np.exp(np.random.default_rng([seed, 9]).normal(scale=0.3, size=11))
@@ -169,7 +170,7 @@ def test_a_lucky_first_die_is_detected() -> None:
 
 
 def test_a_worse_die_is_not_kept() -> None:
-    """The later designs lead astray, ever farther."""
+    """Later designs have increasing errors."""
     world = World(FACTORS)
 
     def astray(
@@ -232,7 +233,7 @@ def test_few_throws_on_each_other_table_measure_its_bias() -> None:
 
 
 def test_a_die_that_is_right_on_more_tables_is_kept() -> None:
-    """All are as right on the table that is meant."""
+    """All dice have the same error on the target table."""
     world = World(np.ones(11))
 
     def design(

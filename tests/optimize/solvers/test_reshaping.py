@@ -157,7 +157,7 @@ def probabilities_of(surface: Surface, directions: np.ndarray) -> np.ndarray:
 
 
 def test_a_box_is_stretched_to_the_box_with_the_probabilities() -> None:
-    """Opposite sides of a box are alike, and its proportions follow from the probabilities."""
+    """Opposite sides of a box are equal, and its proportions follow from the probabilities."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
     wanted = probabilities_of(box(10.0, 10.2, 9.9), sides)
     end = stretch(

@@ -1,4 +1,4 @@
-"""The Sobolev operator and one step toward wanted probabilities, against dense linear algebra."""
+"""The Sobolev operator and one step to target probabilities, against dense linear algebra."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def first_candidate(vertices: bool) -> tuple[CandidateMaker, Candidate]:
 
 @pytest.mark.parametrize("options", [None, SobolevOptions(1.5, 1), SobolevOptions(0.7, 2)])
 def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) -> None:
-    """With little damping it is the s of least s^T W s among those with J s = q - p."""
+    """With little damping, s^T W s is least among steps s with J s = q - p."""
     maker, candidate = first_candidate(vertices=True)
     shift = 2e-4 * np.cos(np.arange(len(candidate.probabilities)))
     target = candidate.probabilities + shift - shift.mean()

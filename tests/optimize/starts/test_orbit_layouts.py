@@ -1,4 +1,4 @@
-"""Outcomes spread over orbits, against all ways there are, and the most helpful symmetries."""
+"""Layouts of outcomes on orbits against exhaustive search, and the most helpful symmetries."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ORBITS = {
 
 
 def fewest_orbits(classes: list[int], name: str) -> int | None:
-    """The least number of orbits that hold classes of so many outcomes, by trying everything."""
+    """Least number of orbits for classes of numbers of outcomes, by exhaustive search."""
     poles, others = ORBITS[name]
     best = None
     for owner in product(range(len(classes) + 1), repeat=len(poles)):
@@ -54,7 +54,7 @@ def fewest_orbits(classes: list[int], name: str) -> int | None:
 
 
 def target_of(classes: list[int]) -> np.ndarray:
-    """Probabilities of which so many are equal, in a random order."""
+    """Probabilities in random order, with classes of equal ones."""
     weights = np.repeat(1.0 + np.arange(len(classes)), classes)
     return np.random.default_rng(0).permutation(weights / weights.sum())
 

@@ -39,14 +39,14 @@ TARGETS = {
 
 
 def random_half_spaces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Some of which, as a rule, cut nothing, or leave a direction open."""
+    """Half-spaces, some of which usually cut nothing, or leave a direction open."""
     count = int(rng.integers(5, 16))
     normals = rng.normal(size=(count, 3)) * np.exp(rng.normal(size=(count, 1)))
     return normals, np.exp(0.3 * rng.normal(size=count)) * np.linalg.norm(normals, axis=1)
 
 
 def shapes(target: np.ndarray, seed: int) -> Iterator[Start]:
-    """Starts alone, without the turns that found nothing."""
+    """Starts, without the turns that found none."""
     return (start for start in shapes_near(target, seed) if start is not None)
 
 
@@ -85,7 +85,7 @@ def test_starts_from_half_spaces_agree_with_the_forward_model() -> None:
 
 
 def _bounded(normals: np.ndarray) -> bool:
-    """Whether directions point to all sides: the hull of them has the origin inside."""
+    """Whether the hull of directions has the origin inside."""
     return bool((convex_hull(normals).heights(np.zeros(3)) > 0.0).all())
 
 

@@ -22,7 +22,7 @@ from dicedesign.optimize.starts.start import Start
 
 
 def nearest_angle(directions: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Angle from each direction (k, 3) to the nearest normal; exact for small ones too."""
+    """Angle from each direction (k, 3) to the nearest normal, exact for small angles."""
     chord = np.linalg.norm(directions[:, None, :] - normals[None, :, :], axis=2).min(axis=1)
     return 2.0 * np.arcsin(chord / 2.0)
 
@@ -77,7 +77,7 @@ def test_a_mesh_start_in_single_precision_keeps_flat_facets_whole(seed: int) -> 
 
 
 def convex_corners(start: Start, points: np.ndarray) -> np.ndarray:
-    """For each of the shape's own points, the corner of the start nearest to it."""
+    """Corner of the start nearest to each point of the shape's own."""
     offsets = start.normalize(points)[:, None] - start.points
     return start.points[np.argmin((offsets**2).sum(-1), axis=1)]
 
