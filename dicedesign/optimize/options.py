@@ -3,16 +3,15 @@ no method."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from dataclasses import dataclass, field
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.terms import EnergyWeights
-from dicedesign.runtime.registry import STRICT, Number
+from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import hand_named, with_hand
 
@@ -205,26 +204,23 @@ class PaperWeights(EnergyWeights):
 
     __slots__ = ()
 
-    @classmethod
-    def list_numbers(cls) -> Mapping[str, Number]:
-        """Weights and options of all terms, with the defaults of this class."""
-        defaults = {
-            "coplanar": 2.0,
-            "barycenter": 0.1,
-            "neighbor": 2.0,
-            "neighbor_radius": 0.1,
-            "stability": 0.0,
-            "apart": 0.15,
-        }
-        return {
-            name: replace(number, default=defaults.get(name, number.default))
-            for name, number in super().list_numbers().items()
-        }
+    defaults: ClassVar[Mapping[str, float]] = {
+        "coplanar": 2.0,
+        "barycenter": 0.1,
+        "neighbor": 2.0,
+        "neighbor_radius": 0.1,
+        "stability": 0.0,
+        "apart": 0.15,
+    }
 
     @property
     def of_probabilities(self) -> EnergyWeights:
         """Equivalent weights relative to the dice energy in probabilities (eq. 12)."""
-        return EnergyWeights(**self.as_dict()).times(1.0 / SOLID_ANGLE)
+        numbers = self.as_dict()
+        for term, _ in self.active:
+            if term.weight is not None:
+                numbers[term.name] *= 1.0 / SOLID_ANGLE
+        return EnergyWeights(**numbers)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ stability terms are at least what one facet can cost.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias
 
 import numpy as np
 
@@ -386,6 +386,9 @@ class EnergyWeights(Numbers):
 
     prefix = "weights."
 
+    defaults: ClassVar[Mapping[str, float]] = {}
+    """Defaults of weights and options, if they differ from those of the terms."""
+
     @classmethod
     def list_numbers(cls) -> Mapping[str, Number]:
         """Weight and options of each term; terms that always have weight 1 have none."""
@@ -405,7 +408,8 @@ class EnergyWeights(Numbers):
                         f"energy term {term.name!r}: expected names of its own for its weight and "
                         f"its options, got {number.name!r}, which is taken; choose another"
                     )
-                declared[number.name] = number
+                default = cls.defaults.get(number.name, number.default)
+                declared[number.name] = replace(number, default=default)
         return declared
 
     @property
@@ -418,8 +422,3 @@ class EnergyWeights(Numbers):
     def single_rests(self) -> bool:
         """Whether a term with a weight requires one rest for each outcome and no other."""
         return any(term.single_rests for term, _ in self.active)
-
-    def times(self, factor: float) -> EnergyWeights:
-        """Weights multiplied by a factor, except of terms that always have weight 1."""
-        weighted = (term.name for term, _ in self.active if term.weight is not None)
-        return self.replace(**{name: factor * getattr(self, name) for name in weighted})
