@@ -56,7 +56,8 @@ class _RestedBodies:
     def __init__(
         self, counts: Integers | None, single_precision: bool, model: ProbabilityModel
     ) -> None:
-        self._counts, self._single_precision, self._model = counts, single_precision, model
+        self._given_counts, self._model = counts, model
+        self._single_precision = single_precision
         # Basins of a body, or of the bodies beside it if it is tied.
         self._sides: dict[int, tuple[Basins, ...]] = {}
         self._records: dict[int, tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]] = {}
@@ -78,8 +79,8 @@ class _RestedBodies:
         bodies = math.prod(lead)
         self._points = np.ascontiguousarray(points).reshape(bodies, size, 3)
         self._centers = np.ascontiguousarray(centers[0]).reshape(bodies, 3) if centers else None
-        counts = size if self._counts is None else self._counts
-        self._counts = np.ravel(np.broadcast_to(counts, lead)).astype(np.int64)
+        counts = size if self._given_counts is None else self._given_counts
+        self._counts: Integers = np.broadcast_to(counts, lead).ravel().astype(np.int64)
         self._handle = None
         if self._model == RESTING:
             self._handle = kernels.bodies(
