@@ -30,9 +30,10 @@ from benchmarks.accuracy import stable_poses
 from benchmarks.frame import Report, Watched, panels, time_in_turn
 from dicedesign import RestPoses, read_body, rest_poses, sum_of_dice
 from dicedesign.energies import EnergyWeights
-from dicedesign.geometry.hulls.hull import HullMemory, convex_hull
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.methods import FacetCoordinates, VertexCoordinates
+from dicedesign.optimize.coordinates import ShapeEvaluator
 from dicedesign.optimize.energy import Objective
 from dicedesign.optimize.solvers.candidate import CandidateMaker
 from dicedesign.runtime.arrays import Floats
@@ -148,7 +149,9 @@ def measure(
         is_die = len(poses.hull.vertices) <= 20
         directions = poses.normals if is_die else np.eye(3)
         target = np.full(len(directions), 1.0 / len(directions))
-        objective = Objective(VertexCoordinates(np.zeros(3), 1.0), target, PAPER, None)
+        objective = Objective(
+            VertexCoordinates(np.zeros(3), 1.0), target, PAPER, ShapeEvaluator(None)
+        )
         works.append(lambda: objective.evaluate(points.ravel(), directions).gradient)
     hull, query, *others = time_in_turn(works, seconds, rounds=rounds, row=0.0 if is_large else ROW)
     trimesh = None
@@ -173,7 +176,7 @@ def design_parts() -> Iterator[tuple[str, Floats, dict[str, Callable[[], Any]]]]
     facets, place = FacetCoordinates.of(start.points, np.zeros(3))
     places = [place + 1e-2 * rng.normal(size=place.shape)]
     places.append(places[0] + 1e-4 * rng.normal(size=place.shape))
-    die = Objective(facets, sum_of_dice([6, 6]).probabilities, PAPER, None)
+    die = Objective(facets, sum_of_dice([6, 6]).probabilities, PAPER, ShapeEvaluator(None))
     maker, there = CandidateMaker(None), cycle(places)
     works = {
         **trial_steps(die, places, start.directions),
@@ -188,7 +191,7 @@ def design_parts() -> Iterator[tuple[str, Floats, dict[str, Callable[[], Any]]]]
     points = large(500).points
     vertices, place = VertexCoordinates.of(points, np.zeros(3))
     places = [place, place + 1e-6 * rng.normal(size=place.shape)]
-    dense = Objective(vertices, np.full(3, 1.0 / 3.0), PAPER, None)
+    dense = Objective(vertices, np.full(3, 1.0 / 3.0), PAPER, ShapeEvaluator(None))
     yield "500 on an ellipsoid", points, trial_steps(dense, places, np.eye(3))
 
 
@@ -199,7 +202,7 @@ def trial_steps(
     there, elsewhere = cycle(places), cycle(places)
 
     def fresh() -> float:
-        forgetful = replace(objective, shapes=HullMemory(), polars=HullMemory())
+        forgetful = replace(objective, evaluator=ShapeEvaluator(None))
         return forgetful.evaluate(next(elsewhere), directions).value
 
     return {

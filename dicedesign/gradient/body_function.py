@@ -1,8 +1,9 @@
 """Functions of bodies for autograd and `torch.func`, to any order, forward and backward.
 
-Which facets a body has and where its paths run is found from numbers, outside of what torch can
-record. What is then a function of coordinates is given to torch here: its values and gradients by
-compiled kernels where there are any, its other derivatives by operations of torch."""
+The combinatorics of a body, its facets and paths, are computed from numbers, which torch does not
+record. The functions of coordinates that result are given to torch here: values and gradients by
+compiled kernels if there are any, other derivatives by operations of torch.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +21,14 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
 
 Formula = Callable[..., tuple[Tensor, ...]]
-"""From the number of a body and its inputs to its outputs, by operations of torch."""
+"""Function from the number of a body and its inputs to its outputs, by operations of torch."""
 
 AtOnce = Callable[..., tuple[Floats, ...] | None]
-"""From numbers of bodies (r,) and inputs (r, ...) to outputs (r, ...); None where that is left to
-the formula."""
+"""Function from numbers of bodies (r,) and inputs (r, ...) to outputs (r, ...), or None to use the
+formula."""
 
 ONLY: Final = torch.zeros((), dtype=torch.int64)
-"""Number of a body that is alone."""
+"""Number of a single body."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,10 @@ class BodyFunction:
 
     Attributes
     ----------
-    inputs, outputs: how many it has; what it depends on, each output is a tensor.
-    formula: the function of one body, differentiable as often as one likes.
-    value: that of many at once, if there is a faster way.
-    adjoint: the same for gradients of the inputs, from the inputs and those of the outputs.
+    inputs, outputs: numbers of tensors.
+    formula: the function of one body, differentiable to any order.
+    value: faster function of many bodies, if there is one.
+    adjoint: faster function from inputs and gradients in the outputs to gradients in the inputs.
     """
 
     inputs: int
@@ -49,7 +50,7 @@ class BodyFunction:
     adjoint: AtOnce | None = None
 
     def __call__(self, which: Tensor, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """Outputs (*l, ...) of the bodies `which` (*l) with inputs (*l, ...)."""
+        """Outputs (*l, ...) of bodies with numbers `which` (*l) and inputs (*l, ...)."""
         outputs: tuple[Tensor, ...] = _Applied.apply(self, which, *inputs)
         return outputs
 
@@ -66,7 +67,7 @@ class BodyFunction:
 
     @property
     def pushforward(self) -> BodyFunction:
-        """Function from inputs and their tangents to tangents of the outputs: the transpose of the
+        """Function from inputs and their tangents to tangents of the outputs, the transpose of the
         linear map `pullback`."""
 
         def formula(body: int, *given: Tensor) -> tuple[Tensor, ...]:
@@ -100,11 +101,11 @@ def adjoint_function(
     formula: Callable[..., Tensor],
     *inputs: Tensor,
 ) -> Tensor:
-    """A function of one body with one output.
+    """Function of one body with one output, as a tensor.
 
-    value: of the function, or None where the formula tells it; adjoint: the gradients of the inputs
-    from that of the output, or None where they are left open; formula: the same function by
-    operations of torch.
+    value: its value, or None to use the formula; adjoint: from the gradient in the output to the
+    gradients in the inputs, or None to use the formula; formula: the function by operations of
+    torch.
     """
 
     def adjoints(which: Integers, *given: Floats) -> tuple[Floats, ...] | None:
@@ -126,8 +127,8 @@ def adjoint_function(
 def take_constant(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
     """Integers (*l) that an action computes from the values of tensors, without a derivative.
 
-    Where transforms of `torch.func` map over tensors, it is called once, and all that it gets and
-    returns has the dimensions that are mapped over before its own.
+    If transforms of `torch.func` map over tensors, it is called once, and its arguments and its
+    result have the mapped dimensions first.
     """
     numbers = _numbers(inputs)
     integers: Tensor = (
@@ -137,7 +138,7 @@ def take_constant(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
 
 
 def _numbers(tensors: Sequence[Tensor]) -> list[NDArray[Any]] | None:
-    """The numbers of tensors; None under transforms of `torch.func`, which hide them."""
+    """Numbers of tensors; None under transforms of `torch.func`, which hide them."""
     try:
         return [tensor.detach().numpy() for tensor in tensors]
     except RuntimeError:
@@ -156,8 +157,8 @@ def _evaluate(function: BodyFunction, which: Integers, *inputs: Floats) -> tuple
 
 
 def _with_signature(forward: Callable[..., Any]) -> Callable[..., Any]:
-    """Function with its signature as an attribute: torch asks for it in every call, and computing
-    it takes longer than a hull."""
+    """Store the signature of a function as its attribute: torch reads it in every call, and
+    computing it takes longer than a hull."""
     forward.__signature__ = inspect.signature(forward)  # type: ignore[attr-defined]
     return forward
 
@@ -229,7 +230,7 @@ class _Constant(torch.autograd.Function):
 def _leading(
     tensors: Sequence[Tensor], dimensions: Sequence[int | None], size: int
 ) -> list[Tensor]:
-    """Tensors with the dimension that is mapped over first, and so large where there is none."""
+    """Move the mapped dimension of tensors first, or expand tensors without one."""
     return [
         tensor.expand(size, *tensor.shape) if place is None else tensor.movedim(place, 0)
         for tensor, place in zip(tensors, dimensions, strict=True)
@@ -243,7 +244,7 @@ def _leaf(tensor: Tensor) -> Tensor:
 def _slopes(
     outputs: Sequence[Tensor], inputs: Sequence[Tensor], gradients: Sequence[Tensor]
 ) -> tuple[Tensor, ...]:
-    """Gradients in the inputs from those in the outputs, differentiable again."""
+    """Gradients in the inputs from gradients in the outputs, differentiable again."""
     varying = [
         (output, gradient)
         for output, gradient in zip(outputs, gradients, strict=True)
@@ -262,16 +263,17 @@ def _slopes(
 
 
 def double_tensor(given: object, name: str, *shape: int | str) -> Tensor:
-    """A tensor as float64 on the CPU, through which gradients go back to its own type and device.
+    """Convert a tensor to float64 on the CPU, with gradients in its own type and device.
 
     Parameters
     ----------
-    name: what messages begin with.
-    shape: wanted, with a letter for a dimension of any size.
+    name: beginning of messages.
+    shape: expected shape, with a text for a dimension of any size.
 
     Raises
     ------
-    InputError: it is no tensor of float32 or float64 numbers, has another shape, or no values.
+    InputError: the input is no tensor of float32 or float64 numbers, or has another shape or no
+        values.
     """
     if not isinstance(given, Tensor):
         fault = f"{type(given).__name__}; make a tensor with torch.tensor"

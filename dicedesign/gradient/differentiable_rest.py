@@ -1,8 +1,8 @@
-"""Rests of one hull, or of many at once, with their probabilities, as a differentiable function.
+"""Rests and probabilities of one hull, or of many at once, as a differentiable function.
 
-Bodies about which rounding can change nothing are done by compiled kernels, all in one call and on
-as many threads as torch has. The others, those with other probabilities, and derivatives that the
-kernels do not know are done body by body (`RestEvaluation`).
+Compiled kernels compute all bodies in one call, on as many threads as torch has. Bodies that
+rounding could change, other models of probabilities, and higher derivatives are computed body by
+body (`RestEvaluation`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from torch import Tensor
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
 from dicedesign.gradient.body_function import BodyFunction, double_tensor, take_constant
-from dicedesign.gradient.probability_model import ProbabilityModel, probability_model
+from dicedesign.gradient.probability_model import RESTING, ProbabilityModel, probability_model
 from dicedesign.gradient.rest_probabilities import RestEvaluation, hull_centroid
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins, find_basins
@@ -29,54 +29,36 @@ if TYPE_CHECKING:
     from dicedesign.rest.prior import Prior
 
 
-def find_rests(
+def _find_rests(
     points: Tensor,
-    centers: Tensor | None = None,
-    counts: Tensor | None = None,
-    *,
-    single_precision: bool = False,
-    model: ProbabilityModel | None = None,
+    centers: Tensor | None,
+    counts: Integers | None,
+    like: Tensor,
+    model: ProbabilityModel,
 ) -> tuple[Tensor, Tensor]:
     """Normals (*l, k, 3) and probabilities (*l, k) of the rests of bodies (*l), the most probable
-    first.
+    first. A body with fewer than k rests has zeros in the other rows.
 
-    A body with fewer rests than the one with most has 0 in the rows that are left.
-
-    Parameters
-    ----------
-    points: (*l, n, 3) float64.
-    centers: (*l, 3) centers of mass, or None for those of the uniform solids.
-    counts: (*l) how many of its points each body has, the others are left out of account; None for
-        all.
-    single_precision: see `convex_hull`.
-    model: of the probabilities, for bodies that are thrown or let go under a prior; None where they
-        are let go without momentum, with uniform start orientations.
-
-    Raises
-    ------
-    DegenerateBodyError, OutsideHullError: as `differentiable_rest`; where there are several bodies
-        their numbers come first.
+    points: (*l, n, 3) float64; centers: (*l, 3) centers of mass, or None for uniform solids;
+    counts: (b,) number of points of each body, the others are ignored; None for all. like: tensor
+    with the type and device of the result.
     """
-    bodies = _RestedBodies(centers is not None, counts is not None, single_precision, model)
+    bodies = _RestedBodies(counts, like.dtype == torch.float32, model)
     inputs = (points,) if centers is None else (points, centers)
-    which = take_constant(bodies.find, *inputs, *(() if counts is None else (counts,)))
+    which = take_constant(bodies.find, *inputs)
     normals, probabilities = bodies.function(which, *inputs)
-    return normals, probabilities
+    return normals.to(like), probabilities.to(like)
 
 
 class _RestedBodies:
-    """The bodies of one call: what is found from numbers, and the function of the rest."""
+    """Bodies of one call: their combinatorics, and the function from points to rests."""
 
     def __init__(
-        self,
-        has_centers: bool,
-        has_counts: bool,
-        single_precision: bool,
-        model: ProbabilityModel | None,
+        self, counts: Integers | None, single_precision: bool, model: ProbabilityModel
     ) -> None:
-        self._has_centers, self._has_counts = has_centers, has_counts
-        self._single_precision, self._model = single_precision, model
-        # Basins of a body, or of those beside it where it is tied.
+        self._given_counts, self._model = counts, model
+        self._single_precision = single_precision
+        # Basins of a body, or of the bodies beside it if it is tied.
         self._sides: dict[int, tuple[Basins, ...]] = {}
         self._records: dict[int, tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]] = {}
 
@@ -84,27 +66,23 @@ class _RestedBodies:
     def function(self) -> BodyFunction:
         """Function from points, and given centers, to normals and probabilities."""
         return BodyFunction(
-            1 + self._has_centers,
+            1 if self._centers is None else 2,
             2,
             self._formula,
             lambda which, *_: (self._normals[which], self._probabilities[which]),
             self._adjoint,
         )
 
-    def find(self, points: Floats, *others: Floats) -> Integers:
-        """Find the rests of bodies (*l), and number them; others: centers and counts, see
-        `find_rests`."""
+    def find(self, points: Floats, *centers: Floats) -> Integers:
+        """Find the rests of bodies (*l), and number the bodies. centers: see `_find_rests`."""
         lead, (size, _) = points.shape[:-2], points.shape[-2:]
         bodies = math.prod(lead)
         self._points = np.ascontiguousarray(points).reshape(bodies, size, 3)
-        self._centers = None
-        if self._has_centers:
-            self._centers = np.ascontiguousarray(others[0]).reshape(bodies, 3)
-        self._counts = np.full(bodies, size)
-        if self._has_counts:
-            self._counts = np.ascontiguousarray(others[-1], np.int64).reshape(bodies)
+        self._centers = np.ascontiguousarray(centers[0]).reshape(bodies, 3) if centers else None
+        counts = size if self._given_counts is None else self._given_counts
+        self._counts: Integers = np.broadcast_to(counts, lead).ravel().astype(np.int64)
         self._handle = None
-        if self._model is None:
+        if self._model == RESTING:
             self._handle = kernels.bodies(
                 self._points.reshape(-1, 3),
                 size * np.arange(bodies),
@@ -136,9 +114,8 @@ class _RestedBodies:
         return np.arange(bodies).reshape(lead)
 
     def _record(self, body: int) -> tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]:
-        """Inputs of a body: its points (n, 3), and its center (3,) of mass if that was given; and
-        facets (k,), normals (k, 3) and probabilities (k,) of its rests, which autograd can
-        differentiate."""
+        """Inputs of a body, which are its points (n, 3) and its center of mass (3,) if given; and
+        facets (k,), normals (k, 3) and probabilities (k,) of its rests, with gradients."""
         if body not in self._records:
             points, center = self._numbers(body)
             with torch.enable_grad():
@@ -147,15 +124,15 @@ class _RestedBodies:
         return self._records[body]
 
     def _numbers(self, body: int) -> tuple[Floats, tuple[Floats, ...]]:
-        """Points (n, 3) of a body and its center (3,) of mass, if that was given."""
+        """Points (n, 3) of a body, and its center of mass (3,) if given."""
         points = self._points[body, : self._counts[body]]
         return points, () if self._centers is None else (self._centers[body],)
 
     def _rests(
         self, body: int, points: Tensor, given: Tensor | None = None
     ) -> tuple[Integers, Tensor, Tensor]:
-        """Facets (k,), normals (k, 3) and probabilities (k,) of a body's rests by operations of
-        torch."""
+        """Facets (k,), normals (k, 3) and probabilities (k,) of the rests of a body, by operations
+        of torch."""
         if body not in self._sides:
             numbers, center_of_mass = self._numbers(body)
             hull = convex_hull(numbers, single_precision=self._single_precision)
@@ -170,13 +147,11 @@ class _RestedBodies:
             aside = side.equilibria.center_of_mass - center
             at = given
             if aside.any():
-                middle = hull_centroid(corners, hull) if given is None else given
-                at = middle + torch.from_numpy(aside)
+                own = hull_centroid(corners, hull) if given is None else given
+                at = own + torch.from_numpy(aside)
             beside = RestEvaluation(side.equilibria, corners, at, side)
-            probabilities = (
-                beside.probabilities if self._model is None else self._model.tensor(beside)
-            )
-            of_facet = of_facet.index_add(0, torch.from_numpy(side.paths.rests), probabilities)
+            rests = torch.from_numpy(side.paths.rests)
+            of_facet = of_facet.index_add(0, rests, self._model.tensor(beside))
         facets = self._facets[body, : np.count_nonzero(self._normals[body].any(axis=1))]
         if len(facets) == 0:
             resting = np.unique(np.concatenate([side.paths.rests for side in sides]))
@@ -190,39 +165,38 @@ class _RestedBodies:
         self, body: int, points: Tensor, center: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
         _, normals, probabilities = self._rests(body, points, center)
-        left = self._probabilities.shape[1] - len(probabilities)
-        return (
-            torch.nn.functional.pad(normals, (0, 0, 0, left)),
-            torch.nn.functional.pad(probabilities, (0, left)),
-        )
+        missing = self._probabilities.shape[1] - len(probabilities)
+        pad = torch.nn.functional.pad
+        return pad(normals, (0, 0, 0, missing)), pad(probabilities, (0, missing))
 
     def _adjoint(self, which: Integers, *given: Floats) -> tuple[Floats, ...]:
         *inputs, by_normals, by_probabilities = given
         if self._handle is kernels.UNDECIDED:
-            slopes_found, known = (
-                [np.zeros_like(column) for column in inputs],
-                np.zeros(len(which), np.int64),
-            )
+            by_inputs = [np.zeros_like(column) for column in inputs]
+            known = np.zeros(len(which), np.int64)
         else:
             size, threads = self._points.shape[1], torch.get_num_threads()
-            slopes = self._handle.pull_back(which, by_normals, by_probabilities, size, threads)
-            *slopes_found, known = slopes if self._has_centers else (slopes[0], slopes[2])
+            *by_inputs, known = self._handle.pull_back(
+                which, by_normals, by_probabilities, size, threads
+            )
+            by_inputs = by_inputs[: len(inputs)]
         for row in np.flatnonzero(known == 0):
             leaves, _, normals, probabilities = self._record(int(which[row]))
+            slopes = [
+                torch.from_numpy(column[row, : len(probabilities)])
+                for column in (by_normals, by_probabilities)
+            ]
             parts = torch.autograd.grad(
                 (normals, probabilities),
                 leaves,
-                [
-                    torch.from_numpy(column[row, : len(probabilities)])
-                    for column in (by_normals, by_probabilities)
-                ],
+                slopes,
                 retain_graph=True,
                 allow_unused=True,
                 materialize_grads=True,
             )
-            for column, part in zip(slopes_found, parts, strict=True):
+            for column, part in zip(by_inputs, parts, strict=True):
                 column[row, : len(part)] = part.numpy()
-        return tuple(slopes_found)
+        return tuple(by_inputs)
 
 
 def differentiable_rest(
@@ -235,21 +209,21 @@ def differentiable_rest(
     """Rests of the convex hull of points, differentiable in the points and the center of mass.
 
     Autograd and the transforms of `torch.func` differentiate it, forward and backward and more than
-    once. Where `torch.func.vmap` maps over bodies with different numbers of rests, a body has 0 in
-    the rows that are left.
+    once. If `torch.func.vmap` maps over bodies with different numbers of rests, a body has zeros in
+    the rows it does not need.
 
     Parameters
     ----------
-    vertices: (n, 3) float32 or float64 tensor, any length unit; points inside the hull get zero
-        gradient. All is computed in float64 on the CPU, and handed back as it came. float32 points
-        count as rounded ones, see `convex_hull`.
-    center_of_mass: (3,) such tensor, strictly inside the hull, or None for that of the uniform
-        solid hull, whose own gradient is then included.
+    vertices: (n, 3) float32 or float64 tensor, any length unit; points inside the hull have zero
+        gradient. All is computed in float64 on the CPU; results have the type and device of the
+        vertices. float32 points count as rounded, see `convex_hull`.
+    center_of_mass: (3,) tensor, strictly inside the hull, or None for that of the uniform solid
+        hull, which moves with the vertices.
     table: name or .json file of a table, for the probabilities of a body that is thrown onto it, by
-        the momentum model; None for a body that is let go without momentum. What is thrown has the
+        the momentum model; None for a body that is let go without momentum. Thrown bodies have the
         inertia of the uniform solid hull.
-    prior: where not all orientations are equally likely at first, such as "vmf:0,0,-1:5", see
-        `RestPoses.under`; second derivatives are NaN then. Not with a table.
+    prior: distribution of the start orientations, such as "vmf:0,0,-1:5", see `RestPoses.under`;
+        second derivatives are NaN then. None is uniform. Not with a table.
 
     Returns
     -------
@@ -258,11 +232,11 @@ def differentiable_rest(
 
     Raises
     ------
-    InputError: no tensors of these kinds and shapes, an unknown table, a prior that has no density,
-        or both a table and a prior.
+    InputError: an input is no such tensor, a table is unknown, a prior has no density, or there are
+        both a table and a prior.
     DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
 
-    Of a body that balances within rounding the mean of both sides is returned, as by `rest_poses`.
+    If a body balances within rounding, the mean of both sides is returned, as by `rest_poses`.
 
     Source: algorithm 3, eq. 9 and 10; section 3.1.
     """
@@ -270,13 +244,7 @@ def differentiable_rest(
     center = None
     if center_of_mass is not None:
         center = double_tensor(center_of_mass, "center of mass", 3)
-    normals, probabilities = find_rests(
-        points,
-        center,
-        single_precision=vertices.dtype == torch.float32,
-        model=probability_model(table, prior),
-    )
-    return normals.to(vertices), probabilities.to(vertices)
+    return _find_rests(points, center, None, vertices, probability_model(table, prior))
 
 
 def differentiable_rest_batch(
@@ -287,29 +255,29 @@ def differentiable_rest_batch(
     table: str | None = None,
     prior: Prior | str | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """`differentiable_rest` of many bodies in one call, for all that it says of one.
+    """Rests of many bodies in one call; see `differentiable_rest`.
 
-    Compiled kernels do them all on as many threads as torch has (`torch.set_num_threads`), and let
-    other threads of Python run meanwhile.
+    Compiled kernels use as many threads as torch has (`torch.set_num_threads`), and let other
+    threads of Python run meanwhile.
 
     Parameters
     ----------
     bodies: points of b bodies: a list of (n_i, 3) tensors of one type on one device, or one (b, n,
         3) tensor.
     centers_of_mass: (b, 3), or None for those of the uniform solid hulls.
-    counts: (b,) with a tensor of bodies, how many of its rows each body has; the others are left
-        out of account and get zero gradient. None for all.
+    counts: (b,) number of rows of each body, for a tensor of bodies; the other rows are ignored
+        and have zero gradient. None for all.
     table, prior: see `differentiable_rest`.
 
     Returns
     -------
-    normals: (b, k, 3), of each body as `differentiable_rest` has them, for k rests of the body with
-        most. A body with fewer has 0 in the rows that are left.
+    normals: (b, k, 3) for the k rests of the body with most. A body with fewer has zeros in the
+        other rows.
     probabilities: (b, k), 0 in those rows and nowhere else.
 
     Raises
     ------
-    As `differentiable_rest`; what is wrong with a body comes after "body" and its number, from 0.
+    As `differentiable_rest`; an error about one body begins with "body" and its number, from 0.
     """
     if isinstance(bodies, Tensor):
         points = double_tensor(bodies, "bodies", "b", "n", 3)
@@ -324,18 +292,11 @@ def differentiable_rest_batch(
         centers = double_tensor(centers_of_mass, "centers of mass", len(points), 3)
     if len(points) == 0:
         return points[:, :0].to(like), points[:, :0, 0].to(like)
-    normals, probabilities = find_rests(
-        points,
-        centers,
-        point_counts,
-        single_precision=like.dtype == torch.float32,
-        model=probability_model(table, prior),
-    )
-    return normals.to(like), probabilities.to(like)
+    return _find_rests(points, centers, point_counts, like, probability_model(table, prior))
 
 
-def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Tensor:
-    """Numbers of points of bodies (b,), from 0 to the number of rows."""
+def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Integers:
+    """Check numbers of points of bodies (b,), from 0 to the number of rows."""
     counts = torch.as_tensor(given).to("cpu")
     whole = not (counts.is_floating_point() or counts.is_complex())
     if counts.shape != (bodies,) or not (whole or bodies == 0):
@@ -348,11 +309,12 @@ def _counts(given: Tensor | Sequence[int], bodies: int, most: int) -> Tensor:
             f"counts: expected from 0 to {most} points, got {int(counts[body])} for body {body}; "
             "say how many of its rows each body has"
         )
-    return counts.to(torch.int64)
+    return counts.to(torch.int64).numpy()
 
 
-def _pad(bodies: Sequence[Tensor]) -> tuple[Tensor, Tensor | None]:
-    """Points (b, n, 3), and how many each body has, or None if all have as many."""
+def _pad(bodies: Sequence[Tensor]) -> tuple[Tensor, Integers | None]:
+    """Stack bodies of different sizes: points (b, n, 3), and the number of points of each body, or
+    None if these are equal."""
     if len(bodies) == 0:
         return torch.zeros((0, 0, 3), dtype=torch.float64), None
     first = bodies[0]
@@ -369,7 +331,7 @@ def _pad(bodies: Sequence[Tensor]) -> tuple[Tensor, Tensor | None]:
         return double_tensor(torch.stack(list(bodies)), "bodies", "b", "n", 3), None
     counts = torch.tensor(sizes)
     places, start = torch.arange(most), counts.cumsum(0) - counts
-    # A row too many repeats any point: nobody looks at it, and its gradient is 0.
+    # Padding repeats any point; it is ignored, and its gradient is 0.
     rows = torch.where(places < counts[:, None], start[:, None] + places, 0)
     flat = double_tensor(torch.cat(list(bodies)), "bodies", "t", 3)
-    return flat.index_select(0, rows.ravel()).reshape(len(sizes), most, 3), counts
+    return flat.index_select(0, rows.ravel()).reshape(len(sizes), most, 3), counts.numpy()

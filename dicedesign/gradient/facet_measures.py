@@ -1,10 +1,9 @@
-"""Facets of a die: probabilities as a function of where their planes lie, and the largest circles
-in them.
+"""Measures of the facets of a die: probabilities as functions of the places of their planes, and
+the largest circles in facets.
 
-Each facet's plane is moved outward on its own, and the corners follow: where three facets meet, to
-the point where their planes then meet; where more do, to the one that is nearest to all of them,
-in the sense of least squares. Circles say how large a label may be; a smooth measure of the same
-serves as an objective.
+The plane of each facet is moved outward on its own, and the corners follow. A corner of three
+facets moves to where their planes meet, a corner of more facets to the nearest point in the sense
+of least squares. Circles limit the size of labels; a smooth measure of them serves as an objective.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from torch import Tensor
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
-from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.probability_model import RESTING, ProbabilityModel
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
 
 def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
-    """(k, m) derivatives of functions in the offsets of the facets for those (k, 3 n) in the
-    vertices, per unit of length."""
+    """Convert derivatives (k, 3 n) of functions in the vertices to derivatives (k, m) in the
+    offsets of the facets."""
     hull = rests.hull
     moves = _corner_moves(hull, torch.from_numpy(hull.normals)).numpy()
     along = (rows.reshape(len(rows), -1, 3)[:, hull.tail] * moves).sum(axis=-1)
@@ -35,23 +34,30 @@ def offset_derivatives(rests: RestEvaluation, rows: Floats) -> Floats:
 
 
 def offset_secants(
-    rests: RestEvaluation, model: ProbabilityModel | None, step: Tensor | float
+    rests: RestEvaluation, step: Tensor | float, model: ProbabilityModel = RESTING
 ) -> Tensor:
-    """(k, m) changes of the probabilities of the rests, in the order of `rests.paths.rests`, when a
-    facet goes from `step` inside of its place to `step` outside, over that distance; with gradients
-    in the vertices.
+    """(k, m) difference quotients of the probabilities of the rests, in the order of their facets,
+    as the plane of each facet moves from `step` inside to `step` outside of its place; with
+    gradients in the vertices.
 
-    Where separatrices run along an edge probabilities have a kink, which a derivative sees but one
-    side of. Where a facet breaks, the rests on its parts count together; one that is lost counts as
-    0. A side on which the body is none is left out.
+    Unlike a derivative, this sees both sides of the kinks of probabilities where separatrices
+    run along an edge. If a facet breaks, the rests on its parts count together; a lost rest counts
+    as 0. If a body is degenerate on one side, only the other is used.
 
-    model: of the probabilities, where they are not those without momentum and with uniform start
-        orientations;
-    step: () positive, in the unit of the vertices.
+    step: () positive, in the unit of the vertices; model: of the probabilities.
     """
     hull, vertices = rests.hull, rests.vertices
     moves = _corner_moves(hull, rests.facet_normals(np.arange(len(hull.normals))))
-    on_table = _probabilities_by_rest(rests, rests, model)
+    normals = hull.normals[rests.facets]
+
+    def probabilities(moved: RestEvaluation) -> Tensor:
+        """(k,) probabilities of a moved body, summed by the nearest rest of the given one."""
+        cosines = moved.hull.normals[moved.facets] @ normals.T
+        nearest = torch.from_numpy(np.argmax(cosines, axis=1))
+        zeros = torch.zeros(len(normals), dtype=torch.float64)
+        return zeros.index_add(0, nearest, model.tensor(moved))
+
+    unmoved = probabilities(rests)
     columns = []
     for facet, first in enumerate(hull.facet_start[:-1]):
         border = slice(int(first), int(hull.facet_start[facet + 1]))
@@ -60,31 +66,18 @@ def offset_secants(
         ends, length = [], 0
         for side in (1, -1):
             try:
-                there = vertices + side * step * outward
-                moved = _probabilities_by_rest(
-                    evaluate_rests(there, rests.given_center), rests, model
-                )
+                moved = vertices + side * step * outward
+                ends.append(probabilities(evaluate_rests(moved, rests.given_center)))
                 length += 1
             except DiceError:
-                moved = on_table
-            ends.append(moved)
+                ends.append(unmoved)
         columns.append((ends[0] - ends[1]) / (max(length, 1) * step))
     return torch.stack(columns, dim=1)
 
 
-def _probabilities_by_rest(
-    rests: RestEvaluation, named: RestEvaluation, model: ProbabilityModel | None
-) -> Tensor:
-    """(k,) probabilities of rests, summed by the nearest rest of another body."""
-    probabilities = rests.probabilities if model is None else model.tensor(rests)
-    normals, names = rests.hull.normals[rests.facets], named.hull.normals[named.facets]
-    nearest = torch.from_numpy(np.argmax(normals @ names.T, axis=1))
-    return torch.zeros(len(names), dtype=torch.float64).index_add(0, nearest, probabilities)
-
-
 def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:
-    """(h, 3) move of the corner at the tail of each half-edge for an outward move by 1 of the plane
-    of the facet to its left, the shortest where the facets there leave a direction open.
+    """Move (h, 3) of the corner at the tail of each half-edge, for an outward move by 1 of the
+    plane of the facet to its left; the shortest move, if it is not unique.
 
     normals: (m, 3) unit, of the facets.
     """
@@ -97,7 +90,7 @@ def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:
 
 
 SOFTNESS: Final = 12.0
-"""Power of the means that take the place of a least or a largest value."""
+"""Power of the means that approximate a least or a largest value."""
 
 
 @dataclass(frozen=True)
@@ -108,8 +101,8 @@ class FacetEdges:
     ----------
     owner: (e,) facet of each edge, 0 to k - 1, ascending.
     first: (k,) first edge of each facet.
-    tails: (e, 3) where edges start.
-    lengths: (e,) of edges.
+    tails: (e, 3) starts of edges.
+    lengths: (e,) lengths of edges.
     inward: (e, 3) unit vectors in the facets, perpendicular to the edges.
     """
 
@@ -121,7 +114,7 @@ class FacetEdges:
 
     @classmethod
     def of(cls, rests: RestEvaluation, facets: Integers) -> FacetEdges:
-        """The edges of some facets (k,) of a die."""
+        """Edges of facets (k,) of a die."""
         hull = rests.hull
         start = hull.facet_start[facets]
         counts = hull.facet_start[facets + 1] - start
@@ -134,19 +127,20 @@ class FacetEdges:
         return cls(owner, np.cumsum(counts) - counts, tails, lengths, inward)
 
     def distances(self, points: Tensor) -> Tensor:
-        """(e,) signed distances of points (e, 3) from the edges' lines, positive inside. Points off
-        the plane of the facet count as their feet on it."""
+        """Signed distances (e,) of points (e, 3) from the lines of the edges, positive inside.
+        Points are projected onto the plane of the facet."""
         return ((points - self.tails) * self.inward).sum(-1)
 
     def sums(self, values: Tensor) -> Tensor:
-        """(k,) sums of values (e,) over the edges of each facet."""
+        """Sums (k,) of values (e,) over the edges of each facet."""
         zeros = torch.zeros(len(self.first), dtype=torch.float64)
         return zeros.index_add(0, torch.as_tensor(self.owner), values)
 
     def mean_power(self, values: Tensor, power: float) -> Tensor:
-        """(k,) `mean(values^power)^(1/power)` over each facet's border of values (e,), all >= 0.
+        """Means (k,) `mean(values^power)^(1/power)` of values (e,) >= 0 over the border of each
+        facet.
 
-        An edge weighs by its length: one that a facet gains at a corner begins with nothing.
+        Edges are weighted by length, so that a new edge at a corner has no weight at first.
         """
         numbers = values.detach().numpy()
         extreme = np.maximum if power > 0.0 else np.minimum
@@ -157,27 +151,27 @@ class FacetEdges:
 
 
 MOST_TRIPLED: Final = 24
-"""Edges of a facet up to which all triples of them are tried."""
+"""Largest number of edges of a facet for which all triples of edges are tried."""
 
 SLIDING: Final = 1e-9
-"""Part of the multipliers, or sine of an angle, below which two edges count as parallel."""
+"""Largest multiplier, and largest sine of an angle, for which two edges count as parallel."""
 
 CENTERED: Final = 1e-9
-"""Part of its radius within which a soft circle's center is found."""
+"""Tolerance on the center of a soft circle, over its radius."""
 
 FREE: Final = 1e-12
-"""Part of the stiffness across a facet that is added everywhere."""
+"""Part of the stiffness across a facet that is added in all directions."""
 
 CENTERING_STEPS: Final = 50
-"""Most Newton steps to the center of a soft circle."""
+"""Limit on the Newton steps to the center of a soft circle."""
 
 
 def circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
-    """(k,) radii of the largest circles in facets, over the hull's diameter.
+    """Radii (k,) of the largest circles in facets, over the diameter of the hull.
 
-    The circle's center is a linear program, whose solution says which edges it touches and with
-    which multipliers; by the envelope theorem the gradient is that of the multipliers' mean of the
-    distances from the center, which does not move, to those edges.
+    The center of the circle solves a linear program. Its solution has a multiplier for each edge
+    that the circle touches. By the envelope theorem, the gradient of the radius is the gradient of
+    the mean distance of these edges from the fixed center, weighted by multiplier.
 
     facets: (k,) numbers of facets.
     """
@@ -189,12 +183,12 @@ def circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
 
 
 def soft_circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
-    """(k,) smooth approximation of `circle_radii`, without kinks where a circle touches another
+    """Smooth approximation (k,) of `circle_radii`, without kinks where a circle touches another
     edge or another pair of vertices spans the diameter.
 
-    With the power p of `SOFTNESS`, `mean(d^-p)^(-1/p)` over a facet's border takes the place of the
+    With the power p of `SOFTNESS`, `mean(d^-p)^(-1/p)` over the border of a facet replaces the
     least distance d of an edge, at the center where it is largest, and `(sum d^2p)^(1/2p)` over all
-    pairs of vertices that of the diameter.
+    pairs of vertices replaces the diameter.
     """
     edges = FacetEdges.of(rests, facets)
     centers = _soft_centers(edges, *_frames(rests, facets, edges))
@@ -203,14 +197,14 @@ def soft_circle_radii(rests: RestEvaluation, facets: Integers) -> Tensor:
 
 
 def soft_diameter(rests: RestEvaluation) -> Tensor:
-    """() a little more than the largest distance of two vertices, see `soft_circle_radii`."""
+    """Smooth approximation () of the largest distance of two vertices; see `soft_circle_radii`."""
     squared = _pairwise_squared_distances(rests)
     largest = squared.max().detach()
     return torch.sqrt(largest) * ((squared / largest) ** SOFTNESS).sum() ** (0.5 / SOFTNESS)
 
 
 def _pairwise_squared_distances(rests: RestEvaluation) -> Tensor:
-    """(n (n - 1) / 2,) of all pairs of vertices."""
+    """Squared distances (n (n - 1) / 2,) of all pairs of vertices."""
     first, second = np.triu_indices(len(rests.vertices), 1)
     return ((rests.vertices[first] - rests.vertices[second]) ** 2).sum(-1)
 
@@ -218,8 +212,8 @@ def _pairwise_squared_distances(rests: RestEvaluation) -> Tensor:
 def _frames(
     rests: RestEvaluation, facets: Integers, edges: FacetEdges
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Points (k, 3) inside facets, orthonormal vectors (k, 2, 3) in them, and in these coordinates
-    the edges: inward vectors (e, 2) and distances (e,) of the points."""
+    """Coordinates in facets: points (k, 3) inside, orthonormal vectors (k, 2, 3), and for the edges
+    in these coordinates inward vectors (e, 2) and distances (e,) of the points."""
     tails, inward = edges.tails.detach().numpy(), edges.inward.detach().numpy()
     middle = np.add.reduceat(tails, edges.first) / np.bincount(edges.owner)[:, None]
     right = inward[edges.first]
@@ -231,10 +225,10 @@ def _frames(
 def _largest_circles(
     edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
 ) -> tuple[Floats, Floats]:
-    """Centers (k, 3) and multipliers (e,)."""
+    """Centers (k, 3) and multipliers (e,) of the largest circles."""
     counts = np.bincount(edges.owner)
     if counts.max() > MOST_TRIPLED:
-        # Imported where it is needed: it takes longer than most dice.
+        # Imported late, as it takes longer than most designs.
         from scipy.optimize import linprog
 
         moved, multipliers = np.zeros((len(middle), 2)), np.zeros(len(edges.owner))
@@ -248,11 +242,11 @@ def _largest_circles(
             )
             moved[facet], multipliers[own] = widest.x[:2], -widest.ineqlin.marginals
         return middle + np.einsum("ka,kax->kx", moved, frame), multipliers
-    # Facets of fewer edges repeat their last one, which changes no circle.
+    # Facets of fewer edges repeat their last edge, which changes no circle.
     numbers = edges.first[:, None] + np.minimum(np.arange(counts.max()), counts[:, None] - 1)
     triples = numbers[:, np.array(list(combinations(range(counts.max()), 3)))]
     a, b, c = (lines[triples[..., column]] for column in range(3))
-    # By duality the largest circle is the smallest of those that three lines around it leave.
+    # By duality, the largest circle in all lines is the smallest of the circles in three lines.
     weights = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=-1)
     total = weights.sum(-1)
     around = (weights >= 0.0).all(-1) & (total > 0.0)
@@ -262,7 +256,7 @@ def _largest_circles(
     touched, weights = triples[best], weights[best]
     multipliers = np.zeros(len(edges.owner))
     np.add.at(multipliers, touched, weights)
-    # Between parallel edges the circle is free to slide; it stays near the middle.
+    # Between parallel edges the circle can slide; it stays near the middle.
     counted = weights > SLIDING
     offsets = (radii[best][:, None] - distances[touched]) * counted
     inverse = np.linalg.pinv(lines[touched] * counted[..., None], rcond=SLIDING)
@@ -278,7 +272,7 @@ def _soft_centers(
     edges: FacetEdges, middle: Floats, frame: Floats, lines: Floats, distances: Floats
 ) -> Floats:
     """Centers (k, 3) of the soft circles, by Newton's method with a matrix that is always positive
-    definite and in the end the right one."""
+    definite and converges to the Hessian."""
     owner, first = edges.owner, edges.first
     lengths = edges.lengths.detach().numpy()
     outer = lines[:, :, None] * lines[:, None, :]
@@ -290,7 +284,7 @@ def _soft_centers(
         weights /= np.add.reduceat(weights, first)[owner]
         slope = np.add.reduceat((weights / away)[:, None] * lines, first)
         bend = np.add.reduceat((weights / away**2)[:, None, None] * outer, first)
-        # In a long facet nothing holds the center along it.
+        # In a long facet nothing holds the center in its direction.
         bend += FREE * np.trace(bend, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         step = np.linalg.solve((1.0 + SOFTNESS) * bend, slope[..., None])[..., 0]
         # At most half of the way to an edge.

@@ -1,6 +1,6 @@
-"""The support function of a body: how high its center of mass is, and which way it rolls.
+"""Support function of a body: the height of its center of mass, and the way it rolls.
 
-Torch is loaded only by whoever has tensors.
+Torch is imported only for tensors.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ def height(
 def height(points: Any, directions: Any, center_of_mass: Any = None) -> tuple[Any, Any]:
     """Height U of the center of mass over the table, and its gradient on the sphere.
 
-    A body that is let go rolls down that gradient, and rests where it stands lowest: the minima of
-    U are the rests of `rest_poses`, between saddles and maxima.
+    A body that is let go rolls down this gradient. The minima of U are its rests, as found by
+    `rest_poses`, between saddles and maxima.
 
     Parameters
     ----------
     points: (n, 3) corners of the body, in any length unit.
     directions: (..., 3) that point down in the body's frame, of any length but 0.
     center_of_mass: (3,) or None for that of the uniform solid hull.
-    All are arrays, or tensors of float32 or float64, through which gradients go back and which may
-    be transformed by `torch.func`; by its `vmap` with points alone where a center is given.
+    All are arrays, or differentiable tensors of float32 or float64, also under the transforms of
+    `torch.func`; its `vmap` can map over points only with a given center of mass.
 
     Returns
     -------
     heights: (...,) in the points' unit.
-    gradients: (..., 3) in that unit by radian, across the direction. Where two corners are equally
-        low U has a crease, and the gradient is that of one side.
+    gradients: (..., 3) in this unit per radian, perpendicular to the direction; of one side, where
+        two corners are equally low and U has a crease.
 
     Raises
     ------
     InputError: arrays or tensors of other shapes or kinds; in an array, a direction that is not
-        finite or of length 0, of which a tensor makes NaN.
-    DegenerateBodyError: the points span no solid, where no center of mass is given.
+        finite or has length 0, which is NaN in the result of tensors.
+    DegenerateBodyError: the points span no solid, and no center of mass is given.
 
     Source: eq. 3 and 4.
     """

@@ -1,9 +1,9 @@
-"""Resting probabilities as a differentiable function of vertices and center of mass.
+"""Resting probabilities as differentiable functions of vertices and center of mass.
 
-The integers (which facets are stable, which edges each separatrix crosses) come from the forward
-model in `dicedesign.rest`, and so do the values. Gradients are exact, those of the combinatorial
-cell the vertices lie in: compiled kernels sweep back along each separatrix, or torch evaluates the
-coordinates again with the forward model's formulas.
+The values come from the forward model in `dicedesign.rest`, and so do the combinatorics: which
+facets are stable, and which edges each separatrix crosses. Gradients are exact as long as these do
+not change. Compiled kernels sweep back along each separatrix, or torch evaluates the formulas of
+the forward model again.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
 
 def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
-    """Center of mass (3,) of the uniform solid hull, whose vertices (n, 3) the tensor has."""
+    """Center of mass (3,) of the uniform solid hull as a function of its vertices (n, 3)."""
     return adjoint_function(
         hull.centroid,
         lambda gradient: (centroid_gradient(hull, gradient),),
@@ -45,7 +45,8 @@ def hull_centroid(vertices: Tensor, hull: ConvexHull) -> Tensor:
 
 
 def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:
-    """Gradient (n, 3) in the vertices for that (3,) in the center of mass of the uniform hull."""
+    """Gradient (n, 3) in the vertices from the gradient (3,) in the center of mass of the uniform
+    solid hull."""
     by_vertices = kernels.centroid_gradient(hull, gradient)
     if by_vertices is kernels.UNDECIDED:
         leaf = torch.tensor(hull.vertices, requires_grad=True)
@@ -56,8 +57,8 @@ def centroid_gradient(hull: ConvexHull, gradient: Floats) -> Floats:
 
 
 def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:
-    """Centroid of a hull. Needles and plates are stretched first (`stretch_matrix`); the stretch
-    counts as constant, as it changes only rounding."""
+    """Centroid (3,) of a hull. Needles and plates are stretched first (`stretch_matrix`), by a
+    constant matrix, as that changes only rounding."""
     origin = vertices.detach().mean(dim=0)
     offsets = vertices - origin
     volume, centroid = volume_and_centroid(offsets, triangles, torch)
@@ -69,26 +70,26 @@ def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:
     return origin + centroid
 
 
-def hull_inertia(vertices: Tensor, hull: ConvexHull) -> tuple[Tensor, Tensor]:
-    """Centroid (3,) of the uniform solid in a hull, and its tensor of inertia (3, 3) about that
-    over its mass, as functions of the vertices (n, 3); see `dicedesign.geometry.triangles`."""
+def hull_inertia(vertices: Tensor, hull: ConvexHull) -> Tensor:
+    """Tensor of inertia (3, 3) of the uniform solid hull about its centroid, over its mass, as a
+    function of the vertices (n, 3); see `dicedesign.geometry.triangles.solid_inertia`."""
     centroid = _centroid(vertices, hull.triangles)
     moments, volume = second_moments(vertices - centroid, hull.triangles, torch)
     moments = moments / volume
-    return centroid, moments.trace() * torch.eye(3, dtype=vertices.dtype) - moments
+    return moments.trace() * torch.eye(3, dtype=vertices.dtype) - moments
 
 
 @dataclass(frozen=True)
 class RestEvaluation:
-    """The rests of a hull, with coordinates in torch. Everything is computed on first use.
+    """Rests of a hull, with coordinates in torch. Everything is computed on first use.
 
     Attributes
     ----------
-    equilibria: the classified hull, whose numbers are the integers of this evaluation.
-    vertices: (n, 3) hull vertices as tensor.
-    given_center: (3,) center of mass as tensor, or None for that of the uniform solid.
-    basins: those of the body, where they are known.
-    offset: (3,) of the center of mass from that of the uniform solid, where it is not given.
+    equilibria: the classified hull.
+    vertices: (n, 3) vertices of the hull as a tensor.
+    given_center: (3,) center of mass as a tensor, or None for that of the uniform solid.
+    basins: basins of the body, if they are known.
+    offset: (3,) of the center of mass from that of the uniform solid, if it is not given.
     """
 
     equilibria: Equilibria
@@ -106,30 +107,30 @@ class RestEvaluation:
         """(3,) the center of mass of the hull with other vertices (n, 3)."""
         if self.given_center is not None:
             return self.given_center
-        middle = hull_centroid(vertices, self.hull)
-        return middle if self.offset is None else middle + torch.as_tensor(self.offset)
+        centroid = hull_centroid(vertices, self.hull)
+        return centroid if self.offset is None else centroid + torch.as_tensor(self.offset)
 
     @property
     def hull(self) -> ConvexHull:
-        """The hull that the integers belong to."""
+        """The hull, as numbers."""
         return self.equilibria.hull
 
     def raise_ties(self) -> RestEvaluation:
-        """Evaluation that raises `Tie` at first use if the body is tied (`find_basins`)."""
+        """Copy that raises `Tie` on first use if the body is tied (see `find_basins`)."""
         equilibria = self.equilibria
         distance = tie_distance(equilibria.hull, equilibria.center_of_mass)
         return replace(self, equilibria=replace(equilibria, tie_distance=distance))
 
     @cached_property
     def paths(self) -> Separatrices:
-        """The separatrices that divide basins; rests are numbered as in `paths.rests`."""
+        """Separatrices that divide basins; rests are numbered as in `paths.rests`."""
         return separatrices(self.equilibria) if self.basins is None else self.basins.paths
 
     @cached_property
     def probability_values(self) -> Floats:
         """(k,) probabilities of the rests as numbers (eq. 9, 10).
 
-        Raises DegenerateBodyError where the basins do not close, as `rest_poses` does.
+        Raises DegenerateBodyError if the basins do not close, like `rest_poses`.
         """
         basins = self.basins
         areas = basin_areas(self.equilibria, self.paths) if basins is None else basins.areas
@@ -148,40 +149,41 @@ class RestEvaluation:
     def function(
         self,
         value: Floats | None,
-        gradient: Callable[[Floats], tuple[Floats, Floats] | None],
-        formula: Callable[[Tensor, Tensor], Tensor],
+        gradient: Callable[[Floats], tuple[Floats, ...] | None],
+        formula: Callable[..., Tensor],
+        *others: Tensor,
     ) -> Tensor:
-        """A tensor that is a function of the vertices and the center of mass.
+        """A function of the vertices, the center of mass and other tensors, as a tensor.
 
-        value: its numbers, or None where the formula tells them; gradient: from that in the tensor
-            to those in the vertices (n, 3) and in the center of mass (3,); formula: the function by
-            operations of torch.
+        value: its numbers, or None if the formula is to compute them; gradient: from gradients in
+            these numbers to gradients in the vertices (n, 3), in the center (3,) and in the others,
+            or None if torch is to compute them; formula: the function by operations of torch.
         """
         if self.given_center is not None:
-            inputs = self.vertices, self.given_center
+            inputs = self.vertices, self.given_center, *others
             return adjoint_function(value, gradient, formula, *inputs)
-        # What a tensor keeps must not keep the tensor, which this evaluation does.
+        # The graph must not hold this evaluation, which may hold the tensor.
         bare = replace(self)
 
-        def adjoint(slopes: Floats) -> tuple[Floats] | None:
+        def adjoint(slopes: Floats) -> tuple[Floats, ...] | None:
             parts = gradient(slopes)
-            return None if parts is None else (bare.with_center(*parts),)
+            return parts and (bare.with_center(*parts[:2]), *parts[2:])
 
-        def of_vertices(vertices: Tensor) -> Tensor:
-            return formula(vertices, bare.center_of(vertices))
+        def of_vertices(vertices: Tensor, *others: Tensor) -> Tensor:
+            return formula(vertices, bare.center_of(vertices), *others)
 
-        return adjoint_function(value, adjoint, of_vertices, self.vertices)
+        return adjoint_function(value, adjoint, of_vertices, self.vertices, *others)
 
     def with_center(self, by_vertices: Floats, by_center: Floats) -> Floats:
-        """Gradient (n, 3) in the vertices, with which the center of mass of a uniform solid moves,
-        for those in the vertices (n, 3) alone and in the center (3,)."""
+        """Total gradient (n, 3) in the vertices, from gradients in the vertices (n, 3) and in the
+        center of mass (3,): the center of a uniform solid moves with the vertices."""
         if self.given_center is not None:
             return by_vertices
         return by_vertices + centroid_gradient(self.hull, by_center)
 
     def rows_with_center(self, by_vertices: Floats, by_center: Floats) -> Floats:
-        """Gradients (r, 3 n) of r functions in the vertices from (r, 3 n) and (r, 3) in vertices
-        and center."""
+        """Total gradients (r, 3 n) of r functions in the vertices, from gradients in the vertices
+        (r, 3 n) and in the center of mass (r, 3); see `with_center`."""
         if self.given_center is not None:
             return by_vertices
         by_axis = [centroid_gradient(self.hull, axis).ravel() for axis in np.eye(3)]
@@ -189,16 +191,16 @@ class RestEvaluation:
 
     @property
     def jacobian(self) -> Floats:
-        """(k, 3 n) Jacobian of the probabilities in the vertices, which move the center of mass of
-        a uniform solid."""
+        """(k, 3 n) Jacobian of the probabilities in the vertices; the center of mass of a uniform
+        solid moves with these."""
         rows = kernels.area_jacobian(self.hull, self.paths, self.equilibria.center_of_mass)
         if rows is kernels.UNDECIDED:
             return self.jacobian_of(lambda rests: rests.probabilities)
         return self.rows_with_center(*rows) / (4.0 * np.pi)
 
     def jacobian_of(self, function: Callable[[RestEvaluation], Tensor]) -> Floats:
-        """(k, 3 n) derivatives in the vertices of a tensor (k,) that is a function of a body, by
-        operations of torch, row by row."""
+        """(k, 3 n) Jacobian in the vertices of a function from evaluations to tensors (k,), by
+        torch, row by row."""
         vertices = self.vertices.detach().requires_grad_()
         with torch.enable_grad():
             values = function(replace(self, vertices=vertices))
@@ -233,40 +235,35 @@ class RestEvaluation:
 
     @cached_property
     def facet_depths(self) -> Tensor:
-        """(m,) how far inside each facet the foot of the center of mass lies: its signed distance
-        from the nearest edge's line over the circumscribed radius, positive for rests."""
+        """(m,) signed distances of the foot of the center of mass on each facet from the line of
+        the nearest edge, over the circumscribed radius; positive inside, that is for rests."""
+        hull, center = self.hull, self.equilibria.center_of_mass
         return self.function(
-            kernels.facet_depths(self.hull, self.equilibria.center_of_mass),
-            replace(self).depth_gradient,
-            partial(facet_depths, self.hull),
+            kernels.facet_depths(hull, center),
+            partial(kernels.depth_gradient, hull, center),
+            partial(facet_depths, hull),
         )
 
-    @cached_property
+    @property
     def depths(self) -> Floats:
         """(m,) facet depths as numbers."""
-        depths = kernels.facet_depths(self.hull, self.equilibria.center_of_mass)
-        return self.facet_depths.detach().numpy() if depths is kernels.UNDECIDED else depths
-
-    def depth_gradient(self, slopes: Floats) -> tuple[Floats, Floats] | None:
-        """Gradients (n, 3) in the vertices and (3,) in the center of the sum of depths times slopes
-        (m,), by compiled kernels; None where there are none."""
-        return kernels.depth_gradient(self.hull, self.equilibria.center_of_mass, slopes)
+        return self.facet_depths.detach().numpy()
 
     @property
     def facets(self) -> Integers:
-        """(k,) facet of the hull on which each rest stands."""
+        """(k,) facet of each rest."""
         return self.paths.rests
 
     @property
     def saddles(self) -> Tensor:
-        """(s, 3) unit directions of the saddles that divide basins, from the center of mass; saddle
-        i lies between the rests `paths.basins[i]`."""
+        """(s, 3) unit directions from the center of mass to the saddles that divide basins; saddle
+        i is between the rests `paths.basins[i]`."""
         return torch.nn.functional.normalize(self.saddle_directions, dim=1)
 
     @property
     def maxima(self) -> Tensor:
-        """(2 s, 3) unit directions of the maxima, from the center of mass: numbers 2 i and 2 i + 1
-        are those at the ends of the separatrix through saddle i."""
+        """(2 s, 3) unit directions from the center of mass to the maxima: numbers 2 i and 2 i + 1
+        are at the ends of the separatrices from saddle i."""
         return self.vertex_directions(self.paths.maxima)
 
     @property
@@ -295,12 +292,12 @@ def evaluate_rests(
     points: (n, 3) float32 or float64; float32 points count as rounded ones, see `convex_hull`.
     center_of_mass: (3,) float32 or float64, or None for that of the uniform solid hull.
     hull_of: makes the hull.
-    offset: (3,) of the center of mass from that of the uniform solid hull, where it is not given.
+    offset: (3,) of the center of mass from that of the uniform solid hull, if it is not given.
 
     Raises
     ------
-    InputError: no tensors of these kinds and shapes, or `torch.func.vmap` maps over them: each body
-        has as many rests as it has.
+    InputError: an input is no such tensor, or `torch.func.vmap` maps over it, as numbers of rests
+        differ.
     DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
     """
     given = double_tensor(points, "vertices", "n", 3)
@@ -331,9 +328,9 @@ def evaluate_rests(
 def rest_probabilities(
     hull: ConvexHull, paths: Separatrices, vertices: Tensor, center: Tensor
 ) -> Tensor:
-    """(k,) probabilities of the rests, with the formulas of the forward model (eq. 9, 10).
+    """(k,) probabilities of the rests, by the formulas of the forward model (eq. 9, 10).
 
-    paths: the separatrices that divide basins; vertices: (n, 3); center: (3,) center of mass.
+    paths: separatrices that divide basins; vertices: (n, 3); center: (3,) center of mass.
     """
     count = len(paths.rests)
     if count == 1:
@@ -363,8 +360,7 @@ def facet_normals(hull: ConvexHull, facets: Integers, vertices: Tensor) -> Tenso
 
 
 def facet_depths(hull: ConvexHull, vertices: Tensor, center: Tensor) -> Tensor:
-    """(m,) signed distances of the center's foot from the nearest edge's line of each facet, over
-    the circumscribed radius, edge by edge."""
+    """(m,) depths of the facets, see `RestEvaluation.facet_depths`."""
     normals = facet_normals(hull, np.arange(len(hull.normals)), vertices)
     edges = vertices[hull.head] - vertices[hull.tail]
     radii = vertices - center

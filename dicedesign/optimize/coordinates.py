@@ -1,30 +1,31 @@
-"""Parameters of a design, and the shapes that they make: vertices, as in the paper, or half-spaces,
-whose facets stay flat by construction; all of these, or some that are held or move together.
+"""Coordinates of a design: parameters and the shapes that they make.
 
-A point group acts about the origin of space; an orbit is the set of facets that it carries to each
-other. A facet on a mirror plane or an axis of the group has its normal there."""
+Parameters are vertices, as in the paper, or half-spaces, whose facets stay flat by construction.
+Half-spaces can be independent, held, or linked.
+
+A point group acts about the origin of space. An orbit is the set of facets that it maps onto each
+other. A facet on a mirror plane or an axis of the group has its normal there.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, HullMemory, convex_hull
 from dicedesign.geometry.point_groups import fixed_space
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.gradient.body_function import BodyFunction, double_tensor, take_constant
+from dicedesign.gradient.body_function import double_tensor, take_constant
+from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SYMMETRY_TOLERANCE
-
-if TYPE_CHECKING:
-    from dicedesign.gradient.rest_probabilities import RestEvaluation
 
 
 @dataclass(frozen=True)
@@ -34,15 +35,15 @@ class Shape:
     Attributes
     ----------
     points: (n, 3).
-    pull_back: from gradients (r, n, 3) in the points to those (r, p) in the parameters.
+    pull_back: converts gradients in the points (r, n, 3) to gradients in the parameters (r, p).
     """
 
     points: Floats
     pull_back: Callable[[Floats], Floats]
 
     def in_parameters(self, rows: Floats, source: Integers) -> Floats:
-        """Gradients (r, p) in the parameters for those (r, 3 v) in some of the points, (v,) by
-        number."""
+        """Convert gradients (r, 3 v) in points with numbers `source` (v,) to gradients (r, p) in
+        the parameters."""
         gradients = np.zeros((len(rows), *self.points.shape))
         gradients[:, source] = rows.reshape(len(rows), len(source), 3)
         return self.pull_back(gradients)
@@ -52,25 +53,20 @@ class Coordinates(Protocol):
     """Parameters of a convex shape, as a flat array."""
 
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
-        """The shape; `hull_of` makes the hulls that are needed on the way."""
-
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """The points of the shape as a function of a tensor, for autograd and `torch.func`, of
-        parameters (p,) as float32 or float64. Raises as `shape`, and InputError if these are no
-        parameters."""
+        """Make the shape. hull_of: makes the hulls that this requires."""
 
     def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
-        """The parameters without what the shape no longer uses: all, unless it never will again."""
+        """Remove parameters that the shape can never use again; the default keeps all."""
         return parameters
 
 
 @dataclass(frozen=True)
 class VertexCoordinates(Coordinates):
-    """The vertices themselves: parameters are (n, 3) flattened, in units of `scale` from `origin`.
+    """Vertices (n, 3), flattened, in units of `scale` from `origin`.
 
     Attributes
     ----------
-    origin: (3,) the point that scaling keeps.
+    origin: (3,) position of the zero vector.
     scale: length of one unit.
     """
 
@@ -86,39 +82,24 @@ class VertexCoordinates(Coordinates):
 
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
         """See `Coordinates`."""
-
-        def pull_back(gradients: Floats) -> Floats:
-            return self.scale * gradients.reshape(len(gradients), len(parameters))
-
-        return Shape(self.origin + self.scale * parameters.reshape(-1, 3), pull_back)
-
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """See `Coordinates`."""
-        given = double_tensor(parameters, "parameters", "3 n")
-        if len(given) % 3 != 0:
-            raise InputError(
-                f"parameters: expected three numbers for each of n points, got {len(given)}; pass "
-                "all of one point and then all of the next"
-            )
-        points = torch.from_numpy(self.origin) + self.scale * given.reshape(-1, 3)
-        return points.to(parameters)
+        points = self.origin + self.scale * parameters.reshape(-1, 3)
+        return Shape(points, lambda rows: self.scale * rows.reshape(len(rows), points.size))
 
     def prune(self, parameters: Floats, rests: RestEvaluation) -> Floats:
-        """Parameters without points that are no vertices of the hull; see `Coordinates`."""
+        """Remove points that are not vertices of the hull."""
         return parameters.reshape(-1, 3)[rests.hull.source].ravel()
 
 
 def normals_of(parameters: Any) -> Any:
-    """(m, 3) the normals among parameters (4 m,) of `FacetCoordinates`, NumPy or torch."""
+    """Normals (m, 3) among parameters (4 m,) of `FacetCoordinates`, in NumPy or torch."""
     return parameters[: 3 * len(parameters) // 4].reshape(-1, 3)
 
 
 @dataclass(frozen=True)
 class FacetCoordinates(Coordinates):
-    """Half-spaces `n_i . (x - origin) <= exp(l_i)`: parameters are the m normals (not necessarily
-    unit) followed by the m values l_i.
+    """Half-spaces `n_i . (x - origin) <= exp(l_i)`: m normals n_i of any length, then m values l_i.
 
-    Half-spaces that cut nothing stay, as they may cut again.
+    Half-spaces that cut nothing are kept, as they may cut later.
 
     Attributes
     ----------
@@ -143,50 +124,44 @@ class FacetCoordinates(Coordinates):
         return cls(origin), np.concatenate([hull.normals.ravel(), np.log(heights)])
 
     def shape(self, parameters: Floats, hull_of: HullMaker = convex_hull) -> Shape:
-        """See `Coordinates`: one corner for each triangle of the polar hull, from the three planes
-        that meet there. Raises DegenerateBodyError if the half-spaces bound no solid."""
+        """See `Coordinates`. There is a corner for each triangle of the polar hull, where three
+        planes meet. Raises DegenerateBodyError if the half-spaces bound no solid."""
         return self._shape_and_planes(parameters, hull_of)[0]
 
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """See `Coordinates`. Where `torch.func.vmap` maps over shapes with different numbers of
-        corners, the first of a shape comes again in the rows that are left."""
+    def points(self, parameters: Tensor) -> Tensor:
+        """Corners of the shape as a function of parameters (4 m,) in float32 or float64, for
+        autograd and `torch.func`. If `torch.func.vmap` maps over shapes with different numbers of
+        corners, unused rows repeat the first corner of a shape.
+
+        Raises as `shape`, and InputError for parameters of another kind.
+        """
         given = double_tensor(parameters, "parameters", "4 m")
         if len(given) % 4 != 0:
             raise InputError(
                 f"parameters: expected three numbers of a normal and one of a distance for each of "
                 f"m facets, got {len(given)}; pass all normals and then all distances"
             )
-        solids: list[tuple[Shape, Integers]] = []
 
-        def find(parameters: Floats) -> Integers:
-            """Find the corners of solids (*l) with parameters (*l, 4 m), and number the solids."""
-            for row in parameters.reshape(-1, parameters.shape[-1]):
-                solids.append(self._shape_and_planes(row, hull_of))
-            return np.arange(len(solids)).reshape(parameters.shape[:-1])
+        def find(numbers: Floats) -> Integers:
+            """Facets (*l, t, 3) that meet at the corners of shapes with parameters (*l, 4 m)."""
+            rows = numbers.reshape(-1, numbers.shape[-1])
+            planes = [self._shape_and_planes(row, convex_hull)[1] for row in rows]
+            corners = np.arange(max(map(len, planes)))
+            padded = [own[np.where(corners < len(own), corners, 0)] for own in planes]
+            return np.reshape(padded, (*numbers.shape[:-1], len(corners), 3))
 
-        def rows_of(solid: int) -> Integers:
-            places = np.arange(max(len(planes) for _, planes in solids))
-            return np.where(places < len(solids[solid][1]), places, 0)
-
-        def value(which: Integers, parameters: Floats) -> tuple[Floats]:
-            return (np.stack([solids[solid][0].points[rows_of(solid)] for solid in which]),)
-
-        def formula(solid: int, parameters: Tensor) -> tuple[Tensor]:
-            corners = _corners(parameters, solids[solid][1])
-            return (torch.from_numpy(self.origin) + corners[rows_of(solid)],)
-
-        corners = BodyFunction(1, 1, formula, value)(take_constant(find, given), given)[0]
-        return corners.to(parameters)
+        corners = _corners(given, take_constant(find, given))
+        return (torch.from_numpy(self.origin) + corners).to(parameters)
 
     def half_spaces(self, parameters: Floats) -> Floats:
         """(4 m,) parameters of all facets."""
         return parameters
 
     def _shape_and_planes(self, parameters: Floats, hull_of: HullMaker) -> tuple[Shape, Integers]:
-        """The shape, and (t, 3) the facets whose planes meet at each corner."""
+        """Make the shape, and list the three facets (t, 3) that meet at each corner."""
         normals = normals_of(parameters)
         with np.errstate(all="ignore"):
-            # A hull tells what is no number.
+            # The hull refuses numbers that are not finite.
             units = normals / norms(normals)[:, None]
             polar = units * np.exp(-parameters[normals.size :, None])
         hull = hull_of(polar)
@@ -208,20 +183,20 @@ class FacetCoordinates(Coordinates):
         return Shape(self.origin + corners, pull_back), facets
 
 
-def _corners(parameters: Tensor, facets: Integers) -> Tensor:
-    """(t, 3) corners about the origin where the planes of three facets (t, 3) meet."""
+def _corners(parameters: Tensor, facets: Tensor) -> Tensor:
+    """Corners (t, 3) relative to the origin, where the planes of three facets (t, 3) meet."""
     normals = normals_of(parameters)
     units = normals / torch.linalg.vector_norm(normals, dim=1, keepdim=True)
     polar = units * torch.exp(-parameters[normals.numel() :, None])
-    planes = polar[torch.from_numpy(facets)]
-    return torch.linalg.solve(planes, torch.ones((len(planes), 3), dtype=torch.float64))
+    planes = polar[facets]
+    return torch.linalg.solve(planes, torch.ones(planes.shape[:2], dtype=torch.float64))
 
 
 def _corner_gradients(parameters: Floats, facets: Integers, rows: Floats) -> Floats:
-    """Gradients (r, 4 m) in parameters for those (r, 3 t) in corners, see `_corners`."""
+    """Convert gradients (r, 3 t) in corners to gradients (r, 4 m) in parameters; see `_corners`."""
     with torch.enable_grad():
         leaf = torch.tensor(parameters, requires_grad=True)
-        corners = _corners(leaf, facets).ravel()
+        corners = _corners(leaf, torch.from_numpy(facets)).ravel()
         pulled = [
             torch.autograd.grad(corners, leaf, torch.from_numpy(row), retain_graph=True)[0].numpy()
             for row in rows
@@ -231,13 +206,13 @@ def _corner_gradients(parameters: Floats, facets: Integers, rows: Floats) -> Flo
 
 @dataclass(frozen=True, eq=False)
 class LinkedCoordinates(Coordinates):
-    """Half-spaces of which some are held or move together.
+    """Half-spaces, some of which are held or move together.
 
     Attributes
     ----------
     facets: coordinates of all m facets.
-    expansion: (4 m, r) from the parameters (r,) to changes of those of `facets`, with orthonormal
-        columns: so steps of the parameters are as long as those of all facets together.
+    expansion: (4 m, r) matrix from parameters (r,) to changes of the parameters of `facets`. Its
+        columns are orthonormal, so that both changes have the same length.
     base: (4 m,) parameters of `facets` before any change.
     """
 
@@ -255,24 +230,24 @@ class LinkedCoordinates(Coordinates):
         shape = self.facets.shape(self.half_spaces(parameters), self._check(hull_of))
         return Shape(shape.points, lambda rows: shape.pull_back(rows) @ self.expansion)
 
-    def points(self, parameters: Tensor, hull_of: HullMaker = convex_hull) -> Tensor:
-        """See `Coordinates`."""
+    def points(self, parameters: Tensor) -> Tensor:
+        """See `FacetCoordinates`."""
         given = double_tensor(parameters, "parameters", self.expansion.shape[1])
         moved = torch.from_numpy(self.base) + torch.from_numpy(self.expansion) @ given
-        return self.facets.points(moved, self._check(hull_of)).to(parameters)
+        return self.facets.points(moved).to(parameters)
 
     def _check(self, hull_of: HullMaker) -> HullMaker:
-        """`hull_of` for polar hulls, which may refuse some."""
+        """Maker of polar hulls, which may refuse some."""
         return hull_of
 
 
 def pin_coordinates(
     points: Floats, origin: Floats, pinned: Floats
 ) -> tuple[LinkedCoordinates, Floats]:
-    """Normals and distances of all half-spaces but pinned ones, about an origin (3,) inside, and
-    the parameters of the hull of points (n, 3).
+    """Coordinates of all half-spaces but pinned ones, about an origin (3,) inside, and the
+    parameters of the hull of points (n, 3).
 
-    pinned: (p, 3) unit directions; of each the facet stays whose normal is nearest.
+    pinned: (p, 3) unit directions; the facet whose normal is nearest to each stays in its plane.
 
     Raises DegenerateBodyError if the origin is not strictly inside.
     """
@@ -289,9 +264,9 @@ def tie_coordinates(
 ) -> tuple[FacetCoordinates | LinkedCoordinates, Floats]:
     """Coordinates of a hull about its centroid, and its parameters.
 
-    Each facet is tied to the nearest of those with normals `directions` (k, 3), if that is within
-    an angle in radians: parameters are then changes of the normals and of the logarithms of the
-    distances. Where there is nothing to tie, these are facet coordinates.
+    Each facet is linked to the nearest of the facets with normals `directions` (k, 3) that is
+    within an angle in radians. Parameters are then changes of the normals and of the logarithms of
+    the distances. Without linked facets these are facet coordinates.
     """
     facets, whole = FacetCoordinates.of(hull.vertices, hull.centroid)
     normals = normals_of(whole)
@@ -299,7 +274,7 @@ def tie_coordinates(
     cosines = normals @ normals[leaders].T
     nearest = leaders[np.argmax(cosines, axis=1)]
     group = np.where(cosines.max(axis=1) > np.cos(angle), nearest, np.arange(len(normals)))
-    # A leader is nearest to itself, but for rounding.
+    # A leader is nearest to itself; rounding may say otherwise.
     group[leaders] = leaders
     members = (group[:, None] == np.unique(group)).astype(np.float64)
     if members.shape[1] == len(normals):
@@ -328,14 +303,14 @@ class SymmetricCoordinates(LinkedCoordinates):
     def of(
         cls, points: Floats, origin: Floats, group: Floats
     ) -> tuple[SymmetricCoordinates, Floats]:
-        """Coordinates about the position nearest to an origin (3,) that the group (g, 3, 3) keeps,
-        and the parameters of the hull of points (n, 3), or of the nearest that is symmetric to the
-        last bit.
+        """Coordinates about the fixed point of the group (g, 3, 3) that is nearest to an origin
+        (3,), and the parameters of the nearest exactly symmetric shape to the hull of points (n,
+        3).
 
         Raises
         ------
         InputError: the group does not map the hull onto itself.
-        DegenerateBodyError: that position is not strictly inside.
+        DegenerateBodyError: the fixed point is not strictly inside.
         """
         facets, parameters = FacetCoordinates.of(points, fixed_space(group) @ origin)
         normals = normals_of(parameters)
@@ -367,8 +342,8 @@ class SymmetricCoordinates(LinkedCoordinates):
         return cls(facets, expansion, base, orbits.astype(np.int64)), expansion.T @ parameters
 
     def _check(self, hull_of: HullMaker) -> HullMaker:
-        """Hull maker that raises DegenerateBodyError if rounding makes only some of an orbit's
-        facets corners of the polar hull."""
+        """Hull maker that raises DegenerateBodyError if, by rounding, only some facets of an orbit
+        bound the solid."""
 
         def whole(polar: Floats) -> ConvexHull:
             hull = hull_of(polar)
@@ -388,8 +363,11 @@ class SymmetricCoordinates(LinkedCoordinates):
 def coordinates_of(
     points: Floats, origin: Floats, group: Floats | None, pinned: Floats
 ) -> tuple[Coordinates, Floats]:
-    """Facet coordinates of the hull of points (n, 3) about an origin (3,), with a point group
-    (g, 3, 3) if any or else with pinned facets (p, 3), and their parameters."""
+    """Facet coordinates of the hull of points (n, 3) about an origin (3,), and its parameters.
+
+    group: (g, 3, 3) point group to keep, or None; pinned: (p, 3) normals of facets that stay in
+    their planes, without a group.
+    """
     if group is not None:
         return SymmetricCoordinates.of(points, origin, group)
     if len(pinned) > 0:
@@ -398,20 +376,19 @@ def coordinates_of(
 
 
 def orbits_of_directions(directions: Floats, group: Floats) -> Integers:
-    """(k,) number of the orbit of each of some directions (k, 3), from 0 in the order in which the
-    orbits' first members come.
+    """Number (k,) of the orbit of each direction (k, 3), from 0 in the order of first members.
 
-    Raises InputError where an element of the group (g, 3, 3) does not permute them.
+    Raises InputError if an element of the group (g, 3, 3) does not permute the directions.
     """
     first = images_of_directions(directions, group).min(axis=0)
     return np.unique(first, return_inverse=True)[1].astype(np.int64)
 
 
 def images_of_directions(directions: Floats, group: Floats) -> Integers:
-    """(g, k) number of the direction onto which each element of a group (g, 3, 3) maps each of some
-    directions (k, 3), which need not be unit vectors.
+    """Number (g, k) of the direction onto which each element of a group (g, 3, 3) maps each
+    direction (k, 3) of any length.
 
-    Raises InputError where an element does not permute them.
+    Raises InputError if an element does not permute the directions.
     """
     units = unit_vectors(directions)
     turned = np.einsum("gij,kj->gki", group, units)
@@ -447,3 +424,44 @@ def _range_basis(projection: Floats) -> Floats:
         columns.append(longest / np.linalg.norm(longest))
         remaining = remaining - np.outer(columns[-1], columns[-1])
     return np.stack(columns, axis=1)
+
+
+@dataclass
+class ShapeEvaluator:
+    """Evaluates the rests of shapes. It remembers the last hulls, and counts its work.
+
+    Attributes
+    ----------
+    center_of_mass: (3,) fixed, or None for that of the uniform solid.
+    offset: (3,) of the center of mass from that of the uniform solid, if it is not fixed.
+    evaluations: number of shapes.
+    shapes, polars: last hulls of shapes, and of the polar bodies that coordinates require.
+    """
+
+    center_of_mass: Floats | None
+    offset: Floats | None = None
+    evaluations: int = 0
+    shapes: HullMemory = field(default_factory=HullMemory)
+    polars: HullMemory = field(default_factory=HullMemory)
+
+    def evaluate(
+        self, coordinates: Coordinates, parameters: Floats
+    ) -> tuple[Shape, RestEvaluation]:
+        """Make a shape and evaluate its rests. Raises DiceError if it is no solid with the center
+        of mass inside."""
+        self.evaluations += 1
+        given = self.center_of_mass
+        shape = coordinates.shape(parameters, self.polars.hull)
+        points = torch.from_numpy(shape.points).requires_grad_()
+        center = None if given is None else torch.as_tensor(given)
+        return shape, evaluate_rests(points, center, self.shapes.hull, self.offset)
+
+    @property
+    def hulls_built(self) -> int:
+        """Hulls that were computed from scratch."""
+        return self.shapes.built + self.polars.built
+
+    @property
+    def hulls_reused(self) -> int:
+        """Hulls that have the connectivity of the one before."""
+        return self.shapes.reused + self.polars.reused

@@ -1,9 +1,9 @@
-"""The energy of a shape, the weighted sum of terms (eq. 16), its gradient, and both as functions
-of a design's parameters."""
+"""Energy of a shape, the weighted sum of terms (eq. 16), with its gradient, and both as functions
+of the parameters of a design."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -12,10 +12,9 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.geometry.hulls.hull import HullMemory
-from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
+from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.kernels import ops as kernels
-from dicedesign.optimize.coordinates import Coordinates, Shape
+from dicedesign.optimize.coordinates import Coordinates, Shape, ShapeEvaluator
 from dicedesign.optimize.terms import (
     LARGEST_SQUARED_DISTANCE,
     SMALLEST_MEAN,
@@ -23,15 +22,14 @@ from dicedesign.optimize.terms import (
     Clusters,
     EnergyWeights,
     Term,
-    cluster,
 )
 from dicedesign.runtime.arrays import Floats
 
 
 def energy_terms(state: ClusteredRests, weights: EnergyWeights) -> dict[str, Tensor]:
-    """The weighted terms by name, by operations of torch; those without weight are left out.
+    """Weighted terms by name, by operations of torch, without the terms of weight 0.
 
-    Raises InputError where a term is no scalar tensor.
+    Raises InputError if a term is not a scalar tensor.
     """
     return {term.name: _tensor(term, weight, state, weights) for term, weight in weights.active}
 
@@ -48,17 +46,16 @@ def _tensor(term: Term, weight: float, state: ClusteredRests, weights: EnergyWei
 
 
 COMPILED: Final = ("dice", "coplanar", "barycenter", "neighbor")
-"""Terms that the kernels evaluate together, in their order."""
+"""Terms that the kernels evaluate together, in the order of the kernels."""
 
 
 @dataclass(frozen=True)
 class Energy:
-    """The energy of a shape as numbers: by compiled kernels where there are any for a term, else by
-    torch, all added.
+    """Energy of a shape as numbers, by compiled kernels for the terms that have any, else by torch.
 
     Attributes
     ----------
-    state: the shape; weights: of the terms.
+    state: the shape; weights: weights of the terms.
     """
 
     state: ClusteredRests
@@ -71,9 +68,9 @@ class Energy:
 
     @property
     def gradient(self) -> Floats:
-        """(n, 3) gradient of their sum in the vertices, which move the center of mass of a uniform
-        solid."""
-        rests, normals = self.state.rests, []
+        """(n, 3) gradient of the sum of terms in the vertices; the center of mass of a uniform
+        solid moves with these."""
+        rests, gradients = self.state.rests, []
         parts = [part for _, part in self._parts.values()]
         if self._compiled is not None:
             by_vertices, by_center = self._compiled.gradient(self._compiled_weights)
@@ -81,24 +78,28 @@ class Energy:
                 if not isinstance(slopes, np.ndarray):
                     continue
                 if slopes.ndim == 1:
-                    walls = rests.depth_gradient(slopes)
+                    walls = kernels.depth_gradient(
+                        rests.hull, rests.equilibria.center_of_mass, slopes
+                    )
                     assert walls is not None, "kernels that have the energies have these"
                     by_vertices, by_center = by_vertices + walls[0], by_center + walls[1]
                 else:
                     turning = kernels.normal_gradient(rests.hull, rests.paths.rests, slopes)
                     assert turning is not None, "kernels that have the energies have these"
                     by_vertices = by_vertices + turning
-            normals.append(rests.with_center(by_vertices, by_center))
+            gradients.append(rests.with_center(by_vertices, by_center))
         varying = [part for part in parts if isinstance(part, Tensor) and part.requires_grad]
         if varying:
             (gradient,) = torch.autograd.grad(varying, rests.vertices, retain_graph=True)
-            normals.append(gradient.numpy())
-        return sum(normals[1:], normals[0]) if normals else np.zeros_like(rests.hull.vertices)
+            gradients.append(gradient.numpy())
+        if not gradients:
+            return np.zeros_like(rests.hull.vertices)
+        return sum(gradients[1:], gradients[0])
 
     @cached_property
     def _parts(self) -> dict[str, tuple[float, Tensor | Floats | None]]:
-        """The value of each weighted term by name, and what its gradient is found from: a tensor,
-        or derivatives in depths or normals (`Term.value_and_gradient`), or the kernels alone."""
+        """Value of each weighted term by name, and the source of its gradient: a tensor,
+        derivatives in depths or normals (`Term.value_and_gradient`), or None for the kernels."""
         together = None if self._compiled is None else self._compiled.values()
         parts: dict[str, tuple[float, Tensor | Floats | None]] = {}
         for term, weight in self.weights.active:
@@ -114,13 +115,12 @@ class Energy:
 
     @cached_property
     def _compiled_weights(self) -> list[float]:
-        weights = self.weights.of_terms
+        weights = {term.name: weight for term, weight in self.weights.active}
         return [weights.get(name, 0.0) for name in COMPILED]
 
     @cached_property
     def _compiled(self) -> kernels.Energies | None:
-        """Terms that the kernels evaluate together, with a gradient derived by hand; None without
-        kernels."""
+        """Terms that the kernels evaluate together, with their gradient; None without kernels."""
         rests, clusters = self.state.rests, self.state.clusters
         return kernels.energies(
             rests.hull,
@@ -138,44 +138,37 @@ class Energy:
 
 
 SHAKE: Final = 1e-6
-"""Least perturbation of a start that balances exactly, so that its basins cannot be told."""
+"""Least standard deviation of the noise on a start that balances exactly, as its basins are
+undefined."""
 
 
 @dataclass(frozen=True)
 class Objective:
-    """Energy of eq. 16 as a function of coordinates.
+    """Energy (eq. 16) as a function of coordinates.
 
     Attributes
     ----------
     coordinates: how parameters make a shape.
-    target: (k,) wanted probabilities.
-    weights: of the energy's terms.
-    center_of_mass: (3,) fixed, or None for that of the uniform solid.
-    shapes: the hulls of the last evaluation and how many there were.
-    polars: the same for the hulls that the coordinates need to make a shape.
+    target: (k,) target probabilities.
+    weights: weights of the terms.
+    evaluator: evaluates shapes and counts evaluations.
     """
 
     coordinates: Coordinates
     target: Floats
     weights: EnergyWeights
-    center_of_mass: Floats | None
-    shapes: HullMemory = field(default_factory=HullMemory, repr=False, compare=False)
-    polars: HullMemory = field(default_factory=HullMemory, repr=False, compare=False)
+    evaluator: ShapeEvaluator
 
     def evaluate(self, parameters: Floats, directions: Floats) -> Evaluation:
         """Hull, rests and energy at flat parameters, for outcome directions (k, 3).
 
-        Raises DiceError where the parameters make no solid with c inside.
+        Raises DiceError if the parameters make no solid with the center of mass inside.
         """
-        given = self.center_of_mass
-        center = None if given is None else torch.as_tensor(given)
-        shape = self.coordinates.shape(parameters, self.polars.hull)
-        points = torch.from_numpy(shape.points).requires_grad_()
-        rests = evaluate_rests(points, center, self.shapes.hull)
+        shape, rests = self.evaluator.evaluate(self.coordinates, parameters)
         return Evaluation(self, parameters, shape, rests, directions)
 
     def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
-        """`evaluate`, or None where that fails or the energy is not finite."""
+        """Evaluation, or None if it fails or the energy is not finite."""
         try:
             evaluation = self.evaluate(parameters, directions)
             return evaluation if np.isfinite(evaluation.value) else None
@@ -185,11 +178,11 @@ class Objective:
     def first(
         self, parameters: Floats, directions: Floats, perturbation: float, seed: int
     ) -> Evaluation:
-        """The evaluation that a descent begins with: at parameters (n,) that are shaken by normal
-        noise of a standard deviation, which is at least `SHAKE` where the probabilities cannot be
-        told, and less where so much leaves no solid with the center inside.
+        """First evaluation of a descent, at parameters (n,) with normal noise.
 
-        Raises as `evaluate`.
+        perturbation: standard deviation of the noise. It is halved if the noise leaves no solid
+        with the center of mass inside, and at least `SHAKE` if probabilities are undefined without
+        noise. Raises as `evaluate`.
         """
         noise = np.random.default_rng(seed).normal(size=parameters.shape)
         sizes = [perturbation]
@@ -214,15 +207,19 @@ class Evaluation:
     directions: Floats
 
     @cached_property
+    def state(self) -> ClusteredRests:
+        """Rests, outcomes and target."""
+        return ClusteredRests.of(self.rests, self.directions, self.objective.target)
+
+    @property
     def clusters(self) -> Clusters:
         """Outcome for which each rest counts."""
-        return cluster(self._rest_normals, self.directions)
+        return self.state.clusters
 
     @cached_property
     def energy(self) -> Energy:
-        """The energy's terms and its gradient in the vertices."""
-        state = ClusteredRests(self.rests, self.clusters, self.objective.target)
-        return Energy(state, self.objective.weights)
+        """Terms of the energy, and its gradient in the vertices."""
+        return Energy(self.state, self.objective.weights)
 
     @cached_property
     def value(self) -> float:
@@ -246,16 +243,14 @@ class Evaluation:
 
     @cached_property
     def flaws(self) -> int:
-        """Outcomes without a rest, and under a term that wants single rests also rests too many."""
+        """Number of outcomes without a rest, and of surplus rests if a term requires single
+        rests."""
         outcomes, empty = len(self.directions), self.clusters.empty
         if not self.objective.weights.single_rests:
             return empty
         return empty + len(self.clusters.of_rest) - (outcomes - empty)
 
     def refresh(self) -> Evaluation:
-        """Evaluation with each outcome's direction moved to the mean of its rests' normals."""
-        return replace(self, directions=self.clusters.means(self._rest_normals)[0])
-
-    @property
-    def _rest_normals(self) -> Floats:
-        return self.rests.hull.normals[self.rests.paths.rests]
+        """Evaluation with the direction of each outcome moved to the mean normal of its rests."""
+        normals = self.rests.hull.normals[self.rests.facets]
+        return replace(self, directions=self.clusters.means(normals)[0])

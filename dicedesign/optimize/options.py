@@ -1,30 +1,30 @@
-"""Options of the methods that design convex dice, apart from the methods, so that a recipe loads
-none."""
+"""Options of the methods for convex dice, separate from the methods, so that reading a recipe loads
+no method."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from dataclasses import dataclass, field
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.terms import EnergyWeights
-from dicedesign.runtime.registry import STRICT, Number
+from dicedesign.runtime.registry import STRICT
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import hand_named, with_hand
 
 LARGEST_SMOOTHING: Final = 1e6
-"""Beyond it the operator averages the whole surface, and its matrix is singular to rounding."""
+"""Limit on lambda: beyond it the operator averages the whole surface, and its matrix is singular to
+rounding."""
 
 FINEST_TOLERANCE: Final = 1e-15
-"""Rounding alone leaves errors of a few 1e-16."""
+"""Limit on tolerances, as rounding leaves errors of a few 1e-16."""
 
 MOST_WORK: Final = 250_000
-"""Dice that are computed, times outcomes, in a design by the exact method unless a recipe says
-otherwise."""
+"""Default limit on the evaluations of dice in a design by the exact method, times outcomes."""
 
 MOST_DROPS: Final = 10_000_000
 
@@ -89,13 +89,13 @@ class RefineOptions:
                 )
         if not 0.0 < self.within < 1.0:
             raise refuse("refine.within", "a number in (0, 1)", self.within, "0.01")
-        # Raises where there is no such engine.
+        # Raises if there is no such engine.
         ENGINES[self.engine]
 
 
 def legible() -> Preferences:
-    """Room for labels first; then rests that are not left at a nudge, no needles or plates, and,
-    where the die is thrown, probabilities that do not change with the table."""
+    """Weights for large labels first; then for stable rests, a round die, and, for thrown dice,
+    probabilities that change little with the table."""
     return Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
 
 
@@ -161,7 +161,7 @@ class ExactOptions:
                     f'hand: expected probabilities "thrown" with it, got {self.probabilities!r}; '
                     "leave hand out, or write probabilities: thrown"
                 )
-            # Raises where there is no such way.
+            # Raises if there is no such throw distribution.
             hand_named(self.hand)
         if self.starts < 1:
             raise refuse("starts", "a whole number above 0", self.starts, "60")
@@ -173,12 +173,12 @@ class ExactOptions:
 
     @property
     def table_with_hand(self) -> str:
-        """Name of the table with the way to throw, for `load_table`."""
+        """Name of the table with its throw distribution, for `load_table`."""
         return with_hand(self.table, self.hand)
 
 
 def require_choice(name: str, value: str, *choices: str) -> None:
-    """Raise InputError for an option that is none of its words."""
+    """Raise InputError for an option that is none of the choices."""
     if value not in choices:
         raise InputError(
             f"{name}: expected {' or '.join(choices)}, got {value!r}; choose one of them"
@@ -186,45 +186,42 @@ def require_choice(name: str, value: str, *choices: str) -> None:
 
 
 def refuse(name: str, expected: str, got: float, default: str) -> InputError:
-    """InputError of an option out of range."""
+    """Make the InputError of an option out of range."""
     return InputError(f"{name}: expected {expected}, got {got:g}; leave it out for {default}")
 
 
 SOLID_ANGLE: Final = (4.0 * np.pi) ** 2
-"""By this the dice energy in solid angles, the unit of published weights, is larger than that in
+"""Ratio of the dice energy in solid angles, the unit of published weights, to the dice energy in
 probabilities (eq. 12)."""
 
 
 class PaperWeights(EnergyWeights):
-    """Weights beside a dice energy in solid angles, `sum_i (A_i - 4 pi q_i)^2`, as published ones
-    are; see `TERMS` for the terms.
+    """Weights relative to a dice energy in solid angles, `sum_i (A_i - 4 pi q_i)^2`, like published
+    weights; see `TERMS` for the terms.
 
-    The defaults lead every published target to its probabilities from most starts; "apart" is not
-    in the paper. Raises InputError for a number out of range.
+    With the defaults, every published target is reached from most starts; "apart" is not in the
+    paper. Raises InputError for a number out of range.
     """
 
     __slots__ = ()
 
-    @classmethod
-    def list_numbers(cls) -> Mapping[str, Number]:
-        """Weights and options of all terms, with the defaults of this class."""
-        defaults = {
-            "coplanar": 2.0,
-            "barycenter": 0.1,
-            "neighbor": 2.0,
-            "neighbor_radius": 0.1,
-            "stability": 0.0,
-            "apart": 0.15,
-        }
-        return {
-            name: replace(number, default=defaults.get(name, number.default))
-            for name, number in super().list_numbers().items()
-        }
+    defaults: ClassVar[Mapping[str, float]] = {
+        "coplanar": 2.0,
+        "barycenter": 0.1,
+        "neighbor": 2.0,
+        "neighbor_radius": 0.1,
+        "stability": 0.0,
+        "apart": 0.15,
+    }
 
     @property
     def of_probabilities(self) -> EnergyWeights:
-        """Weights of the same energy, up to a factor, with the dice energy of eq. 12."""
-        return EnergyWeights(**self.as_dict()).times(1.0 / SOLID_ANGLE)
+        """Equivalent weights relative to the dice energy in probabilities (eq. 12)."""
+        numbers = self.as_dict()
+        for term, _ in self.active:
+            if term.weight is not None:
+                numbers[term.name] *= 1.0 / SOLID_ANGLE
+        return EnergyWeights(**numbers)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,4 @@
-"""Preferences among dice of the same probabilities, as residuals with weights, and those that come
-with the package."""
+"""Preferences among dice with the same probabilities, as weighted residuals."""
 
 from __future__ import annotations
 
@@ -22,16 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OutcomeFacets:
-    """A die with one rest for each outcome: what a preference sees.
+    """A die with one rest for each outcome, as preferences see it.
 
     Attributes
     ----------
-    rests: hull and rests; coordinates in torch are functions of its `vertices` (n, 3).
+    rests: hull and rests; tensors are functions of its `vertices` (n, 3).
     facets: (k,) facet of each outcome.
-    sensitivity: of its probabilities when thrown, or None for probabilities without momentum, the
-        same on every table.
-    model: of its probabilities, where it is thrown or let go under a prior; None for probabilities
-        without momentum, with uniform start orientations.
+    sensitivity: probabilities on other tables, or None for probabilities without momentum.
+    model: of the probabilities; None for `RESTING`.
     """
 
     rests: RestEvaluation
@@ -42,30 +39,29 @@ class OutcomeFacets:
 
 @dataclass(frozen=True, kw_only=True)
 class Preference(Extension):
-    """Something to care about.
+    """A secondary objective.
 
     Attributes
     ----------
-    residuals: vector whose sum of squares, about 1 for an ordinary die whatever its size, is made
-        small, differentiable in the vertices; or None where there is nothing to ask. Derivatives of
-        the probabilities without momentum may be left out: a die moves in directions that change
-            none.
+    residuals: vector whose sum of squares is minimized, differentiable in the vertices; None if it
+        does not apply to a die. The sum is about 1 for an ordinary die of any size. Derivatives of
+        the probabilities without momentum are not needed, as steps keep these.
     """
 
     residuals: Callable[[OutcomeFacets], Tensor | None]
 
 
 CIRCLE_POWER: Final = 4.0
-"""Power of a circle's residual in the inverse of its radius: the larger, the more it is the
-smallest circle alone that counts."""
+"""Power of the inverse radius in a circle's residual: the larger, the more the smallest circle
+counts."""
 
 USUAL_CIRCLE: Final = 0.5
-"""Radius of an ordinary circle, in units of the diameter over the root of the number of outcomes:
-that of the caps that as many equal parts of a sphere are."""
+"""Radius of an ordinary circle, over the diameter, times the root of the number of outcomes: the
+radius of caps that divide a sphere equally."""
 
 
 def circle_residuals(die: OutcomeFacets) -> Tensor:
-    """Shares of the squared high-power mean of the inverse radii."""
+    """Residuals (k,) whose sum of squares is the squared high-power mean of the inverse radii."""
     from dicedesign.gradient.facet_measures import soft_circle_radii
 
     count = len(die.facets)
@@ -75,12 +71,13 @@ def circle_residuals(die: OutcomeFacets) -> Tensor:
 
 
 USUAL_OFFSET: Final = 0.1
-"""Root of the mean square distance of ordinary normals from the barycenters of their basins."""
+"""Root mean square distance of ordinary normals from the barycenters of their basins."""
 
 
 def margin_residuals(die: OutcomeFacets) -> Tensor:
-    """Offsets of the normals from the barycenters. These are the true ones: the mean of the maxima
-    on the border, which eq. 14 takes for them, jumps where a maximum joins or leaves."""
+    """Offsets (3 k,) of the normals from the barycenters of the basins. These barycenters are
+    exact, as the mean of the maxima on the border (eq. 14) jumps where a maximum joins or
+    leaves."""
     import torch
 
     from dicedesign.rest.morse import basin_moments, separatrix_points
@@ -94,12 +91,12 @@ def margin_residuals(die: OutcomeFacets) -> Tensor:
 
 
 USUAL_INEQUALITY: Final = 0.4
-"""Root of the weighted sum of the squares of ordinary saddles' relative differences of angles."""
+"""Root of the weighted sum of squared relative differences of angles of ordinary saddles."""
 
 
 def asymmetry_residuals(die: OutcomeFacets) -> Tensor:
-    """2 phi - 1 of every saddle, with the sign that makes it smooth, by the root of its weight in
-    rho, which counts the lowest saddle of each border alone."""
+    """Relative differences (s,) of the angles from each saddle to its two rests, 2 phi - 1 with a
+    sign that makes it smooth, times the root of the saddle's weight in rho (eq. 20, 21)."""
     import torch
 
     rests, basins = die.rests, die.rests.paths.basins
@@ -117,7 +114,8 @@ USUAL_SPREAD: Final = 0.2
 
 
 def roundness_residuals(die: OutcomeFacets) -> Tensor:
-    """Distances of vertices and of planes from the center of mass, as parts of their means."""
+    """Relative deviations (n + m,) of the distances of vertices and of planes from the center of
+    mass."""
     import torch
 
     rests, hull = die.rests, die.rests.hull
@@ -137,17 +135,17 @@ USUAL_RATIO: Final = 0.7
 
 
 def area_residuals(die: OutcomeFacets) -> Tensor:
-    """Logarithms of the areas less their mean."""
+    """Deviations (k,) of the logarithms of the areas from their mean."""
     logarithms = die.rests.facet_areas[die.facets].log()
     return (logarithms - logarithms.mean()) / (USUAL_RATIO * np.sqrt(len(die.facets)))
 
 
 USUAL_HELPERS: Final = 0.2
-"""Part of an ordinary die's surface that bears no outcome."""
+"""Part of the surface of an ordinary die without outcomes."""
 
 
 def helper_residuals(die: OutcomeFacets) -> Tensor:
-    """The part of the surface that bears no outcome."""
+    """Part (1,) of the surface without outcomes."""
     areas = die.rests.facet_areas
     return (1.0 - areas[die.facets].sum() / areas.sum())[None] / USUAL_HELPERS
 
@@ -158,21 +156,22 @@ def robustness_residuals(die: OutcomeFacets) -> Tensor | None:
 
 
 OFF: Final = 1.0 / 300.0
-"""Distance over the diameter by which facets are off: 0.1 mm of an ordinary die."""
+"""Offset of facets over the diameter: 0.1 mm of an ordinary die."""
 
 USUAL_SLOPE: Final = 2.0
-"""Root of the summed squares of the slopes of an ordinary die's probabilities in the offsets of its
-facets, in units of the diameter."""
+"""Root of the summed squared derivatives of an ordinary die's probabilities in the offsets of its
+facets, times the diameter."""
 
 
 def tolerance_residuals(die: OutcomeFacets) -> Tensor:
-    """(m,) slope of all probabilities in the offset of each facet. Where these are independent and
-    of one standard deviation, the sum of squares is in proportion to the summed variance of the
-    probabilities."""
+    """Root (m,) of the summed squared slopes of all probabilities in the offset of each facet. For
+    independent offsets of equal variance, the sum of squares is proportional to the summed variance
+    of the probabilities."""
     from dicedesign.gradient.facet_measures import offset_secants, soft_diameter
+    from dicedesign.gradient.probability_model import RESTING
 
     diameter = soft_diameter(die.rests)
-    secants = offset_secants(die.rests, die.model, OFF * diameter)
+    secants = offset_secants(die.rests, OFF * diameter, die.model or RESTING)
     return secants.norm(dim=0) * diameter / USUAL_SLOPE
 
 
@@ -217,12 +216,6 @@ PREFERENCES: Final = Registry(
             residuals=robustness_residuals,
         ),
         Preference(
-            name="nearness",
-            line="parameters near those of the first die",
-            # They are of the parameters, which the solver has.
-            residuals=lambda die: None,
-        ),
-        Preference(
             name="tolerance",
             line="probabilities that change little under print errors of the facets",
             residuals=tolerance_residuals,
@@ -232,13 +225,12 @@ PREFERENCES: Final = Registry(
 )
 
 LARGEST_WEIGHT: Final = 1e6
-"""Beyond it the other terms are lost in rounding."""
+"""Limit on weights, beyond which the other terms are lost in rounding."""
 
 
 class Preferences(Numbers):
-    """Weights of what is made better while the probabilities are kept; 0, unless given, leaves one
-    out; see `PREFERENCES`. Only their ratios matter. Each multiplies a sum of squares that is about
-    1 for an ordinary die.
+    """Weights of preferences; see `PREFERENCES`. The default 0 omits one. Only ratios matter. Each
+    weight multiplies a sum of squares that is about 1 for an ordinary die.
 
     Raises InputError for a weight out of range.
     """
@@ -267,8 +259,8 @@ class Preferences(Numbers):
 
 
 def preference_residuals(die: OutcomeFacets, preferences: Preferences) -> list[Tensor]:
-    """Residuals of each preference with a weight, whose sum of squares is the weighted sum of all
-    but `nearness`, which is about parameters."""
+    """Residuals of the preferences with a weight; the sum of all squares is the weighted sum of the
+    preferences."""
     residuals = []
     for preference in PREFERENCES:
         weight = getattr(preferences, preference.name)

@@ -1,4 +1,4 @@
-"""Distributions a die is asked to have."""
+"""Target distributions of dice."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
 MOST_OUTCOMES: Final = 200
-"""More faces than anybody can print and read."""
+"""Limit on the outcomes: a die with more cannot be printed and read."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Outcomes with their wanted probabilities.
+    """Outcomes with their target probabilities.
 
     Attributes
     ----------
@@ -33,10 +33,9 @@ class Target:
 
 def binomial(flips: int) -> Target:
     """Number of heads among `flips` >= 1 fair coins: labels "0" .. "flips"."""
-    _at_least("binomial", flips, 1)
-    _at_most("binomial", flips + 1)
+    _check_counts("binomial", 1, [flips], flips + 1)
     weights = [comb(flips, heads) / 2**flips for heads in range(flips + 1)]
-    return Target(tuple(str(heads) for heads in range(flips + 1)), np.array(weights))
+    return Target(_number(0, flips + 1), np.array(weights))
 
 
 def sum_of_dice(sides: Sequence[int]) -> Target:
@@ -46,28 +45,23 @@ def sum_of_dice(sides: Sequence[int]) -> Target:
             "sum_of_dice: expected at least one number of sides, got none; write [6, 6] for two "
             "dice"
         )
-    for count in sides:
-        _at_least("sum_of_dice", count, 2)
-    _at_most("sum_of_dice", sum(sides) - len(sides) + 1)
+    _check_counts("sum_of_dice", 2, sides, sum(sides) - len(sides) + 1)
     weights = np.ones(1)
     for count in sides:
         weights = np.convolve(weights, np.full(count, 1.0 / count))
-    first = len(sides)
-    return Target(tuple(str(first + i) for i in range(len(weights))), weights / weights.sum())
+    return Target(_number(len(sides), len(weights)), weights / weights.sum())
 
 
 def fair(outcomes: int) -> Target:
     """`outcomes` >= 2 equally probable outcomes: labels "1" .. "outcomes"."""
-    _at_least("fair", outcomes, 2)
-    _at_most("fair", outcomes)
-    labels = tuple(str(i + 1) for i in range(outcomes))
-    return Target(labels, np.full(outcomes, 1.0 / outcomes))
+    _check_counts("fair", 2, [outcomes], outcomes)
+    return Target(_number(1, outcomes), np.full(outcomes, 1.0 / outcomes))
 
 
 def custom(probabilities: Sequence[float]) -> Target:
-    """Any distribution, given by its probabilities: labels "1", "2", ...
+    """Any distribution, by its probabilities: labels "1", "2", ...
 
-    Decimals that were cut off, whose sum is not 1 to rounding, are divided by it.
+    Rounded decimals are divided by their sum.
 
     Raises
     ------
@@ -79,7 +73,7 @@ def custom(probabilities: Sequence[float]) -> Target:
             f"probabilities: expected at least two, got {list(probabilities)!r}; write one for "
             "each outcome"
         )
-    _at_most("probabilities", len(values))
+    _check_counts("probabilities", 0, [], len(values))
     for value in values:
         if not isfinite(value) or not 0.0 < value < 1.0:
             raise InputError(
@@ -93,11 +87,11 @@ def custom(probabilities: Sequence[float]) -> Target:
         )
     if abs(float(values.sum()) - 1.0) > len(values) * np.finfo(np.float64).eps:
         values = values / values.sum()
-    return Target(tuple(str(i + 1) for i in range(len(values))), values)
+    return Target(_number(1, len(values)), values)
 
 
 def relabel(target: Target, labels: Sequence[str] | None) -> Target:
-    """Target with other labels; None keeps its own. Raises InputError."""
+    """Target with other labels; None keeps the labels. Raises InputError."""
     if labels is None:
         return target
     texts = tuple(str(label) for label in labels)
@@ -114,14 +108,18 @@ def relabel(target: Target, labels: Sequence[str] | None) -> Target:
     return Target(texts, target.probabilities)
 
 
-def _at_least(name: str, value: int, smallest: int) -> None:
-    if value < smallest:
-        raise InputError(
-            f"{name}: expected a whole number of at least {smallest}, got {value}; raise it"
-        )
+def _number(first: int, count: int) -> tuple[str, ...]:
+    """Successive whole numbers as labels."""
+    return tuple(map(str, range(first, first + count)))
 
 
-def _at_most(name: str, outcomes: int) -> None:
+def _check_counts(name: str, least: int, counts: Sequence[int], outcomes: int) -> None:
+    """Raise InputError if a count is below the least, or there are too many outcomes."""
+    for count in counts:
+        if count < least:
+            raise InputError(
+                f"{name}: expected a whole number of at least {least}, got {count}; raise it"
+            )
     if outcomes > MOST_OUTCOMES:
         raise InputError(
             f"{name}: expected at most {MOST_OUTCOMES} outcomes, got {outcomes}; join some"

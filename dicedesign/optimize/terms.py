@@ -1,15 +1,16 @@
-"""Terms of the energy that a descent lowers, and the weights that a recipe gives them: those of the
-paper, one that keeps facets stable or unstable by a margin, and one that keeps outcomes apart.
+"""Terms of the energy that a descent minimizes, and their weights: the terms of the paper, one that
+keeps facets stable or unstable by a margin, and one that keeps outcomes apart.
 
-Rests are gathered to outcomes by direction (section 3.2). An outcome without a rest, or without a
-facet, is never silent: the dice energy misses its whole target, and the barycenter, neighbor and
-stability terms charge the largest value that one facet can have."""
+Rests are clustered to outcomes by direction (section 3.2). An outcome without a rest, or without a
+facet, always has a cost: the dice energy misses its whole target, and the barycenter, neighbor and
+stability terms are at least what one facet can cost.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias
 
 import numpy as np
 
@@ -51,8 +52,8 @@ class Clusters:
         return len(self.directions) - len(np.unique(self.of_rest))
 
     def means(self, rest_normals: Floats) -> tuple[Floats, Floats]:
-        """(k, 3) the normalized means of the clusters' normals, of all rests (r, 3); an empty
-        cluster keeps its direction (section 3.2). And the lengths (k, 1) of their sums."""
+        """Normalized mean normals (k, 3) of the clusters, from normals of all rests (r, 3), and the
+        lengths (k, 1) of their sums. An empty cluster keeps its direction (section 3.2)."""
         sums = np.zeros_like(self.directions)
         np.add.at(sums, self.of_rest, rest_normals)
         length = np.sqrt((sums * sums).sum(-1))[:, None]
@@ -61,21 +62,21 @@ class Clusters:
 
 
 def cluster(rest_normals: Floats, directions: Floats) -> Clusters:
-    """Give each rest (r, 3) to the nearest of the directions (k, 3) (section 3.2)."""
+    """Assign each rest (r, 3) to the nearest direction (k, 3) (section 3.2)."""
     return Clusters(np.argmax(rest_normals @ directions.T, axis=1), directions)
 
 
 @dataclass(frozen=True)
 class ClusteredRests:
-    """The current shape of a descent: what an energy term sees.
+    """The current shape of a descent, as energy terms see it.
 
     Attributes
     ----------
-    rests: hull and rests; coordinates in torch are functions of its `vertices` (n, 3), as are
+    rests: hull and rests; tensors are functions of its `vertices` (n, 3), such as
         `rests.center` (3,), `rests.probabilities` (r,), `rests.rest_normals` (r, 3),
         `rests.facet_depths` (m,) and `rests.facet_normals(facets)`.
     clusters: which outcome each rest counts for, and the outcomes' directions.
-    target: (k,) wanted probabilities of the outcomes.
+    target: (k,) target probabilities of the outcomes.
     """
 
     rests: RestEvaluation
@@ -84,8 +85,7 @@ class ClusteredRests:
 
     @classmethod
     def of(cls, rests: RestEvaluation, directions: Floats, target: Floats) -> ClusteredRests:
-        """Rests that count for the outcomes of the nearest directions (k, 3), whose target is
-        (k,)."""
+        """Rests clustered by the nearest directions (k, 3), with target probabilities (k,)."""
         return cls(rests, cluster(rests.hull.normals[rests.facets], directions), target)
 
     @property
@@ -115,24 +115,22 @@ ValueAndGradient: TypeAlias = "Callable[[ClusteredRests, EnergyWeights], tuple[f
 
 @dataclass(frozen=True, kw_only=True)
 class TermOption(Number):
-    """A number besides its weight that a term takes from a recipe."""
+    """An option of a term in recipes, besides its weight."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Term(Extension):
     """One term of the energy.
 
-    Attributes
-    ----------
-    evaluate: the term without its weight, a scalar tensor that autograd can differentiate in the
-        vertices, of the current shape and of all weights and options, such as
+    Attributes ---------- evaluate: the term without its weight, as a scalar tensor that is
+        differentiable in the vertices, from the current shape and all weights and options, such as
         `weights.neighbor_radius`.
-    value_and_gradient: a faster way for a term of the facets' depths (`RestEvaluation.depths`) or
-        the rests' unit normals alone: its value, and its derivative (m,) in each depth or (r, 3) in
-        each normal, as numbers, to which kernels take the rest of the chain.
-    weight: default of its weight in a recipe; None for a term that is always there with weight 1.
-    options: what else a recipe may say of it, with names of their own among those of all terms.
-    single_rests: whether a step is refused that gives an outcome a second rest.
+    value_and_gradient: faster alternative for a term of the depths of facets
+        (`RestEvaluation.depths`) or of the unit normals of rests: its value and its derivatives in
+        the depths (m,) or normals (r, 3), as numbers.
+    weight: default weight in recipes; None for a term that always has weight 1.
+    options: other options in recipes, with names that no other term uses.
+    single_rests: whether steps are refused that give an outcome a second rest.
     """
 
     evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
@@ -143,15 +141,16 @@ class Term(Extension):
 
 
 LARGEST_SQUARED_DISTANCE: Final = 4.0
-"""Between two unit vectors: what a cluster without a rest is charged."""
+"""Largest squared distance of two unit vectors: the cost of a cluster without a rest."""
 
 SMALLEST_MEAN: Final = 1e-3
-"""Length of the sum of a region's maxima below which it is no longer stretched to length 1: maxima
-that cancel have no mean direction, and near there the gradient would grow without bound."""
+"""Least length of the sum of a region's maxima that is normalized: maxima that cancel have no mean
+direction, and the gradient is unbounded near that."""
 
 
 def dice_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """E_dice (eq. 12): squared differences of the clusters' probabilities from the target."""
+    """Sum of the squared differences of the outcomes' probabilities from the target, E_dice
+    (eq. 12)."""
     import torch
 
     wanted = torch.as_tensor(state.target, dtype=torch.float64)
@@ -159,8 +158,8 @@ def dice_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
 
 
 def coplanar_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """E_cl (eq. 13): squared distances of rest normals, over ordered pairs within a cluster, which
-    are 2 n times those from the mean of its n normals."""
+    """Sum of the squared distances of rest normals over ordered pairs within a cluster, E_cl
+    (eq. 13). For a cluster of n, it is 2 n times the sum of squared distances from the mean."""
     import torch
 
     clusters, normals = state.clusters, state.rests.rest_normals
@@ -172,8 +171,8 @@ def coplanar_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
 
 
 def barycenter_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """E_bc (eq. 14): squared distances of rest normals from the barycenter of their cluster's
-    region, which is the normalized mean of the maxima on the region's border."""
+    """Sum of the squared distances of rest normals from the barycenter of their cluster's region,
+    the normalized mean of the maxima on its border, E_bc (eq. 14)."""
     import torch
 
     rests, clusters, paths = state.rests, state.clusters, state.rests.paths
@@ -196,8 +195,9 @@ def barycenter_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
 
 
 def neighbor_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """E_nb (eq. 15): squared distances from u_i of all facet normals within a radius of it; stable
-    facets or not. An outcome without a facet nearby is charged the squared radius."""
+    """Sum of the squared distances of facet normals from the directions u_i within a radius, for
+    stable and unstable facets, E_nb (eq. 15). An outcome without a facet nearby costs the squared
+    radius."""
     import torch
 
     directions, radius = state.clusters.directions, weights.neighbor_radius
@@ -211,7 +211,7 @@ def neighbor_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
 def differentiable(
     value_and_gradient: ValueAndGradient,
 ) -> Callable[[ClusteredRests, EnergyWeights], Tensor]:
-    """`Term.evaluate` of a term with a value and a gradient."""
+    """Make `Term.evaluate` from `Term.value_and_gradient`."""
 
     def evaluate(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
         import torch
@@ -225,31 +225,30 @@ def differentiable(
 
 
 def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integers:
-    """(k,) distinct facets, of normals (m, 3), that bear the outcomes of directions (k, 3).
+    """Assign distinct facets (k,), with normals (m, 3), to the outcomes of directions (k, 3).
 
-    They lie nearest to the directions as a whole (least sum of cosines lost). Of facets that all
-    lie within `SAME_REST_ANGLE` of a direction, as the parts of a facet that broke in two, the one
-    of largest depth (m,) bears it: where two are equally deep they can change places and the
-    stability energy is the same. With m < k facets, those of the m outcomes that get one.
+    The sum of cosines is largest. Among facets within `SAME_REST_ANGLE` of a direction, such as the
+    parts of a broken facet, the one of largest depth (m,) is taken: two of equal depth can change
+    places with the same stability energy. With m < k facets, only m outcomes have one.
     """
-    # Imported here, as only some energies need it and it takes long.
+    # Imported late, as few energies use it.
     from scipy.optimize import linear_sum_assignment
 
     cosines = directions @ normals.T
     within = cosines > np.cos(SAME_REST_ANGLE)
-    # Being within the angle is worth at least 2, more than any cosine.
+    # Facets within the angle have at least 2, more than any cosine.
     gain = np.where(within, 3.0 + np.clip(depths, -1.0, 1.0), cosines)
     return np.asarray(linear_sum_assignment(-gain)[1], dtype=np.int64)
 
 
 def stability_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
-    """Keeps one facet for each outcome stable and all others unstable, by a margin: the energy and
-    its derivative (m,) in each facet's depth.
+    """Energy that keeps one facet for each outcome stable and all others unstable by a margin, and
+    its derivatives (m,) in the depths of the facets.
 
-    A facet of depth s (`RestEvaluation.facet_depths`) with an outcome pays
-    `max(0, 1 - s / margin)^2`, another one the same with -s; an outcome without a facet is charged
-    the most. Probabilities jump where a depth crosses zero; this wall in front of the jump is what
-    lets a smooth method walk along it. Not in the paper.
+    A facet of depth s (`RestEvaluation.facet_depths`) costs `max(0, 1 - s / margin)^2` with an
+    outcome, and `max(0, 1 + s / margin)^2` without. An outcome without a facet costs the most.
+    Probabilities jump where a depth crosses zero; this barrier lets a smooth method move along the
+    jump. Not in the paper.
     """
     normals, directions = state.hull.normals, state.clusters.directions
     depths, margin = state.rests.depths, weights.stability_margin
@@ -262,17 +261,16 @@ def stability_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[flo
 
 
 CLOSEST: Final = 1e-6
-"""Squared distance of two directions below which the energy no longer grows, so that it stays
-finite."""
+"""Squared distance of two directions below which the energy is constant, so that it is finite."""
 
 
 def apart_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
-    """Keeps the outcomes' mean normals m_i a chord length r = `apart_distance` apart: energy and
-    its derivative (r, 3) in the unit normal of each rest.
+    """Energy that keeps the mean normals m_i of outcomes a chord length d = `apart_distance` apart,
+    and its derivatives (r, 3) in the unit normals of the rests.
 
-    Each pair pays `-(1 - x)^2 ln x`, where `x = |m_i - m_j|^2 / r^2` is below 1. The value and two
-    derivatives vanish at x = 1; below a distance of 1e-3 the energy no longer grows. Not in the
-    paper, whose energy lets two outcomes grow into one facet.
+    Each pair costs `-(1 - x)^2 ln x` for `x = |m_i - m_j|^2 / d^2` below 1. The value and two
+    derivatives vanish at x = 1; below a distance of 1e-3 the energy is constant. Not in the paper,
+    whose energy allows two outcomes to become one facet.
     """
     clusters, reach = state.clusters, weights.apart_distance**2
     normals = state.hull.normals[state.rests.paths.rests]
@@ -290,7 +288,7 @@ def apart_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, 
     by_mean = np.zeros_like(means)
     np.add.at(by_mean, first, pull)
     np.add.at(by_mean, second, -pull)
-    # Through the normalization of the sum of each cluster's normals.
+    # Derivative of the normalization of each cluster's sum of normals.
     across = by_mean - means * (by_mean * means).sum(1)[:, None]
     return value, (across / np.where(lengths > 0.0, lengths, 1.0))[clusters.of_rest]
 
@@ -378,8 +376,8 @@ TERMS: Final = Registry(
 
 
 class EnergyWeights(Numbers):
-    """Weights of the terms of eq. 16 and of those beside it, and the terms' other options; see
-    `TERMS`. A term of weight 0 is not evaluated.
+    """Weights of the terms (eq. 16) and their other options; see `TERMS`. A term of weight 0 is not
+    evaluated.
 
     Raises InputError for a number out of range.
     """
@@ -388,9 +386,12 @@ class EnergyWeights(Numbers):
 
     prefix = "weights."
 
+    defaults: ClassVar[Mapping[str, float]] = {}
+    """Defaults of weights and options, if they differ from those of the terms."""
+
     @classmethod
     def list_numbers(cls) -> Mapping[str, Number]:
-        """Weight and options of each term but those that are always there."""
+        """Weight and options of each term; terms that always have weight 1 have none."""
         declared: dict[str, Number] = {}
         for term in TERMS:
             weight = Number(
@@ -407,26 +408,17 @@ class EnergyWeights(Numbers):
                         f"energy term {term.name!r}: expected names of its own for its weight and "
                         f"its options, got {number.name!r}, which is taken; choose another"
                     )
-                declared[number.name] = number
+                default = cls.defaults.get(number.name, number.default)
+                declared[number.name] = replace(number, default=default)
         return declared
 
     @property
     def active(self) -> tuple[tuple[Term, float], ...]:
-        """Terms that have a weight, with it, in their order."""
+        """Terms with a weight above 0, and these weights, in order."""
         pairs = ((term, 1.0 if term.weight is None else getattr(self, term.name)) for term in TERMS)
         return tuple((term, weight) for term, weight in pairs if weight > 0.0)
 
     @property
-    def of_terms(self) -> dict[str, float]:
-        """The weights of these by name."""
-        return {term.name: weight for term, weight in self.active}
-
-    @property
     def single_rests(self) -> bool:
-        """True where a term with a weight wants one rest for each outcome and no other."""
+        """Whether a term with a weight requires one rest for each outcome and no other."""
         return any(term.single_rests for term, _ in self.active)
-
-    def times(self, factor: float) -> EnergyWeights:
-        """Weights multiplied by a factor, except those of terms that are always there."""
-        weighted = (term.name for term, _ in self.active if term.weight is not None)
-        return self.replace(**{name: factor * getattr(self, name) for name in weighted})

@@ -24,9 +24,9 @@ from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, join_surfaces
 from dicedesign.gradient.probability_model import (
-    ProbabilitiesUnderPrior,
     ProbabilityModel,
     ThrowProbabilities,
+    probability_model,
 )
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshape, stretch
 from dicedesign.recipe.pipeline import Work
@@ -95,10 +95,9 @@ def _finish_convex(work: Work) -> None:
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
     directions, target = work.die.directions, work.target.probabilities
     table, prior = work.recipe.method.table, work.die.prior
-    model: ProbabilityModel | None = None
     if given is not None or table is None:
         offset = None if given is None else given - finish.make_unlabeled(core).centroid
-        model = None if prior is None else ProbabilitiesUnderPrior.of(prior)
+        model: ProbabilityModel = probability_model(None, prior)
         measure = measure_resting(prior, offset)
     else:
         # Keep the probabilities that the plain shape has in the momentum model.

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 from common.blade import blade
-from common.corner_formula import corner_formula
 from common.kernels import compiled_only, without_kernels
 
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -68,7 +67,7 @@ def points(request: pytest.FixtureRequest) -> np.ndarray:
 
 
 def both_ways(points: np.ndarray) -> list[RestEvaluation]:
-    """The uniform solid, and the body with its center of mass given a bit aside."""
+    """Evaluations of a uniform solid, and with a given center of mass off the centroid."""
     hull = convex_hull(points)
     vertices = torch.tensor(hull.vertices, requires_grad=True)
     aside = 0.9 * hull.centroid + 0.1 * hull.vertices[:3].mean(axis=0)
@@ -80,7 +79,7 @@ def both_ways(points: np.ndarray) -> list[RestEvaluation]:
 
 
 def again(rests: RestEvaluation) -> RestEvaluation:
-    """The same body with nothing computed yet."""
+    """Copy of an evaluation without computed properties."""
     return RestEvaluation(rests.equilibria, rests.vertices, rests.given_center)
 
 
@@ -94,7 +93,7 @@ def gradients(value: torch.Tensor, rests: RestEvaluation) -> np.ndarray:
 def assert_same(
     found: np.ndarray, expected: np.ndarray, tolerance: float = 1e-9, least: float = 0.0
 ) -> None:
-    """Relative to the largest entry, or to a size that counts as large enough."""
+    """Compare arrays, relative to the largest entry or a least size."""
     size = max(float(np.abs(expected).max()), least, np.finfo(np.float64).tiny)
     assert float(np.abs(found - expected).max()) <= tolerance * size
 
@@ -158,7 +157,7 @@ def clusters_of(rests: RestEvaluation, outcomes: int) -> Clusters:
 
 
 def gradient_of(term: torch.Tensor, rests: RestEvaluation) -> np.ndarray:
-    """(n, 3) in the vertices; 0 of a term that does not depend on them."""
+    """Gradient (n, 3) of a term in the vertices; 0 if it does not depend on them."""
     count = len(rests.vertices)
     return gradients(term, rests)[:count] if term.requires_grad else np.zeros((count, 3))
 
@@ -166,7 +165,7 @@ def gradient_of(term: torch.Tensor, rests: RestEvaluation) -> np.ndarray:
 @compiled_only
 @pytest.mark.parametrize("outcomes", [1, 3, 12])
 def test_energies(points: np.ndarray, outcomes: int) -> None:
-    """With few outcomes most clusters have several rests, with many some are empty."""
+    """Few outcomes make clusters of several rests, many make empty clusters."""
     target = np.random.default_rng(0).dirichlet(np.ones(outcomes))
     for rests in both_ways(points):
         clusters, twin = clusters_of(rests, outcomes), again(rests)
@@ -194,15 +193,14 @@ def test_energies(points: np.ndarray, outcomes: int) -> None:
 def test_corners_of_half_spaces_pull_gradients_back(
     random_points, way: Callable[[], AbstractContextManager]
 ) -> None:
-    """Row by row as the formula in torch does, with a half-space that cuts nothing."""
+    """Each row as by the formula in torch, with a half-space that cuts nothing."""
     points = random_points(6, 10)
     coordinates, values = FacetCoordinates.of(points, points.mean(axis=0))
     count = len(values) // 4
     parameters = np.concatenate([values[: 3 * count], [3.0, 0, 0], values[3 * count :], [3.0]])
     shape = coordinates.shape(parameters)
     leaf = torch.tensor(parameters, requires_grad=True)
-    by_formula = corner_formula(leaf, coordinates.origin)
-    np.testing.assert_allclose(shape.points, by_formula.detach(), atol=1e-13)
+    by_formula = coordinates.points(leaf)
     rows = np.random.default_rng(0).normal(size=(4, *shape.points.shape))
     with way():
         found = shape.pull_back(rows)
@@ -217,8 +215,8 @@ def test_corners_of_half_spaces_pull_gradients_back(
     assert (found[:, idle] == 0.0).all()
 
 
-def test_evaluations_go_with_their_last_reference(random_points) -> None:
-    """Tensors and what their gradients need hold each other in no circle."""
+def test_evaluations_have_no_reference_cycles(random_points) -> None:
+    """Tensors and the graphs of their gradients hold no cyclic references."""
     gc.disable()
     try:
         for center in (None, torch.zeros(3, dtype=torch.float64)):

@@ -1,4 +1,4 @@
-"""Probabilities as a function of the places of facets, against bodies whose facets are moved."""
+"""Probabilities as functions of the places of facets, against bodies with moved facets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import torch
 
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.gradient.facet_measures import offset_derivatives, offset_secants
-from dicedesign.gradient.probability_model import ThrowProbabilities
+from dicedesign.gradient.probability_model import RESTING, ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.starts.shapes import repulsion
 
@@ -16,7 +16,7 @@ BOARD_GAME = ThrowProbabilities.on("board-game")
 
 
 def half_spaces(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (9, 3) and distances (9,) of a body whose corners have three facets each."""
+    """Normals (9, 3) and distances (9,) of a body with three facets at each corner."""
     rng = np.random.default_rng(seed)
     return convex_hull(repulsion(9, seed).points).normals, rng.uniform(0.8, 1.2, size=9)
 
@@ -28,27 +28,24 @@ def evaluated(
 
 
 def of_facets(rests: RestEvaluation, values: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(9,) of values of the rests, by the facets that these are in the list of normals."""
+    """Values (9,) by facet in the list of normals, from values of the rests."""
     numbers = np.argmax(rests.hull.normals[rests.paths.rests] @ normals.T, axis=1)
     found = np.zeros((len(normals), *values.shape[1:]))
     found[numbers] = values
     return found
 
 
-@pytest.mark.parametrize("thrown", [None, BOARD_GAME], ids=["set down", "thrown"])
+@pytest.mark.parametrize("model", [RESTING, BOARD_GAME], ids=["set down", "thrown"])
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("given", [False, True], ids=["uniform", "given center"])
-def test_derivatives_are_differences(
-    seed: int, given: bool, thrown: ThrowProbabilities | None
-) -> None:
+def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabilities) -> None:
     normals, distances = half_spaces(seed)
     center = torch.tensor([0.03, -0.02, 0.01], dtype=torch.float64) if given else None
     step = 1e-6
 
     def probabilities(moved: np.ndarray) -> np.ndarray:
         rests = evaluated(normals, moved, center)
-        values = rests.probability_values if thrown is None else thrown.probabilities(rests)
-        return of_facets(rests, values, normals)
+        return of_facets(rests, model.probabilities(rests), normals)
 
     differences = np.stack(
         [
@@ -59,21 +56,21 @@ def test_derivatives_are_differences(
     )
     rests = evaluated(normals, distances, center)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
-    rows = rests.jacobian if thrown is None else thrown.jacobian(rests)
+    rows = model.jacobian(rests)
     found = of_facets(rests, offset_derivatives(rests, rows)[:, columns], normals)
     np.testing.assert_allclose(found, differences, atol=2e-7)
     assert np.abs(found).max() > 0.1
-    secants = offset_secants(rests, thrown, 1e-6).detach().numpy()
+    secants = offset_secants(rests, 1e-6, model).detach().numpy()
     np.testing.assert_allclose(secants, offset_derivatives(rests, rows), atol=2e-7)
 
 
 @pytest.mark.parametrize("step", [0.005, 0.05])
 @pytest.mark.parametrize("seed", range(3))
-def test_secants_are_between_bodies_whose_facets_are_off(seed: int, step: float) -> None:
+def test_secants_are_differences_of_bodies_with_moved_facets(seed: int, step: float) -> None:
     normals, distances = half_spaces(seed)
     rests = evaluated(normals, distances)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
-    found = of_facets(rests, offset_secants(rests, None, step)[:, columns].numpy(), normals)
+    found = of_facets(rests, offset_secants(rests, step)[:, columns].numpy(), normals)
     sides = []
     for offset in (step, -step):
         moved = [evaluated(normals, distances + e) for e in offset * np.eye(9)]

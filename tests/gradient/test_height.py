@@ -18,7 +18,7 @@ POINTS = np.random.default_rng(2).normal(size=(10, 3)) * [1.0, 1.5, 0.7]
 DIRECTIONS = unit_vectors(np.random.default_rng(3).normal(size=(40, 3)))
 
 
-def test_it_is_the_farthest_corner_down() -> None:
+def test_height_is_the_distance_of_the_lowest_corner() -> None:
     center = np.array([0.1, -0.2, 0.05])
     heights, _ = height(POINTS, 3.0 * DIRECTIONS.reshape(4, 10, 3), center)
     expected = [max((point - center) @ down for point in POINTS) for down in DIRECTIONS]
@@ -26,7 +26,7 @@ def test_it_is_the_farthest_corner_down() -> None:
     np.testing.assert_allclose(heights.ravel(), expected, atol=1e-14)
 
 
-def test_rests_saddles_and_maxima_are_where_it_does_not_change() -> None:
+def test_rests_saddles_and_maxima_are_critical_points() -> None:
     poses = rest_poses(POINTS)
     morse = poses.morse
     lowest, _ = height(POINTS, morse.minima)
@@ -52,7 +52,7 @@ def test_rests_saddles_and_maxima_are_where_it_does_not_change() -> None:
 
 
 @pytest.mark.parametrize("given", [False, True])
-def test_tensors_have_the_same_with_derivatives(given: bool) -> None:
+def test_tensors_have_equal_values_and_derivatives(given: bool) -> None:
     points = torch.tensor(POINTS, requires_grad=True)
     directions = torch.tensor(2.0 * DIRECTIONS[:6], requires_grad=True)
     center = (torch.tensor([0.1, 0.0, 0.1]).double().requires_grad_(),) if given else ()

@@ -91,7 +91,7 @@ def test_forward_mode_is_the_jacobian_and_second_derivatives_are_unknown() -> No
     assert torch.isnan(hessian).any()
 
 
-def test_what_has_no_density_or_two_origins_is_refused() -> None:
+def test_priors_without_a_density_or_with_a_table_are_refused() -> None:
     points = torch.tensor(POINTS)
     with pytest.raises(dd.InputError, match=r"VonMisesFisher\.fitted"):
         dd.differentiable_rest(points, prior=dd.SampledDirections(POINTS))

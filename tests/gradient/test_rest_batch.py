@@ -1,4 +1,4 @@
-"""Many bodies at once, against one after the other."""
+"""Batches of bodies against single calls."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def assorted() -> list[Tensor]:
 
 
 def rowwise(normals: Tensor, probabilities: Tensor) -> Tensor:
-    """A sum in which every number weighs otherwise and rows of 0 nothing."""
+    """A sum with different weights for all numbers; rows of zeros add nothing."""
     weights = torch.arange(1.0, probabilities.shape[-1] + 1.0, dtype=torch.float64)
     turns = normals @ torch.tensor([0.3, -0.7, 0.2]).double()
     return (weights * (probabilities**2 + probabilities * turns)).sum()
@@ -45,7 +45,7 @@ def rowwise(normals: Tensor, probabilities: Tensor) -> Tensor:
 def one_by_one(
     bodies: Sequence[Tensor], centers: Tensor | None = None, table: str | None = None
 ) -> tuple[list[tuple[Tensor, Tensor]], list[Tensor], list[Tensor]]:
-    """Normals and probabilities of each, and gradients of their weighted sums."""
+    """Normals and probabilities of each body, and gradients of their weighted sums."""
     found, slopes, by_center = [], [], []
     for place, points in enumerate(bodies):
         leaf = points.clone().requires_grad_()
@@ -59,7 +59,7 @@ def one_by_one(
 
 @pytest.mark.parametrize("table", [None, "board-game"])
 @pytest.mark.parametrize("given", [False, True])
-def test_a_list_is_one_after_the_other(way, given: bool, table: str | None) -> None:
+def test_a_batch_equals_single_calls(way, given: bool, table: str | None) -> None:
     bodies = assorted()
     centers = torch.stack([points.mean(0) for points in bodies]) if given else None
     with way():
@@ -81,8 +81,8 @@ def test_a_list_is_one_after_the_other(way, given: bool, table: str | None) -> N
             torch.testing.assert_close(middles.grad[row], expected, rtol=0, atol=1e-12 * size)
 
 
-def test_a_padded_tensor_is_the_list(way) -> None:
-    """Whatever stands in the rows that are left out."""
+def test_a_padded_tensor_equals_a_list(way) -> None:
+    """Ignored rows can have any content."""
     bodies = assorted()
     counts = [len(points) for points in bodies]
     padded = torch.full((len(bodies), max(counts) + 1, 3), torch.nan, dtype=torch.float64)
@@ -104,8 +104,8 @@ def test_a_padded_tensor_is_the_list(way) -> None:
 
 
 @compiled_only
-def test_others_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another thread of Python gets its turns before the kernels are done."""
+def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another Python thread runs before the kernels are done."""
     turns, done, counted = 0, threading.Event(), []
     original = ops.bodies
 
@@ -160,7 +160,7 @@ GOOD = torch.tensor(solids.box(1.0, 2.0, 3.0).points)
         (GOOD[None], {"counts": [3]}, DegenerateBodyError, "^body 0: points: expected at least 4"),
     ],
 )
-def test_what_is_wrong_is_said_with_the_bodys_number(
+def test_errors_have_the_number_of_the_body(
     way, bodies, options: dict, error: type[Exception], text: str
 ) -> None:
     with way(), pytest.raises(error, match=text):

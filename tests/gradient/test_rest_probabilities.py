@@ -10,8 +10,11 @@ import torch
 
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_probabilities import evaluate_rests
+from dicedesign.optimize.terms import ClusteredRests
+from dicedesign.throws.momentum_probabilities import throw_probabilities
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -22,7 +25,7 @@ def leaf(values: np.ndarray) -> torch.Tensor:
 
 
 def inside(points: np.ndarray, seed: int) -> np.ndarray:
-    """A point of the hull's middle, away from its centroid."""
+    """A point near the centroid of the hull, but not there."""
     weights = np.random.default_rng(seed).dirichlet(np.full(len(points), 3.0))
     return 0.6 * rest_poses(points).center_of_mass + 0.4 * weights @ points
 
@@ -101,8 +104,8 @@ def test_bad_tensors_are_refused_in_words(vertices, center, error, text: str) ->
             function(vertices, center)
 
 
-def test_single_precision_is_carried_there_and_back() -> None:
-    """Facets that rounding made uneven are one facet, as for `rest_poses`."""
+def test_results_and_gradients_keep_single_precision() -> None:
+    """Facets made uneven by rounding are merged, as by `rest_poses`."""
     turned = CUBE * [1.0, 1.1, 1.2] @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     rounded = torch.tensor(turned, dtype=torch.float32, requires_grad=True)
     center = torch.zeros(3, requires_grad=True)
@@ -125,10 +128,10 @@ def test_saddles_and_maxima_are_those_of_the_forward_model(random_points) -> Non
     points = random_points(4, 11)
     poses, rests = rest_poses(points), evaluate_rests(leaf(points))
     assert rests.facets.tolist() == sorted(poses.facets.tolist())
-    np.testing.assert_allclose(rests.saddles.detach(), poses.morse.saddles, atol=1e-14)
-    found = np.unique(np.round(rests.maxima.detach().numpy(), 12), axis=0)
-    known = np.unique(np.round(poses.morse.maxima, 12), axis=0)
-    assert {tuple(row) for row in found + 0.0} <= {tuple(row) for row in known + 0.0}
+    state = ClusteredRests.of(rests, poses.normals, poses.probabilities)
+    ends = np.array([[line[-1], line[0]] for line in poses.morse.polylines])
+    np.testing.assert_allclose(state.saddles.detach(), poses.morse.saddles, atol=1e-14)
+    np.testing.assert_allclose(state.maxima.detach().reshape(-1, 2, 3), ends, atol=1e-14)
     # The saddle is the point of an edge's line that is nearest to the center of mass.
     vertices, center = rests.hull.vertices, poses.center_of_mass
     for saddle, ends in zip(rests.saddles.detach().numpy(), rests.paths.saddle_ends, strict=True):
@@ -136,3 +139,15 @@ def test_saddles_and_maxima_are_those_of_the_forward_model(random_points) -> Non
         assert abs(np.linalg.det(np.array([saddle, *(vertices[ends] - center)]))) < 1e-13
     for part in (rests.saddles, rests.maxima):
         assert part.requires_grad
+
+
+def test_probabilities_on_a_table_are_those_of_thrown_dice(random_points) -> None:
+    points = random_points(5, 9)
+    _, probabilities = differentiable_rest(torch.tensor(points), table="board-game")
+    poses = rest_poses(points, "hull")
+    expected = throw_probabilities(make_body(points), poses)
+    np.testing.assert_allclose(np.sort(probabilities.numpy()), np.sort(expected), atol=1e-12)
+    assert np.abs(np.sort(poses.probabilities) - np.sort(expected)).max() > 0.01
+    assert (np.diff(probabilities.numpy()) <= 0.0).all()
+    with pytest.raises(InputError, match="table glass: expected board-game"):
+        differentiable_rest(torch.tensor(points), table="glass")

@@ -16,12 +16,7 @@ from torch.func import grad, hessian, jacfwd, jacrev, jvp, vmap
 
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest
-from dicedesign.optimize.coordinates import (
-    Coordinates,
-    FacetCoordinates,
-    SymmetricCoordinates,
-    VertexCoordinates,
-)
+from dicedesign.optimize.coordinates import FacetCoordinates, SymmetricCoordinates
 from tests.reference import solids
 
 # Torch itself warns where it is first asked for tangents.
@@ -48,7 +43,7 @@ def probabilities(points: Tensor, center: Tensor | None = None, table: str | Non
 
 
 def energy(points: Tensor, center: Tensor | None = None, table: str | None = None) -> Tensor:
-    """Of normals and probabilities, the same whatever number of rows is 0."""
+    """Function of normals and probabilities that does not depend on rows of zeros."""
     normals, probabilities = differentiable_rest(points, center, table=table)
     return (probabilities**2).sum() + (normals[:, 0] * probabilities).sum()
 
@@ -105,7 +100,7 @@ def test_second_derivatives(way) -> None:
 
 
 def test_maps_over_bodies_of_every_kind(way) -> None:
-    """One balances, and all have different numbers of rests."""
+    """Numbers of rests differ, and one body balances."""
     cube = torch.tensor(solids.box(1.0, 1.0, 1.0).points)
     points = torch.stack([die(1, 8), cube, die(2, 8), die(3, 8) * torch.tensor([1.0, 1.0, 4.0])])
     centers = points.mean(1)
@@ -143,24 +138,24 @@ def test_maps_and_derivatives_in_any_order(way) -> None:
         torch.testing.assert_close(second[1], alone, rtol=0, atol=1e-11)
 
 
-def shaped(name: str) -> tuple[Coordinates, Tensor]:
-    if name == "symmetric":
+def shaped(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates, Tensor]:
+    if name != "facets":
         box = solids.box(1.0, 1.0, 1.3).points
-        coordinates, numbers = SymmetricCoordinates.of(box, np.zeros(3), point_group("C2v"))
+        coordinates, numbers = SymmetricCoordinates.of(box, np.zeros(3), point_group(name))
         return coordinates, torch.tensor(numbers) + 0.01 * torch.arange(len(numbers))
     points = die(2, 9).numpy()
-    kind = FacetCoordinates if name == "facets" else VertexCoordinates
-    coordinates, numbers = kind.of(points, points.mean(0))
+    facets, numbers = FacetCoordinates.of(points, points.mean(0))
     # No more than three planes meet anywhere.
     moved = 0.03 * torch.randn(len(numbers), generator=torch.manual_seed(1))
-    return coordinates, torch.tensor(numbers) + moved
+    return facets, torch.tensor(numbers) + moved
 
 
-@pytest.mark.parametrize("name", ["facets", "symmetric", "vertices"])
-def test_parameters_of_every_kind(name: str) -> None:
+@pytest.mark.parametrize("name", ["facets", "C2v", "D2d"])
+def test_points_are_differentiable_in_parameters(name: str) -> None:
     coordinates, parameters = shaped(name)
     points = coordinates.points(parameters)
-    np.testing.assert_array_equal(points, coordinates.shape(parameters.numpy()).points)
+    by_shape = coordinates.shape(parameters.numpy()).points
+    np.testing.assert_allclose(points, by_shape, rtol=0, atol=1e-14)
     leaf = parameters.clone().requires_grad_()
     assert torch.autograd.gradcheck(coordinates.points, leaf, check_forward_ad=True)
     weights = torch.linspace(-1.0, 1.0, points.numel()).double().reshape(points.shape)

@@ -49,7 +49,7 @@ STARTS = {
 
 
 def corners(points: np.ndarray) -> np.ndarray:
-    """Rounded and sorted, so that equal shapes have equal arrays."""
+    """Corners, rounded and sorted, so that equal shapes have equal arrays."""
     vertices = np.round(convex_hull(points).vertices, 9) + 0.0
     return vertices[np.lexsort(vertices.T)]
 
@@ -71,19 +71,9 @@ def test_coordinates_reproduce_their_shape(start: Start, kind) -> None:
     np.testing.assert_allclose(made.centroid, hull.centroid, atol=1e-13)
 
 
-@pytest.mark.parametrize("kind", [FacetCoordinates, VertexCoordinates])
-def test_gradcheck_of_points(random_points, kind) -> None:
-    points = random_points(4, 9)
-    coordinates, parameters = kind.of(points, convex_hull(points).centroid)
-    rng = np.random.default_rng(0)
-    parameters = parameters + 0.01 * rng.normal(size=parameters.shape)
-    leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
-
-
 @pytest.mark.parametrize("noise", [1e-6, 1e-3, 0.05])
 def test_facets_stay_flat_under_any_change(start: Start, noise: float) -> None:
-    """As many polygonal facets as half-spaces that cut, which Qhull's intersection tells."""
+    """There are as many facets as half-spaces that cut, by the intersection of Qhull."""
     coordinates, parameters = FacetCoordinates.of(start.points, np.zeros(3))
     count = len(parameters) // 4
     moved = parameters + noise * np.random.default_rng(0).normal(size=parameters.shape)
@@ -97,7 +87,7 @@ def test_facets_stay_flat_under_any_change(start: Start, noise: float) -> None:
     np.testing.assert_allclose(nearest, 1.0, atol=1e-9)
 
 
-def test_pruned_drops_points_inside_and_keeps_half_spaces(random_points) -> None:
+def test_pruning_drops_points_inside_and_keeps_half_spaces(random_points) -> None:
     points = random_points(5, 10)
     coordinates, parameters = VertexCoordinates.of(points, points.mean(axis=0))
     inner = np.concatenate([[0.0, 0.0, 0.0], parameters, 0.5 * parameters[:3]])
@@ -134,11 +124,11 @@ PINNED = (1, 4)
 
 
 def reach(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(p,) how far a body reaches in each direction."""
+    """Extent (p,) of a body from the origin in each direction."""
     return (points @ directions.T).max(axis=0)
 
 
-def test_the_others_move_as_without_pins() -> None:
+def test_free_facets_move_as_without_pins() -> None:
     rng = np.random.default_rng(0)
     origin = convex_hull(START.points).centroid
     pinned = START.directions[list(PINNED)]
@@ -179,7 +169,7 @@ def test_a_design_leaves_pinned_facets_where_they_are(pinned: tuple[int, ...]) -
     assert (np.abs(planes[kept]) < 1e-12).all()
 
 
-def test_variations_leave_them_too() -> None:
+def test_variations_leave_pinned_facets_where_they_are() -> None:
     start = replace(START, pinned=PINNED)
     pinned = START.directions[list(PINNED)]
     for shape in islice(shapes_like(start, 0), 1, 6):
@@ -243,7 +233,7 @@ def test_any_parameters_make_a_symmetric_shape(name: str) -> None:
 
 @pytest.mark.parametrize("name", GROUPS)
 def test_parameters_are_the_components_along_orthonormal_directions(name: str) -> None:
-    """So the shortest step of the parameters is the shortest symmetric one of all half-spaces."""
+    """So the shortest step of the parameters is the shortest symmetric step of the half-spaces."""
     coordinates, parameters = symmetric(name)
     size = coordinates.expansion.shape[1]
     square = coordinates.expansion.T @ coordinates.expansion
@@ -261,14 +251,7 @@ def test_parameters_are_the_components_along_orthonormal_directions(name: str) -
     assert size == pytest.approx(free)
 
 
-@pytest.mark.parametrize("name", ["C3v", "D2d"])
-def test_gradcheck_of_symmetric_points(name: str) -> None:
-    coordinates, parameters = symmetric(name, seed=3)
-    leaf = torch.tensor(parameters, requires_grad=True)
-    assert torch.autograd.gradcheck(coordinates.points, (leaf,), eps=1e-6, atol=1e-6, rtol=1e-4)
-
-
-def test_a_shape_in_single_precision_becomes_symmetric_to_the_last_digits() -> None:
+def test_a_shape_in_single_precision_becomes_exactly_symmetric() -> None:
     group = point_group("D5d")
     rounded = symmetric_points("D5d").astype(np.float32).astype(np.float64)
     # Its facets are flat to seven digits, as those of a mesh file.
@@ -304,7 +287,7 @@ def test_shapes_without_the_symmetry_are_refused_in_words(
         SymmetricCoordinates.of(points, np.zeros(3), point_group(name))
 
 
-def test_an_orbit_that_rounding_would_break_is_refused_in_words() -> None:
+def test_an_orbit_broken_by_rounding_is_refused_in_words() -> None:
     angle = np.arange(12) * np.pi / 6.0
     sides = np.stack([np.cos(angle), np.sin(angle), np.full(12, -0.3)], axis=1)
     normals = np.concatenate([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], sides])

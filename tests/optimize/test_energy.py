@@ -1,8 +1,6 @@
-"""Every energy against loops written from its equation, and at its edges."""
+"""Energy terms against loops written from the equations, and edge cases."""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 import pytest
@@ -12,22 +10,25 @@ from scipy.spatial import ConvexHull as QhullHull
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
-from dicedesign.optimize.energy import (
+from dicedesign.optimize.energy import Energy, energy_terms
+from dicedesign.optimize.starts.shapes import repulsion
+from dicedesign.optimize.terms import (
+    TERMS,
     ClusteredRests,
     Clusters,
-    Energy,
+    EnergyWeights,
+    Term,
+    TermOption,
     cluster,
-    energy_terms,
+    outcome_facets,
 )
-from dicedesign.optimize.starts.shapes import repulsion
-from dicedesign.optimize.terms import TERMS, EnergyWeights, Term, TermOption, outcome_facets
 
 REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
 ROUND = (1.0, 0.9, 1.15)
 
 
 def term(name: str, rests: RestEvaluation, clusters: Clusters, **options: float) -> torch.Tensor:
-    """A term without its weight."""
+    """Value of a term without its weight."""
     state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.1))
     return TERMS[name].evaluate(state, EnergyWeights(**options)).detach()
 
@@ -159,8 +160,8 @@ def test_apart_energy_charges_pairs_of_outcomes_that_are_near(clustered, distanc
     assert distance < 2.0 or expected > 0.0
 
 
-def test_outcomes_in_one_place_cost_much_but_no_infinity() -> None:
-    """An empty outcome with the direction of another, whose one rest it shares."""
+def test_outcomes_in_one_place_have_a_finite_cost() -> None:
+    """An outcome without a rest has the direction of another outcome."""
     rests = evaluate_rests(torch.tensor(repulsion(4, 0).points, requires_grad=True))
     normals = rests.hull.normals[rests.paths.rests]
     clusters = cluster(normals, np.concatenate([normals, normals[:1]]))
@@ -195,7 +196,7 @@ def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
 
 
 def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -> None:
-    """A twin of a direction gets no rest; with or without it the clusters are the same."""
+    """A second outcome with a direction has no rest; the other clusters do not change."""
     for seed in (1, 4, 8):
         rests, clusters = case(random_points(seed, 14, ROUND), 3, seed)
         normals = rests.rest_normals.detach().numpy()
@@ -218,17 +219,9 @@ def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -
         assert torch.isfinite(gradient).all()
 
 
-def test_terms_see_saddles_and_maxima_of_the_shape(clustered) -> None:
-    """At a saddle the body balances on an edge, at a maximum on a vertex."""
-    rests, clusters = clustered
-    state = ClusteredRests(rests, clusters, np.full(len(clusters.directions), 0.5))
-    poses = rest_poses(rests.hull.vertices)
-    ends = np.array([[line[-1], line[0]] for line in poses.morse.polylines])
-    np.testing.assert_allclose(state.saddles.detach(), poses.morse.saddles, atol=1e-9)
-    np.testing.assert_allclose(state.maxima.detach().reshape(-1, 2, 3), ends, atol=1e-9)
-
-
-def test_means_of_clusters_are_normalized_and_an_empty_cluster_keeps_its_own(random_points) -> None:
+def test_means_of_clusters_are_normalized_and_empty_clusters_keep_their_direction(
+    random_points,
+) -> None:
     rests, clusters = case(random_points(3, 16, ROUND), 3)
     normals = rests.rest_normals.detach().numpy()
     far = unit(np.array([[0.1, -0.2, 0.3]]))
@@ -240,7 +233,7 @@ def test_means_of_clusters_are_normalized_and_an_empty_cluster_keeps_its_own(ran
     np.testing.assert_array_equal(updated[3], far[0])
 
 
-def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
+def test_the_deepest_part_of_a_broken_facet_has_the_outcome() -> None:
     parts = unit(np.array([[0.0, 0.01, 1.0], [0.0, -0.01, 1.0], [1.0, 0.0, 0.0]]))
     up = np.array([[0.0, 0.0, 1.0]])
     for depths, deepest in (([0.02, -0.02, 0.9], 0), ([-0.02, 0.02, 0.9], 1)):
@@ -249,29 +242,9 @@ def test_of_the_parts_of_a_broken_facet_the_deepest_bears_the_outcome() -> None:
     assert both.tolist() == [1, 2]
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        ({"coplanar": -1.0}, "weights.coplanar: expected a number not below 0, got -1"),
-        ({"neighbor": np.nan}, "weights.neighbor: expected a number not below 0, got nan"),
-        (
-            {"neighbor_radius": 0.0},
-            "weights.neighbor_radius: expected a chord length above 0 and at most 2, got 0",
-        ),
-        (
-            {"stability_margin": 0.0},
-            "weights.stability_margin: expected a fraction above 0 and at most 1, got 0",
-        ),
-    ],
-)
-def test_bad_weights_are_refused_in_words(options: dict[str, float], text: str) -> None:
-    with pytest.raises(InputError, match=re.escape(text)):
-        EnergyWeights(**options)
-
-
 @pytest.mark.parametrize("name", ["neighbor", "active", "replace"])
-def test_names_of_options_that_are_taken_are_refused(name: str) -> None:
-    """By another term, or by what weights need for themselves."""
+def test_names_that_are_taken_are_refused(name: str) -> None:
+    """Names of other terms, and of attributes of the weights."""
     option = TermOption(
         name=name,
         default=1.0,

@@ -107,7 +107,7 @@ ENGINES.register(
 
 @pytest.fixture
 def outside(tmp_path: Path) -> Iterator[None]:
-    """The extensions, as somebody else's module registers them."""
+    """Extensions that an outside module registers."""
     path = tmp_path / "outside.py"
     path.write_text(OUTSIDE)
     spec = importlib.util.spec_from_file_location("outside", path)
@@ -130,7 +130,7 @@ def descent(**weights: float) -> dict[str, object]:
     return {"paper": {"step": "line_search", "finish": "none", "steps": 4, "weights": weights}}
 
 
-def test_nothing_of_them_is_known_without_them(tmp_path: Path) -> None:
+def test_unregistered_extensions_are_unknown(tmp_path: Path) -> None:
     for entries, text in (
         ({"start": {"wedge": {}}}, "start.wedge: unknown key"),
         ({"start": {"prism": {}}, "method": descent(low_peaks=1.0)}, "low_peaks: unknown key"),
@@ -145,7 +145,7 @@ def test_nothing_of_them_is_known_without_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("outside")
-def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
+def test_recipes_accept_extensions_with_their_options(tmp_path: Path) -> None:
     recipe = read(
         tmp_path,
         start={"wedge": {"stretch": 2.0}},
@@ -153,7 +153,7 @@ def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
     )
     weights = recipe.method.paper.weights
     assert (weights.low_peaks, weights.peak_height, weights.coplanar) == (0.3, 0.25, 2.0)
-    assert list(weights.of_terms)[-1] == "low_peaks"
+    assert weights.active[-1][0].name == "low_peaks"
     start = build_start(recipe.start.name, recipe.start.options, Task(4))
     assert np.ptp(start.points, axis=0).tolist() == [1.0, 1.0, 2.0]
     assert read(tmp_path, **recipe.as_dict()) == recipe
@@ -164,7 +164,7 @@ def test_a_recipe_takes_them_with_their_options(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("outside")
-def test_what_is_wrong_with_them_is_explained(tmp_path: Path) -> None:
+def test_invalid_uses_of_extensions_are_explained(tmp_path: Path) -> None:
     for entries, text in (
         ({"start": {"wedge": {"strech": 1}}}, "start.wedge.strech: unknown key; did you mean 's"),
         ({"start": {"wedge": {"stretch": "x"}}}, "start.wedge.stretch: .*number, got 'x'"),
@@ -186,10 +186,10 @@ def test_what_is_wrong_with_them_is_explained(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("outside")
 @pytest.mark.parametrize("compiled", [True, False], ids=["kernels", "no kernels"])
-def test_a_term_without_a_kernel_is_added(
+def test_terms_without_a_kernel_are_added_to_the_energy(
     random_points, monkeypatch: pytest.MonkeyPatch, compiled: bool
 ) -> None:
-    """Value and gradient of the sum, the latter against finite differences."""
+    """Value and gradient of the sum; the gradient against finite differences."""
     if not compiled:
         monkeypatch.setattr(kernels, "compiled", None)
     points = random_points(3, 10, (1.0, 0.9, 1.15))
@@ -217,7 +217,7 @@ def test_a_term_without_a_kernel_is_added(
 
 
 @pytest.mark.usefixtures("outside")
-def test_a_descent_lowers_it(tmp_path: Path) -> None:
+def test_a_descent_lowers_an_extra_term(tmp_path: Path) -> None:
     recipe = read(tmp_path, start={"wedge": {"stretch": 1.4}}, method=descent(low_peaks=500.0))
     result = solve_paper(
         build_start(recipe.start.name, recipe.start.options, Task(4)),
@@ -230,7 +230,7 @@ def test_a_descent_lowers_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("outside")
-def test_the_exact_method_prefers_it() -> None:
+def test_the_exact_method_uses_an_extra_preference() -> None:
     target = np.full(6, 1 / 6)
 
     def smallest_area(prefer: Preferences) -> float:
@@ -246,7 +246,7 @@ def test_the_exact_method_prefers_it() -> None:
 
 
 @pytest.mark.usefixtures("outside")
-def test_an_engine_throws() -> None:
+def test_an_extra_engine_throws() -> None:
     cube = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     body = rigid_body(make_body(cube), rest_poses(cube))
     throws = simulate(body, load_table("carpet"), 20, engine="set_down")

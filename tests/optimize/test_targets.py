@@ -48,7 +48,7 @@ def test_fair_counts_each_face_once(outcomes: int) -> None:
     np.testing.assert_array_equal(target.probabilities, probabilities)
 
 
-def test_listed_keeps_values() -> None:
+def test_custom_keeps_values() -> None:
     target = custom([0.5, 0.25, 0.25])
     assert target.labels == ("1", "2", "3")
     np.testing.assert_array_equal(target.probabilities, [0.5, 0.25, 0.25])
@@ -100,7 +100,7 @@ def test_bad_targets_are_refused_in_words(make, text: str) -> None:
         make()
 
 
-def test_more_outcomes_than_anybody_can_read_are_refused_at_once() -> None:
+def test_too_many_outcomes_are_refused_at_once() -> None:
     for make in (
         lambda: binomial(10**9),
         lambda: sum_of_dice([10**9]),

@@ -1,4 +1,4 @@
-"""Bodies with few rests, large hulls, and points that are no corners."""
+"""Bodies with few rests, large hulls, and bodies with points that are no corners."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tests.reference.problem import Problem
 from tests.reference.solids import box, icosphere, platonic
 
 ANTIPODE_SEEDS = (5, 102, 255, 278, 463, 482, 623, 874)
-"""Needles of `lopsided_needle` on which one basin holds the antipode of its own normal."""
+"""Seeds of `lopsided_needle` for which a basin contains the antipode of its own normal."""
 
 
 def weighted_sphere() -> Problem:
-    """A sphere of 1280 triangles with its weight near a facet's corner: one rest."""
+    """A sphere of 1280 triangles with its center of mass near a corner of a facet: one rest."""
     points = icosphere(3).points
     triangle = points[Triangulation(points).simplices[0]]
     inner = 0.85 * triangle[0] + 0.15 * triangle.mean(axis=0)
@@ -49,8 +49,8 @@ def large(points: int, seed: int = 0) -> Problem:
 
 
 def globe(rings: int, sides: int) -> Problem:
-    """Points of a sphere on circles of latitude, 8 rings x sides of them: facets are trapezoids,
-    and the coordinates keep the symmetry of a box without rounding."""
+    """Points of a sphere on circles of latitude, 8 x rings x sides in all: facets are trapezoids,
+    and the coordinates have the symmetry of a box without rounding."""
     latitude = 0.5 * np.pi * (np.arange(rings) + 0.5)[:, None] / rings
     longitude = 0.5 * np.pi * (np.arange(sides) + 0.5)[None, :] / sides
     octant = np.stack(
@@ -67,14 +67,14 @@ def globe(rings: int, sides: int) -> Problem:
 
 
 def with_duplicates() -> Problem:
-    """A box whose corners are given five times, in random order."""
+    """A box with each corner five times, in random order."""
     problem = box(1.0, 2.0, 3.0)
     order = np.random.default_rng(0).permutation(np.repeat(np.arange(8), 5))
     return replace(problem, points=problem.points[order], center=None)
 
 
 def with_extras() -> Problem:
-    """An icosahedron with 200 points each on its edges and its facets, to within rounding."""
+    """An icosahedron with 200 more points on its edges and 200 on its facets, up to rounding."""
     problem, rng = platonic("icosahedron"), np.random.default_rng(0)
     triangles = problem.points[Triangulation(problem.points).simplices[rng.integers(20, size=400)]]
     weights = rng.dirichlet(np.ones(3), size=400)
@@ -85,7 +85,7 @@ def with_extras() -> Problem:
 
 
 def with_unreferenced() -> Problem:
-    """A box as a mesh, with points far outside that are on no triangle."""
+    """A box as a mesh, with points far outside on no triangle."""
     problem = box(1.0, 2.0, 3.0)
     points = np.concatenate([[[9.0, 9.0, 9.0], [-7.0, 0.0, 0.0]], problem.points])
     triangles = Triangulation(problem.points).simplices.astype(np.int64) + 2
@@ -93,7 +93,7 @@ def with_unreferenced() -> Problem:
 
 
 def with_interior(points: int = 10**6) -> Problem:
-    """A dodecahedron full of points."""
+    """A dodecahedron with points inside."""
     problem = platonic("dodecahedron")
     inside = np.random.default_rng(0).uniform(-0.9, 0.9, size=(points, 3))
     return replace(problem, points=np.concatenate([inside, problem.points]))

@@ -1,4 +1,4 @@
-"""One body: its probabilities, how wrong they are by every measure there is, and the verdict."""
+"""Measurement of the rests of a body, with their errors by all known measures, and the verdict."""
 
 from __future__ import annotations
 
@@ -24,52 +24,51 @@ from tests.reference.problem import Problem
 OK = "ok"
 
 ERROR_LIMIT = 1e-12
-"""Largest error of a probability, and largest difference of their sum from 1."""
+"""Tolerance on a probability and on the sum of all."""
 
 CONDITION_FACTOR = 100.0
-"""A larger error may be so many times the condition times machine epsilon."""
+"""Tolerance on larger errors, in units of the condition times machine epsilon."""
 
 OUTSIDE_LIMIT = 1e-10
-"""How far a point may lie outside of the hull, over half its extent."""
+"""Tolerance on the distance of a point outside of the hull, over half its extent."""
 
 COARSER_OUTSIDE_LIMIT = 1e-7
-"""The same of a hull that was made again: at up to 1000 times the unevenness of its facets, which
-is up to 1e-11 or a few times as much."""
+"""Tolerance for a hull that was remade at up to 1000 times the unevenness of its facets, which is
+up to 1e-11 or a few times as much."""
 
 ORACLE_FACETS = 2000
-"""Hulls of up to so many facets are held against the oracle."""
+"""Largest number of facets of a hull that is compared with the oracle."""
 
 ULPS = 32.0
-"""Centers of mass that differ by so many roundings of the largest coordinate are the same."""
+"""Tolerance on centers of mass, in roundings of the largest coordinate."""
 
 FAR = 10.0
-"""Distance from the origin over the body's extent from which on coordinates have lost digits."""
+"""Distance from the origin, over the extent of a body, above which coordinates have lost digits."""
 
 SIDES = 4
-"""Of a tied body, so many of the bodies beside it are held against the oracle and have their
-condition taken."""
+"""Limit on the bodies beside a tied body that are compared with the oracle and have a condition."""
 
 HULL_CHECK_PAIRS = 4_000_000
-"""Up to so many pairs of a point and a facet it is checked that the hull contains the points."""
+"""Largest number of pairs of a point and a facet for which the points are checked to be inside."""
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """How a body came out.
+    """Measurement of the rests of a body.
 
     Attributes
     ----------
-    facets: of the hull.
-    rests: how many.
+    facets: number of facets of the hull.
+    rests: number of rests.
     probabilities: (k,) in descending order.
-    excess: their sum less 1.
-    errors: largest error of a probability by measure: "oracle", "closed form", "symmetry".
-    outside: how far a point lies beyond a facet's plane, more than rounding far from the origin
-        explains, over half the body's extent; NaN where that was too much to look at.
+    excess: sum of the probabilities minus 1.
+    errors: largest error of a probability by measure: "oracle", "closed form", "symmetry". outside:
+        largest distance of a point beyond the plane of a facet, minus the rounding far from the
+        origin, over half the extent of the body; NaN if there are too many pairs.
     seconds: wall-clock time of the query.
-    tied: whether its center of mass was moved to both sides of a balance.
-    made_again: whether its hull was, at a coarser coplanar tolerance (see `find_basins`).
-    hull, centers: what its condition is taken of.
+    tied: whether the center of mass was moved to both sides of a balance.
+    made_again: whether the hull was remade at a coarser coplanar tolerance (see `find_basins`).
+    hull, centers: hull and centers of mass of the condition.
     """
 
     facets: int
@@ -86,15 +85,15 @@ class Measurement:
 
     @cached_property
     def condition(self) -> float:
-        """See `tests.reference.oracle_derivatives`; 0 for hulls that are too large for the
+        """Condition, see `tests.reference.oracle_derivatives`; 0 for hulls too large for the
         oracle."""
         if self.facets > ORACLE_FACETS:
             return 0.0
         return max(probability_condition(self.hull, center) for center in self.centers)
 
     def limit(self, error: float, least: float = ERROR_LIMIT) -> float:
-        """How large an error may be that is due to rounding, at least some number; the condition
-        is only taken for a larger one."""
+        """Tolerance on an error due to rounding, at least a given one; the condition is computed
+        only for larger errors."""
         if error <= least:
             return least
         return max(least, CONDITION_FACTOR * self.condition * float(np.finfo(np.float64).eps))
@@ -103,14 +102,13 @@ class Measurement:
 def measure(
     problem: Problem, *, oracle: bool = True, query: Callable[..., RestPoses] = rest_poses
 ) -> Measurement:
-    """Ask the product for a problem's rests and compare. Raises as `rest_poses`.
+    """Compute the rests of a problem, and their errors. Raises as `rest_poses`.
 
-    The oracle is given the center of mass of a uniform solid from 60 digits. Only of a tied body
-    it takes the centers to which the product moved that, for there the probabilities are what they
-    are defined to be: the mean over bodies beside it.
+    The oracle has the center of mass of a uniform solid in 60 digits. For a tied body it has the
+    centers to which the product moved it, as the probabilities are defined as the mean over the
+    bodies beside it.
 
-    oracle: whether a small hull is held against the oracle. query: `rest_poses`, or what is to be
-    compared in its place.
+    oracle: whether a small hull is compared with the oracle. query: `rest_poses`, or a replacement.
     """
     body = make_body(problem.points, problem.triangles)
     started = time.perf_counter()
@@ -147,7 +145,7 @@ def measure(
 
 
 def verdict(found: Measurement, rests: int | None = None, facets: int | None = None) -> str:
-    """`OK`, or what is wrong with a measurement whose number of rests or facets may be known."""
+    """`OK`, or the fault of a measurement. rests, facets: their numbers, if known."""
     if rests is not None and found.rests != rests:
         return f"{found.rests} rests instead of {rests}"
     if facets is not None and found.facets != facets:
@@ -164,7 +162,7 @@ def verdict(found: Measurement, rests: int | None = None, facets: int | None = N
 
 
 def share_error(expected: Floats, found: Floats) -> float:
-    """Largest difference of probabilities (k,) and (l,) in order of size; missing ones are 0."""
+    """Largest difference of sorted probabilities (k,) and (l,); missing ones are 0."""
     both = np.zeros((2, max(len(expected), len(found))))
     for row, values in zip(both, (expected, found), strict=True):
         row[: len(values)] = np.sort(values)[::-1]
@@ -172,14 +170,14 @@ def share_error(expected: Floats, found: Floats) -> float:
 
 
 def _oracle_error(hull: ConvexHull, side: Basins, center: Floats) -> float:
-    """Largest error of a probability on one side, whose center of mass should be (3,)."""
+    """Largest error of a probability on one side, for its center of mass (3,)."""
     misses = np.array(hull_probabilities(hull, [center]))
     misses[side.paths.rests] -= side.areas / (4.0 * np.pi)
     return float(abs(misses).max())
 
 
 def _difference_from_mean(poses: RestPoses, sides: tuple[Basins, ...]) -> float:
-    """Largest difference of the probabilities returned from the mean over all sides."""
+    """Largest difference of the returned probabilities from the mean over all sides."""
     difference = np.zeros(len(poses.hull.normals))
     difference[poses.facets] = poses.probabilities
     for side in sides:
@@ -188,11 +186,11 @@ def _difference_from_mean(poses: RestPoses, sides: tuple[Basins, ...]) -> float:
 
 
 def _uniform_center(problem: Problem, body: Body, poses: RestPoses) -> Floats:
-    """Center of mass (3,) of the uniform mesh or hull, computed in 60 digits and rounded; or that
-    of the poses where it differs by rounding of the body's coordinates only: far from the origin no
-    center can be told better.
+    """Center of mass (3,) of the uniform mesh or hull, computed in 60 digits and rounded; or the
+    center of the poses if both differ only by rounding of coordinates, which is large far from the
+    origin.
 
-    The hull is that before others of its facets are made, see `find_basins`.
+    The hull is the original one, even if `find_basins` remade it.
     """
     hull = convex_hull(
         body.points, problem.coplanar_tolerance, single_precision=body.single_precision
@@ -205,13 +203,13 @@ def _uniform_center(problem: Problem, body: Body, poses: RestPoses) -> Floats:
     with mpmath.workdps(DIGITS):
         center = solid_centroid(exact(points), triangles).astype(np.float64)
     rounding = ULPS * float(np.finfo(np.float64).eps) * _reach(hull.vertices)
-    told = poses.center_of_mass
-    return told if np.abs(told - center).max() <= rounding else center
+    by_product = poses.center_of_mass
+    return by_product if np.abs(by_product - center).max() <= rounding else center
 
 
 def _reach(points: Floats) -> float:
-    """Largest coordinate of points (n, 3); far from the origin at least their extent times how many
-    times it is their thickness, as their sums then round that much."""
+    """Size of the roundings in sums over points (n, 3): their largest coordinate, and far from the
+    origin at least their squared extent over their thickness."""
     far = float(np.abs(points).max())
     extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if far < FAR * float(extents[0]):
@@ -231,14 +229,14 @@ def _outside(hull: ConvexHull, points: Floats, center: Floats) -> float:
     normals, areas, heights = facet_planes(hull, corners)
     scale = float(np.ptp(corners, axis=0).max()) / 2.0
     beyond = (local @ normals.T - heights[1]).max(axis=0)
-    # A facet's plane is known the less the more slender the facet is.
+    # The plane of a slender facet is less accurate.
     rounding = 4.0 * float(np.finfo(np.float64).eps * np.abs(points).max())
     return float((beyond - rounding * (1.0 + scale * scale / areas)).max()) / scale
 
 
 def facet_planes(hull: ConvexHull, corners: Floats) -> tuple[Floats, Floats, Floats]:
-    """Unit normals (m, 3) and areas (m,) of the facets with corners (n, 3), and the least and the
-    largest height of the corners of each (2, m), from these alone."""
+    """Unit normals (m, 3) and areas (m,) of facets with corners (n, 3), and the least and the
+    largest heights (2, m) of the corners of each facet, from the corners alone."""
     start = hull.facet_start[:-1]
     anchor = corners[hull.tail[start]][hull.facet]
     swept = np.linalg.cross(corners[hull.tail] - anchor, corners[hull.head] - anchor)

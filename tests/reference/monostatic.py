@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import HalfspaceIntersection
 
 from tests.reference.problem import Problem
@@ -51,7 +50,7 @@ HALF_SPACES = {
        20892   50175    1843
     """,
 }
-"""Rows a, b, c of the polyhedra of `unistable` by their number of facets, see `half_spaces`. The
+"""Rows a, b, c of the polyhedra of `unistable` by their number of facets. The
 first is the rest, the others rise in distance from the centroid.
 
 Derived here: a facet does not hold the body if the foot of the centroid on its plane lies beyond
@@ -60,11 +59,6 @@ centroid. Linear programs, each a small step in a, b, c that keeps the centroid,
 lead of all facets but one; they began with `conway_guy`, and again after leaving out a facet. The
 least lead is 1.4 % with 18 facets and 0.5 % with 14, at 13 and 44 times as long as wide.
 """
-
-
-def half_spaces(facets: int) -> NDArray[np.int64]:
-    """(facets, 3) numbers a, b, c of a x + b y + c z <= OFFSET."""
-    return np.array(HALF_SPACES[facets].split(), dtype=np.int64).reshape(-1, 3)
 
 
 def conway_guy(sides: int = 17, slope: float = 12.0) -> Problem:
@@ -93,6 +87,7 @@ def unistable(facets: Literal[14, 18]) -> Problem:
     Computational Geometry and Applications 24 (2014), doi 10.1142/S0218195914500022. These are
     others of their kind.
     """
-    planes = np.column_stack([half_spaces(facets), np.full(facets, -float(OFFSET))])
+    normals = np.array(HALF_SPACES[facets].split(), dtype=np.float64).reshape(-1, 3)
+    planes = np.column_stack([normals, np.full(facets, -OFFSET)])
     corners = HalfspaceIntersection(planes, np.zeros(3)).intersections
     return Problem(corners, shares=np.ones(1), rests=1)

@@ -1,4 +1,4 @@
-"""The forward model once more, plainly, in 60 decimal digits: the measure of float64 results.
+"""Oracle: an independent, plain forward model in 60 decimal digits, to judge float64 results.
 
 It shares no code with `dicedesign.rest`: it is given a convex polyhedron as corners and facet
 polygons and decides everything itself. Arcs are crossed by intersecting planes, areas are sums of
@@ -23,31 +23,31 @@ Number = Any
 """An `mpmath.mpf`; all functions here expect to run within `mpmath.workdps(DIGITS)`."""
 
 Numbers = NDArray[Any]
-"""An array of these."""
+"""Array of such numbers."""
 
 DIGITS = 60
-"""Decimal digits of all arithmetic."""
+"""Decimal digits of the arithmetic."""
 
 ZERO = 1e-40
-"""A sum of products below this part of its terms' magnitude counts as zero. No sum that decides
-about a body with float64 coordinates is likely to come near it without being zero."""
+"""Relative size below which a sum of products counts as zero. Sums for bodies with float64
+coordinates are hardly ever so small without being zero."""
 
 REFERENCE = (0.48, 0.31, -0.82)
-"""A direction from which areas are measured; any will do that is on no border."""
+"""Reference direction of areas, any direction that is on no border."""
 
 CLOSURE = 1e-40
-"""Steradian by which the basins may miss the whole sphere."""
+"""Tolerance on the sum of the areas of the basins, in steradian."""
 
 exact = np.frompyfunc(mpmath.mpf, 1, 1)
-"""Floats or mpmath numbers as an array of the latter, without rounding."""
+"""Converts numbers to an array of mpmath numbers, without rounding."""
 
 
 class OracleError(ArithmeticError):
-    """A body has no one answer, as it balances exactly, or its facets are no convex polyhedron."""
+    """A body balances exactly, or its facets are not a convex polyhedron."""
 
 
 class Balanced(OracleError):
-    """A sign that decides is zero."""
+    """A decisive sign is zero."""
 
 
 def cross(a: Numbers, b: Numbers) -> Numbers:
@@ -120,17 +120,17 @@ def oracle_probabilities(
 
 
 def hull_probabilities(hull: ConvexHull, centers: Sequence[Floats]) -> list[Number]:
-    """`oracle_probabilities` of a hull's facets, for centers of mass (3,); raises the same."""
+    """Resting probability of each facet of a hull; see `oracle_probabilities`."""
     return oracle_probabilities(hull.vertices, facet_polygons(hull), centers)
 
 
 def facet_polygons(hull: ConvexHull) -> list[list[int]]:
-    """The corners of each facet, as `oracle_probabilities` wants them."""
+    """List the corners of each facet, for `oracle_probabilities`."""
     return [polygon.tolist() for polygon in np.split(hull.tail, hull.facet_start[1:-1])]
 
 
 class Oracle:
-    """One polyhedron with one center of mass, which is the origin of the corners `r`."""
+    """A polyhedron with a center of mass, which is the origin of the corners `r`."""
 
     def __init__(self, vertices: Any, polygons: Sequence[Sequence[int]], center: Any) -> None:
         self.r = exact(vertices) - exact(center)
@@ -162,7 +162,8 @@ class Oracle:
         return not any(self.grows(p, q) for q in self.neighbors[p])
 
     def is_inside(self, p: int, q: int) -> bool:
-        """Whether the center's foot on the facet left of p q is on the inner side of that edge."""
+        """Whether the foot of the center on the facet left of p q is on the inner side of this
+        edge."""
         return sign(self.normals[self.left[p, q]], cross(self.r[p], self.r[q])) > 0
 
     def is_stable(self, facet: int) -> bool:
@@ -181,15 +182,15 @@ class Oracle:
         return sign(v, cross(left, s)) > 0 and sign(v, cross(s, right)) > 0
 
     def destined(self, facet: int) -> int:
-        """The stable facet to which a body rolls that stands on a facet."""
+        """Stable facet to which a body rolls from a facet."""
         if facet not in self.destiny:
             stable = self.is_stable(facet)
             self.destiny[facet] = facet if stable else self.destined(self.roll(facet))
         return self.destiny[facet]
 
     def roll(self, facet: int) -> int:
-        """The facet that follows one that is not stable: over the point of its border nearest to
-        the center."""
+        """Facet that follows an unstable facet, over the point of its border nearest to the
+        center."""
         squares = {}
         for p, q in self.sides[facet]:
             v = self.edge(p, q)
@@ -201,7 +202,7 @@ class Oracle:
         return self.slide(facet, p) if p == q else self.left[q, p]
 
     def slide(self, facet: int, p: int) -> int:
-        """The facet that a body reaches which tips from a facet onto its corner p."""
+        """Facet that a body reaches when it tips from a facet onto its corner p."""
         u = self.normals[facet]
         entries = {q for q in self.neighbors[p] if facet in (self.left[p, q], self.left[q, p])}
         while True:
@@ -212,8 +213,8 @@ class Oracle:
             p, entries = q, {p}
 
     def ascend(self, p: int, q: int) -> tuple[list[Numbers], list[int]]:
-        """Points of the separatrix from the saddle of edge p q into the cell of p, to its end, and
-        the corners of the cells on its way."""
+        """Points of the separatrix from the saddle of edge p q into the cell of p, and the corners
+        of the cells on its way."""
         points, cells = [self.saddle(p, q)], [p]
         while not self.is_maximum(p):
             crossed, u = self.leave(points[-1], p, {q})
@@ -223,25 +224,25 @@ class Oracle:
         return [*points, unit(self.r[p])], cells
 
     def leave(self, u: Numbers, p: int, entries: set[int]) -> tuple[int, Numbers]:
-        """Where the great circle through u and r_p leaves the cell of p, other than through the
-        arcs of the edges to `entries`, on which u lies: the neighboring cell and the point."""
+        """Neighboring cell and point where the great circle through u and r_p leaves the cell of p,
+        except through the arcs of the edges to `entries`, on which u is."""
         plane = cross(u, self.r[p])
-        found = []
+        exits = []
         for q in self.neighbors[p]:
             a, b = self.normals[self.left[p, q]], self.normals[self.left[q, p]]
             if q not in entries and sign(plane, a) != sign(plane, b):
                 point = unit(cross(plane, self.edge(p, q)))
-                found.append((q, point if point @ (a + b) > 0 else -point))
-        if len(found) != 1:
-            raise OracleError(f"oracle: expected one way out of cell {p}, got {len(found)}")
-        return found[0]
+                exits.append((q, point if point @ (a + b) > 0 else -point))
+        if len(exits) != 1:
+            raise OracleError(f"oracle: expected one way out of cell {p}, got {len(exits)}")
+        return exits[0]
 
     def rests(self) -> list[int]:
         return [facet for facet in range(len(self.sides)) if self.is_stable(facet)]
 
     def borders(self) -> Iterator[tuple[int, int, int, int]]:
-        """The saddles that divide two basins: corners of their edge, each first as its facets have
-        it, and the rests to its left and right."""
+        """Yield the saddles that divide two basins: the corners p, q of the edge, and the rests to
+        its left and right."""
         done = set()
         for p, q in self.left:
             done.add((p, q))
@@ -273,10 +274,10 @@ def exact_outcome_error(
 ) -> float:
     """Largest |p - q| of a die, each rest counted for the outcome whose direction is nearest.
 
-    hull: the die; center: (3,) of mass, or None for that of the uniform solid, to 60 digits;
+    hull: the die; center: (3,) center of mass, or None for that of the uniform solid in 60 digits;
     directions: (k, 3) unit; target: (k,).
 
-    Raises OracleError where the die balances exactly.
+    Raises OracleError if the die balances exactly.
     """
     with mpmath.workdps(DIGITS):
         vertices = exact(hull.vertices)

@@ -1,10 +1,10 @@
 """Derivatives of probabilities as differences of the 60-digit oracle.
 
-Where corners move, a facet of more than three sides may not stay flat. Its derivative is that of
-the sum over the triangles into which it breaks (`broken`): no border of a basin depends
-on how. So it is also that of the polygon whose sides stay (`derivative`). Only the center of mass
-of a uniform solid depends on how, as the volume under the facet does; there the derivatives are
-those for motions that keep facets flat, as linear maps and moving half-spaces do.
+If corners move, a facet of more than three sides may not stay flat. The derivative of its
+probability is the derivative of the sum over the triangles into which it breaks (`broken`), however
+it breaks, as no border of a basin depends on that. So it is also the derivative for the polygon
+(`derivative`). Only the center of mass of a uniform solid depends on the triangles; there the
+derivatives are for motions that keep facets flat, such as linear maps and moving half-spaces.
 """
 
 from __future__ import annotations
@@ -33,8 +33,7 @@ from tests.reference.oracle import (
 )
 
 STEP = "1e-20"
-"""Part of the displacement that is taken to both sides: the difference quotient is off by about its
-square, and by the oracle's 1e-60 over it."""
+"""Step of the central differences: their errors are about its square, and 1e-60 over the step."""
 
 Polygons = Sequence[Sequence[int]]
 
@@ -46,9 +45,9 @@ class Motion:
     Attributes
     ----------
     polygons: corners of each facet, counter-clockwise seen from outside.
-    triangles: (t, 3) into which facets are broken, for the center of mass of a uniform solid.
-    corners: (n, 3) at a time, in 60 digits.
-    center: the same of a given center of mass (3,), or None for a uniform solid.
+    triangles: (t, 3) of the facets, for the center of mass of a uniform solid.
+    corners: corners (n, 3) at a time, in 60 digits.
+    center: center of mass (3,) at a time, or None for a uniform solid.
     """
 
     polygons: Polygons
@@ -60,17 +59,17 @@ class Motion:
 def oracle_derivative(
     hull: ConvexHull, center: Floats | None, along: Floats, center_along: Floats
 ) -> Floats:
-    """Derivative (m,) of the probability of each facet, right to all digits of float64.
+    """Derivative (m,) of the probability of each facet, exact in float64.
 
-    The facets stay those of the hull, as they do for any displacement small enough.
+    The facets stay those of the hull, as for any small displacement.
 
     hull: the body; a uniform one with facets of more than three sides only if these stay flat.
     center: (3,) center of mass, or None for that of the uniform solid, which then moves as the
         corners make it.
     along: (n, 3) velocity of each corner.
-    center_along: (3,) that of a given center; without meaning for a uniform one.
+    center_along: (3,) velocity of a given center; ignored for a uniform solid.
 
-    Raises OracleError where the body balances exactly.
+    Raises OracleError if the body balances exactly.
     """
     return derivative(corner_motion(hull, center, along, center_along)).astype(np.float64)
 
@@ -160,7 +159,7 @@ def half_space_motion(
 
 
 def _triangles(corners: Numbers, polygon: Sequence[int]) -> list[Sequence[int]]:
-    """The upper side of the convex hull of a nearly flat polygon's corners."""
+    """Triangles of the upper side of the convex hull of a nearly flat polygon."""
     if len(polygon) < 4:
         return [polygon] if len(polygon) == 3 else []
     first, last, best = polygon[0], polygon[-1], 1
@@ -176,16 +175,17 @@ def _triangles(corners: Numbers, polygon: Sequence[int]) -> list[Sequence[int]]:
 
 
 MOVE = "1e-25"
-"""Relative size of the changes: no decision lies that near, and enough digits are left."""
+"""Relative size of the changes: small enough to change no decision, and with enough digits left."""
 
 TRIALS = 3
 
 
 def probability_condition(hull: ConvexHull, center: Floats) -> float:
-    """Largest change of a probability over the relative size of the change of coordinates.
+    """Largest change of a probability over the relative change of coordinates, estimated from
+    below.
 
     Every corner is moved by a part of its distance from the center of mass (3,), in random
-    directions along the axes: an estimate from below. 0 where the oracle has no answer.
+    directions along the axes. 0 if the oracle has no answer.
     """
     polygons = facet_polygons(hull)
     with mpmath.workdps(DIGITS):
@@ -202,10 +202,9 @@ def probability_condition(hull: ConvexHull, center: Floats) -> float:
 def derivative_condition(
     hull: ConvexHull, center: Floats | None, along: Floats, center_along: Floats
 ) -> float:
-    """Relative change of the largest derivative of a probability over the relative size of the
-    change of coordinates, estimated in the same way.
-
-    The arguments are those of `oracle_derivative`; raises the same.
+    """Relative change of the largest derivative of a probability over the relative change of
+    coordinates, estimated as by `probability_condition`. Arguments and errors are those of
+    `oracle_derivative`.
     """
     middle = hull.centroid if center is None else center
     with mpmath.workdps(DIGITS):
@@ -218,8 +217,8 @@ def derivative_condition(
 
 
 def _moved(hull: ConvexHull, center: Floats) -> Iterator[Numbers]:
-    """Corners of a hull as they are, and each moved by a part of its distance from a center (3,),
-    in random directions along the axes."""
+    """Yield the corners of a hull, then copies in which each corner is moved by a part of its
+    distance from a center (3,), in random directions along the axes."""
     rng = np.random.default_rng(0)
     reaches = norms(hull.vertices - center)[:, None]
     for step in (0, *[mpmath.mpf(MOVE)] * TRIALS):

@@ -1,5 +1,4 @@
-"""Probabilities of dice that came out of the printer a little off, one by one and without any
-derivative."""
+"""Probabilities of dice with random print errors, without derivatives."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from dicedesign.runtime.arrays import Floats
 
 
 def only(errors: PrintErrors, name: str) -> PrintErrors:
-    """Errors of which all but one are 0."""
+    """Print errors, all 0 but one."""
     return PrintErrors(
         **{key: value if key == name else 0.0 for key, value in asdict(errors).items()}
     )
@@ -25,7 +24,7 @@ def only(errors: PrintErrors, name: str) -> PrintErrors:
 
 @dataclass(frozen=True, eq=False)
 class PrintedDie:
-    """A uniform convex die that is printed again and again.
+    """A uniform convex die that is printed repeatedly.
 
     Attributes
     ----------
@@ -37,8 +36,8 @@ class PrintedDie:
     directions: Floats
 
     def probabilities(self, errors: PrintErrors, prints: int, seed: int) -> Floats:
-        """(prints, k) probabilities without momentum of so many prints; NaN where one has become no
-        die."""
+        """Probabilities (prints, k) without momentum of a number of prints; NaN for a print that is
+        no die."""
         random = np.random.default_rng(seed)
         return np.stack([self._printed(errors, random) for _ in range(prints)])
 
@@ -64,7 +63,7 @@ class PrintedDie:
 
 
 def _inside(hull: ConvexHull, random: np.random.Generator) -> Floats:
-    """A point (3,) anywhere in a hull."""
+    """Draw a point (3,) in a hull."""
     low, high = hull.vertices.min(axis=0), hull.vertices.max(axis=0)
     while True:
         point = random.uniform(low, high)

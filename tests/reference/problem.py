@@ -1,4 +1,4 @@
-"""Bodies that carry their answers, and designs."""
+"""Bodies with known answers, and designs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dicedesign.runtime.arrays import Floats
 
 @dataclass(frozen=True)
 class Problem:
-    """A body and what is known about its rests.
+    """A body and known facts about its rests.
 
     Attributes
     ----------
@@ -24,9 +24,9 @@ class Problem:
     center: (3,) center of mass, or None for that of the uniform solid.
     triangles: (t, 3) corners of a mesh, or None for a point cloud.
     coplanar_tolerance: see `dicedesign.geometry.hulls.hull.convex_hull`.
-    shares: (k,) exact probabilities in any order, where a closed form is known.
-    rests, facets: how many there are, where it is known.
-    symmetries: matrices (3, 3) that map body and center of mass to themselves without rounding.
+    shares: (k,) exact probabilities in any order, if there is a closed form.
+    rests, facets: their numbers, if known.
+    symmetries: matrices (3, 3) that map body and center of mass onto themselves without rounding.
     """
 
     points: Floats
@@ -41,18 +41,18 @@ class Problem:
 
 @dataclass(frozen=True)
 class DesignProblem:
-    """A design that is hard on the method, and how many steps it may take.
+    """A design that is hard for its method.
 
     Attributes
     ----------
     start: shape and outcome directions.
     target: (k,) wanted probability of each direction.
     method: see `tests.reference.watched_design.run_method`.
-    coordinates: what it varies; those of the paper are vertices.
+    coordinates: coordinates of the exact method.
     center_of_mass: (3,) in the coordinates of `start.points`, or None for the uniform solid.
-    tolerance: largest |p - q| wanted.
-    perturbation: of the start of a descent; 0 keeps what is stiff about it.
-    steps: most accepted steps of a descent, or dice tried by the exact method.
+    tolerance: largest |p - q| to end with.
+    perturbation: noise on the start of a descent; 0 keeps its degeneracy.
+    steps: limit on the accepted steps of a descent, or on the dice tried by the exact method.
     """
 
     start: Start
@@ -73,9 +73,9 @@ class Case:
     ----------
     name: unique in its suite.
     build: makes the problem.
-    turns: under how many random rotations it is tried as well.
+    turns: number of random rotations in which it is also tried.
     points: rough number of points of a large problem, 0 for small ones.
-    quick: whether it belongs to the short suite too.
+    quick: whether it belongs to the short suite.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Random hulls of several kinds, each from its number alone."""
+"""Random hulls of several kinds, determined by their numbers."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from dicedesign.runtime.arrays import Floats
 from tests.reference.problem import Problem
 
 POINTS = (4, 20)
-"""Fewest and most points of a hull."""
+"""Least and largest number of points of a hull."""
 
 SEED = 20
-"""Of all random hulls."""
+"""Random seed."""
 
 
 def random_hull(number: int) -> tuple[str, Problem]:
-    """What kind of hull, and a body with triangles only and at least two rests.
+    """Kind of hull, and a body of triangles with at least two rests.
 
-    Kinds take turns; of each kind every other body is uniform, the rest have a given center of mass
-    somewhere in the middle.
+    Kinds alternate. Of each kind, every other body is uniform, the others have a center of mass
+    near the centroid.
     """
     rng = np.random.default_rng([SEED, number])
     kind = tuple(KINDS)[number % len(KINDS)]
@@ -46,12 +46,12 @@ def _ellipsoid(rng: np.random.Generator) -> Floats:
 
 
 def _needle(rng: np.random.Generator) -> Floats:
-    """As long as 3 to 300 times its width."""
+    """Points of a needle, 3 to 300 times as long as wide."""
     return _cloud(rng) * np.array([1.0, 1.0, 10.0 ** rng.uniform(0.5, 2.5)])
 
 
 def _prism(rng: np.random.Generator) -> Floats:
-    """A regular prism whose corners are off by a tenth to a ten-thousandth of its radius."""
+    """Corners of a regular prism, with errors from a tenth to a ten-thousandth of its radius."""
     sides = int(rng.integers(3, POINTS[1] // 2 + 1))
     angles = 2.0 * np.pi * np.arange(sides) / sides
     height = rng.uniform(0.3, 1.5)

@@ -1,4 +1,4 @@
-"""Resting probabilities by letting a body go in many directions, and sets of directions."""
+"""Resting probabilities from sampled start directions, and sets of directions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dicedesign.runtime.arrays import Floats
 MOST_AT_ONCE = 20_000
 
 MOST_HEIGHTS = 10_000_000
-"""Heights of corners above the table that are held in memory, 80 MB."""
+"""Limit on the heights of corners in memory, 80 MB."""
 
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
@@ -23,11 +23,11 @@ def sampled_probabilities(
 ) -> Floats:
     """Share of a set of directions from which a body comes to rest on each facet.
 
-    The lowest corner is looked for among all. Where rounding could change a path it is followed as
-    rounded: that concerns directions within rounding of a basin's border.
+    The lowest corner is the lowest of all corners. Paths that rounding could change are followed as
+    rounded; these start within rounding of the border of a basin.
 
-    equilibria: the classified hull; directions: (n, 3) unit, that point down at first;
-    most_at_once: how many of them are traced together.
+    equilibria: the classified hull; directions: (n, 3) unit start directions that point down;
+    most_at_once: number of directions that are traced together.
     Returns (m,), 0 for facets that are no rests. Source: algorithm 1.
     """
     facets = len(equilibria.hull.normals)

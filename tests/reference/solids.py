@@ -1,10 +1,8 @@
 """Symmetric solids whose resting probabilities have a closed form.
 
-Where all corners lie on a sphere around the center of mass and all facets are stable, a facet's
-probability is its share of the solid angle. Where symmetry maps any facet to any other one, all
+If all corners are on a sphere around the center of mass and all facets are stable, the probability
+of a facet is its share of the solid angle. If symmetry maps any facet to any other, all
 probabilities are equal.
-
-Coordinates of the Platonic and the Archimedean solids.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ CYCLES = (np.eye(3)[[1, 2, 0]], np.eye(3)[[2, 0, 1]])
 
 
 def platonic(name: str) -> Problem:
-    """A Platonic solid, all of whose facets are alike."""
+    """A Platonic solid; all facets are images of each other."""
     return _alike(PLATONIC[name], PLATONIC_FACETS[name])
 
 
@@ -38,7 +36,7 @@ def archimedean(name: str) -> Problem:
 
 
 def catalan(name: str) -> Problem:
-    """The dual of an Archimedean solid, all of whose facets are alike."""
+    """The dual of an Archimedean solid; all facets are images of each other."""
     points = ARCHIMEDEAN[name]
     planes = Triangulation(points).equations
     corners = -planes[:, :3] / planes[:, 3:]
@@ -79,8 +77,8 @@ def box(a: float, b: float, c: float) -> Problem:
 
 
 def icosphere(subdivisions: int) -> Problem:
-    """An icosahedron whose triangles are split into four, with all corners put on the sphere,
-    several times. Its coordinates keep the symmetry of a tetrahedron without rounding."""
+    """An icosahedron whose triangles are split into four several times, with all corners on the
+    sphere. Its coordinates have the symmetry of a tetrahedron without rounding."""
     points = PLATONIC["icosahedron"] / np.sqrt((PLATONIC["icosahedron"] ** 2).sum(-1))[:, None]
     for _ in range(subdivisions):
         triangles = Triangulation(points).simplices
@@ -101,10 +99,10 @@ def icosphere(subdivisions: int) -> Problem:
 
 
 def regular_share(corners: int, edge: float) -> float:
-    """Part of the sphere that a regular polygon covers whose corners lie on it.
+    """Part of the sphere that a regular polygon with corners on it covers.
 
-    corners: how many; edge: its edge over the sphere's radius. The polygon falls into right-angled
-    triangles with legs x, y and the area 2 atan(tan(x / 2) tan(y / 2)).
+    corners: number of corners; edge: length of an edge over the radius of the sphere. The polygon
+    consists of right-angled triangles with legs x, y and the area 2 atan(tan(x / 2) tan(y / 2)).
     """
     y = np.arcsin(edge / 2.0)
     to_corner = np.arcsin(np.sin(y) / np.sin(np.pi / corners))
@@ -113,7 +111,7 @@ def regular_share(corners: int, edge: float) -> float:
 
 
 def _ring(sides: int, offset: float = 0.0) -> Floats:
-    """(sides, 3) corners of a regular polygon in the plane z = 0, turned by parts of a side."""
+    """Corners (sides, 3) of a regular polygon in the plane z = 0. offset: rotation, in sides."""
     angles = 2.0 * np.pi * (np.arange(sides) + offset) / sides
     return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides)])
 
@@ -137,17 +135,17 @@ TRIBONACCI = 1.8392867552141612
 """Root of x^3 = x^2 + x + 1."""
 
 SNUB = (0.67445914340362578, -0.3378432832477094, 0.65648060126987406)
-"""Corner of the snub dodecahedron: as far from its image by a fifth of a turn as from those by a
-third and by a half, under scipy's rotations of the icosahedron."""
+"""Corner of the snub dodecahedron: equally far from its images by a fifth, a third and a half of a
+turn, under scipy's rotations of the icosahedron."""
 
 EVEN = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
-"""Permutations of three coordinates that keep their cyclic order."""
+"""Cyclic permutations of three coordinates."""
 
 ANY = tuple(permutations(range(3)))
 
 
 def _spread(*corners: tuple[float, float, float], orders: tuple[tuple[int, ...], ...]) -> Floats:
-    """All sign changes and the given permutations of some points, each once."""
+    """All sign changes and the given permutations of points, each once."""
     signs = np.array(list(product([-1.0, 1.0], repeat=3)))
     rows = [s * np.array(corner)[list(o)] for corner in corners for o in orders for s in signs]
     return np.unique(np.array(rows) + 0.0, axis=0)
@@ -203,7 +201,7 @@ PLATONIC_FACETS = {
     "dodecahedron": 12,
     "icosahedron": 20,
 }
-"""How many facets each has."""
+"""Number of facets of each."""
 
 ARCHIMEDEAN_FACETS = {
     "truncated tetrahedron": {3: 4, 6: 4},
@@ -220,4 +218,4 @@ ARCHIMEDEAN_FACETS = {
     "truncated icosidodecahedron": {4: 30, 6: 20, 10: 12},
     "snub dodecahedron": {3: 80, 5: 12},
 }
-"""How many facets of 3, 4, ... corners each has."""
+"""Number of facets with 3, 4, ... corners of each."""

@@ -1,4 +1,4 @@
-"""The suite of stiff and extreme bodies and designs, by name."""
+"""Suite of stiff and extreme bodies and designs."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ SIDES = range(3, 65)
 """Sides of the prisms, antiprisms and bipyramids."""
 
 QUICK_SIDES = (3, 4, 5, 6, 7, 12, 17, 32, 64)
-"""Those of the short suite."""
+"""Sides in the short suite."""
 
 
 def stability_cases() -> tuple[Case, ...]:
-    """All cases, each with a name of its own."""
+    """All cases, with unique names."""
     return tuple(
         case
         for family in (

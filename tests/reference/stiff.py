@@ -1,4 +1,4 @@
-"""Bodies close to a change of what they do: nearly flat, nearly coplanar, nearly balanced."""
+"""Bodies near a change of their rests: nearly flat, nearly coplanar or nearly balanced."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ OFF_CENTER = np.array([0.11, 0.07, -0.03])
 """A center of mass in no plane of symmetry of the cube."""
 
 GLANCING_SEED = 3
-"""A random body in which a separatrix ends at the corner that `glancing` opens."""
+"""Seed of a random body in which a separatrix ends at the corner that `glancing` opens."""
 
 
 GRAZING_HEIGHT = 0.14
-"""Of the center of mass over the bottom of `grazing_body`."""
+"""Height of the center of mass over the bottom of `grazing_body`."""
 
 GRAZING_TOP = np.array([[-0.48, 0.41, 1.33], [-0.37, -0.57, 1.41], [-0.92, 1.58, 2.59]])
-"""Its upper corners: with the height and the length of the legs about those with the largest
-gradient of 4,000 bodies drawn at random."""
+"""Upper corners of `grazing_body`. With its height and legs, they have about the largest gradient
+of 4,000 random bodies."""
 
 
 def roof(angle: float, *, centered: bool, tolerance: float | None = None) -> Problem:
-    """A cube whose upper facet is split in two by a bend of an angle in radians."""
+    """A cube whose upper facet is bent by an angle in radians."""
     points = np.concatenate([CUBE, [[0.0, -0.5, 0.5], [0.0, 0.5, 0.5]]])
     points[:8, 2] -= np.where(points[:8, 2] > 0.0, 0.5 * np.tan(angle / 2.0), 0.0)
     center, rests = (np.zeros(3), 7) if centered else (OFF_CENTER, 6)
@@ -37,7 +37,7 @@ def roof(angle: float, *, centered: bool, tolerance: float | None = None) -> Pro
 
 
 def bulging_cube(height: float, tolerance: float | None = None) -> Problem:
-    """A cube with a point above its upper facet, off the middle."""
+    """A cube with a point above its upper facet, off center."""
     points = np.concatenate([CUBE, [[0.05, 0.12, 0.5 + height]]])
     return _bent(Problem(points, OFF_CENTER, coplanar_tolerance=tolerance, rests=6, facets=9))
 
@@ -50,7 +50,8 @@ def dented_cube(depth: float, tolerance: float | None = None) -> Problem:
 
 
 def _bent(problem: Problem) -> Problem:
-    """A problem whose bend a coplanar tolerance other than 0 may leave unseen."""
+    """The problem, with unknown numbers of rests and facets if a coplanar tolerance may hide the
+    bend."""
     exact = problem.coplanar_tolerance == 0.0
     return problem if exact else replace(problem, rests=None, facets=None)
 
@@ -66,8 +67,8 @@ def stretched(seed: int, factors: tuple[float, float, float]) -> Problem:
 
 
 def hidden_center(depth: float, near: int) -> Problem:
-    """A cube with its center of mass at a depth below a facet (near = 1), or below as many facets
-    as meet in an edge (2) or a corner (3)."""
+    """A cube with its center of mass at a depth below a facet (near = 1), the facets of an edge (2)
+    or the facets of a corner (3)."""
     center = OFF_CENTER.copy()
     center[:near] = 0.5 - depth
     return Problem(CUBE, center)
@@ -75,8 +76,8 @@ def hidden_center(depth: float, near: int) -> Problem:
 
 def off_balance(distance: float, *, corner: bool) -> Problem:
     """A body that overhangs its small bottom, with the center of mass above a point at a distance
-    from an edge or a corner of it, inside for positive ones. The saddle at that edge is as far from
-    the bottom's normal."""
+    from an edge or a corner of the bottom, positive inside. The saddle at this edge is as far from
+    the normal of the bottom."""
     bottom = np.array([[1.0, 1.1], [-1.05, 0.9], [-0.9, -1.0], [1.1, -0.95]])
     points = np.concatenate(
         [np.column_stack([scale * bottom, np.full(4, z)]) for scale, z in ((1.0, 0.0), (2.0, 2.0))]
@@ -90,8 +91,8 @@ def off_balance(distance: float, *, corner: bool) -> Problem:
 
 
 def glancing(growth: float) -> Problem:
-    """A random body in which a separatrix leaves a cell where distance from the center hardly
-    grows: r_p . v = growth |r_p| |v| for the crossed edge. The corner p is a maximum otherwise."""
+    """A random body in which a separatrix leaves a cell where the distance from the center hardly
+    grows: r_p . v = growth |r_p| |v| for the crossed edge. Without this edge, p is a maximum."""
     points = random_body(GLANCING_SEED).points
     hull = Triangulation(points)
     center = points[hull.vertices].mean(axis=0)
@@ -108,8 +109,8 @@ def glancing(growth: float) -> Problem:
 
 def grazing_body(growth: float, offset: float) -> Problem:
     """A body in which a separatrix crosses an arc where rho = r_p . v / (|r_p| |v|) is a given
-    growth, and the saddle lies at a distance from the bottom's normal that is the offset times its
-    height: alpha = -u . v is about that distance. The gradient grows like 1 / rho only where alpha
+    growth. The distance of the saddle from the normal of the bottom is the offset times its height,
+    and alpha = -u . v is about this distance. The gradient grows like 1 / rho only if alpha
     vanishes too.
 
     The bottom is a triangle with a nearly right angle at p, and the foot of the center of mass is
@@ -126,9 +127,9 @@ def grazing_body(growth: float, offset: float) -> Problem:
 
 
 def opposed(distance: float) -> Problem:
-    """A body in which the line from a corner through the center of mass is a facet's normal, and
-    that corner is on the border of that facet's basin: exactly so for 0, else with the center of
-    mass about that distance away."""
+    """A body in which the line from a corner through the center of mass is the normal of a facet,
+    and the corner is on the border of the basin of this facet; for a distance other than 0, the
+    center of mass is about this distance away."""
     points = [
         [-1, 2, 2],
         [-2, 1, 1],
@@ -144,7 +145,7 @@ def opposed(distance: float) -> Problem:
 
 
 def lattice_body(seed: int) -> Problem:
-    """Corners and a center of mass with small integer coordinates: balanced in many ways."""
+    """A body with small integer coordinates, which balances in many ways."""
     rng = np.random.default_rng(seed)
     while True:
         points = rng.integers(-2, 3, size=(8, 3)).astype(np.float64)
@@ -155,7 +156,7 @@ def lattice_body(seed: int) -> Problem:
 
 
 def placed(problem: Problem, size: float, distance: float) -> Problem:
-    """A problem scaled by a size, and moved away from the origin by so many times its size."""
+    """A problem scaled by a size, and moved away from the origin by a multiple of its size."""
     shift = size * distance * np.array([0.6, -0.48, 0.64])
     center = None if problem.center is None else problem.center * size + shift
     return replace(problem, points=problem.points * size + shift, center=center, symmetries=())

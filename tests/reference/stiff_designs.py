@@ -1,4 +1,4 @@
-"""Designs that are hard on a method: how they start, what they are asked for."""
+"""Designs that are hard for a method."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ METHODS = {
     ", paper": {"method": "paper"},
     ", paper with finish": {"method": "paper with finish", "tolerance": 1e-12},
 }
-"""What is added to a design's name, and what is different about it."""
+"""Additions to the name of a design, and changes of its fields."""
 
 TOO_LONG = (("60 facets, fair", ", exact, vertices"),)
-"""Left out: each step among dice of the same probabilities takes as long as another design."""
+"""Combinations that are left out, as each step by preferences takes as long as another design."""
 
 
 def design_cases() -> Iterator[Case]:
-    """Every design by every method; the short ones are those that converge quickly."""
+    """Yield every design with every method; quick ones converge quickly."""
     for name, build, quick in _designs():
         for method in METHODS:
             if (name, method) in TOO_LONG:
@@ -56,7 +56,7 @@ def _by_method(build: Callable[[], DesignProblem], name: str) -> DesignProblem:
 
 
 def _designs() -> Iterator[tuple[str, Callable[[], DesignProblem], bool]]:
-    """Name, what makes it, and whether it belongs to the short suite."""
+    """Yield the name of each design, its maker, and whether it is quick."""
     for power in (3, 6, 9, 12):
         depth = 10.0**-power
         yield f"leans 1e-{power} short of tipping", partial(leaning, depth), True
@@ -90,8 +90,8 @@ def _designs() -> Iterator[tuple[str, Callable[[], DesignProblem], bool]]:
 
 
 def leaning(depth: float) -> DesignProblem:
-    """A leaning box of which two opposite facets are stable by a depth, negative beyond tipping, in
-    units of the box's height and width."""
+    """A leaning box with two opposite facets that are stable by a depth, in units of its height and
+    width; unstable for negative depths."""
     lean = 1.0 - 2.0 * depth
     points = np.array(
         [[x + lean * z, y, z] for x, y, z in product((-0.5, 0.5), (-0.6, 0.6), (-0.5, 0.5))]
@@ -103,7 +103,7 @@ def leaning(depth: float) -> DesignProblem:
 
 
 def near_facet(distance: float) -> DesignProblem:
-    """A given center of mass at a distance from the middle of a facet."""
+    """A center of mass at a distance from the middle of a facet."""
     start = repulsion(6, 0)
     hull = convex_hull(start.points)
     center = hull.polygon(0).mean(axis=0) - distance * hull.normals[0]
@@ -111,7 +111,7 @@ def near_facet(distance: float) -> DesignProblem:
 
 
 def coincident(angle: float) -> DesignProblem:
-    """Two of the seven facets that bear outcomes include an angle, in radians, near zero."""
+    """Two of the seven facets with outcomes include a small angle in radians."""
     normals = repulsion(7, 0).directions.copy()
     axis = np.cross(normals[0], [0.0, 0.0, 1.0])
     turn = Rotation.from_rotvec(angle * axis / norms(axis))
@@ -121,7 +121,7 @@ def coincident(angle: float) -> DesignProblem:
 
 
 def loaded_box() -> DesignProblem:
-    """A cube, unperturbed, that should favor one of its faces: every path of it is a tie."""
+    """A cube with a target that favors one face: all its paths are ties."""
     start = Start(np.array(list(product((-1.0, 1.0), repeat=3))), AXES)
     return DesignProblem(start, custom([0.3, *[0.14] * 5]).probabilities, perturbation=0.0)
 
@@ -151,7 +151,7 @@ def _searched(build: Callable[[], DesignProblem]) -> DesignProblem:
 
 
 def _near(target: Floats) -> Start:
-    """The first shape that a recipe without a start would begin with."""
+    """First shape of a recipe without a start."""
     return next(start for start in shapes_near(target, 0) if start is not None)
 
 

@@ -1,4 +1,4 @@
-"""Conditions by the oracle, against what the derivatives of the model allow."""
+"""Conditions by the oracle, compared with derivatives of the model."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ torch.set_num_threads(1)
 
 
 @pytest.mark.parametrize("number", [0, 1, 3, 4, 5, 7])
-def test_conditions_are_near_to_what_derivatives_allow_at_most(number: int) -> None:
-    """Coordinates that move in random directions change less than if all pulled one way, and
-    hardly less than a tenth of it. The first three bodies are uniform."""
+def test_conditions_are_near_the_bound_by_derivatives(number: int) -> None:
+    """Random moves of coordinates change probabilities by a tenth to all of the largest possible
+    change. The first three bodies are uniform."""
     problem = random_hull(number)[1]
     uniform = problem.center is None
     assert uniform == (number < 4)
@@ -55,7 +55,7 @@ def test_conditions_grow_where_a_path_grazes(power: int) -> None:
     assert 0.1 < found * 10.0**-power < 1e3
 
 
-def test_a_body_that_balances_has_none() -> None:
+def test_a_balanced_body_has_no_condition() -> None:
     """A frustum that overhangs its bottom, with the center of mass above an edge of that."""
     square = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
     hull = convex_hull(

@@ -1,5 +1,5 @@
-"""The oracle against closed forms and reference values. The product is held against it by
-`tests/fuzz`."""
+"""The oracle against closed forms and reference values. `tests/fuzz` compares the product with
+it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_an_exact_balance_has_no_answer() -> None:
         ask(convex_hull(points), np.array([1.0, 0.25, 1.0]))
 
 
-def test_facets_that_are_no_convex_body_are_noticed() -> None:
+def test_facets_of_no_convex_body_are_refused() -> None:
     inside_out = [facet[::-1] for facet in TETRAHEDRON_FACETS]
     with pytest.raises(OracleError):
         oracle_probabilities(TETRAHEDRON, inside_out, [[0.1, 0.2, 0.05]])

@@ -1,5 +1,4 @@
-"""A design by any method with every accepted step looked at, and its end measured in 60-digit
-arithmetic."""
+"""Design by any method, with checks of every accepted step, and of the result in 60 digits."""
 
 from __future__ import annotations
 
@@ -14,12 +13,12 @@ from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_properties
 from dicedesign.gradient.rest_probabilities import RestEvaluation
-from dicedesign.optimize.energy import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.search import shapes_like
+from dicedesign.optimize.terms import cluster
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
@@ -34,11 +33,11 @@ def run_method(
     on_die: Callable[[RestEvaluation, Floats], None],
     on_step: Callable[[DesignStep], None],
 ) -> DesignResult:
-    """A design by its method, limited by the design's steps and never by the clock.
+    """Run a design by its method, limited by its steps and not by the clock.
 
-    on_die: called before `on_step` with the die of every accepted step, the start included, and the
-    derivatives that its next direction is made of: a gradient (n,) or a Jacobian (k, n).
-    Raises NoStartError where the method finds no shape to begin with.
+    on_die: called before `on_step` with the die of every accepted step and of the start, and the
+    derivatives for its next direction: a gradient (n,) or a Jacobian (k, n).
+    Raises NoStartError if the method finds no first shape.
     """
     watched: dict[str, Any] = {
         "center_of_mass": design.center_of_mass,
@@ -67,19 +66,19 @@ def run_method(
 
 
 SUM_LIMIT = 1e-12
-"""By how much the probabilities of a step may miss 1."""
+"""Tolerance on the sum of the probabilities of a step."""
 
 ERROR_LIMIT = 1e-14
-"""By how much the recorded error may differ from that of the designed hull, read back or in 60
-digits; more where its probabilities magnify the rounding of its coordinates."""
+"""Tolerance on the recorded error against that of the designed hull, read back or in 60 digits;
+larger if its probabilities magnify the rounding of coordinates."""
 
 
 def watch_design(design: DesignProblem) -> tuple[Measurement | None, list[str], float, str]:
-    """Run a design by its method. Raises as that, but for NoStartError.
+    """Run a design by its method, and list its faults. Raises as the method, except NoStartError.
 
-    Returns the measurement of the designed hull against the oracle, None where there was no shape
-    to begin with; what must not happen and did, with the step at which it did first; wall-clock
-    seconds of the design; and how it ended, in a few words with the error.
+    Returns the measurement of the designed hull against the oracle, or None if there was no first
+    shape; the faults of the first step that has any; wall-clock seconds of the design; and its end
+    in a few words with the error.
     """
     watch, result, ending = _Watch(), None, ""
     started = time.perf_counter()
@@ -101,13 +100,13 @@ def watch_design(design: DesignProblem) -> tuple[Measurement | None, list[str], 
 def _end(
     design: DesignProblem, result: DesignResult, measurement: Measurement, faults: list[str]
 ) -> float:
-    """The error of a result in 60 digits; what is wrong with it is added to the faults."""
+    """Error of a result in 60 digits. Adds to the faults."""
     center = design.center_of_mass
     poses = rest_poses(result.hull.vertices, center)
     of_rest = cluster(poses.normals, result.directions).of_rest
     sums = np.bincount(of_rest, poses.probabilities, len(design.target))
     read = float(np.abs(sums - design.target).max())
-    # A tied body's center of mass is moved, and its probabilities are not those of one body.
+    # The probabilities of a tied body are means over several bodies.
     exact = read
     if not measurement.tied:
         hull = convex_hull(result.hull.vertices)
@@ -125,10 +124,10 @@ def _end(
 def step_faults(
     rests: RestEvaluation, derivatives: Floats, terms: Mapping[str, float]
 ) -> list[str]:
-    """What is wrong with an accepted step, each in a few words.
+    """List the faults of an accepted step.
 
-    rests: the die; derivatives: what the next direction is made of, of any shape; terms: of the
-    energy, by name.
+    rests: the die; derivatives: of any shape, for the next direction; terms: of the energy, by
+    name.
     """
     hull = rests.hull
     faults = [f"{name} energy {value}" for name, value in terms.items() if not np.isfinite(value)]
@@ -150,7 +149,7 @@ def step_faults(
 
 @dataclass
 class _Watch:
-    """Called with every accepted step."""
+    """Collects the faults of the first accepted step that has any."""
 
     faults: list[str] = field(default_factory=list)
     steps: int = 0
@@ -161,9 +160,9 @@ class _Watch:
 
     def on_step(self, step: DesignStep) -> None:
         rests, derivatives = self._last
-        found = step_faults(rests, derivatives, {**step.terms, "whole": step.energy})
+        faults = step_faults(rests, derivatives, {**step.terms, "whole": step.energy})
         if not np.isfinite(step.error):
-            found.append(f"error {step.error}")
-        if found and not self.faults:
-            self.faults = [f"{fault} at step {self.steps}" for fault in found]
+            faults.append(f"error {step.error}")
+        if faults and not self.faults:
+            self.faults = [f"{fault} at step {self.steps}" for fault in faults]
         self.steps += 1

@@ -1,35 +1,32 @@
-"""Dice of the exact method, each at one set of parameters, and Levenberg-Marquardt steps from one
-to wanted probabilities.
+"""Dice of the exact method, and Levenberg-Marquardt steps from a die to target probabilities.
 
-A die has several parameters for each outcome, so the equations p = q have many solutions, and the
-shortest step to one is taken: `-W^-1 J^T (J W^-1 J^T + mu I)^-1 r` in a metric W. Probabilities
-jump where a facet gains or loses stability, so depths of facets near that edge are residuals too,
-which fade out at the end, and a step that changes which facets are rests is refused.
+A die has several parameters for each outcome, so the equations p = q have many solutions. The
+shortest step to one is `-W^-1 J^T (J W^-1 J^T + mu I)^-1 r` in a metric W. Probabilities jump where
+a facet gains or loses stability. So the depths of facets near that edge are residuals too, which
+fade out at the end, and a step that changes which facets are rests is refused.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import ConvexHull, HullMemory, convex_hull
-from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges, circle_radii
-from dicedesign.gradient.probability_model import ProbabilityModel
-from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.gradient.facet_measures import circle_radii
+from dicedesign.gradient.probability_model import RESTING, ProbabilityModel
+from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.kernels.ops import Tie
-from dicedesign.optimize.coordinates import Coordinates, Shape
+from dicedesign.optimize.coordinates import Coordinates, Shape, ShapeEvaluator
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.descent import SobolevGradient
-from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.rest.poses import analyze
-from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -45,6 +42,38 @@ class DesignStep:
     error: float
 
 
+@dataclass
+class StepLog:
+    """Accepted steps of a design, and callbacks.
+
+    Attributes
+    ----------
+    on_step: called after every step.
+    on_shape: called before that with the evaluation or candidate of the step.
+    steps: so far; the first is the start.
+    started: time of the start, by `time.perf_counter`.
+    """
+
+    on_step: Callable[[DesignStep], None] | None = None
+    on_shape: Callable[[Any], None] | None = None
+    steps: list[DesignStep] = field(default_factory=list)
+    started: float = field(default_factory=lambda: time.perf_counter())
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the start."""
+        return time.perf_counter() - self.started
+
+    def record(self, terms: dict[str, float], error: float, shape: Any = None) -> None:
+        """Add a step. shape: for `on_shape`, if it is new."""
+        step = DesignStep(len(self.steps), self.seconds, sum(terms.values()), terms, error)
+        self.steps.append(step)
+        if self.on_shape is not None and shape is not None:
+            self.on_shape(shape)
+        if self.on_step is not None:
+            self.on_step(step)
+
+
 @dataclass(frozen=True)
 class DesignResult:
     """End of a design.
@@ -53,14 +82,14 @@ class DesignResult:
     ----------
     status: why it stopped.
     hull: the designed shape.
-    directions: (k, 3) where the outcomes are.
-    error: its largest |p - q|, by the probabilities that the method is about.
-    terms: the energy's terms of the hull, with their full weights.
-    history: every accepted step, the first being the start.
-    evaluations: dice tried, rejected ones and those after pruning included.
-    hulls_built: hulls computed for them from scratch, polar hulls of facet coordinates included.
-    hulls_reused: hulls that only moved the vertices of the one before, for the same result.
-    starts: starting shapes that were tried.
+    directions: (k, 3) directions of the outcomes.
+    error: largest |p - q|, by the probabilities that the design is for.
+    terms: energy terms of the hull, weighted.
+    history: accepted steps; the first is the start.
+    evaluations: dice tried, with rejected and pruned ones.
+    hulls_built: hulls that were computed from scratch, with polar hulls of facet coordinates.
+    hulls_reused: hulls that have the connectivity of the one before, with the same result.
+    starts: starting shapes tried.
     """
 
     status: Status
@@ -81,13 +110,12 @@ class Candidate:
 
     Attributes
     ----------
-    coordinates: what its parameters mean.
+    coordinates: meaning of its parameters.
     parameters: (n,).
-    shape: what they make.
-    rests: the die.
-    rest_of_outcome: (k,) index into the die's rests of each outcome.
-    model: of its probabilities, where it is thrown or let go under a prior; None where they are
-        those without momentum, with uniform start orientations.
+    shape: shape made of the parameters.
+    rests: rests of the shape.
+    rest_of_outcome: (k,) number of the rest of each outcome.
+    model: of the probabilities.
     """
 
     coordinates: Coordinates
@@ -95,40 +123,35 @@ class Candidate:
     shape: Shape
     rests: RestEvaluation
     rest_of_outcome: Integers
-    model: ProbabilityModel | None = None
+    model: ProbabilityModel = RESTING
 
     @property
     def outcome_facets(self) -> Integers:
         """(k,) facet of each outcome."""
-        return self.rests.paths.rests[self.rest_of_outcome]
+        return self.rests.facets[self.rest_of_outcome]
 
     @property
     def directions(self) -> Floats:
-        """(k, 3) normals of those facets."""
+        """(k, 3) normals of the facets of the outcomes."""
         return self.rests.hull.normals[self.outcome_facets]
 
     @cached_property
     def probabilities(self) -> Floats:
         """(k,) probabilities of the outcomes."""
-        probabilities = (
-            self.rests.probability_values
-            if self.model is None
-            else self.model.probabilities(self.rests)
-        )
-        return probabilities[self.rest_of_outcome]
+        return self.model.probabilities(self.rests)[self.rest_of_outcome]
 
     @cached_property
     def signed_depths(self) -> Tensor:
-        """(m,) how surely each facet is what it is, a rest or none: its depth
-        (`RestEvaluation.facet_depths`), with the other sign for facets that are no rests."""
+        """(m,) depths of the facets (`RestEvaluation.facet_depths`), negated for other facets than
+        rests: positive as long as facets keep or lack stability as they should."""
         sign = np.full(len(self.rests.hull.normals), -1.0)
         sign[self.outcome_facets] = 1.0
         return torch.as_tensor(sign) * self.rests.facet_depths
 
     @cached_property
     def least_circle(self) -> float:
-        """Radius, over the diameter, of the smallest of the largest circles in the outcomes'
-        facets."""
+        """Radius of the largest circle in the facet of an outcome, over the diameter of the hull;
+        the least of all outcomes."""
         return float(circle_radii(self.rests, self.outcome_facets).detach().min())
 
     def error(self, target: Floats) -> float:
@@ -141,18 +164,17 @@ class Candidate:
 
     @cached_property
     def probability_jacobian(self) -> Floats:
-        """(k, n) Jacobian of the probabilities in the parameters, in one sweep."""
-        rests = self.rests
-        rows = rests.jacobian if self.model is None else self.model.jacobian(rests)
-        return self.shape.in_parameters(rows[self.rest_of_outcome], rests.hull.source)
+        """(k, n) Jacobian of the probabilities in the parameters."""
+        rows = self.model.jacobian(self.rests)[self.rest_of_outcome]
+        return self.shape.in_parameters(rows, self.rests.hull.source)
 
     def jacobian(self, *values: Tensor) -> Floats:
-        """(r, n) derivatives of the values of vectors, r in all, in the parameters, with one
-        backward pass for each."""
+        """(r, n) Jacobian of the entries of some vectors, r in all, in the parameters, by one
+        backward pass for each entry."""
         vertices, rows = self.rests.vertices, []
         for vector in values:
             for number in range(len(vector)):
-                # One value, whose own gradient is 1: torch imports much to check a given one.
+                # Without a gradient of the value, whose check would import much.
                 (gradient,) = torch.autograd.grad(vector[number], vertices, retain_graph=True)
                 rows.append(gradient.numpy().ravel())
         stacked = np.array(rows).reshape(-1, vertices.numel())
@@ -160,107 +182,50 @@ class Candidate:
 
 
 @dataclass
-class CandidateMaker:
-    """Makes candidates, and remembers the hulls of the last ones.
+class CandidateMaker(ShapeEvaluator):
+    """Makes candidates.
 
     Attributes
     ----------
-    center_of_mass: (3,) fixed, or None for that of the uniform solid.
-    model: see `Candidate`.
-    offset: (3,) of the center of mass from that of the uniform solid, where it is not fixed.
-    evaluations: how many candidates were asked for.
-    shapes, polars: memories of the hulls of dice, and of those that coordinates need.
+    model: of the probabilities.
     """
 
-    center_of_mass: Floats | None
-    model: ProbabilityModel | None = None
-    offset: Floats | None = None
-    evaluations: int = 0
-    shapes: HullMemory = field(default_factory=HullMemory)
-    polars: HullMemory = field(default_factory=HullMemory)
+    model: ProbabilityModel = RESTING
 
     def attempt(
         self, coordinates: Coordinates, parameters: Floats, directions: Floats
     ) -> Candidate | None:
-        """A candidate, or None where the parameters make no die with the wanted rests, or one that
-        is tied: the probabilities of a tied body jump.
+        """Make a candidate; None if the parameters make no die with the right rests, or a tied die,
+        whose probabilities jump.
 
-        parameters: (n,) of the coordinates; directions: (k, 3) near which each outcome's facet is.
+        parameters: (n,) of the coordinates; directions: (k, 3) near the normals of the outcomes'
+        facets.
         """
-        self.evaluations += 1
-        given = self.center_of_mass
         try:
-            shape = coordinates.shape(parameters, self.polars.hull)
-            points = torch.from_numpy(shape.points).requires_grad_()
-            center = None if given is None else torch.as_tensor(given)
-            rests = evaluate_rests(points, center, self.shapes.hull, self.offset).raise_ties()
-            stable = rests.hull.normals[rests.paths.rests]
-            nearest = np.argmax(directions @ stable.T, axis=1)
-            if not np.array_equal(np.sort(nearest), np.arange(len(stable))):
+            shape, rests = self.evaluate(coordinates, parameters)
+            rests = rests.raise_ties()
+            nearest = np.argmax(directions @ rests.hull.normals[rests.facets].T, axis=1)
+            if not np.array_equal(np.sort(nearest), np.arange(len(rests.facets))):
                 return None
             candidate = Candidate(coordinates, parameters, shape, rests, nearest, self.model)
             return candidate if np.isfinite(candidate.probabilities).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None
 
-
-BARRIER_DEPTH: Final = 0.01
-"""Depth of a facet, over the mean distance of the vertices, at which its barrier is 1."""
-
-
-def barrier_residuals(rests: RestEvaluation) -> Tensor:
-    """(m,) inverse depths of the facets, infinite where a facet gains or loses stability: a barrier
-    that keeps every facet what it is, a rest or none.
-
-    The depth of a rest is the distance of the foot of the center of mass from the nearest edge's
-    line, that of another facet how far outside of the farthest such line it lies; for both a mean
-    of high power over the facet's border takes the place of the least or largest, so that depths
-    are smooth.
-    """
-    edges = FacetEdges.of(rests, np.arange(len(rests.hull.normals)))
-    inside = edges.distances(rests.center)
-    stable = torch.as_tensor(rests.equilibria.stable)
-    held = edges.mean_power(torch.where(stable[edges.owner], inside, 1.0), -SOFTNESS)
-    outside = torch.where(stable[edges.owner], 1.0, torch.relu(-inside))
-    depths = torch.where(stable, held, edges.mean_power(outside, SOFTNESS))
-    size = torch.linalg.vector_norm(rests.vertices - rests.center, dim=1).mean()
-    return BARRIER_DEPTH * size / depths
-
-
-TRIALS: Final = 4
-
-ROUNDED: Final = float(np.finfo(np.float32).eps) / 2.0
-"""Largest error of a coordinate in single precision, over its size."""
-
-
-def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
-    """Largest |p - q| of copies of a die whose corners are off by what a file may be; 1 where one
-    is no die. target: (k,) probabilities under a prior."""
-    corners, center = candidate.rests.hull.vertices, candidate.rests.given_center
-    size, random = float(np.abs(corners).max()), np.random.default_rng(0)
-    errors = []
-    for _ in range(TRIALS):
-        off = ROUNDED * size * random.uniform(-1.0, 1.0, corners.shape)
-        try:
-            hull = convex_hull(corners + off, single_precision=True)
-            poses = analyze(hull, hull.centroid if center is None else center.numpy())
-            errors.append(
-                outcome_probabilities(poses.under(prior), candidate.directions).error(target)
-            )
-        except DiceError:
-            errors.append(1.0)
-    return max(errors)
+    def move(self, candidate: Candidate, parameters: Floats) -> Candidate | None:
+        """Make a candidate with other parameters; see `attempt`."""
+        return self.attempt(candidate.coordinates, parameters, candidate.directions)
 
 
 DEPTH_MARGIN: Final = 0.03
 """Depth of a facet, over the circumscribed radius, below which it is a residual."""
 
 WALL_WEIGHTS: Final = (0.3, 0.01, 0.0)
-"""Weights of those residuals, from first to last."""
+"""Weights of the depth residuals, in order."""
 
 NEAR: Final = 0.002
-"""Largest |p - q| of a die from which on they are no residuals at first: a short way meets no
-edge, as a rule."""
+"""Largest |p - q| of a die that is first led to the target without depth residuals, as a short way
+rarely meets an edge of stability."""
 
 LARGEST_MOVE: Final = 0.15
 """Largest change of a parameter in one step."""
@@ -269,33 +234,32 @@ DAMPINGS: Final = (1e-14, 1e-3, 1e4)
 """Smallest, first and largest damping mu, in units of the mean square of the Jacobian's rows."""
 
 LEAST_REFUSED: Final = 1e-6
-"""Damping in the same units from which on it is raised after a refused step."""
+"""Least damping after a refused step, in the same units."""
 
 SAME: Final = 1e-12
-"""Difference from 1 of a cosine up to which the angle counts as 0: 1e-6 radians."""
+"""Largest difference of the cosine of a zero angle from 1."""
 
 SLOW: Final = 0.1
-"""Relative decrease of the squared residuals below which the next wall weight's turn has come."""
+"""Relative decrease of the squared residuals below which the next weight is used."""
 
 MOST_STEPS: Final = 80
-"""Steps from one die."""
+"""Limit on the steps from one die."""
 
 
 @dataclass(frozen=True)
 class LevenbergMarquardt:
-    """Steps from a die toward probabilities.
+    """Levenberg-Marquardt steps from a die to target probabilities.
 
     Attributes
     ----------
-    target: (k,) the probabilities.
+    target: (k,) target probabilities.
     maker: makes the dice that are tried.
-    tolerance: largest |p - q| wanted.
-    sobolev: the metric `(I + lambda L)^p` in which steps of vertices are shortest, or None for
-        lengths as they are.
-    least_angle: between the facets of two outcomes, in radians; what lies nearer is a residual too
-        until the end. 0 for none.
-    out_of_time: asked before every step.
-    on_candidate: called with the first die and every one that a step leads to.
+    tolerance: largest |p - q| to end with.
+    sobolev: metric `(I + lambda L)^p` of steps of vertices; None for the Euclidean metric.
+    least_angle: least angle in radians between the facets of two outcomes; smaller angles are
+        residuals until the end. 0 for none.
+    out_of_time: called before every step.
+    on_candidate: called with the first die and the die after every step.
     """
 
     target: Floats
@@ -307,7 +271,7 @@ class LevenbergMarquardt:
     on_candidate: Callable[[Candidate], None] = lambda candidate: None
 
     def solve(self, first: Candidate) -> Candidate:
-        """The die where the steps end, within the tolerance or not."""
+        """Die after the last step, within the tolerance or not."""
         current, metric = first, SobolevGradient(self.sobolev)
         self.on_candidate(current)
         near = current.error(self.target) < NEAR
@@ -330,15 +294,13 @@ class LevenbergMarquardt:
     def _step(
         self, current: Candidate, metric: SobolevGradient, weight: float, damping: float
     ) -> tuple[Candidate | None, float, float]:
-        """An acceptable candidate or None, the part of the squared residuals that it takes away,
-        and the damping for the next step."""
+        """Acceptable candidate or None, its relative decrease of the squared residuals, and the
+        damping for the next step."""
         residuals, walls = self._residuals(current, weight)
         jacobian = current.probability_jacobian
         if walls:
             jacobian = np.concatenate([jacobian, current.jacobian(*walls)])
-        raised = jacobian.T
-        if self.sobolev is not None:
-            raised = metric.of(raised, current.rests.hull)
+        raised = metric.of(jacobian.T, current.rests.hull)
         square = jacobian @ raised
         unit = float(np.trace(square)) / len(residuals)
         merit = float((residuals**2).sum())
@@ -349,7 +311,7 @@ class LevenbergMarquardt:
             if not 0.0 < largest < np.inf:
                 break
             step *= min(1.0, LARGEST_MOVE / largest)
-            candidate = self._attempt(current, current.parameters + step)
+            candidate = self.maker.move(current, current.parameters + step)
             if candidate is not None:
                 left = float((self._residuals(candidate, weight)[0] ** 2).sum())
                 if left < merit:
@@ -358,8 +320,9 @@ class LevenbergMarquardt:
         return None, 0.0, damping
 
     def _residuals(self, candidate: Candidate, weight: float) -> tuple[Floats, list[Tensor]]:
-        """(r,) p - q, and with a weight above 0 what facets near the edge lack in depth, and
-        outcomes near each other in distance: these also as tensors, but for a constant."""
+        """Residuals (r,): p - q, and for a weight above 0 the lack of depth of facets near the edge
+        of stability, and the lack of distance of outcomes near each other. Also tensors with the
+        derivatives of the latter two."""
         misses = candidate.probabilities - self.target
         if weight == 0.0:
             return misses, []
@@ -367,8 +330,7 @@ class LevenbergMarquardt:
         near = depths[depths.detach() < DEPTH_MARGIN]
         numbers = [misses, weight * (1.0 - near.detach().numpy() / DEPTH_MARGIN)]
         tensors = [-weight / DEPTH_MARGIN * near]
-        # By how much the cosine of a pair, whose residual falls from 1 to 0, falls from angle 0 to
-        # the least one.
+        # Range of the cosines of a pair whose residual falls from 1 to 0.
         falling = max(1.0 - float(np.cos(self.least_angle)), SAME)
         cosines = np.triu(candidate.directions @ candidate.directions.T, 1)
         crowded = np.stack(np.nonzero(cosines > 1.0 - falling))
@@ -381,12 +343,9 @@ class LevenbergMarquardt:
             tensors.append(weight / falling * cosine)
         return np.concatenate(numbers), tensors
 
-    def _attempt(self, current: Candidate, parameters: Floats) -> Candidate | None:
-        return self.maker.attempt(current.coordinates, parameters, current.directions)
-
     def _prune(self, candidate: Candidate) -> Candidate:
-        """The candidate without the parameters that its shape no longer uses."""
+        """Remove parameters that the shape can never use again."""
         pruned = candidate.coordinates.prune(candidate.parameters, candidate.rests)
         if len(pruned) == len(candidate.parameters):
             return candidate
-        return self._attempt(candidate, pruned) or candidate
+        return self.maker.move(candidate, pruned) or candidate

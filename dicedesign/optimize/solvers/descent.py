@@ -1,8 +1,8 @@
-"""Steps downhill: gradients spread over the surface (Sobolev preconditioning), a line search, and
-steps with momentum, which go over jumps of the energy.
+"""Descent steps: Sobolev preconditioning of gradients, a line search, and steps with momentum.
 
-The energy jumps wherever a rest comes or goes, and a line search ends in front of the first jump
-up. Steps of a length that depends on time alone go on, and the design keeps the best of them."""
+The energy jumps wherever a rest comes or goes, and a line search ends at the first jump up. Steps
+whose lengths depend on time alone continue, and the design keeps the best of them.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 
 def graph_laplacian(hull: ConvexHull) -> csc_array:
-    """(n, n) Laplacian L of the hull's edge graph: degree on the diagonal, -1 for each edge."""
+    """(n, n) Laplacian of the edge graph of a hull: degrees on the diagonal, -1 for each edge."""
     return edge_laplacian(hull.tail, hull.head, len(hull.vertices))
 
 
 def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
-    """(size, size) Laplacian of any graph, whose edges (h,) are given in both directions."""
-    # It takes longer to load than most dice to design, which need none.
+    """(size, size) Laplacian of a graph whose edges (h,) are given in both directions."""
+    # Loading takes longer than most designs, which do without.
     from scipy.sparse import csc_array, diags_array
 
     adjacency = csc_array((np.ones(len(tails)), (tails, heads)), shape=(size, size))
@@ -39,7 +39,7 @@ def edge_laplacian(tails: Integers, heads: Integers, size: int) -> csc_array:
 
 @dataclass(frozen=True)
 class SobolevSolver:
-    """`(I + lambda L)^-p` with its factorization, valid while the hull's edges stay.
+    """`(I + lambda L)^-p` with its factorization.
 
     Attributes
     ----------
@@ -67,11 +67,11 @@ class SobolevSolver:
 
 @dataclass
 class SobolevGradient:
-    """Gradients in vertices, made smooth over the hull; it keeps the factor of the last hull.
+    """Preconditioner of gradients in vertices, which keeps the factorization for the last hull.
 
     Attributes
     ----------
-    options: of the operator, or None to leave gradients as they are.
+    options: of the operator, or None for the identity.
     drift: whether the mean of the hull's vertices may move.
     """
 
@@ -80,8 +80,7 @@ class SobolevGradient:
     _last: tuple[ConvexHull, SobolevSolver] | None = field(default=None, init=False)
 
     def of(self, gradient: Floats, hull: ConvexHull) -> Floats:
-        """Preconditioned gradients (3 n, ...) in points, of which the hull has its vertices; 0 for
-        inner points."""
+        """Preconditioned gradients (3 n, ...) in points; 0 for points inside the hull."""
         if self.options is None and self.drift:
             return gradient
         by_point = gradient.reshape(len(gradient) // 3, -1)
@@ -103,69 +102,63 @@ def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:
 
 
 FIRST_STEP: Final = 0.02
-"""Step length where nothing is known of the curvature."""
+"""Step length without a known curvature."""
 
 SMALLEST_GUESS: Final = 1e-8
-"""Step length below which no search begins."""
+"""Least first step length of a search."""
 
 SMALLEST_STEP: Final = 1e-9
-"""Step length at which backtracking gives up, in units of a direction clipped to size 1."""
+"""Least step length of backtracking, for a direction clipped to size 1."""
 
 LARGEST_STEP: Final = 10.0
-"""Step length above which no search begins."""
+"""Largest first step length of a search."""
 
 LARGEST_MOVE: Final = 0.1
 """Largest change of any parameter in one step."""
 
 LARGEST_SLOPE: Final = 1e100
-"""Largest entry of a gradient that counts as finite: its square must be."""
+"""Largest entry of a usable gradient, whose square must be finite."""
 
 SUFFICIENT_DECREASE: Final = 1e-4
-"""Part of the decrease that the slope promises, at most the whole energy, which a step must
-achieve."""
+"""Armijo constant: least decrease of an accepted step, over the decrease by its slope or the whole
+energy."""
 
 MEMORY: Final = 5
-"""Number of last energies of which the worst is the one to get below."""
+"""Number of last energies, the worst of which is the reference of a step."""
 
 
 def has_slope(*directions: Floats) -> bool:
-    """True where gradients and what was made of them are numbers that can be worked with."""
+    """Whether all entries of gradients and directions are usable."""
     return all(bool((np.abs(vector) <= LARGEST_SLOPE).all()) for vector in directions)
 
 
 @dataclass
 class LineSearch:
-    """Backtracking from a Barzilai-Borwein guess, measured against the worst of the last steps.
+    """Nonmonotone backtracking line search from a Barzilai-Borwein step length.
 
-    The guess knows the curvature along the last step; comparing with the worst of the last
-    `MEMORY` energies rather than the last one lets it work in narrow valleys. A step is taken only
-    if it makes a solid, loses no outcome, and moves no parameter by more than `LARGEST_MOVE`: far
-    enough away lies another solution with another set of rests.
+    The step length uses the curvature along the last step. A step must improve on the worst of the
+    last `MEMORY` energies, which works in narrow valleys. It must also make a solid, lose no
+    outcome, and move no parameter by more than `LARGEST_MOVE`, as other solutions with other rests
+    are farther away.
 
-    That limit also damps a gradient that is large without meaning much: where a path grazes the end
-    of an arc it grows without bound, and then only its direction counts. Where
-    it is no number, or beyond `LARGEST_SLOPE`, there is no step.
+    That limit also damps gradients that are large where a path grazes the end of an arc; only their
+    direction counts then. Gradients that are not finite, or beyond `LARGEST_SLOPE`, end the search.
 
     Sources: Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988; Grippo, Lampariello and Lucidi,
     SIAM J. Numer. Anal. 23, 1986.
-
-    Attributes
-    ----------
-    evaluations: energies computed so far.
     """
 
-    evaluations: int = 0
     _energies: list[float] = field(default_factory=list)
     _last: tuple[Floats, Floats, Floats, float] | None = None
     _steps: int = 0
 
     def restart(self) -> None:
-        """Forget the past, after a change of objective or parameters."""
+        """Forget earlier steps after a change of objective or parameters."""
         self._energies.clear()
         self._last = None
 
     def search(self, at: Evaluation, ascent: Floats) -> Evaluation | None:
-        """An acceptable evaluation at `at.parameters - step * ascent`, or None.
+        """Acceptable evaluation at `at.parameters - step * ascent`, or None.
 
         ascent: direction uphill, a preconditioned gradient with positive slope.
         """
@@ -179,7 +172,6 @@ class LineSearch:
         bound, size = max(self._energies), float(np.abs(ascent).max())
         step = min(self._guess(parameters, gradient, ascent), LARGEST_MOVE / size)
         while step * max(1.0, size) > SMALLEST_STEP:
-            self.evaluations += 1
             trial = at.objective.attempt(parameters - step * ascent, at.directions)
             enough = bound - SUFFICIENT_DECREASE * min(step * slope, at.value)
             if trial is not None and trial.value <= enough and trial.flaws <= at.flaws:
@@ -195,7 +187,7 @@ class LineSearch:
         old_parameters, old_gradient, old_ascent, old_step = self._last
         moved, bent = parameters - old_parameters, gradient - old_gradient
         curvature = abs(float(moved @ bent))
-        # The long and the short guess in turn, both in the metric of the preconditioner.
+        # The long and the short step length in turn, in the metric of the preconditioner.
         if self._steps % 2 == 0:
             numerator, denominator = old_step * abs(float(moved @ old_gradient)), curvature
         else:
@@ -206,46 +198,45 @@ class LineSearch:
 
 
 LENGTH: Final = 0.004
-"""Length of the first steps: root mean square of the changes of parameters, for an even slope."""
+"""Length of the first steps: root mean square change of the parameters, for an even slope."""
 
 DIRECTION_MEMORY: Final = 0.9
-"""Part of the mean direction that a step keeps."""
+"""Decay of the mean direction per step."""
 
 SCALE_MEMORY: Final = 0.99
-"""The same of the mean square."""
+"""Decay of the mean square per step."""
 
 LARGEST: Final = 5.0
-"""Largest entry of a direction in units of the root mean square; longer ones are shortened."""
+"""Limit on the entries of a direction, in units of the root mean square."""
 
 SHORTER: Final = 0.5
-"""Factor on the length after a step that is refused."""
+"""Factor on the length after a refused step."""
 
 SHORTEST: Final = 0.02
-"""The factors' smallest product."""
+"""Least product of the factors."""
 
 LONGER: Final = 1.1
-"""Factor after one that is taken, as long as the product is below 1."""
+"""Factor on the length after an accepted step, while the product is below 1."""
 
 MOST_REFUSED: Final = 12
-"""Refused steps in a row after which there is no way on."""
+"""Limit on successive refused steps."""
 
 
 @dataclass
 class Momentum:
-    """Along the mean of the last directions, in units of the root mean square of their entries.
+    """Steps along the mean of the last directions, in units of their root mean square entry.
 
-    One number scales all entries: so a turned die is led to the turned result, and a preconditioner
-    keeps its metric. Steps grow shorter by a cosine in time. A step is refused only where there is
-    no solid, or an outcome would be left without a rest (or has one too many, where a term with a
-    weight minds that); then the mean restarts. Of other jumps
-    the energy takes no notice.
+    One number scales all entries, so that the result turns with the die and a preconditioner keeps
+    its metric. Step lengths decrease by a cosine in time. A step is refused only if it makes no
+    solid, leaves an outcome without a rest, or adds a rest while a term requires single ones; then
+    the mean restarts. Other jumps of the energy are ignored.
 
-    Kingma and Ba, "Adam", ICLR 2015, with a scalar second moment.
+    Source: Kingma and Ba, "Adam", ICLR 2015, with a scalar second moment.
 
     Attributes
     ----------
-    steps: how many are made in all.
-    evaluations: dice that were tried so far.
+    steps: number of steps in all.
+    evaluations: number of dice tried so far.
     """
 
     steps: int
@@ -260,7 +251,7 @@ class Momentum:
         self._square, self._count = 0.0, 0
 
     def search(self, at: Evaluation, ascent: Floats) -> Evaluation | None:
-        """The next evaluation, of higher energy or lower, or None where there is none.
+        """Next evaluation, of any energy, or None if all tries are refused.
 
         ascent: (n,) direction uphill, a preconditioned gradient.
         """

@@ -1,19 +1,26 @@
-"""Probabilities exact to rounding: one start after the other is led to the target, and the first
-that gets there is made better by preference.
+"""The exact method: it leads one starting shape after the other to the target probabilities, to
+rounding, and improves the first that gets there by preferences.
 
-The unknowns are half-spaces of a die, those of symmetric ones, or vertices."""
+The unknowns are the half-spaces of a die, those of symmetric ones, or vertices.
+"""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Final
+
+import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.gradient.probability_model import ProbabilitiesUnderPrior, TableSensitivity
+from dicedesign.gradient.probability_model import (
+    RESTING,
+    ProbabilitiesUnderPrior,
+    ProbabilityModel,
+    TableSensitivity,
+)
 from dicedesign.optimize.coordinates import Coordinates, VertexCoordinates, coordinates_of
 from dicedesign.optimize.options import MOST_WORK, ExactOptions
 from dicedesign.optimize.solvers.candidate import (
@@ -22,25 +29,26 @@ from dicedesign.optimize.solvers.candidate import (
     DesignResult,
     DesignStep,
     LevenbergMarquardt,
-    largest_jump,
+    StepLog,
 )
-from dicedesign.optimize.solvers.null_space_descent import improve
+from dicedesign.optimize.solvers.null_space_descent import NullSpaceDescent
 from dicedesign.optimize.starts.start import Start
-from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.outcomes import outcome_probabilities
+from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_PROBABILITIES
 
 MOST_IMPROVEMENTS: Final = 100
-"""Steps by preference, once the probabilities are met."""
+"""Limit on the steps by preferences."""
 
 MOST_TOO_SMALL: Final = 12
-"""Starts that lead to the probabilities, but to a circle that is too small, after which no more are
-tried: a circle that large hardly fits any die of these probabilities."""
+"""Limit on the starts that reach the probabilities, but have too small a circle: hardly any die of
+these probabilities has larger ones then."""
 
 MOST_EMPTY_TURNS: Final = 600
-"""Turns of a search for starts that may find nothing: about a minute."""
+"""Limit on the turns of a search that find no start: about a minute."""
 
 
 def solve_exact(
@@ -51,43 +59,37 @@ def solve_exact(
     center_of_mass: Floats | None = None,
     group: Floats | None = None,
     least_circle: float = 0.0,
-    least_angle: float = 0.0,
     sensitivity: TableSensitivity | None = None,
     prior: Prior | str | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
-    """Move the first of some starting shapes that leads there until its probabilities are the
-    target.
+    """Lead the first possible starting shape to the target probabilities.
 
-    Every result has exactly one rest for each outcome and no other. Starts that do not have that
-    are passed over.
+    The result has exactly one rest for each outcome and no other. Starts that do not are skipped.
 
     Parameters
     ----------
-    starts: shapes with (k, 3) outcome directions, made one after the other as they are needed; None
-        where a turn found nothing, of which `MOST_EMPTY_TURNS` end the search. Pinned facets stay
-        in their planes, with `coordinates` "facets" and no group.
-    target: (k,) wanted probability of each direction.
+    starts: shapes with (k, 3) outcome directions, made as they are needed; None for a turn of a
+        search that found nothing, and `MOST_EMPTY_TURNS` of these end it. Pinned facets stay in
+        their planes, with `coordinates` "facets" and no group.
+    target: (k,) target probability of each direction.
     options: see `ExactOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `Start.points`, or None for the uniform solid.
-    group: (g, 3, 3) a point group that the starts and the die have as symmetry, about the origin,
-        or None. Outcomes whose facets are images of each other are equally probable.
-    least_circle: radius, over the largest distance of two vertices, that a circle in the facet of
-        each outcome has; starts that do not lead there are passed over. In [0, 0.5).
-    least_angle: between the facets of two outcomes, in radians, that the way to the probabilities
-        tries to keep; 0 for none.
-    sensitivity: has the model of thrown dice by which the target is met, and is what
-        `prefer.robustness` lowers; None for probabilities without momentum.
-    prior: how likely each direction is to be down at first, in the coordinates of `Start.points`,
-        see `RestPoses.under`; None for uniform directions. Not with a sensitivity or a group.
+    group: (g, 3, 3) point group about the origin that the starts and the die have as symmetry, or
+        None. Outcomes whose facets are images of each other are equally probable.
+    least_circle: least radius of a circle in the facet of each outcome, over the largest distance
+        of two vertices, in [0, 0.5). Starts that do not lead there are skipped.
+    sensitivity: probabilities of thrown dice, for the target and `prefer.robustness`; None for
+        probabilities without momentum.
+    prior: distribution of the start orientations, in the coordinates of `Start.points`, see
+        `RestPoses.under`; None is uniform. Not with a sensitivity or a group.
     on_step: called after every accepted step.
-    on_candidate: called with the die that every accepted step was recorded from, to look at more of
-        it.
+    on_candidate: called before that with the die of the step.
 
     Raises
     ------
-    NoStartError: none of the starts has one rest for each outcome and no other.
+    NoStartError: no start has one rest for each outcome and no other.
     InputError: a start without the symmetry; a symmetry with `coordinates` "vertices"; least_circle
         out of range; a prior without a density, or with a symmetry or thrown probabilities.
     """
@@ -106,37 +108,17 @@ def solve_exact(
             "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
             f"two vertices, got {least_circle:g}; lower it"
         )
-    under_prior = None if prior is None else ProbabilitiesUnderPrior.of(prior)
-    thrown = None if sensitivity is None else sensitivity.thrown
-    search = _Search(
-        target,
-        options,
-        CandidateMaker(center_of_mass, thrown or under_prior),
-        group,
-        least_circle,
-        least_angle,
-        sensitivity,
-        under_prior,
-        on_step,
-        on_candidate,
-    )
-    empty_turns = 0
-    for start in starts:
-        if start is None:
-            empty_turns += 1
-            done = empty_turns == MOST_EMPTY_TURNS or search.is_spent()
-        else:
-            done = search.solve(start) or search.starts == options.starts
-            done = done or search.too_small == MOST_TOO_SMALL
-            done = done or (search.is_spent() and search.best is not None)
-        if done:
-            break
-    return search.result()
+    model: ProbabilityModel = RESTING if sensitivity is None else sensitivity.thrown
+    if prior is not None:
+        model = ProbabilitiesUnderPrior.of(prior)
+    maker, log = CandidateMaker(center_of_mass, model=model), StepLog(on_step, on_candidate)
+    search = ExactSearch(target, options, maker, log, group, least_circle, sensitivity)
+    return search.run(starts)
 
 
 @dataclass(frozen=True)
 class _Best:
-    """A die, what is wrong with it (`_Search.shortfall`), and the terms of its energy."""
+    """A die, its shortfall (`ExactSearch.shortfall`) and the terms of its energy."""
 
     candidate: Candidate
     shortfall: tuple[float, float]
@@ -144,42 +126,86 @@ class _Best:
 
 
 @dataclass
-class _Search:
-    """The best die so far, over all starts; see `solve_exact`."""
+class ExactSearch:
+    """The best die so far, over all starts; for the fields see `solve_exact`.
+
+    Attributes
+    ----------
+    maker: makes the dice that are tried, with a model of their probabilities.
+    log: accepted steps.
+    least_angle: least angle between the facets of two outcomes, in radians, that the way to the
+        probabilities tries to keep; 0 for none.
+    first: first start.
+    starts: number of starts tried; too_small: number of those with too small a circle.
+    """
 
     target: Floats
     options: ExactOptions
     maker: CandidateMaker
-    group: Floats | None
-    least_circle: float
-    least_angle: float
-    sensitivity: TableSensitivity | None
-    under_prior: ProbabilitiesUnderPrior | None
-    on_step: Callable[[DesignStep], None] | None
-    on_candidate: Callable[[Candidate], None] | None
+    log: StepLog
+    group: Floats | None = None
+    least_circle: float = 0.0
+    sensitivity: TableSensitivity | None = None
+    least_angle: float = 0.0
     first: Start | None = None
     best: _Best | None = None
-    history: list[DesignStep] = field(default_factory=list)
     starts: int = 0
     too_small: int = 0
 
-    def __post_init__(self) -> None:
-        self.started = time.perf_counter()
-        # Largest |p - q| to end with: the die may yet be scaled, and its probabilities rounded
-        # anew.
-        self.aim = self.options.tolerance / 2.0
+    @property
+    def aim(self) -> float:
+        """Largest |p - q| to end with, as rounding may change it when the die is scaled."""
+        return self.options.tolerance / 2.0
+
+    def run(self, starts: Iterable[Start | None]) -> DesignResult:
+        """Try starts one after the other, and return the best die of all. Raises NoStartError."""
+        empty_turns = 0
+        for start in starts:
+            if start is None:
+                empty_turns += 1
+                done = empty_turns == MOST_EMPTY_TURNS or self.is_spent()
+            else:
+                done = (
+                    self.solve(start)
+                    or self.starts == self.options.starts
+                    or self.too_small == MOST_TOO_SMALL
+                    or (self.is_spent() and self.best is not None)
+                )
+            if done:
+                break
+        if self.best is None:
+            raise self._no_start()
+        best, (error, small) = self.best.candidate, self.best.shortfall
+        status = Status.NO_START
+        if error == 0.0:
+            status = Status.CONVERGED if small == 0.0 else Status.TOO_SMALL
+        elif self.is_spent():
+            status = Status.TIME_LIMIT if self.is_out_of_time() else Status.STEP_LIMIT
+        return DesignResult(
+            status,
+            best.rests.hull,
+            best.directions,
+            best.error(self.target),
+            self.best.terms,
+            tuple(self.log.steps),
+            self.maker.evaluations,
+            self.maker.hulls_built,
+            self.maker.hulls_reused,
+            self.starts,
+        )
 
     def is_out_of_time(self) -> bool:
+        """Whether the time limit has passed."""
         limit = self.options.seconds
-        return limit is not None and time.perf_counter() - self.started >= limit
+        return limit is not None and self.log.seconds >= limit
 
     def is_spent(self) -> bool:
-        """Whether nothing more is to be tried."""
+        """Whether no more dice may be tried."""
         most = self.options.evaluations or MOST_WORK // len(self.target)
         return self.maker.evaluations >= most or self.is_out_of_time()
 
     def solve(self, start: Start) -> bool:
-        """Go from one start to the target, and on by preference; whether nothing is left to do."""
+        """Lead a start to the target and improve it by preferences; return whether it is done."""
         self.starts += 1
         self.first = self.first or start
         prefer = self.options.prefer
@@ -188,7 +214,7 @@ class _Search:
         try:
             coordinates, parameters = self._coordinates(start)
         except DegenerateBodyError:
-            # A variation that has left a fixed center of mass outside.
+            # A variation with a fixed center of mass outside.
             return False
         first = self.maker.attempt(coordinates, parameters, start.directions)
         if first is None:
@@ -204,25 +230,24 @@ class _Search:
         ).solve(first)
         if reached.error(self.target) > self.aim:
             return False
-        on_the_way = [reached]
+        dice = [reached]
 
         def note(candidate: Candidate, value: float) -> None:
-            on_the_way.append(candidate)
+            dice.append(candidate)
             self._record(candidate, value)
 
-        reached = improve(
-            reached,
+        reached = NullSpaceDescent(
             self.target,
             self.maker,
             prefer,
-            sensitivity=self.sensitivity,
-            least_circle=self.least_circle,
-            tolerance=self.aim,
-            steps=MOST_IMPROVEMENTS,
-            out_of_time=self.is_spent,
-            on_step=note,
-        )
-        if self.under_prior is not None and not self._is_firm(on_the_way, self.under_prior.prior):
+            self.sensitivity,
+            self.least_circle,
+            self.aim,
+            self.is_spent,
+            note,
+        ).improve(reached, MOST_IMPROVEMENTS)
+        model = self.maker.model
+        if isinstance(model, ProbabilitiesUnderPrior) and not self._is_firm(dice, model.prior):
             return False
         fits = self.shortfall(reached) == (0.0, 0.0)
         self.too_small += not fits
@@ -237,8 +262,8 @@ class _Search:
         return coordinates_of(start.points, origin, self.group, pinned)
 
     def _is_firm(self, dice: list[Candidate], prior: Prior) -> bool:
-        """Whether one of some dice that meet the target keeps its probabilities in a file: the last
-        of those is then the best; else the last of all is, with that as a fault."""
+        """Whether one of some dice that meet the target keeps its probabilities in a file. The last
+        of those becomes the best; without any, the last of all has the jump as its shortfall."""
         most = max(self.options.tolerance, FILE_PROBABILITIES)
         for candidate in reversed(dice):
             jump = largest_jump(candidate, self.target, prior)
@@ -252,8 +277,8 @@ class _Search:
         return False
 
     def shortfall(self, candidate: Candidate) -> tuple[float, float]:
-        """Faults of a candidate: first its error beyond the tolerance, then what its
-        smallest circle lacks."""
+        """Error of a candidate if it exceeds the tolerance, and the part of the least circle that
+        it lacks; 0 if they suffice."""
         error = candidate.error(self.target)
         if error > self.aim:
             return error, 0.0
@@ -262,8 +287,8 @@ class _Search:
         return 0.0, max(self.least_circle - candidate.least_circle, 0.0)
 
     def _record(self, candidate: Candidate, value: float | None = None) -> None:
-        """Take note of a candidate: on the way to the target, or one that is better by preference
-        than the last, with the value that its step has lowered."""
+        """Log a candidate. value: objective of the preferences, for their steps; each of these is
+        better than the last."""
         terms, shortfall = {"dice": candidate.dice_energy(self.target)}, self.shortfall(candidate)
         if value is not None:
             terms["preferences"] = value
@@ -273,37 +298,7 @@ class _Search:
             or (value is not None and shortfall == self.best.shortfall)
         ):
             self.best = _Best(candidate, shortfall, terms)
-        seconds, error = time.perf_counter() - self.started, candidate.error(self.target)
-        step = DesignStep(len(self.history), seconds, sum(terms.values()), terms, error)
-        self.history.append(step)
-        if self.on_candidate is not None:
-            self.on_candidate(candidate)
-        if self.on_step is not None:
-            self.on_step(step)
-
-    def result(self) -> DesignResult:
-        """The best die of all starts."""
-        if self.best is None:
-            raise self._no_start()
-        best, (error, small) = self.best.candidate, self.best.shortfall
-        status = Status.NO_START
-        if error == 0.0:
-            status = Status.CONVERGED if small == 0.0 else Status.TOO_SMALL
-        elif self.is_spent():
-            status = Status.TIME_LIMIT if self.is_out_of_time() else Status.STEP_LIMIT
-        polars, shapes = self.maker.polars, self.maker.shapes
-        return DesignResult(
-            status,
-            best.rests.hull,
-            best.directions,
-            best.error(self.target),
-            self.best.terms,
-            tuple(self.history),
-            self.maker.evaluations,
-            polars.built + shapes.built,
-            polars.reused + shapes.reused,
-            self.starts,
-        )
+        self.log.record(terms, candidate.error(self.target), candidate)
 
     def _no_start(self) -> NoStartError:
         first = "none"
@@ -322,3 +317,29 @@ class _Search:
             f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
             f"and no other, got {first}; {remedy}"
         )
+
+
+TRIALS: Final = 4
+
+ROUNDED: Final = float(np.finfo(np.float32).eps) / 2.0
+"""Largest relative error of a coordinate in single precision."""
+
+
+def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
+    """Largest |p - q| under a prior of copies of a die with corners rounded as in a file; 1 if a
+    copy is no die.
+
+    target: (k,) target probabilities.
+    """
+    corners, center = candidate.rests.hull.vertices, candidate.rests.given_center
+    size, random = float(np.abs(corners).max()), np.random.default_rng(0)
+    errors = []
+    for _ in range(TRIALS):
+        noise = ROUNDED * size * random.uniform(-1.0, 1.0, corners.shape)
+        try:
+            hull = convex_hull(corners + noise, single_precision=True)
+            poses = analyze(hull, hull.centroid if center is None else center.numpy()).under(prior)
+            errors.append(outcome_probabilities(poses, candidate.directions).error(target))
+        except DiceError:
+            errors.append(1.0)
+    return max(errors)

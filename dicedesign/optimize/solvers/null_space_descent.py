@@ -1,10 +1,9 @@
-"""Make a die better by one's preferences while its probabilities stay what they are.
+"""Improve a die by preferences while its probabilities stay as they are.
 
-A die has more parameters than outcomes, so the dice of the same probabilities form a manifold p =
-q. On it the sum of squared residuals is minimized by BFGS, which copes with the kinks that a shape
-has where its edges change: a step goes along the tangent space of the manifold, the null space of
-    the probabilities'
-Jacobian, and Newton's method across brings it back.
+A die has more parameters than outcomes, so the dice of the same probabilities form a manifold
+p = q. There BFGS minimizes a sum of squared residuals; it copes with the kinks that a shape has
+where its edges change. A step goes along the tangent space of the manifold, the null space of the
+Jacobian of the probabilities, and Newton's method leads back to the manifold.
 """
 
 from __future__ import annotations
@@ -18,129 +17,99 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dicedesign.gradient.facet_measures import circle_radii
+from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges, circle_radii
 from dicedesign.gradient.probability_model import TableSensitivity
+from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preference_residuals
-from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, barrier_residuals
+from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.runtime.arrays import Floats
 
 SHORTFALL: Final = 0.2
-"""Part by which a circle is too small that counts as a residual of 1."""
+"""Relative lack of a circle's radius that is a residual of 1."""
 
 ROOM: Final = 1.01
-"""Circles below this times the least radius count as too small; none falls below that radius."""
-
-FAR: Final = 0.1
-"""Root of the mean square change of parameters that counts as 1 for the preference `nearness`."""
+"""Factor on the least radius below which a circle has a residual."""
 
 LARGEST_MOVE: Final = 0.15
 """Largest change of a parameter along the manifold in one step."""
 
 MOST_ROWS: Final = 600
-"""Residuals up to which their Jacobian is worth its time."""
+"""Largest number of residuals whose Jacobian is computed."""
 
 RANK: Final = 1e-9
-"""Singular value of the probabilities' Jacobian, whose parameters are about 1 in size, below which
-one counts as none: probabilities sum to 1, and symmetry may tie more of them, or all."""
+"""Singular values of the Jacobian of the probabilities that count as zero. Parameters are about 1;
+probabilities sum to 1, and symmetry may make more of them depend on each other, or all."""
 
 DAMPING: Final = 1.0
-"""Damping of the Gauss-Newton matrix that BFGS starts from, in units of its mean eigenvalue."""
+"""Damping of the first Gauss-Newton matrix of BFGS, in units of its mean eigenvalue."""
 
 SUFFICIENT: Final = 1e-4
-"""Part of the decrease that the slope promises with which a step is accepted."""
+"""Armijo constant: least decrease of an accepted step, over the decrease by its slope."""
 
 SHORTER: Final = 0.4
-"""Factor between the lengths that are tried in one direction."""
+"""Ratio of successive step lengths in a line search."""
 
 MOST_LENGTHS: Final = 12
-"""How many lengths are tried."""
+"""Limit on the step lengths in a line search."""
 
 MOST_CORRECTIONS: Final = 6
-"""Newton steps back to the manifold."""
+"""Limit on the Newton steps back to the manifold."""
 
 CONVERGING: Final = 0.3
-"""Factor by which each of them must reduce the error; a move that is worse is too long."""
+"""Largest ratio of the errors before and after a Newton step; above it the move is too long."""
 
 CURVED: Final = 1e-10
-"""Cosine between a step and the change of the gradient from which on the two teach curvature."""
+"""Least cosine between a step and the change of the gradient for an update of the Hessian."""
 
 SLOW: Final = 5e-4
-"""Relative decrease of the sum of squares that counts as slow."""
+"""Relative decrease of the sum of squares below which a step is slow."""
 
 PATIENCE: Final = 5
-"""Slow steps in a row after which nothing more is to be gained."""
+"""Limit on successive slow steps."""
 
 
-def improve(
-    candidate: Candidate,
-    target: Floats,
-    maker: CandidateMaker,
-    preferences: Preferences,
-    *,
-    sensitivity: TableSensitivity | None = None,
-    least_circle: float,
-    tolerance: float,
-    steps: int,
-    out_of_time: Callable[[], bool],
-    on_step: Callable[[Candidate, float], None],
-) -> Candidate:
-    """The best die that steps from a given one lead to, by weighted preferences.
+BARRIER_DEPTH: Final = 0.01
+"""Depth of a facet, over the mean distance of the vertices, at which its barrier is 1."""
 
-    Every step keeps the probabilities within the tolerance, one rest for each outcome and no other.
-    No facet of an outcome comes near to losing its stability, or another to gaining it.
 
-    Parameters
-    ----------
-    candidate: a die whose probabilities are within the tolerance.
-    target: (k,) the probabilities.
-    maker: makes the dice that are tried.
-    preferences: what is made better.
-    sensitivity: of the probabilities when thrown, or None for probabilities without momentum.
-    least_circle: radius, over the hull's diameter, that the largest circle in each facet of an
-        outcome shall have, 0 for any. While one has less, steps are toward that alone; once all
-        have it they keep it.
-    tolerance: largest |p - q|.
-    steps: most steps.
-    out_of_time: asked before every step.
-    on_step: called with every die that a step leads to, and the sum of squares that falls: weighted
-        preferences, and what keeps facets from the verge of tipping and circles from being small.
+def barrier_residuals(rests: RestEvaluation) -> Tensor:
+    """(m,) inverse depths of the facets, infinite where a facet gains or loses stability: a barrier
+    that keeps rests and other facets what they are.
+
+    The depth of a rest is the least distance of the foot of the center of mass from the lines of
+    its edges. The depth of another facet is the largest distance of the foot outside of these
+    lines. Means of high power over the border make both smooth.
     """
-    goal = _Goal(
-        target, maker, preferences, sensitivity, least_circle, tolerance, candidate.parameters
-    )
-    goals = [goal]
-    if least_circle > 0.0:
-        # A circle that is too small comes first, and alone.
-        goals.insert(0, replace(goal, preferences=Preferences()))
-    for goal in goals:
-        point, slow = _Point(goal, candidate), 0
-        # Where no direction leaves the probabilities as they are, there is nothing to do.
-        curvature = point.gauss_newton() if point.is_open and len(point.free) > 0 else None
-        while curvature is not None and steps > 0 and slow < PATIENCE:
-            if not point.is_open or out_of_time():
-                break
-            following = _line_search(point, curvature)
-            if following is None:
-                # Curvature from beyond a kink misleads.
-                curvature = point.gauss_newton()
-                following = _line_search(point, curvature)
-            if following is None:
-                break
-            curvature = _update(curvature, point, following)
-            slow = slow + 1 if following.merit > (1.0 - SLOW) * point.merit else 0
-            point, steps = following, steps - 1
-            on_step(point.candidate, point.merit)
-        candidate = point.candidate
-    return candidate
+    edges = FacetEdges.of(rests, np.arange(len(rests.hull.normals)))
+    inside = edges.distances(rests.center)
+    stable = torch.as_tensor(rests.equilibria.stable)
+    held = edges.mean_power(torch.where(stable[edges.owner], inside, 1.0), -SOFTNESS)
+    outside = torch.where(stable[edges.owner], 1.0, torch.relu(-inside))
+    depths = torch.where(stable, held, edges.mean_power(outside, SOFTNESS))
+    size = torch.linalg.vector_norm(rests.vertices - rests.center, dim=1).mean()
+    return BARRIER_DEPTH * size / depths
 
 
 @dataclass(frozen=True)
-class _Goal:
-    """Objective and constraints of `improve`.
+class NullSpaceDescent:
+    """Steps that improve a die by preferences.
+
+    Every step keeps the probabilities within the tolerance, and one rest for each outcome and no
+    other. No facet comes near to gaining or losing stability.
 
     Attributes
     ----------
-    first: (n,) parameters of the die that is made better.
+    target: (k,) probabilities.
+    maker: makes the dice that are tried.
+    preferences: weights of the objectives.
+    sensitivity: probabilities of thrown dice, or None for probabilities without momentum.
+    least_circle: least radius of the largest circle in the facet of each outcome, over the hull's
+        diameter; 0 for none. While a circle is smaller, only this is improved; then all circles
+        stay as large.
+    tolerance: largest |p - q|.
+    out_of_time: called before every step.
+    on_step: called with the die of every step and the sum of squares that is minimized: weighted
+        preferences, the barrier of stability and the lack of circles.
     """
 
     target: Floats
@@ -149,24 +118,50 @@ class _Goal:
     sensitivity: TableSensitivity | None
     least_circle: float
     tolerance: float
-    first: Floats
+    out_of_time: Callable[[], bool]
+    on_step: Callable[[Candidate, float], None]
 
-    @property
-    def pull(self) -> float:
-        """Derivative in each parameter of the residual that is its change."""
-        return float(np.sqrt(self.preferences.nearness / len(self.first))) / FAR
+    def improve(self, candidate: Candidate, steps: int) -> Candidate:
+        """Best die to which steps lead from a die with probabilities within the tolerance.
+
+        steps: limit on their number.
+        """
+        goals = [self]
+        if self.least_circle > 0.0:
+            # Circles that are too small come first.
+            goals.insert(0, replace(self, preferences=Preferences()))
+        for goal in goals:
+            point, slow = _Point(goal, candidate), 0
+            # If no direction keeps the probabilities, there is nothing to improve.
+            curvature = point.gauss_newton() if point.is_open and len(point.free) > 0 else None
+            while curvature is not None and steps > 0 and slow < PATIENCE:
+                if not point.is_open or self.out_of_time():
+                    break
+                following = _line_search(point, curvature)
+                if following is None:
+                    # Curvature from beyond a kink is wrong.
+                    curvature = point.gauss_newton()
+                    following = _line_search(point, curvature)
+                if following is None:
+                    break
+                curvature = _update(curvature, point, following)
+                slow = slow + 1 if following.merit > (1.0 - SLOW) * point.merit else 0
+                point, steps = following, steps - 1
+                self.on_step(point.candidate, point.merit)
+            candidate = point.candidate
+        return candidate
 
 
 @dataclass(frozen=True)
 class _Point:
-    """A die and how good it is."""
+    """A die and its objective."""
 
-    goal: _Goal
+    goal: NullSpaceDescent
     candidate: Candidate
 
     @cached_property
     def residuals(self) -> list[Tensor]:
-        """Vectors whose squares are summed, but for `away`."""
+        """Vectors whose sum of squares is minimized."""
         goal, rests, facets = self.goal, self.candidate.rests, self.candidate.outcome_facets
         die = OutcomeFacets(rests, facets, goal.sensitivity, self.candidate.model)
         parts = [
@@ -178,11 +173,6 @@ class _Point:
             parts.append(torch.relu(ROOM * goal.least_circle / radii - 1.0) / SHORTFALL)
         return parts
 
-    @property
-    def away(self) -> Floats:
-        """(n,) residuals of parameters against those of the first die."""
-        return self.goal.pull * (self.candidate.parameters - self.goal.first)
-
     @cached_property
     def _squares(self) -> Tensor:
         """() sum of the squares of `residuals`."""
@@ -190,62 +180,62 @@ class _Point:
 
     @cached_property
     def merit(self) -> float:
-        return self._squares.item() + float(self.away @ self.away)
+        """Sum of the squares of `residuals`."""
+        return self._squares.item()
 
     @property
     def is_short(self) -> bool:
-        """True where a circle is too small."""
+        """Whether a circle is too small."""
         least = self.goal.least_circle
         return least > 0.0 and self.candidate.least_circle < least
 
     @property
     def is_open(self) -> bool:
-        """True where there is anything to make better."""
+        """Whether there is anything to improve."""
         return self.goal.preferences.largest > 0.0 or self.is_short
 
     @cached_property
     def _singular(self) -> tuple[Floats, Floats, Floats]:
-        """Singular value decomposition of the probabilities' Jacobian (k, n): left vectors (k, r),
-        values (r,), all right vectors (n, n)."""
+        """Singular value decomposition of the Jacobian (k, n) of the probabilities: left vectors
+        (k, r), values (r,), all right vectors (n, n)."""
         left, values, right = np.linalg.svd(self.candidate.probability_jacobian)
         rank = int((values > RANK).sum())
         return left[:, :rank], values[:rank], right
 
     @property
     def free(self) -> Floats:
-        """(n - r, n) orthonormal directions that change no probabilities."""
+        """(n - r, n) orthonormal directions that keep the probabilities."""
         _, values, right = self._singular
         return right[len(values) :]
 
     def along(self, vector: Floats) -> Floats:
-        """(n,) the part of a vector (n,) that changes no probabilities, to first order."""
+        """(n,) part of a vector (n,) along the manifold."""
         return self.free.T @ (self.free @ vector)
 
     @cached_property
     def gradient(self) -> Floats:
-        """(n,) of the merit, along the manifold."""
-        (gradient,) = self.candidate.jacobian(self._squares[None])
-        return self.along(gradient + 2.0 * self.goal.pull * self.away)
+        """(n,) gradient of the merit along the manifold."""
+        return self.along(self.candidate.jacobian(self._squares[None])[0])
 
     def gauss_newton(self) -> Floats:
-        """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold; of more
-        than `MOST_ROWS` residuals a multiple of the identity there, which costs no Jacobian."""
+        """(n, n) inverse of the damped Gauss-Newton matrix of the merit along the manifold. For
+        more than `MOST_ROWS` residuals a multiple of the identity, which needs no Jacobian."""
         free = self.free
         if sum(map(len, self.residuals)) > MOST_ROWS:
             steepness = max(float(np.linalg.norm(self.gradient)), np.finfo(np.float64).tiny)
             return free.T @ free * (LARGEST_MOVE / steepness)
         jacobian = self.candidate.jacobian(*self.residuals) @ free.T
-        square = 2.0 * (jacobian.T @ jacobian + self.goal.pull**2 * np.eye(len(free)))
+        square = 2.0 * (jacobian.T @ jacobian)
         damping = DAMPING * max(float(np.trace(square)), np.finfo(np.float64).tiny)
         return free.T @ np.linalg.solve(square + damping / len(free) * np.eye(len(free)), free)
 
     def move_along(self, move: Floats) -> _Point | None:
-        """The point that a move (n,) along the tangent space and Newton's method back lead to, or
-        None where no such die is found or a circle has become too small."""
+        """Point after a move (n,) along the tangent space and Newton's method back to the manifold;
+        None if there is no such die, or a circle becomes too small."""
         goal, before = self.goal, np.inf
-        parameters, directions = self.candidate.parameters + move, self.candidate.directions
+        parameters = self.candidate.parameters + move
         for _ in range(MOST_CORRECTIONS + 1):
-            candidate = goal.maker.attempt(self.candidate.coordinates, parameters, directions)
+            candidate = goal.maker.move(self.candidate, parameters)
             if candidate is None:
                 return None
             following, error = _Point(goal, candidate), candidate.error(goal.target)
@@ -261,7 +251,7 @@ class _Point:
 
 
 def _line_search(point: _Point, curvature: Floats) -> _Point | None:
-    """A point that is better by enough, in the direction of quasi-Newton."""
+    """Point that is better by the Armijo condition, in the quasi-Newton direction."""
     direction = -point.along(curvature @ point.gradient)
     slope = float(direction @ point.gradient)
     if not slope < 0.0:
@@ -276,7 +266,8 @@ def _line_search(point: _Point, curvature: Floats) -> _Point | None:
 
 
 def _update(curvature: Floats, point: _Point, following: _Point) -> Floats:
-    """The inverse Hessian (n, n) by BFGS, with vectors projected into the new tangent space."""
+    """BFGS update of the inverse Hessian (n, n), with vectors projected into the new tangent
+    space."""
     step = following.along(following.candidate.parameters - point.candidate.parameters)
     change = following.gradient - following.along(point.gradient)
     product = float(step @ change)

@@ -1,43 +1,45 @@
-"""The paper's method: its energy over vertices, with fixed weights, the hull after every step, and
-Sobolev-preconditioned gradients (section 3.3). It leads to a die whose probabilities are near the
-target; in an exact finish the rests of each outcome become one half-space, and the exact method
-goes on."""
+"""The paper's method: it minimizes the energy over vertices, with fixed weights, a new hull after
+every step, and Sobolev-preconditioned gradients (section 3.3).
+
+The die then has probabilities near the target. An exact finish replaces the rests of each outcome
+by one half-space and continues with the exact method.
+"""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from dicedesign.errors import InputError, NoStartError
-from dicedesign.geometry.hulls.hull import HullMemory
-from dicedesign.optimize.coordinates import FacetCoordinates, VertexCoordinates
-from dicedesign.optimize.energy import Evaluation, Objective, cluster
+from dicedesign.optimize.coordinates import FacetCoordinates, ShapeEvaluator, VertexCoordinates
+from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.solvers.candidate import (
     Candidate,
     CandidateMaker,
     DesignResult,
     DesignStep,
+    StepLog,
 )
 from dicedesign.optimize.solvers.descent import LineSearch, Momentum, SobolevGradient, has_slope
-from dicedesign.optimize.solvers.exact import solve_exact
+from dicedesign.optimize.solvers.exact import ExactSearch
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.terms import EnergyWeights
+from dicedesign.optimize.terms import EnergyWeights, cluster
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 POLISH: Final = 300
-"""Most steps of line search after the steps with momentum."""
+"""Limit on the steps of the line search after the steps with momentum."""
 
 STALL: Final = (60, 0.02)
-"""A line search has come to rest where of so many of its steps the later half lowered the energy by
-less than this part."""
+"""A line search stalls when, of this number of steps, the second half lowers the energy by less
+than this part."""
 
 
 def solve_paper(
@@ -52,20 +54,19 @@ def solve_paper(
     on_evaluation: Callable[[Evaluation], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
-    """Move the vertices of a starting shape until its clustered rests have the target's
-    probabilities.
+    """Move the vertices of a starting shape until its outcomes have the target probabilities.
 
     Parameters
     ----------
     start: shape and outcome directions.
-    target: (k,) wanted probability of each direction of the start.
+    target: (k,) target probability of each direction of the start.
     options: see `PaperOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `start.points`, or None for the uniform solid.
     drift: whether steps may move the mean of the vertices.
-    seed: of the perturbation.
+    seed: seed of the perturbation.
     on_step: called after every step.
-    on_evaluation: called with what every step before the finish was recorded from.
-    on_candidate: called with the die that every step of the finish was recorded from.
+    on_evaluation: called before that with the evaluation of a step before the finish.
+    on_candidate: called before that with the die of a step of the finish.
 
     Raises
     ------
@@ -78,55 +79,38 @@ def solve_paper(
             f"target: expected {len(start.directions)} outcomes, one for each direction of the "
             f"start, got {len(target)}; take another start"
         )
-    started, shapes = time.perf_counter(), HullMemory()
-    hull = shapes.hull(start.points)
+    log, evaluator = StepLog(on_step, on_evaluation), ShapeEvaluator(None)
+    hull = evaluator.shapes.hull(start.points)
     if center_of_mass is not None:
-        center_of_mass = classify(hull, np.asarray(center_of_mass, np.float64)).center_of_mass
+        evaluator.center_of_mass = classify(hull, center_of_mass).center_of_mass
     coordinates, parameters = VertexCoordinates.of(start.points, hull.centroid)
     weights = options.weights.of_probabilities
-    objective = Objective(coordinates, target, weights, center_of_mass, shapes)
+    objective = Objective(coordinates, target, weights, evaluator)
     first = objective.first(parameters, start.directions, options.perturbation, seed)
-    sobolev = SobolevGradient(options.sobolev, drift)
-    result = _Descent(first, sobolev, started, on_step, on_evaluation).run(options)
+    result = _Descent(first, SobolevGradient(options.sobolev, drift), log).run(options)
     if options.finish == "none":
         return result
-    return finish_exactly(
-        result,
-        target,
-        options,
-        center_of_mass=center_of_mass,
-        on_step=on_step,
-        on_candidate=on_candidate,
-    )
+    log.on_shape = on_candidate
+    return finish_exactly(result, target, options, evaluator.center_of_mass, log)
 
 
 class _Descent:
-    """The loop: direction, step, new hull, directions of the outcomes."""
+    """Loop over steps: direction, step, new hull, new directions of the outcomes."""
 
-    def __init__(
-        self,
-        first: Evaluation,
-        sobolev: SobolevGradient,
-        started: float,
-        on_step: Callable[[DesignStep], None] | None,
-        on_evaluation: Callable[[Evaluation], None] | None,
-    ) -> None:
-        self.sobolev, self.started = sobolev, started
-        self.on_step, self.on_evaluation = on_step, on_evaluation
-        self.history: list[DesignStep] = []
-        self.evaluations = 1
+    def __init__(self, first: Evaluation, sobolev: SobolevGradient, log: StepLog) -> None:
+        self.sobolev, self.log = sobolev, log
         self._record(first)
 
     def run(self, options: PaperOptions) -> DesignResult:
-        """The best of all steps, and the line search from there."""
+        """Take steps with momentum, if wanted, and a line search from the best of these."""
         steps, polish = options.steps, options.step == "momentum"
         if polish:
             self._go_with_momentum(steps)
         status = self._go_by_line_search(min(steps, POLISH) if polish else steps)
         if polish and status is Status.STEP_LIMIT and steps >= POLISH:
-            # More of them would be more of the same.
+            # More steps would not help.
             status = Status.NO_PROGRESS
-        current, shapes = self.current, self.current.objective.shapes
+        current, evaluator = self.current, self.current.objective.evaluator
         if current.error <= options.effective_tolerance:
             status = Status.CONVERGED
         return DesignResult(
@@ -135,10 +119,10 @@ class _Descent:
             current.directions,
             current.error,
             current.energy.terms,
-            tuple(self.history),
-            self.evaluations,
-            shapes.built,
-            shapes.reused,
+            tuple(self.log.steps),
+            evaluator.evaluations,
+            evaluator.hulls_built,
+            evaluator.hulls_reused,
         )
 
     def _go_with_momentum(self, steps: int) -> None:
@@ -150,7 +134,7 @@ class _Descent:
             self._record(following.refresh())
             if self.current.value < best.value:
                 best = self.current
-        self._end(rule, best)
+        self._end(best)
 
     def _go_by_line_search(self, steps: int) -> Status:
         rule, best, energies = LineSearch(), self.current, [self.current.value]
@@ -162,11 +146,10 @@ class _Descent:
                 lost = not has_slope(self.current.gradient)
                 status = Status.NO_GRADIENT if lost else Status.NO_PROGRESS
                 break
-            # Go there, without the points that are no vertices any more.
+            # Without points that are no longer vertices.
             objective = following.objective
             pruned = objective.coordinates.prune(following.parameters, following.rests)
             if len(pruned) != len(following.parameters):
-                self.evaluations += 1
                 fewer = objective.attempt(pruned, following.directions)
                 if fewer is not None:
                     following = fewer
@@ -179,107 +162,81 @@ class _Descent:
             if len(energies) >= window and min(earlier) - min(later) < part * min(earlier):
                 status = Status.NO_PROGRESS
                 break
-        self._end(rule, best)
+        self._end(best)
         return status
 
     def _ascent(self) -> Floats:
         return self.sobolev.of(self.current.gradient, self.current.rests.hull)
 
-    def _end(self, rule: LineSearch | Momentum, best: Evaluation) -> None:
-        self.evaluations += rule.evaluations
+    def _end(self, best: Evaluation) -> None:
+        """Return to the best evaluation."""
         if self.current is not best:
             self._record(best)
 
     def _record(self, current: Evaluation) -> None:
-        """Go on from an evaluation, which is a step."""
-        self.current, terms = current, current.energy.terms
-        seconds = time.perf_counter() - self.started
-        step = DesignStep(len(self.history), seconds, current.value, terms, current.error)
-        self.history.append(step)
-        if self.on_evaluation is not None:
-            self.on_evaluation(current)
-        if self.on_step is not None:
-            self.on_step(step)
+        """Continue from an evaluation, which is a step."""
+        self.current = current
+        self.log.record(current.energy.terms, current.error, current)
 
 
 ABSORBED: Final = (0.0, 1.0, 3.0, 6.0, 10.0, 15.0)
-"""Angles, in degrees, within which a facet near that of an outcome gives way to it: one after the
-other is tried."""
+"""Angles in degrees within which facets near the facet of an outcome are merged with it, tried one
+after the other."""
 
 SAME_FACET: Final = 2.0
-"""Angle, in degrees, up to which the rests of an outcome are always one."""
+"""Angle in degrees within which the rests of an outcome are always merged."""
 
 SUNK: Final = 0.97
-"""Height of a half-space over that of the shape, for an outcome that has lost its rest."""
+"""Height of a half-space for an outcome without a rest, over the height of the shape."""
 
 REPAIRING: Final = EnergyWeights(
     coplanar=0.0, barycenter=0.0, neighbor=0.0, stability=0.1, stability_margin=0.03
 )
-"""Of the steps to a shape with one rest for each outcome and no other, where there are more."""
+"""Weights of a descent to a shape with one rest for each outcome and no other."""
 
 MOST_REPAIRS: Final = 150
-"""How many of these steps."""
+"""Limit on the steps of this descent."""
 
 KEPT_ANGLE: Final = 0.35
-"""Angle between two outcomes, in radians (20 degrees), below which the exact method tries to keep
-them apart."""
+"""Least angle between two outcomes, in radians (20 degrees), that the exact method tries to
+keep."""
 
 
 def finish_exactly(
     result: DesignResult,
     target: Floats,
     options: PaperOptions,
-    *,
     center_of_mass: Floats | None = None,
-    on_step: Callable[[DesignStep], None] | None = None,
-    on_candidate: Callable[[Candidate], None] | None = None,
+    log: StepLog | None = None,
 ) -> DesignResult:
-    """Result with probabilities (k,) exact to `options.tolerance`, improved by `options.prefer`;
-    the given result if that fails.
+    """Continue a result to probabilities (k,) exact to `options.tolerance`, and improve the die by
+    `options.prefer`. If that fails, the die stays as it is.
 
-    The history goes on from that of the result.
+    log: log of the result, which is continued, if there is one.
     """
-    maker = CandidateMaker(center_of_mass)
-    history, before = list(result.history), result.history[-1]
-
-    def record(step: DesignStep, count: int, seconds: float) -> None:
-        history.append(replace(step, step=count, seconds=seconds))
-        if on_step is not None:
-            on_step(history[-1])
-
-    def on_exact_step(step: DesignStep) -> None:
-        record(step, before.step + 1 + step.step, before.seconds + step.seconds)
-
-    end, evaluations, built, reused = None, 0, 0, 0
-    try:
-        end = solve_exact(
-            _starts(result, target, maker),
-            target,
-            ExactOptions(tolerance=options.effective_tolerance, prefer=options.prefer),
-            center_of_mass=center_of_mass,
-            least_angle=KEPT_ANGLE,
-            on_step=on_exact_step,
-            on_candidate=on_candidate,
-        )
-        evaluations, built, reused = end.evaluations, end.hulls_built, end.hulls_reused
-    except NoStartError:
-        pass
-    is_exact = end is not None and end.status is Status.CONVERGED
-    if not is_exact and len(history) > len(result.history):
-        record(before, history[-1].step + 1, history[-1].seconds)
-    best = end if end is not None and is_exact else result
+    before, maker = result.history[-1], CandidateMaker(center_of_mass)
+    log = log or StepLog(steps=list(result.history))
+    exact = ExactOptions(tolerance=options.effective_tolerance, prefer=options.prefer)
+    best = result
+    with suppress(NoStartError):
+        search = ExactSearch(target, exact, maker, log, least_angle=KEPT_ANGLE)
+        end = search.run(_starts(result, target, maker))
+        if end.status is Status.CONVERGED:
+            best = end
+    if best is result and len(log.steps) > len(result.history):
+        log.record(before.terms, before.error)
     return replace(
         best,
-        history=tuple(history),
-        evaluations=result.evaluations + maker.evaluations + evaluations,
-        hulls_built=result.hulls_built + maker.polars.built + maker.shapes.built + built,
-        hulls_reused=result.hulls_reused + maker.polars.reused + maker.shapes.reused + reused,
+        history=tuple(log.steps),
+        evaluations=result.evaluations + maker.evaluations,
+        hulls_built=result.hulls_built + maker.hulls_built,
+        hulls_reused=result.hulls_reused + maker.hulls_reused,
         starts=result.starts,
     )
 
 
 def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iterator[Start]:
-    """Shapes near a result with one rest for each outcome and no other."""
+    """Yield shapes near a result with one rest for each outcome and no other."""
     center = maker.center_of_mass
     poses = analyze(result.hull, result.hull.centroid if center is None else center)
     for angle in ABSORBED:
@@ -288,9 +245,7 @@ def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iter
             continue
         candidate = maker.attempt(coordinates, parameters, directions)
         if candidate is None:
-            objective = Objective(
-                coordinates, target, REPAIRING, center, maker.shapes, maker.polars
-            )
+            objective = Objective(coordinates, target, REPAIRING, maker)
             candidate = _repair(objective, parameters, directions, maker)
         if candidate is not None:
             yield Start(candidate.rests.hull.vertices, candidate.directions)
@@ -299,18 +254,14 @@ def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iter
 def _repair(
     objective: Objective, parameters: Floats, directions: Floats, maker: CandidateMaker
 ) -> Candidate | None:
-    """A die with one rest for each outcome and no other that lies downhill; None where steps lead
-    to none."""
+    """Descend to a die with one rest for each outcome and no other; None if there is none on the
+    way."""
     rule, current = LineSearch(), objective.attempt(parameters, directions)
     for _ in range(MOST_REPAIRS):
-        if current is None:
+        following = current and rule.search(current, current.gradient)
+        if following is None:
             break
-        tried = rule.evaluations
-        current = rule.search(current, current.gradient)
-        maker.evaluations += rule.evaluations - tried
-        if current is None:
-            break
-        current = current.refresh()
+        current = following.refresh()
         if current.flaws == 0:
             candidate = maker.attempt(objective.coordinates, current.parameters, current.directions)
             if candidate is not None:
@@ -321,15 +272,16 @@ def _repair(
 def flatten(
     poses: RestPoses, directions: Floats, angle: float
 ) -> tuple[FacetCoordinates, Floats, Floats]:
-    """Half-spaces of a shape on which each outcome has one facet.
+    """Half-spaces of a shape with one facet for each outcome.
 
-    Its normal is the mean of those of the outcome's rests near the most probable one, by their
-    probabilities, and it lies as high as their corners do on average.
+    The normal of this facet is the mean normal of the outcome's rests near the most probable one,
+    weighted by probability. Its height is the mean height of their corners.
 
     Parameters
     ----------
-    poses: rests of the shape. directions: (k, 3) unit directions of the outcomes.
-    angle: in degrees, within which other facets give way to the nearest outcome's.
+    poses: rests of the shape.
+    directions: (k, 3) unit directions of the outcomes.
+    angle: angle in degrees within which other facets are merged with the nearest outcome's.
 
     Returns coordinates about the center of mass, their parameters, of which the first k half-spaces
     are the outcomes', and the normals (k, 3) of these.
@@ -338,7 +290,7 @@ def flatten(
     of_rest = cluster(poses.normals, directions).of_rest
     replaced = np.zeros(len(hull.normals), dtype=bool)
     mains, normals, distances = directions.copy(), [], []
-    # Rests come the most probable first.
+    # Rests are sorted by descending probability.
     outcomes, firsts = np.unique(of_rest, return_index=True)
     mains[outcomes] = poses.normals[firsts]
     nearest = np.argmax(hull.normals @ mains.T, axis=1)

@@ -1,10 +1,9 @@
-"""Shapes whose finished object has wanted probabilities, though labels and edges take material
-away.
+"""Correction of finished objects whose labels and edges change their probabilities.
 
-The facets of a convex shape are moved until the object that is made of it, measured as it will be
-written, has the probabilities: labels shift the center of mass, and with it the probabilities, by
-    some 1e-4. A body
-of any shape is stretched along three axes by a few parts in a thousand. Lengths are in millimeters.
+The facets of a convex shape are moved until the object made from it, measured as it will be
+written, has the target probabilities: labels shift the center of mass, and with it the
+probabilities, by some 1e-4. A body of any shape is stretched along three axes by a few parts in a
+thousand. Lengths are in millimeters.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.probability_model import RESTING, ProbabilityModel
 from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.coordinates import (
     FacetCoordinates,
@@ -37,38 +36,37 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import BALANCED_PROBABILITIES, FILE_PROBABILITIES
 
 MOST_ROUNDS: Final = 6
-"""Objects that are made and measured after the first: labels alone need three."""
+"""Limit on the objects that are made and measured after the first; labels alone need three."""
 
 SLOW: Final = 0.3
-"""Part of an error that two rounds may leave."""
+"""Largest ratio of the errors after and before two rounds."""
 
 NUDGES: Final = (0.0, 1e-7, 1e-5, 1e-3, 1e-2)
-"""Random changes of the parameters of a shape, tried in turn until one leads to the probabilities:
-those of a tied shape, as a symmetric one may be, have no derivatives, and those of a thrown one
-have kinks.
-"""
+"""Sizes of random changes of the parameters of a shape, tried in order until one leads to the
+probabilities: a tied shape, which may be symmetric, has no derivatives, and a thrown one has
+kinks."""
 
 FOLD: Final = float(np.radians(2.0))
-"""Angle between two facets, in radians, below which they move as one. Where two planes almost
-coincide the edge between them runs away, and a label with it, as one of them is turned."""
+"""Angle between two facets, in radians, below which they move together. If one of two planes that
+almost coincide turns, the edge between them moves far, and a label with it."""
 
 RANK: Final = 1e-8
-"""Differences between guesses below this part of the largest tell nothing."""
+"""Relative singular values below which differences between guesses are ignored."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Center of mass (3,) of a solid and the probabilities (k,) of its outcomes."""
+    """Center of mass (3,) of a solid, and the probabilities (k,) of its outcomes."""
 
     center_of_mass: Floats
     probabilities: Floats
 
 
 class Labeled(Protocol):
-    """Maker of an object from a plain shape and labels on its facets."""
+    """Makes an object from a plain shape and labels on its facets."""
 
     def make_balanced(self, core: ConvexHull, placements: Sequence[Any]) -> Surface:
-        """The solid by which the object is judged."""
+        """Make the solid by which the object is measured."""
 
     def carry_labels(
         self,
@@ -77,23 +75,23 @@ class Labeled(Protocol):
         after: ConvexHull,
         moved_normals: Floats,
     ) -> tuple[Any, ...]:
-        """Move labels from the facets of one hull onto those of another; moved_normals: (m, 3) of
-        the first hull's facets in the second."""
+        """Move labels from the facets of a hull to another. moved_normals: (m, 3) normals in the
+        second hull of the facets of the first."""
 
     def bearing(self, placements: Sequence[Any]) -> Floats:
-        """(l, 3) normals of the facets with labels."""
+        """Normals (l, 3) of the facets with labels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reshaped:
-    """An object and the plain shape that it is made of.
+    """An object, and the plain shape it is made from.
 
     Attributes
     ----------
-    surface: of the object, by which it was measured.
+    surface: surface of the object, by which it was measured.
     core: the plain shape. placements: labels on its facets.
-    measured: what the object does; first: what that of the given shape does.
-    errors: largest |p - q| of the objects of all rounds, the first being that of the given shape.
+    measured: measurement of the object; first: measurement of the object made from the given shape.
+    errors: largest |p - q| of the objects of all rounds; the first is made from the given shape.
     """
 
     surface: Surface
@@ -113,29 +111,28 @@ def reshape(
     measure: Callable[[Surface, Floats], Measured],
     *,
     rounds: int = MOST_ROUNDS,
-    model: ProbabilityModel | None = None,
+    model: ProbabilityModel = RESTING,
 ) -> Reshaped:
-    """Lead the object made of a shape to wanted probabilities.
+    """Reshape a plain shape until the object made from it has the target probabilities.
 
-    In each round the object is made and measured. It differs from the plain shape in its center of
-    mass and in what is left of its probabilities; the shape is then moved, by the shortest way in
-    its half-spaces (`FacetCoordinates`), to where a plain shape with that offset and that
-    difference has the probabilities. As labels go along with their facets, each round leaves a
-    hundredth of the error. The best object of all rounds is returned.
+    The object differs from the plain shape in its center of mass and in a rest of its
+    probabilities. Each round makes and measures the object, and moves the half-spaces of the shape
+    ( `FacetCoordinates`) the shortest way to where a plain shape with these differences has the
+    target. As labels follow their facets, each round leaves a hundredth of the error. The best
+    object of all rounds is returned.
 
-    A shape that is found for such a guess changes what was guessed. Guesses are corrected by
-    Anderson's method (J. ACM 12, 1965): by the mean of all before whose changes cancel best.
+    The new shape changes the differences. Anderson's method (J. ACM 12, 1965) corrects the guesses:
+    by the mean of all before whose changes cancel best.
 
     Parameters
     ----------
     core: the plain shape, with a rest for each outcome and no other.
     directions: (k, 3) normals of the outcomes' facets.
-    placements: labels on facets of it.
-    target: (k,) wanted probabilities of the object.
-    labeled: how the object is made; measure: it, with the directions of its outcomes.
-    rounds: objects that are made and measured after the first; 0 for only that.
-    model: of the probabilities, where they are not those without momentum and with uniform start
-        orientations.
+    placements: labels on facets of the shape.
+    target: (k,) target probabilities of the object.
+    labeled: makes the object; measure: measures it, with the directions of its outcomes.
+    rounds: limit on the objects that are made and measured after the first.
+    model: of the probabilities.
 
     Raises
     ------
@@ -146,9 +143,9 @@ def reshape(
     first = measured = measure(surface, directions)
     errors = [float(np.abs(first.probabilities - target).max())]
     best = Reshaped(surface, core, labels, first, first, ())
-    # Offsets of the center of mass over the size, and what is left of the probabilities. The plain
-    # shape has its probabilities with neither.
-    guessed, came = [np.zeros(3 + len(target))], list[Floats]()
+    # Offsets of the center of mass over the size, and differences of the probabilities; both are 0
+    # for the plain shape.
+    guessed, images = [np.zeros(3 + len(target))], list[Floats]()
     for _ in range(rounds):
         if min(errors) <= BALANCED_PROBABILITIES or (
             len(errors) > 2 and errors[-1] > SLOW * errors[-3]
@@ -157,23 +154,19 @@ def reshape(
         try:
             offset = measured.center_of_mass - core.centroid
             rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
-            probabilities = (
-                rests.probability_values if model is None else model.probabilities(rests)
-            )
-            plain = assign_rests(
-                rests.hull.normals[rests.facets], probabilities, directions
-            ).probabilities
-            came.append(np.concatenate([offset / size, measured.probabilities - plain]))
-            changes, guess = np.stack(came) - np.stack(guessed), came[-1]
-            if len(came) > 1:
+            normals = rests.hull.normals[rests.facets]
+            plain = assign_rests(normals, model.probabilities(rests), directions).probabilities
+            images.append(np.concatenate([offset / size, measured.probabilities - plain]))
+            changes, guess = np.stack(images) - np.stack(guessed), images[-1]
+            if len(images) > 1:
                 by_guess = np.diff(changes, axis=0).T
                 weights = np.linalg.lstsq(by_guess, changes[-1], rcond=RANK)[0]
-                guess = guess - weights @ np.diff(came, axis=0)
+                guess = guess - weights @ np.diff(images, axis=0)
             guessed.append(guess)
 
             bearing = np.concatenate([directions, labeled.bearing(labels)])
             coordinates, parameters = tie_coordinates(core, bearing, FOLD)
-            maker = CandidateMaker(None, model, guess[:3] * size)
+            maker = CandidateMaker(None, guess[:3] * size, model=model)
             shape = _solve(coordinates, parameters, directions, target - guess[3:], maker)
             if shape is None:
                 break
@@ -188,7 +181,7 @@ def reshape(
             surface = labeled.make_balanced(core, labels)
             measured = measure(surface, directions)
         except DiceError:
-            # A label that no longer fits, or an object without the rests: the best so far it is.
+            # A label does not fit any more, or the object has other rests.
             break
         errors.append(float(np.abs(measured.probabilities - target).max()))
         if errors[-1] == min(errors):
@@ -203,8 +196,8 @@ def _solve(
     wanted: Floats,
     maker: CandidateMaker,
 ) -> Candidate | None:
-    """A shape nearby that has the wanted probabilities (k,), or nearly; None where there is
-    none."""
+    """Find a shape nearby with probabilities (k,) as near as possible to the wanted ones; None if
+    there is no die nearby."""
     best, random = None, np.random.default_rng(0)
     for nudge in NUDGES:
         moved = parameters + nudge * random.standard_normal(len(parameters))
@@ -220,36 +213,33 @@ def _solve(
 
 
 def largest_move(before: ConvexHull, after: ConvexHull) -> float:
-    """Largest distance from a corner of a shape to the planes of its facets as they were moved a
-    little."""
+    """Largest distance from a corner of a shape to the moved planes of its facets."""
     facets = np.argmax(before.normals @ after.normals.T, axis=1)[before.facet]
     heights = (before.vertices[before.tail] * after.normals[facets]).sum(1)
     return float(np.abs(heights - after.heights(np.zeros(3))[facets]).max())
 
 
 STEP: Final = 1e-6
-"""Of the differences that derivatives are taken from, as a stretch."""
+"""Stretch of the difference quotients."""
 
 MOST_STEPS: Final = 20
-"""Of Newton's method, from one place."""
+"""Limit on the Newton steps from one stretch."""
 
 LENGTHS: Final = (0.0, *np.geomspace(3e-4, 1e-2, 31).tolist())
-"""Of random stretches that it begins with, one after the other until one leads to the
-probabilities: those of bodies of many corners jump where a facet becomes a rest, which may be in
-    the way."""
+"""Sizes of random first stretches, tried in order until one leads to the probabilities. With many
+corners these jump where a facet becomes a rest, which may be in the way."""
 
 MOST_STRETCH: Final = 0.03
-"""Largest stretch along an axis, relative: what is beyond is another shape."""
+"""Limit on the relative stretch along an axis, so that the shape is kept."""
 
 GAINED: Final = 0.5
-"""Part of the error that a better stretch leaves at most: a little is not worth another shape."""
+"""Largest ratio of the errors of a better stretch and the best before."""
 
 SHORTER: Final = 0.5
-"""Ratio of the lengths of steps tried one after the other."""
+"""Ratio of successive step lengths."""
 
 STRETCH_RANK: Final = 1e-6
-"""Singular values below this part of the largest are directions in which nothing changes: the size
-is one."""
+"""Relative singular values below which a direction changes nothing, such as the size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,8 +248,8 @@ class Stretched:
 
     Attributes
     ----------
-    matrix: (3, 3) symmetric, the linear map. surface: the image.
-    directions: (k, 3) unit, images of the outcomes' directions.
+    matrix: (3, 3) symmetric, the linear map. surface: the stretched surface.
+    directions: (k, 3) unit directions of the outcomes after the stretch.
     unbalanced: (k,) probabilities before; errors: largest |p - q| before and after.
     """
 
@@ -273,26 +263,24 @@ class Stretched:
 def stretch(
     surface: Surface, directions: Floats, target: Floats, prior: Prior | None = None
 ) -> Stretched:
-    """Stretch a solid until its probabilities are as near to wanted ones as it can bring them.
+    """Stretch a solid until its probabilities are as near to the target as possible.
 
-    A linear image keeps what is flat, convex, closed or in contact, and its center of mass is the
-    image of that of the body: so the probabilities after it are known from the corners of the hull
-        alone. A
-    stretch has five parameters beside the size, so that up to six outcomes can be met exactly.
-    Newton's method takes the shortest way, with derivatives from differences of the hull's
-    probabilities.
+    A linear image keeps what is flat, convex, closed or in contact, and maps the center of mass to
+    the center of mass. So the corners of the hull determine the probabilities after it. A stretch
+    has five parameters besides the size, so that up to six outcomes can be met exactly. Newton's
+    method takes the shortest way, with difference quotients.
 
-    surface: of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,)
-        probabilities; prior:
-    they are under, if any, which stays where it is as the body is stretched. The best stretch found
-    is returned, and none where nothing is gained. Raises DiceError if the body has no rests.
+    surface: surface of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,)
+    probabilities; prior: distribution of the start orientations, which is not stretched; None is
+    uniform. The best stretch is returned, and the identity if none is better. Raises DiceError if
+    the body has no rests.
     """
     poses = rest_poses(make_body(surface.points, surface.triangles))
     corners = poses.hull.vertices - poses.center_of_mass
 
     def probabilities_of(parameters: Floats, in_file: bool = False) -> Floats:
-        """(k,) after a stretch, with coordinates in single precision in a file; infinite where
-        there are no rests."""
+        """Probabilities (k,) after a stretch, rounded as in a file or not; infinite without
+        rests."""
         matrix = _matrix(parameters)
         image = corners @ matrix.T
         if in_file:
@@ -307,8 +295,8 @@ def stretch(
     def error_of(probabilities: Floats) -> float:
         return float(np.linalg.norm(probabilities - target))
 
-    def solved(parameters: Floats) -> tuple[Floats, Floats]:
-        """The stretch where Newton's method ends, and the probabilities after it."""
+    def solve(parameters: Floats) -> tuple[Floats, Floats]:
+        """Parameters at the end of Newton's method, and the probabilities there."""
         probabilities = probabilities_of(parameters)
         for _ in range(MOST_STEPS):
             if not 0.1 * BALANCED_PROBABILITIES < error_of(probabilities) < np.inf:
@@ -334,7 +322,7 @@ def stretch(
     best, random = np.zeros(6), np.random.default_rng(0)
     first = best_probabilities = probabilities_of(best)
     for length in LENGTHS:
-        end, probabilities = solved(length * random.standard_normal(6))
+        end, probabilities = solve(length * random.standard_normal(6))
         most = max(2.0 * error_of(probabilities), FILE_PROBABILITIES)
         if (
             error_of(probabilities) < GAINED * error_of(best_probabilities)
@@ -352,7 +340,7 @@ def stretch(
 
 
 def _matrix(parameters: Floats) -> Floats:
-    """The symmetric matrix (3, 3) of six parameters, the unit matrix for zeros."""
+    """Symmetric matrix (3, 3) of six parameters; zeros make the identity."""
     x, y, z, yz, xz, xy = parameters
     return np.eye(3) + np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
 

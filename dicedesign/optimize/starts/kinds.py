@@ -1,6 +1,5 @@
-"""The kinds of starting shapes that come with the package, and what a recipe says of them.
-
-What makes shapes is loaded when one is made: a recipe is read without it."""
+"""Built-in kinds of starting shapes and their options. The modules that make shapes are imported
+late, as reading a recipe does not need them."""
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ class PrismOptions:
 
 @dataclass(frozen=True)
 class RepulsionOptions:
-    """`start.repulsion`: nothing to choose."""
+    """`start.repulsion`, without options."""
 
     __pydantic_config__ = STRICT
 
@@ -91,7 +90,7 @@ def _shapes() -> ModuleType:
 
 
 FEWEST_SIDES: Final = 3
-"""Least number of rests of shapes that ignore the target's probabilities."""
+"""Least number of rests of shapes that do not depend on the target."""
 
 HENDECAHEDRON_FACETS: Final = 11
 
@@ -168,7 +167,7 @@ def _check_search(options: SearchOptions, outcomes: int) -> None:
 def _search(
     options: SearchOptions, target: Floats, group: Floats | None, seed: int
 ) -> Iterator[Start | None]:
-    """See `shapes_near` and `symmetric_shapes_near`."""
+    """Yield searched shapes; see `shapes_near` and `symmetric_shapes_near`."""
     if group is None:
         from dicedesign.optimize.starts.search import shapes_near
 

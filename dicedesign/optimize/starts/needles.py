@@ -1,14 +1,13 @@
-"""Long starting shapes for any probabilities: a needle rolls about its axis as its cross-section
-does.
+"""Long starting shapes for any probabilities: a needle rolls around its axis like its
+cross-section.
 
-A corner of the section that is farther from the center of mass than its neighbors parts two
+A corner of the section that is farther from the center of mass than its neighbors separates two
 basins, so the angles between such corners are the probabilities. In each basin, sides come nearer
 to the center from both ends to the rest. The body rolls on over each of them, as the foot of the
-center on its line lies beyond its lower corner. A section of even thickness could not do so in a
-basin wider than half a turn. But the ends of the needle are slanted: it is longer on one side of
-    the section
-than on the other, which moves the center of mass to where it is wanted. The first body of this kind
-is by J. H. Conway and R. K. Guy, Stability of polyhedra, SIAM Review 11 (1969) 78-82.
+center on its line is beyond its lower corner. A section of even thickness cannot do so in a basin
+wider than half a turn. But the ends of the needle are slanted: it is longer on one side of the
+section, which moves the center of mass to the right place. J. H. Conway and R. K. Guy, Stability of
+polyhedra, SIAM Review 11 (1969) 78-82, found the first body of this kind.
 """
 
 from __future__ import annotations
@@ -26,47 +25,47 @@ HALF_LENGTHS: Final = (1.5, 15.0)
 """Range of half the length of a needle, over the largest radius of its section."""
 
 LEADS: Final = (0.01, 0.08)
-"""Range of the angle between the lower corner of a side that is no rest and the foot of the center
-on its line, seen from the center."""
+"""Range of the angle, seen from the center, between the lower corner of a side that is no rest and
+the foot of the center on its line."""
 
 PARTS: Final = (0.4, 0.6)
-"""Range of the part of a basin that lies before its rest."""
+"""Range of the part of a basin before its rest."""
 
 CLOSING_PARTS: Final = (0.25, 0.75)
-"""Range of the same in the largest basin, where it is what closes the section."""
+"""Range of the part of the largest basin before its rest, which closes the section."""
 
 TURNS: Final = ((0.2, 0.8), (0.35, 1.4))
 """Ranges of the largest angle between consecutive corners, in the largest basin and in others."""
 
 LEAN: Final = 0.3
-"""Size of random differences in the slopes of the two ends."""
+"""Size of the random difference in the slopes of the two ends."""
 
 WIDEST: Final = 1.5
-"""Largest angle between the foot of the center on the line of a side and the side's upper corner.
-"""
+"""Largest angle between the foot of the center on the line of a side and the upper corner of the
+side."""
 
 THINNEST: Final = 0.02
-"""Length of the needle where it is shortest, over that at its center of mass."""
+"""Least length of the needle, over the length at its center of mass."""
 
 DRAWN: Final = 24
-"""Needles tried, the shortest first, until one is near the target."""
+"""Limit on the needles tried, the shortest first."""
 
 CORRECTIONS: Final = 6
-"""How often a section is corrected for what the ends do to the probabilities."""
+"""Limit on the corrections of a section for the effect of the ends."""
 
 CLOSE: Final = (1e-3, 0.2)
-"""Largest difference in probabilities of a needle that is near the target, and the same over the
-smallest probability."""
+"""Largest difference in probabilities of a needle near the target: absolute, and over the smallest
+probability."""
 
 BISECTIONS: Final = 40
-"""Halvings of the range in which the first rest is looked for."""
+"""Bisections for the place of the first rest."""
 
 
 def needle_near(target: Floats, rng: np.random.Generator) -> Start | None:
-    """A random needle with one rest for each outcome and no other, whose probabilities are near the
-    target; None where none of those that were drawn is.
+    """Draw a needle with one rest for each outcome and no other, and probabilities near the target;
+    None if no needle drawn is near.
 
-    target: (k,) wanted probabilities, k at least 2.
+    target: (k,) target probabilities, k at least 2.
     """
     largest = int(np.argmax(target))
     others = np.delete(np.arange(len(target)), largest)
@@ -85,7 +84,7 @@ def needle_near(target: Floats, rng: np.random.Generator) -> Start | None:
         lead = rng.uniform(*LEADS)
         lean = LEAN * rng.normal(size=2) * rng.integers(0, 2)
         shares = wanted
-        # Basins are changed by what the probabilities lack until those are near.
+        # Correct the basins by the errors of the probabilities.
         for _ in range(CORRECTIONS):
             section = _section(2.0 * np.pi * shares, parts, steps, lead)
             needle = None if section is None else _half_spaces(*section[:2], length, lean)
@@ -103,31 +102,30 @@ def needle_near(target: Floats, rng: np.random.Generator) -> Start | None:
 def _section(
     basins: Floats, parts: Floats, steps: Integers, lead: float
 ) -> tuple[Floats, Floats, Integers] | None:
-    """Sides of the cross-section with basins of angles (k,), which follow each other around the
-    axis, the largest first: angles (m,) of the normals, distances (m,) from the center, and the
-    numbers of the rests (k,).
+    """Sides of a cross-section whose basins have angles (k,) around the axis, the largest first:
+    angles (m,) of the normals, distances (m,) from the center, and the numbers of the rests (k,).
+    None if the section cannot be closed, or a side is too wide.
 
-    parts: (k,) of each basin but the first that lie before its rest; that of the first makes the
-    last corner as far from the center as the first one. None where it would lie out of range for
-    that, or sides would be too wide. steps: (k, 2) sides before and after each rest; lead: see
-    `LEADS`.
+    parts: (k,) part of each basin before its rest. The first is replaced: it makes the last corner
+    as far from the center as the first one. steps: (k, 2) sides before and after each rest; lead:
+    see `LEADS`.
     """
 
     def growth(turn: Any) -> Any:
-        """Logarithm of the ratio of the distances of two corners of a side that is no rest, at an
-        angle from each other."""
+        """Logarithm of the ratio of the distances of the corners of a side that is no rest, with an
+        angle between them."""
         return np.log(np.cos(lead) / np.cos(turn + lead))
 
     def climbs(halves: Floats, steps: Integers) -> Floats:
-        """Logarithms (...) of the ratio of the distances of a basin's last corner and its rest,
-        for angles (...) and numbers of sides (...) between them."""
+        """Logarithms (...) of the ratio of the distances of the last corner of a basin and its
+        rest, for angles (...) and numbers of sides (...) between them."""
         turns = halves / (steps + 1.0)
         climbs: Floats = steps * growth(turns) - np.log(np.cos(turns))
         return climbs
 
     def flight(half: float, steps: int) -> tuple[Floats, Floats]:
         """Sides between a rest and the end of its basin: angles (steps,) between their normals and
-        the rest's, and logarithms of their distances over the rest's."""
+        the normal of the rest, and logarithms of their distances over the distance of the rest."""
         turn, number = half / (steps + 1.0), np.arange(steps, dtype=np.float64)
         first = np.log(np.cos(lead) / np.cos(turn))
         return (number + 1.0) * turn - lead, first + number * growth(turn)
@@ -167,12 +165,11 @@ def _half_spaces(
     angles: Floats, distances: Floats, length: float, lean: Floats
 ) -> tuple[Floats, Floats] | None:
     """Normals (m + 2, 3) and distances (m + 2,) of the sides of a section, given in order, and of
-    two ends whose slant puts the center of mass on the axis; None where the sides make no convex
-    polygon, or the needle would be thinner than `THINNEST`.
+    two ends whose slant puts the center of mass on the axis. None if the sides make no convex
+    polygon, or the needle is thinner than `THINNEST`.
 
-    length: see `HALF_LENGTHS`; lean: (2,) what the slope of one end has more, and that of the other
-    less, than their mean, in units of the least length of the needle over that at its center and
-    over the largest radius.
+    length: see `HALF_LENGTHS`; lean: (2,) difference of the slopes of the ends from their mean, in
+    units of the least length of the needle, over its length at the center and the largest radius.
     """
     normals = np.column_stack([np.cos(angles), np.sin(angles)])
     following, beyond = np.roll(normals, -1, axis=0), np.roll(distances, -1)

@@ -1,5 +1,5 @@
-"""Ways to spread a target's outcomes over the orbits of a point group, and the groups that allow
-one, the most helpful ones first."""
+"""Layouts of a target's outcomes on the orbits of a point group, and the groups that have a layout,
+the most helpful first."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import EQUAL_PROBABILITIES
 
 SAME: Final = 9
-"""Decimal digits to which products of matrices are compared."""
+"""Decimal digits for comparing products of matrices."""
 
 
 @dataclass(frozen=True)
 class OrbitSite:
-    """Directions that the first facet of an orbit may face, and how it is carried to the others.
+    """Possible directions of the first facet of an orbit, and the maps to the others.
 
     Attributes
     ----------
-    projection: (3, 3) onto all of space, a mirror plane or an axis.
-    carriers: (s, 3, 3) the elements of the group that make its s images, the identity first.
-    pole: (3,) the end of the axis that is meant, or None.
+    projection: (3, 3) onto space, a mirror plane or an axis.
+    carriers: (s, 3, 3) elements of the group that map the first facet to the s facets, the identity
+        first.
+    pole: (3,) the end of the axis, or None.
     """
 
     projection: Floats
@@ -43,36 +44,36 @@ class OrbitSite:
 
     @classmethod
     def of(cls, group: Floats, projection: Floats, pole: Floats | None = None) -> OrbitSite:
-        """The site of directions that a projection keeps, under a group (g, 3, 3)."""
+        """Site of the directions that a projection keeps, for a group (g, 3, 3)."""
         products = (group @ projection).reshape(len(group), 9).round(SAME) + 0.0
         first = np.unique(products, axis=0, return_index=True)[1]
         return cls(projection, group[np.sort(first)], pole)
 
     @property
     def size(self) -> int:
-        """Facets of the orbit."""
+        """Number of facets of the orbit."""
         return len(self.carriers)
 
     def direction(self, rng: np.random.Generator) -> Floats:
-        """(3,) a random unit vector there."""
+        """Random unit vector (3,) of the site."""
         drawn = rng.normal(size=3)
         return unit_vectors(self.projection @ drawn) if self.pole is None else self.pole
 
 
 Layout = list[tuple[OrbitSite, tuple[int, ...]]]
-"""Sites of orbits, with the outcomes on each."""
+"""Sites of orbits, and the outcomes on each."""
 
 
 class OrbitLayouts:
-    """Ways to spread outcomes over as few orbits as possible, with equal probabilities on each.
+    """Layouts of outcomes on as few orbits as possible, with equal probabilities on each.
 
-    There is one facet at most at each end of an axis, and any number on mirror planes and off them.
+    Each end of an axis has at most one facet; mirror planes and other directions have any number.
     """
 
     def __init__(self, target: Floats, group: Floats) -> None:
-        """target: (k,) wanted probabilities; group: (g, 3, 3).
+        """Find the least number of orbits. target: (k,) probabilities; group: (g, 3, 3).
 
-        Raises InputError where equal probabilities do not fill whole orbits.
+        Raises InputError if equal probabilities do not fill whole orbits.
         """
         self.poles = [
             OrbitSite.of(group, np.outer(orbit[0], orbit[0]), orbit[0])
@@ -84,14 +85,14 @@ class OrbitLayouts:
         ]
         self.anywhere = OrbitSite.of(group, group[0])
         self.smallest = (self.planes or [self.anywhere])[0].size
-        """Facets of the smallest orbit of which there is any number."""
+        """Number of facets of the smallest orbit that is not on an axis."""
         descending = np.argsort(-target, kind="stable")
         probabilities = target[descending]
         breaks = (
             np.flatnonzero(np.diff(probabilities) < -EQUAL_PROBABILITIES * probabilities[:-1]) + 1
         )
         self._classes = [np.sort(members) for members in np.split(descending, breaks)]
-        # For the first classes of equal outcomes, the fewest orbits by the pole orbits in use.
+        # For the first n classes of equal outcomes: the fewest orbits, by the pole orbits in use.
         self._fewest = [{frozenset[int](): 0}]
         every = frozenset(range(len(self.poles)))
         for members in self._classes:
@@ -106,10 +107,10 @@ class OrbitLayouts:
                 raise InputError(self._refusal(len(members), float(target[members[0]])))
             self._fewest.append(fewest_by_poles)
         self.fewest = min(self._fewest[-1].values())
-        """Orbits of the outcomes."""
+        """Number of orbits of the outcomes."""
 
     def draw(self, rng: np.random.Generator) -> Layout:
-        """One of them, at random."""
+        """Draw a random layout."""
         ends = [used for used, orbits in self._fewest[-1].items() if orbits == self.fewest]
         used = ends[rng.integers(len(ends))]
         layout: Layout = []
@@ -134,14 +135,15 @@ class OrbitLayouts:
         return layout
 
     def helper(self, rng: np.random.Generator) -> OrbitSite:
-        """A site of an orbit without outcome: not on an axis, where a facet is always a rest."""
+        """Draw a site of an orbit without an outcome: not on an axis, where facets are always
+        rests."""
         return self._plane(rng) if self.planes and rng.random() < 0.5 else self.anywhere
 
     def _plane(self, rng: np.random.Generator) -> OrbitSite:
         return self.planes[rng.integers(len(self.planes))]
 
     def _splits(self, outcomes: int, free: frozenset[int]) -> Iterator[tuple[frozenset[int], int]]:
-        """Free pole orbits for a number of outcomes, with the number of all orbits."""
+        """Yield free pole orbits for a number of outcomes, and the number of all their orbits."""
         for few in range(len(free) + 1):
             for taken in combinations(sorted(free), few):
                 rest = outcomes - sum(self.poles[pole].size for pole in taken)
@@ -163,14 +165,14 @@ class OrbitLayouts:
 
 
 FLAT: Final = 1e-6
-"""Singular value of an orbit's directions, over their number, below which they lie in a plane."""
+"""Singular value of directions, over their number, below which they are in a plane."""
 
 DRAWS: Final = 8
-"""Ways to spread the outcomes that are looked at, of which one suffices."""
+"""Number of layouts that are tried; one that encloses a solid suffices."""
 
 
 def group_names() -> list[str]:
-    """All that `point_group` knows but C1, those with several axes first."""
+    """Names of all point groups but C1, groups with several axes first."""
     several = ["Ih", "I", "Oh", "O", "Th", "Td", "T"]
     orders = range(HIGHEST_ORDER, 1, -1)
     forms = ("D{}d", "D{}h", "D{}", "C{}v", "C{}h", "C{}")
@@ -182,13 +184,12 @@ def group_names() -> list[str]:
 def fitting_groups(target: Floats) -> list[str]:
     """Names of the point groups under which equally probable outcomes can be images of each other.
 
-    Images are equally frequent however the die is thrown. So groups are sorted by how many
-    probabilities they leave to be found: by the fewest orbits that the outcomes can lie on. Of
-        those with as
-    many, groups by which the facets of the outcomes alone enclose a solid come first, then larger
-    ones. None leaves as many probabilities as there are outcomes.
+    Images are equally probable however the die is thrown. So groups are sorted by the number of
+    orbits of outcomes, the number of probabilities that remain to be found. Then come groups for
+    which the facets of the outcomes alone enclose a solid, then larger groups. Groups with as many
+    orbits as outcomes are left out.
 
-    target: (k,) wanted probabilities.
+    target: (k,) target probabilities.
     """
     all_layouts = []
     for place, name in enumerate(group_names()):
@@ -199,7 +200,7 @@ def fitting_groups(target: Floats) -> list[str]:
             continue
         if layouts.fewest < len(target):
             rng = np.random.default_rng(0)
-            # One orbit about an axis with two different ends leaves one of them open.
+            # One orbit around an axis with two different ends leaves one of these open.
             is_open = layouts.fewest == 1 and np.trace(fixed_space(group)) > 0.5
             is_open = is_open or all(_is_unbounded(layouts.draw(rng), rng) for _ in range(DRAWS))
             all_layouts.append((layouts.fewest, is_open, -len(group), place, name))
@@ -207,7 +208,7 @@ def fitting_groups(target: Floats) -> list[str]:
 
 
 def _is_unbounded(layout: Layout, rng: np.random.Generator) -> bool:
-    """Whether the facets are fewer than four, or face directions that lie in a plane."""
+    """Whether there are fewer than four facets, or their directions are in a plane."""
     directions = np.concatenate([site.carriers @ site.direction(rng) for site, _ in layout])
     if len(directions) < 4:
         return True

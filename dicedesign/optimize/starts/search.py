@@ -1,5 +1,5 @@
-"""Starting shapes for any target, in turns: random polyhedra are drawn into a pool, the nearest in
-probabilities go first, and between them needles; and variations of a shape that is given."""
+"""Searches for starting shapes: random polyhedra with probabilities near any target, needles
+between them, and variations of a given shape."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from dicedesign.runtime.arrays import Floats
 
 
 def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start | None]:
-    """Starting shapes with one rest for each outcome and no other, without end; None where a turn
-    found nothing, so that whoever asks can stop.
+    """Yield starting shapes with one rest for each outcome and no other, without end; None for a
+    turn without a shape.
 
-    First come tangential polyhedra of evenly spread facets, one for each outcome, if equal
-    probabilities are near the target. Then, in turn, come random polyhedra, some facets of which
-    are no rests, the nearest in their sorted probabilities first, with the largest rest for the
-    largest outcome and so on; and a needle (`needle_near`), whose probabilities are near any
+    If equal probabilities are near the target, tangential polyhedra of evenly spread facets come
+    first. Then random polyhedra, some facets of which are no rests, come in order of the distance
+    of their sorted probabilities from the target, with the most probable rest for the most probable
+    outcome and so on. Between them come needles (`needle_near`), whose probabilities are near any
     target.
 
-    target: (k,) wanted probabilities, k at least 2; seed: of everything random; helpers: least
-        number of facets without an outcome.
+    target: (k,) probabilities, k at least 2; seed: random seed; helpers: least number of facets
+    without an outcome.
     """
     outcomes = len(target)
     rng = np.random.default_rng(seed)
@@ -56,7 +56,7 @@ def shapes_near(target: Floats, seed: int, helpers: int = 0) -> Iterator[Start |
 
 
 def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Half-spaces facing all ways: normals (m, 3) and distances (m,)."""
+    """Half-spaces in all directions: normals (m, 3) and distances (m,)."""
     fewest = max(outcomes, FEWEST_FACETS + 1)
     facets = int(rng.integers(fewest, 2 * fewest + 5))
     normals = spread_directions(facets, rng, REPULSION_STEPS)
@@ -68,8 +68,8 @@ def _pebble(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _bowl(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Half-spaces of a bowl under a low roof: walls that lean outward let the body roll onto its
-    bottom, which so gets up to two thirds of the probabilities."""
+    """Half-spaces of a bowl under a low roof: normals (m, 3) and distances (m,). As its walls lean
+    outward, the body rolls onto its bottom with a probability of up to two thirds."""
     roof, walls = outcomes - 1 + int(rng.integers(0, 2)), int(rng.integers(3, 9))
     normals = np.concatenate(
         [
@@ -87,37 +87,36 @@ def _bowl(outcomes: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _cone(facets: int, angle: float, rng: np.random.Generator) -> Floats:
-    """(facets, 3) unit vectors at an angle to the z axis, rather evenly spread around it."""
+    """Unit vectors (facets, 3) at an angle to the z axis, spread around it."""
     turns = (np.arange(facets) + rng.random() + 0.3 * rng.normal(size=facets)) / facets
     around = np.stack([np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)], axis=1)
     return np.column_stack([np.sin(angle) * around, np.full(facets, np.cos(angle))])
 
 
 EVEN_SHAPES: Final = 2
-"""Shapes of evenly spread facets that are proposed first, where equal probabilities are not far
-from the target."""
+"""Shapes of evenly spread facets that come first if equal probabilities are near the target."""
 
 FAR: Final = 0.3
-"""Distance in probabilities, the root of their summed squared differences, from which on a
-polyhedron is proposed only where there is nothing else."""
+"""Distance of probabilities, the root of their summed squared differences, above which a polyhedron
+is proposed only if there is nothing else."""
 
 DRAWN: Final = 30
-"""Most polyhedra drawn in each turn."""
+"""Limit on the polyhedra drawn in each turn."""
 
 DRAWN_OUTCOMES: Final = 2000
-"""Most outcomes of all of them together, unless it is one polyhedron."""
+"""Limit on the outcomes of all polyhedra of a turn, unless it is one."""
 
 PROPOSED: Final = 2
-"""How many of all that were drawn are proposed in each turn."""
+"""Limit on the polyhedra proposed in each turn."""
 
 REPULSION_STEPS: Final = 10
-"""Steps that keep random facets from lying too close to each other."""
+"""Steps of repulsion between random facets."""
 
 UNEVENNESS: Final = 0.6
-"""Largest standard deviation of the logarithms of facet distances."""
+"""Limit on the standard deviation of the logarithms of facet distances."""
 
 NEARNESS: Final = 1.5
-"""A facet in favor is nearer than others by a factor of up to the exponential of this."""
+"""Limit on the logarithm of the factor by which a preferred facet is nearer."""
 
 STRETCH: Final = (-1.5, 1.0)
 """Range of the logarithm by which a polyhedron is stretched along one axis."""
@@ -130,18 +129,15 @@ def nearest_first(
     draw: Callable[[], tuple[Start, Floats] | None],
     another: Callable[[], Start | None] = lambda: None,
 ) -> Iterator[Start | None]:
-    """Starting shapes without end, and None where a turn found nothing, so that whoever asks can
-    stop.
+    """Yield starting shapes without end, and None for a turn without a shape.
 
-    First come even shapes, each a turn of its own, if equal probabilities are near the target. Each
-    later turn draws polyhedra into a pool. It proposes the nearest in probabilities of all in the
-    pool, if they are near, then another shape, and the nearest of those far away if there was
-    neither.
+    Even shapes come first, each in a turn of its own, if equal probabilities are near the target.
+    Each later turn adds random polyhedra to a pool. It proposes the nearest of the pool if they are
+    near, then another shape, and the nearest of the pool if there was neither.
 
-    target: (k,) wanted probabilities; helpers: least number of facets without an outcome, of which
-    even shapes have none; even: makes the shape of a number from 0; draw: makes a
-    random polyhedron and its probabilities (k,), or None where what was drawn does not suit;
-    another: makes a shape that is proposed in each turn, if not None.
+    target: (k,) probabilities; helpers: least number of facets without an outcome, which even
+    shapes do not have; even: makes even shape number n from 0; draw: makes a random polyhedron and
+    its probabilities (k,), or None; another: makes the other shape, or None.
     """
 
     def suits(start: Start) -> bool:
@@ -168,25 +164,23 @@ def nearest_first(
 
 
 FIRST_VARIATION: Final = 0.01
-"""Size of the first variation of a start: a standard deviation of normals, and of the logarithms of
+"""Size of the first variation of a start: the standard deviation of normals and of logarithms of
 distances."""
 
 LARGEST_VARIATION: Final = 0.3
-"""Size that variations approach."""
+"""Limit of the size of variations."""
 
 
 def shapes_like(start: Start, seed: int, group: Floats | None = None) -> Iterator[Start]:
-    """Yield a start, then variants with facets turned and shifted more and more, without end;
-    pinned facets stay.
-
-    Where that leaves no solid, the next one follows.
+    """Yield a start, then variations with facets turned and shifted more and more, without end.
+    Pinned facets stay. Variations that are no solids are skipped.
 
     Parameters
     ----------
     start: the shape.
-    seed: of the variations.
-    group: (g, 3, 3) a point group about the origin that the start has as symmetry, and that its
-        variations are to keep, or None.
+    seed: random seed of the variations.
+    group: (g, 3, 3) point group about the origin, the symmetry of the start and its variations, or
+        None.
 
     Raises
     ------

@@ -1,7 +1,6 @@
-"""Shapes to begin with: prisms, hendecahedra, evenly spread facets, hulls of meshes; and what
-random ones are made of, directions that repel each other and solids of half-spaces with their
-probabilities.
-"""
+"""Starting shapes: prisms, hendecahedra, evenly spread facets and hulls of meshes; and parts of
+random
+ones: directions that repel each other, and solids of half-spaces with their probabilities."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 
 
 def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:
-    """A prism with pointed caps, whose side faces carry the outcomes in order around the axis.
+    """Prism with pointed caps. The side faces have the outcomes, in order around the axis.
 
     Own coordinates: the center at the origin, the axis along z, the base's circumscribed radius 1,
     a corner of the base in direction x.
@@ -60,8 +59,8 @@ def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:
 
 
 def _bisymmetric() -> Start:
-    """The space-filling hendecahedron with two mirror planes (G. Inchbald, The Mathematical
-    Gazette 80, 1996); mirror images follow each other.
+    """Space-filling hendecahedron with two mirror planes (G. Inchbald, The Mathematical Gazette 80,
+    1996); mirror images follow each other.
 
     Own coordinates: the mirror planes are x = 0 and y = 0, the floor is at z = -1.2, the top at
     z = 1.8, and x and y run from -2 to 2.
@@ -89,8 +88,8 @@ def _bisymmetric() -> Start:
 
 
 def _circus() -> Start:
-    """A five-sided tent: pentagonal prism under a pentagonal pyramid; wall and roof of each side
-    follow each other, the floor comes in the middle.
+    """Five-sided tent, a pentagonal prism under a pentagonal pyramid. Wall and roof of each side
+    follow each other, and the floor is in the middle.
 
     Own coordinates: every facet is tangent to the unit sphere about the origin, the floor is at
     z = -1, and the first wall faces x.
@@ -108,7 +107,7 @@ HENDECAHEDRA: Final = {"bisymmetric": _bisymmetric, "circus": _circus}
 
 
 def hendecahedron(kind: str) -> Start:
-    """An 11-faced polyhedron for the total of two dice; `kind` is "bisymmetric" or "circus".
+    """Polyhedron of eleven facets for the total of two dice; `kind` is "bisymmetric" or "circus".
 
     Raises InputError for another kind.
     """
@@ -130,8 +129,8 @@ def repulsion(outcomes: int, seed: int) -> Start:
 
     Parameters
     ----------
-    outcomes: number of facets, at least `FEWEST_FACETS`; all carry an outcome.
-    seed: of the random first positions.
+    outcomes: number of facets, at least `FEWEST_FACETS`; each has an outcome.
+    seed: random seed of the first positions.
 
     Raises
     ------
@@ -147,14 +146,14 @@ def repulsion(outcomes: int, seed: int) -> Start:
 
 
 def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) -> Start:
-    """The convex hull of a body, with its `outcomes` most probable rests carrying the outcomes.
+    """Convex hull of a body, with the outcomes on its most probable rests.
 
     Own coordinates: those of the body.
 
     Parameters
     ----------
     body: any mesh or point cloud.
-    outcomes: how many rests carry an outcome.
+    outcomes: number of outcomes.
     center_of_mass: (3,) in the body's unit, or None for that of the uniform solid hull.
 
     Raises
@@ -169,8 +168,8 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
             f"got {len(poses.normals)} in {body.name}; take another start"
         )
     hull = poses.hull
-    # Rounded coordinates scatter about the plane of a merged facet. Corners where mean planes meet
-    # lie on it, so that it stays one facet.
+    # Rounded corners are not exactly in the plane of a merged facet. Corners where mean planes meet
+    # are, so that it stays one facet.
     offsets = ((hull.vertices[hull.tail] - hull.centroid) * hull.normals[hull.facet]).sum(-1)
     heights = np.add.reduceat(offsets, hull.facet_start[:-1]) / np.diff(hull.facet_start)
     corners = polyhedron_corners(hull.normals, heights) + hull.centroid
@@ -178,7 +177,7 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
 
 
 def about_centroid(start: Start) -> Start:
-    """Start moved so that its centroid is at 0."""
+    """Move a start so that its centroid is at 0."""
     centroid = convex_hull(start.points).centroid
     origin = start.origin + start.scale * centroid
     return replace(start, points=start.points - centroid, origin=origin)
@@ -187,12 +186,11 @@ def about_centroid(start: Start) -> Start:
 def start_with_probabilities(
     normals: Floats, distances: Floats, outcomes: int
 ) -> tuple[Start, Floats, Integers] | None:
-    """The start whose outcomes are on the rests of the solid of half-spaces
-    `normals[i] . x <= distances[i]`, (m, 3) and (m,); None where it has not so many rests, is tied,
-    or no solid.
+    """Start from half-spaces `normals[i] . x <= distances[i]`, (m, 3) and (m,), with the outcomes
+    on its rests. None if it is tied or no solid, or has another number of rests.
 
-    Returns the start, with directions in the order of the half-spaces, probabilities (k,), and
-    numbers (k,) of the half-spaces.
+    Returns the start, with directions in the order of the half-spaces, and the probabilities (k,)
+    and half-spaces (k,) of the outcomes.
     """
     try:
         points = polyhedron_corners(normals, distances)
@@ -212,12 +210,12 @@ def start_with_probabilities(
 
 
 ANYWHERE: Final = OrbitSite(np.eye(3), np.eye(3)[None])
-"""Of a facet without images."""
+"""Site of a facet without images."""
 
 
 def spread_orbits(sites: Sequence[OrbitSite], rng: np.random.Generator, steps: int) -> Floats:
-    """(m, 3) random unit vectors in whole orbits that repel each other like charges, after so many
-    steps of gradient descent on the Coulomb energy that keep the first of each orbit on its site.
+    """Random unit vectors (m, 3) in whole orbits that repel each other like charges, after a number
+    of steps of gradient descent on the Coulomb energy. The first of each orbit stays on its site.
     """
     owner = np.repeat(np.arange(len(sites)), [len(site.carriers) for site in sites])
     carriers = np.concatenate([site.carriers for site in sites])
@@ -236,5 +234,5 @@ def spread_orbits(sites: Sequence[OrbitSite], rng: np.random.Generator, steps: i
 
 
 def spread_directions(count: int, rng: np.random.Generator, steps: int) -> Floats:
-    """(count, 3) random unit vectors that repel each other, see `spread_orbits`."""
+    """Random unit vectors (count, 3) that repel each other; see `spread_orbits`."""
     return spread_orbits([ANYWHERE] * count, rng, steps)

@@ -1,8 +1,7 @@
-"""Starting shapes: convex polyhedra with the directions on which outcomes are to be placed, and the
-kinds of them that a recipe can choose.
+"""Starting shapes: convex polyhedra with the directions of the outcomes; and their registry.
 
-Each is made in its own coordinates, which its docstring describes, and then moved and scaled to
-half extent 1; `Start` remembers how.
+Each shape has its own coordinates, which its docstring describes. `Start` has normalized
+coordinates, of half extent 1, and remembers the map between both.
 """
 
 from __future__ import annotations
@@ -24,18 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Start:
-    """A shape to begin with.
+    """A starting shape.
 
     Attributes
     ----------
-    points: (n, 3) whose convex hull is the shape, of half extent 1 about the middle of its box.
-    directions: (k, 3) unit normals of the facets that carry outcomes, in the order in which an
-        assignment names them.
-    origin, scale: how the points were normalized: (3,) and a length in the shape's own
-        coordinates, with point = (own - origin) / scale.
-    pinned: numbers of the directions whose facets stay in their planes; the exact method alone
-        heeds it.
-    notes: what was repaired or assumed on the way in, one sentence each.
+    points: (n, 3) whose convex hull is the shape, of half extent 1 about the center of its box.
+    directions: (k, 3) unit normals of the facets with outcomes, in the order of an assignment.
+    origin, scale: normalization, (3,) and a length in the shape's own coordinates: point =
+        (own - origin) / scale.
+    pinned: numbers of the directions whose facets stay in their planes, for the exact method.
+    notes: repairs and assumptions, one sentence each.
     """
 
     points: Floats
@@ -46,13 +43,12 @@ class Start:
     notes: tuple[str, ...] = ()
 
     def normalize(self, own: Floats) -> Floats:
-        """Coordinates of points (..., 3), given in the shape's own coordinates, in those of
-        `points`."""
+        """Convert points (..., 3) from the shape's own coordinates to those of `points`."""
         return (own - self.origin) / self.scale
 
 
 def normalize_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
-    """A start in normalized coordinates from points (n, 3) and unit directions (k, 3)."""
+    """Start in normalized coordinates, from points (n, 3) and unit directions (k, 3)."""
     origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
     centered = points - origin
     scale = float(np.abs(centered).max())
@@ -61,13 +57,13 @@ def normalize_start(points: Floats, directions: Floats, notes: tuple[str, ...] =
 
 @dataclass(frozen=True)
 class StartSurface:
-    """A surface to begin with.
+    """Surface of a concave start.
 
     Attributes
     ----------
-    surface: closed, of one solid.
-    notes: what was done to it on the way in, one sentence each.
-    repair: of the mesh that it is of, if there was one.
+    surface: closed surface of one solid.
+    notes: changes of the surface, one sentence each.
+    repair: repair of the mesh, if any.
     """
 
     surface: Surface
@@ -77,13 +73,13 @@ class StartSurface:
 
 @dataclass(frozen=True)
 class Task:
-    """Purpose of a start.
+    """Requirements on a start.
 
     Attributes
     ----------
-    outcomes: how many there are.
-    seed: of everything random.
-    center_of_mass: (3,) given, in the shape's own coordinates, or None for the uniform solid.
+    outcomes: number of outcomes.
+    seed: random seed.
+    center_of_mass: (3,) in the shape's own coordinates, or None for the uniform solid.
     """
 
     outcomes: int
@@ -97,15 +93,15 @@ class StartKind(Extension):
 
     Attributes
     ----------
-    options: type of what a recipe says of it: a dataclass with `STRICT`, or a choice of texts.
-    check: raises ValueError, naming the key, where a shape of such options cannot bear so many
+    options: type of its options in recipes: a dataclass with `STRICT`, or a choice of texts.
+    check: raises ValueError, naming the key, if a shape with these options cannot have a number of
         outcomes.
-    make: the shape, from options and task, or None if there is no single one.
-    search: shapes with one rest for each outcome and no other, without end, from options, for
-        target probabilities (k,), a point group (g, 3, 3) or None, and a seed; None where a turn
-        found nothing. Or None if shapes are not searched.
-    surface: the closed surface to make a concave die of, from options and the most points that it
-        needs to have; or None if there is none.
+    make: makes the shape from options and a task; None if there is no single shape.
+    search: yields shapes with one rest for each outcome and no other, without end, from options,
+        target probabilities (k,), a point group (g, 3, 3) or None, and a seed. It yields None for a
+        turn without a shape. None if shapes are not searched.
+    surface: makes the closed surface of a concave die, from options and the number of points that
+        suffices; None if there is no surface.
     """
 
     options: Any
@@ -131,7 +127,7 @@ STARTS: Final = Registry(
 
 
 def build_start(name: str, options: Any, task: Task) -> Start | None:
-    """The starting shape of a kind, or None where there is no single one.
+    """Make the starting shape of a kind; None if there is no single one.
 
     Raises
     ------
@@ -143,11 +139,11 @@ def build_start(name: str, options: Any, task: Task) -> Start | None:
         return None
     start = make(options, task)
     if task.center_of_mass is not None:
-        # They load SciPy, without which a recipe is read.
+        # These load SciPy, which reading a recipe does not need.
         from dicedesign.geometry.hulls.hull import convex_hull
         from dicedesign.rest.equilibria import classify
 
-        # An error speaks of the coordinates that the recipe uses.
+        # Errors have the coordinates of the recipe.
         classify(convex_hull(start.origin + start.scale * start.points), task.center_of_mass)
     return start
 

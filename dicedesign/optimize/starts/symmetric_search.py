@@ -1,5 +1,5 @@
-"""Symmetric starting shapes for any target: random polyhedra that a point group maps onto
-themselves, the nearest in their probabilities first."""
+"""Search for symmetric starting shapes: random polyhedra with a point group and probabilities near
+any target."""
 
 from __future__ import annotations
 
@@ -32,42 +32,41 @@ EVEN_STEPS: Final = 200
 """Steps that spread the facets of even shapes."""
 
 MOST_HELPERS: Final = 2
-"""Number of orbits without outcome that are always possible; of small orbits, more."""
+"""Number of orbits without an outcome that are always possible; more if orbits are small."""
 
 CLEARANCE: Final = 0.03
-"""Least distance of the foot of the center of mass from the nearest edge's line of any facet, over
-the circumscribed radius."""
+"""Least depth of a facet: distance of the foot of the center of mass from the line of the nearest
+edge, over the circumscribed radius."""
 
 FLOOR_PROBABILITIES: Final = 0.3
-"""An outcome that is alone with probabilities above this may become the floor of a bowl."""
+"""Least probability of an outcome on an orbit of one facet that may be the floor of a bowl."""
 
 
 def symmetric_shapes_near(
     target: Floats, group: Floats, seed: int, helpers: int = 0
 ) -> Iterator[Start | None]:
-    """Starting shapes that a point group maps onto themselves, with one rest for each outcome and
-    no other, and equal target probabilities on each orbit of rests; without end. None where a turn
-    found nothing, so that whoever asks can stop.
+    """Yield starting shapes with a point group as symmetry, one rest for each outcome and no other,
+    and equal target probabilities on each orbit of rests, without end; None for a turn without a
+    shape.
 
-    The group acts about the origin of their points. Outcomes are spread over as few orbits as
-    possible. Even shapes, equally distant facets evenly spread, come first if equal probabilities
-    are near the target; then random polyhedra, the nearest in their probabilities first, with the
-    largest orbit probabilities for the largest outcomes among orbits of one size. None is tied or
-    nearly so, as probabilities jump there.
+    The group acts about the origin. Outcomes are on as few orbits as possible. If equal
+    probabilities are near the target, even shapes of equally distant, evenly spread facets come
+    first. Then random polyhedra come in order of the distance of their probabilities from the
+    target, with the most probable orbits for the most probable outcomes among orbits of one size.
+    Shapes that are tied or nearly so are skipped, as their probabilities jump.
 
     Parameters
     ----------
-    target: (k,) wanted probabilities, k at least 2.
-    group: (g, 3, 3) as `point_group` makes it.
-    seed: of everything random.
+    target: (k,) target probabilities, k at least 2.
+    group: (g, 3, 3) as made by `point_group`.
+    seed: random seed.
     helpers: least number of facets without an outcome.
 
-    Raises
-    ------
-    InputError: equal probabilities do not fill whole orbits of the group. It comes at once.
+    Raises ------ InputError: equal probabilities do not fill whole orbits of the group; raised by
+    the call itself.
     """
     layouts, rng = OrbitLayouts(target, group), np.random.default_rng(seed)
-    # Stretching along an axis that all elements keep or reverse leaves the symmetry.
+    # A stretch along an axis that all elements keep or reverse keeps the symmetry.
     axes = np.flatnonzero((np.abs(np.diagonal(group, 0, 1, 2)) == 1.0).all(axis=0))
 
     def even(_: int) -> Start | None:
@@ -93,9 +92,9 @@ def symmetric_shapes_near(
 def _start(
     sites: list[OrbitSite], normals: Floats, distances: Floats, layout: Layout, target: Floats
 ) -> tuple[Start, Floats] | None:
-    """The polyhedron of half-spaces on sites, with normals (m, 3) and distances (s,) of the orbits,
-    and its probabilities (k,); None where its rests have other orbits than the layout or it is
-    nearly tied.
+    """Polyhedron of half-spaces on sites, with normals (m, 3) and distances (s,) of the orbits, and
+    its probabilities (k,). None if its rests have other orbits than the layout, or it is nearly
+    tied.
     """
     owners = np.repeat(np.arange(len(sites)), [site.size for site in sites])
     candidate = start_with_probabilities(normals, distances[owners], len(target))
@@ -106,7 +105,7 @@ def _start(
     equilibria = classify(hull, hull.centroid)
     feet = equilibria.side / equilibria.edge_lengths
     depths = np.minimum.reduceat(feet, hull.facet_start[:-1])
-    # Already exact by its symmetry, a shape would not be moved away from a near tie.
+    # If symmetry makes a shape exact, no step moves it away from a near tie.
     if np.abs(depths).min() < CLEARANCE * norms(equilibria.radii).max():
         return None
     orbits = [np.flatnonzero(owners[rests] == number) for number in np.unique(owners[rests])]
@@ -129,8 +128,8 @@ def _pebble(
     helpers: int,
     rng: np.random.Generator,
 ) -> tuple[list[OrbitSite], Floats, Floats]:
-    """Half-spaces facing all ways, on the sites of a layout and at least so many more: sites,
-    normals (m, 3), and distances (s,) of the orbits."""
+    """Half-spaces in all directions, on the sites of a layout and a number of helper sites or more:
+    sites, normals (m, 3), and distances (s,) of the orbits."""
     sites = [site for site, _ in layout]
     fewest = max(sum(site.size for site in sites) + helpers, FEWEST_FACETS + 1)
     facets = fewest
@@ -149,8 +148,8 @@ def _pebble(
 def _bowl(
     layouts: OrbitLayouts, layout: Layout, floor: int, rng: np.random.Generator
 ) -> tuple[list[OrbitSite], Floats, Floats]:
-    """As `_pebble`, of a bowl under a low roof, which stands on an orbit of one facet: walls that
-    lean outward let the body roll onto it."""
+    """Half-spaces of a bowl under a low roof, as `_pebble`. Its floor is an orbit of one facet,
+    onto which the body rolls over walls that lean outward."""
     roof = [site for number, (site, _) in enumerate(layout) if number != floor]
     sites = roof + _helpers(layouts, int(rng.integers(3, 9)), rng)
     bottom = layout[floor][0]
@@ -159,7 +158,7 @@ def _bowl(
     is_roof = np.arange(len(sites)) < len(roof)
     angles = np.where(is_roof, rng.uniform(140.0, 175.0), rng.uniform(25.0, 75.0))
     angles = np.radians(angles + 3.0 * rng.normal(size=len(sites)))
-    # The same angle to the floor for a whole orbit; what faces straight up stays.
+    # All facets of an orbit have the same angle to the floor; facets on the axis stay.
     sizes = [site.size for site in sites]
     leaning = np.repeat([site.pole is None for site in sites], sizes)
     sideways = normals[leaning] - np.outer(normals[leaning] @ down, down)
@@ -172,7 +171,7 @@ def _bowl(
 
 
 def _helpers(layouts: OrbitLayouts, facets: int, rng: np.random.Generator) -> list[OrbitSite]:
-    """Sites of orbits without an outcome, with at least a number of facets in all."""
+    """Random sites of orbits without an outcome, with a total number of facets or more."""
     sites: list[OrbitSite] = []
     while sum(site.size for site in sites) < facets:
         sites.append(layouts.helper(rng))

@@ -19,13 +19,8 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.options import ExactOptions, SobolevOptions
 from dicedesign.optimize.preferences import Preferences
-from dicedesign.optimize.solvers.candidate import (
-    CandidateMaker,
-    DesignResult,
-    DesignStep,
-    largest_jump,
-)
-from dicedesign.optimize.solvers.exact import solve_exact
+from dicedesign.optimize.solvers.candidate import CandidateMaker, DesignResult, DesignStep
+from dicedesign.optimize.solvers.exact import largest_jump, solve_exact
 from dicedesign.optimize.starts.search import shapes_like, shapes_near
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.starts.start import Start
@@ -54,7 +49,7 @@ def solved(target: list[float], seed: int = 0, **options: Any) -> DesignResult:
 
 
 def check_exact(result: DesignResult, target: np.ndarray, tolerance: float = 1e-12) -> None:
-    """Against the forward model, which shares no step of the solver, and the 60-digit oracle."""
+    """Check a result by the forward model, which shares no code with the solver, and the oracle."""
     assert result.status is Status.CONVERGED
     poses = rest_poses(result.hull.vertices)
     assert len(poses.normals) == len(target)
@@ -88,7 +83,7 @@ def test_vertices_meet_targets_too(name: str, metric: SobolevOptions | None) -> 
         (prism(5), binomial(4).probabilities),
     ],
 )
-def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> None:
+def test_the_die_stays_similar_to_a_given_start(start: Start, target: np.ndarray) -> None:
     options = ExactOptions(prefer=Preferences())
     result = solve_exact(shapes_like(start, 0), target, options)
     check_exact(result, target)
@@ -98,7 +93,7 @@ def test_a_start_of_one_s_own_is_kept_to(start: Start, target: np.ndarray) -> No
     assert np.mean(nearest == np.arange(len(target))) > 0.5
 
 
-def test_every_accepted_step_is_told() -> None:
+def test_callbacks_receive_every_accepted_step() -> None:
     seen: list[DesignStep] = []
     target = np.array(TARGETS["uneven"])
     options = ExactOptions(prefer=Preferences())
@@ -111,10 +106,10 @@ def test_every_accepted_step_is_told() -> None:
 
 
 OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
-"""Rests of so small probabilities are lost on the way."""
+"""Target with such small probabilities that rests are lost on the way."""
 
 
-def test_what_is_not_met_ends_with_the_best_found() -> None:
+def test_unreachable_targets_end_with_the_best_die() -> None:
     result = solved(OUT_OF_REACH, starts=5)
     assert result.status is Status.NO_START
     assert result.starts == 5
@@ -130,11 +125,9 @@ def test_what_is_not_met_ends_with_the_best_found() -> None:
     few = solved(OUT_OF_REACH, evaluations=40)
     assert few.status is Status.STEP_LIMIT
     assert 40 <= few.evaluations < 80
-    with pytest.raises(InputError, match="evaluations: expected a whole number above 0"):
-        solved(OUT_OF_REACH, evaluations=0)
 
 
-def test_starts_without_a_fixed_center_inside_are_passed_over() -> None:
+def test_starts_without_a_fixed_center_inside_are_skipped() -> None:
     target, center = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.05, -0.02, 0.1])
     start = repulsion(4, 0)
     beside = replace(start, points=start.points + 5.0)
@@ -190,7 +183,7 @@ def test_bad_arguments_are_refused_in_words(
         solve_exact([], np.array([0.5, 0.5]), ExactOptions(**options), **arguments)
 
 
-def test_the_solver_takes_a_prior_by_its_text() -> None:
+def test_the_solver_accepts_a_prior_as_text() -> None:
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     start = Start(cube, rest_poses(cube).normals)
     target = np.array([0.3, 0.14, 0.14, 0.14, 0.14, 0.14])
@@ -208,26 +201,13 @@ def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
         solve_exact([pair], np.array([0.5, 0.5]), ExactOptions())
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        ({"tolerance": 0.0}, "tolerance: expected a number from 1e-15 on and below 1, got 0"),
-        ({"sobolev": SobolevOptions()}, 'sobolev: expected coordinates "vertices"'),
-        ({"seconds": float("nan")}, "seconds: expected a positive number"),
-    ],
-)
-def test_bad_options_are_refused_in_words(options: dict[str, Any], text: str) -> None:
-    with pytest.raises(InputError, match=text):
-        ExactOptions(**options)
-
-
 PRIOR = dd.VonMisesFisher([0.2, 0.1, -1.0], 2.0)
 WEDGE = np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0], [2, 1, 0], [-1, 0, 2], [2, 0, 2.0]])
 WEDGE = np.concatenate([WEDGE, WEDGE[4:] + np.array([0, 1, 0])])
 
 
 @pytest.mark.parametrize(("aside", "jumps"), [(0.3, False), (1e-9, True)])
-def test_a_center_of_mass_over_an_edge_is_a_place_to_jump(aside: float, jumps: bool) -> None:
+def test_probabilities_jump_with_a_center_of_mass_over_an_edge(aside: float, jumps: bool) -> None:
     center = np.array([aside, 0.5, 0.9])
     poses = dd.rest_poses(WEDGE, center).under(PRIOR)
     coordinates, parameters = FacetCoordinates.of(WEDGE, center)

@@ -1,4 +1,4 @@
-"""Rounds of throwing and designing anew, in a world where the model's mistake is known."""
+"""Rounds of throws and designs with a simulated, known error of the model."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.optimize.options import RefineOptions
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.refinement import Refinement, Thrown
 from dicedesign.results.parts import Status
@@ -39,7 +37,8 @@ def tilted(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
 
 
 class World:
-    """Dice whose true probabilities are those in the model times fixed factors, and a bit more."""
+    """Dice with true probabilities that are those in the model times fixed factors, plus a
+    drift."""
 
     def __init__(self, factors: np.ndarray, drift: float = 0.0) -> None:
         self.factors, self.drift = np.log(factors), drift
@@ -106,7 +105,7 @@ class World:
 FACTORS = np.exp(np.random.default_rng(3).normal(scale=0.3, size=11))
 
 
-def test_rounds_lead_to_the_target_to_within_what_was_asked() -> None:
+def test_rounds_lead_to_the_target_within_the_tolerance() -> None:
     world = World(FACTORS, drift=0.5)
     die, rounds = world.refined()
     assert rounds[0].deviation > 0.08
@@ -116,8 +115,8 @@ def test_rounds_lead_to_the_target_to_within_what_was_asked() -> None:
     assert len(set(world.numbers)) == len(world.numbers) > 2
 
 
-def test_what_is_expected_of_a_die_is_what_it_does() -> None:
-    """On the mean over many runs, of the first die and of the one that is kept."""
+def test_expected_deviations_are_the_true_ones_on_average() -> None:
+    """Over many runs, for the first die and the one that is kept."""
     expected, true = [], []
     for seed in range(12):
         factors = np.exp(np.random.default_rng([seed, 9]).normal(scale=0.3, size=11))
@@ -136,7 +135,7 @@ def test_what_is_expected_of_a_die_is_what_it_does() -> None:
     assert 0.8 < last < 2.0
 
 
-def test_a_model_that_answers_too_much_is_seen_through() -> None:
+def test_a_model_that_exaggerates_changes_is_corrected() -> None:
     """Where the true probabilities move by a third of what the model says, two rounds tell, and the
     dice of later ones are right."""
 
@@ -153,7 +152,7 @@ def test_a_model_that_answers_too_much_is_seen_through() -> None:
     assert world.deviation(die) < 0.01
 
 
-def test_a_die_that_was_lucky_at_first_is_found_out() -> None:
+def test_a_lucky_first_die_is_detected() -> None:
     """Its first throws show the target itself, though it is far from it; of two kinds of facets
     they seem to tell enough."""
     world = World(np.where(ALONE < 5, 1.1, 1.0))
@@ -171,7 +170,7 @@ def test_a_die_that_was_lucky_at_first_is_found_out() -> None:
 
 
 def test_a_worse_die_is_not_kept() -> None:
-    """The later designs lead astray, ever farther."""
+    """Later designs have increasing errors."""
     world = World(FACTORS)
 
     def astray(
@@ -190,7 +189,7 @@ def test_a_worse_die_is_not_kept() -> None:
     assert rounds[-1].expected > 0.1
 
 
-def test_outcomes_of_one_orbit_are_corrected_alike() -> None:
+def test_outcomes_of_one_orbit_have_equal_corrections() -> None:
     orbits = np.array([0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0])
     world = World(FACTORS[orbits])
     die, _ = world.refined(orbits=orbits)
@@ -213,7 +212,7 @@ def test_a_correction_without_a_die_is_halved() -> None:
     assert world.deviation(die) < 0.02
 
 
-def test_what_other_tables_do_is_learned_from_few_throws_on_each() -> None:
+def test_few_throws_on_each_other_table_measure_its_bias() -> None:
     world = World(FACTORS)
     die, rounds = world.refined(tables=TABLES, drops=100_000, rounds=6, within=0.01)
     assert 16 * world.on_tables[0] == pytest.approx(world.drops[0] / 2, rel=0.01)
@@ -234,7 +233,7 @@ def test_what_other_tables_do_is_learned_from_few_throws_on_each() -> None:
 
 
 def test_a_die_that_is_right_on_more_tables_is_kept() -> None:
-    """All are as right on the table that is meant."""
+    """All dice have the same error on the target table."""
     world = World(np.ones(11))
 
     def design(
@@ -247,7 +246,7 @@ def test_a_die_that_is_right_on_more_tables_is_kept() -> None:
     assert die.error == 0.9
 
 
-def test_how_much_the_probabilities_change_with_the_table_is_told_by_throws() -> None:
+def test_throws_measure_how_probabilities_change_with_the_table() -> None:
     world = World(FACTORS)
     refinement = world.refinement(tables=TABLES, drops=50_000)
     for place, steadiness in enumerate((0.1, 0.9, 0.4)):
@@ -259,31 +258,17 @@ def test_how_much_the_probabilities_change_with_the_table_is_told_by_throws() ->
     assert min(world.numbers) >= refinement.rounds
 
 
-def test_the_rounds_end_where_no_die_is_found() -> None:
+def test_rounds_end_if_no_die_is_found() -> None:
     world = World(FACTORS)
     die, rounds = world.refined(design=lambda die, probabilities, bias: None)
     assert len(rounds) == 1
     np.testing.assert_array_equal(die.directions, TARGET)
 
 
-def test_a_die_that_its_symmetry_makes_right_is_not_thrown() -> None:
+def test_a_die_fair_by_symmetry_is_not_thrown() -> None:
     world, fair = World(np.ones(11)), np.full(11, 1 / 11)
     refinement = world.refinement(target=fair, orbits=np.zeros(11, dtype=np.int64))
     die, rounds = refinement.refine(die_with(fair))
     assert rounds == ()
     assert world.drops == []
     np.testing.assert_array_equal(die.directions, fair)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"drops": 0}, "refine.drops: expected a whole number from 1 to 10000000, got 0"),
-        ({"rounds": 0}, "refine.rounds: expected a whole number from 1 to 50, got 0"),
-        ({"verdict": -1}, "refine.verdict: expected a whole number from 1 to 10000000, got -1"),
-        ({"within": 1.0}, r"refine.within: expected a number in \(0, 1\), got 1"),
-    ],
-)
-def test_impossible_options_are_errors(options: dict, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        RefineOptions(**options)

@@ -114,7 +114,7 @@ def test_filled_labels_need_no_change(tmp_path: Path) -> None:
     np.testing.assert_allclose(both / plain.volume, plain.center_mass, atol=1e-6)
 
 
-def test_unbalanced_dice_say_what_they_lack() -> None:
+def test_unbalanced_dice_report_their_error() -> None:
     work = made(engrave={"balance": "none"})
     balance = work.balance
     assert len(balance.errors) == 1
@@ -122,13 +122,8 @@ def test_unbalanced_dice_say_what_they_lack() -> None:
     assert work.status is Status.CONVERGED
 
 
-def test_a_radius_larger_than_a_facet() -> None:
-    with pytest.raises(InputError, match=r"edges.radius_mm.*facet"):
-        made(edges={"radius_mm": 6.0}, engrave=False)
-
-
 @pytest.mark.parametrize("engrave", [{"style": "raised"}, {"balance": "fill"}])
-def test_a_surface_is_only_marked(engrave: dict[str, str]) -> None:
+def test_surfaces_refuse_raised_and_filled_labels(engrave: dict[str, str]) -> None:
     with pytest.raises(InputError, match="concave"):
         parse_recipe(
             {
@@ -141,7 +136,7 @@ def test_a_surface_is_only_marked(engrave: dict[str, str]) -> None:
         )
 
 
-def test_a_given_center_of_mass_has_nothing_to_balance_with() -> None:
+def test_a_given_center_of_mass_refuses_filled_labels() -> None:
     with pytest.raises(InputError, match="balance"):
         made(
             start={"repulsion": {}},
@@ -161,8 +156,8 @@ def probabilities_of(surface: Surface, directions: np.ndarray) -> np.ndarray:
     return outcome_probabilities(poses, directions).probabilities
 
 
-def test_a_box_becomes_the_box_with_the_probabilities() -> None:
-    """Opposite sides of a box are alike, and its proportions follow from the probabilities."""
+def test_a_box_is_stretched_to_the_box_with_the_probabilities() -> None:
+    """Opposite sides of a box are equal, and its proportions follow from the probabilities."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
     wanted = probabilities_of(box(10.0, 10.2, 9.9), sides)
     end = stretch(
@@ -178,7 +173,7 @@ def test_a_box_becomes_the_box_with_the_probabilities() -> None:
     np.testing.assert_allclose(end.surface.centroid, np.full(3, 3.0), atol=1e-12)
 
 
-def test_probabilities_that_no_stretch_has_are_not_made_worse() -> None:
+def test_a_stretch_never_increases_the_error() -> None:
     """A box has equal probabilities on opposite sides, whatever its proportions."""
     sides = np.concatenate([np.eye(3), -np.eye(3)])
     wanted = np.array([0.2, 0.16, 0.16, 0.14, 0.17, 0.17])

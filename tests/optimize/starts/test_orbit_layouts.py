@@ -1,4 +1,4 @@
-"""Outcomes spread over orbits, against all ways there are, and the most helpful symmetries."""
+"""Layouts of outcomes on orbits against exhaustive search, and the most helpful symmetries."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ORBITS = {
 
 
 def fewest_orbits(classes: list[int], name: str) -> int | None:
-    """The least number of orbits that hold classes of so many outcomes, by trying everything."""
+    """Least number of orbits for classes of numbers of outcomes, by exhaustive search."""
     poles, others = ORBITS[name]
     best = None
     for owner in product(range(len(classes) + 1), repeat=len(poles)):
@@ -54,13 +54,13 @@ def fewest_orbits(classes: list[int], name: str) -> int | None:
 
 
 def target_of(classes: list[int]) -> np.ndarray:
-    """Probabilities of which so many are equal, in a random order."""
+    """Probabilities in random order, with classes of equal ones."""
     weights = np.repeat(1.0 + np.arange(len(classes)), classes)
     return np.random.default_rng(0).permutation(weights / weights.sum())
 
 
 @pytest.mark.parametrize("name", ORBITS)
-def test_layouts_are_those_that_trying_everything_finds(name: str) -> None:
+def test_layouts_are_as_small_as_by_exhaustive_search(name: str) -> None:
     rng = np.random.default_rng(1)
     poles, others = ORBITS[name]
     possible = 0
@@ -117,7 +117,7 @@ def test_probabilities_that_fill_no_orbits_are_refused_in_words(
         (30, "Ih"),
     ],
 )
-def test_fair_dice_are_the_solids_whose_faces_are_all_alike(outcomes: int, name: str) -> None:
+def test_fair_dice_have_the_symmetry_of_isohedral_solids(outcomes: int, name: str) -> None:
     """Tetrahedron, cube, octahedron, dodecahedron, icosahedron, trapezohedra, the rhombic
     triacontahedron, and prisms for odd numbers."""
     assert fitting_groups(fair(outcomes).probabilities)[0] == name
@@ -144,5 +144,5 @@ def test_images_share_their_probabilities(target: np.ndarray, probabilities_left
         assert len(convex_hull(start.points).normals) >= len(target)
 
 
-def test_different_probabilities_allow_none() -> None:
+def test_different_probabilities_allow_no_symmetry() -> None:
     assert fitting_groups(np.array([0.5, 0.3, 0.2])) == []

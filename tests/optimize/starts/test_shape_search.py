@@ -39,14 +39,14 @@ TARGETS = {
 
 
 def random_half_spaces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Some of which, as a rule, cut nothing, or leave a direction open."""
+    """Half-spaces, some of which usually cut nothing, or leave a direction open."""
     count = int(rng.integers(5, 16))
     normals = rng.normal(size=(count, 3)) * np.exp(rng.normal(size=(count, 1)))
     return normals, np.exp(0.3 * rng.normal(size=count)) * np.linalg.norm(normals, axis=1)
 
 
 def shapes(target: np.ndarray, seed: int) -> Iterator[Start]:
-    """Starts alone, without the turns that found nothing."""
+    """Starts, without the turns that found none."""
     return (start for start in shapes_near(target, seed) if start is not None)
 
 
@@ -60,7 +60,7 @@ def outcome_probabilities(start: Start) -> np.ndarray:
     return poses.probabilities[np.argsort(outcome)]
 
 
-def test_rests_and_probabilities_of_half_spaces_are_those_of_the_forward_model() -> None:
+def test_starts_from_half_spaces_agree_with_the_forward_model() -> None:
     rng, solids, unbounded = np.random.default_rng(0), 0, 0
     while solids < 60:
         normals, distances = random_half_spaces(rng)
@@ -85,7 +85,7 @@ def test_rests_and_probabilities_of_half_spaces_are_those_of_the_forward_model()
 
 
 def _bounded(normals: np.ndarray) -> bool:
-    """Whether directions point to all sides: the hull of them has the origin inside."""
+    """Whether the hull of directions has the origin inside."""
     return bool((convex_hull(normals).heights(np.zeros(3)) > 0.0).all())
 
 
@@ -142,7 +142,7 @@ class Pool:
         return [None if start is None else start.scale for start in islice(found, count)]
 
 
-def test_the_pool_proposes_the_nearest_of_all_that_were_drawn() -> None:
+def test_the_pool_proposes_the_nearest_shapes() -> None:
     first: list[float | None] = [0.25, 0.1, None, 0.4, 0.2, 0.5]
     first += [None] * (DRAWN - len(first))
     pool = Pool([*first, 0.15, 0.45], [True, False, False, True])
@@ -184,6 +184,6 @@ def test_starts_are_symmetric_and_have_a_rest_for_each_outcome(name: str) -> Non
             np.testing.assert_allclose(target[image], target, rtol=1e-12)
 
 
-def test_probabilities_that_fill_no_orbits_are_refused_before_a_shape_is_asked_for() -> None:
+def test_impossible_symmetries_are_refused_by_the_call() -> None:
     with pytest.raises(InputError, match="expected outcomes of equal probability to fill whole"):
         symmetric_shapes_near(sum_of_dice([6, 6]).probabilities, point_group("D3h"), 0)

@@ -22,7 +22,7 @@ from dicedesign.optimize.starts.start import Start
 
 
 def nearest_angle(directions: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Angle from each direction (k, 3) to the nearest normal; exact for small ones too."""
+    """Angle from each direction (k, 3) to the nearest normal, exact for small angles."""
     chord = np.linalg.norm(directions[:, None, :] - normals[None, :, :], axis=2).min(axis=1)
     return 2.0 * np.arcsin(chord / 2.0)
 
@@ -77,7 +77,7 @@ def test_a_mesh_start_in_single_precision_keeps_flat_facets_whole(seed: int) -> 
 
 
 def convex_corners(start: Start, points: np.ndarray) -> np.ndarray:
-    """For each of the shape's own points, the corner of the start nearest to it."""
+    """Corner of the start nearest to each point of the shape's own."""
     offsets = start.normalize(points)[:, None] - start.points
     return start.points[np.argmin((offsets**2).sum(-1), axis=1)]
 
@@ -93,14 +93,14 @@ def test_a_mesh_start_ranks_the_rests_for_a_given_center() -> None:
     assert np.abs(rest_poses(points).normals[:3] - poses.normals[:3]).max() > 0.1
 
 
-def test_a_mesh_start_hands_on_what_was_repaired() -> None:
+def test_a_mesh_start_passes_on_notes() -> None:
     corners = np.vstack([np.eye(3), -np.ones((1, 3)), np.eye(3)[:1]])
     assert mesh_start(make_body(corners), 3).notes == (
         "welded 1 points to others at equal positions",
     )
 
 
-def test_starts_have_the_own_coordinates_that_they_describe() -> None:
+def test_starts_have_the_documented_coordinates() -> None:
     def own(start: Start) -> np.ndarray:
         return start.origin + start.scale * start.points
 
