@@ -65,17 +65,15 @@ nb::object destinations(const HullHandle& hull, Floats center, double rounding,
 // Facets that bodies tip onto which slide downhill, and whether that is certain.
 nb::object slides(const HullHandle& hull, Floats center, double rounding, double tie_distance,
                   Indices cells, Points directions, Floats errors) {
-    const Tolerances tolerances{rounding, tie_distance};
-    const Frame<double> frame(*hull, vector(center), tolerances);
-    const Frame<Twofold> finer(*hull, vector(center), tolerances);
+    const Frame<double> frame(*hull, vector(center), {rounding, tie_distance});
     Elements elements;
-    const Verdict verdict = classify(frame, finer, tolerances, elements);
+    const Verdict verdict = classify(frame, elements);
     if (verdict != Verdict::certain) return no_answer(verdict);
     std::vector<Index> reached(cells.shape(0));
     std::vector<Index> certain(cells.shape(0));
     for (std::size_t i = 0; i < cells.shape(0); ++i) {
-        certain[i] = slide(frame, tolerances, elements, cells(i), rows(directions)[i], errors(i),
-                           reached[i]);
+        certain[i] =
+            slide(frame, elements, cells(i), rows(directions)[i], errors(i), reached[i]);
         if (reached[i] < 0) return nb::none();
     }
     return nb::make_tuple(array(std::move(reached)), array(std::move(certain)));

@@ -35,11 +35,11 @@ Bounded side(const Frame<Real>& frame, Index e) {
 // numbers, where doubles do not tell. A move of c by a length changes it by no more than that
 // times the edge's length. Twofold values need no such move: ties are looked for in doubles.
 template <class Coarse, class Fine>
-Verdict sign(const Coarse& coarse, const Fine& fine, const Frame<double>& frame,
-             const Tolerances& tolerances, Index e, Index& result) {
+Verdict sign(const Coarse& coarse, const Fine& fine, const Frame<double>& frame, Index e,
+             Index& result) {
     Bounded number = coarse(e);
-    if (tolerances.tie_distance > 0.0) {
-        const double reach = number.bound + tolerances.tie_distance * norm(frame.edge(e));
+    if (frame.tolerances.tie_distance > 0.0) {
+        const double reach = number.bound + frame.tolerances.tie_distance * norm(frame.edge(e));
         if (!(std::fabs(number.value) > reach)) return Verdict::tied;
     } else if (!(std::fabs(number.value) > number.bound)) {
         number = fine(e);
@@ -67,9 +67,9 @@ Index roll_edge(const Frame<double>& frame, const Elements& elements, Index face
 
 }  // namespace
 
-Verdict classify(const Frame<double>& frame, const Frame<Twofold>& finer,
-                 const Tolerances& tolerances, Elements& elements) {
+Verdict classify(const Frame<double>& frame, Elements& elements) {
     const Hull& hull = frame.hull;
+    const Frame<Twofold> finer = frame.with<Twofold>();
     elements.growth_sign.resize(hull.half_edge_count());
     elements.side_sign.resize(hull.half_edge_count());
     elements.ascending.resize(hull.half_edge_count());
@@ -84,9 +84,9 @@ Verdict classify(const Frame<double>& frame, const Frame<Twofold>& finer,
     const auto fine_side = [&](Index e) { return side(finer, e); };
     for (Index e = 0; e < hull.half_edge_count(); ++e) {
         Verdict verdict =
-            sign(coarse_growth, fine_growth, frame, tolerances, e, elements.growth_sign[e]);
+            sign(coarse_growth, fine_growth, frame, e, elements.growth_sign[e]);
         if (verdict != Verdict::certain) return verdict;
-        verdict = sign(coarse_side, fine_side, frame, tolerances, e, elements.side_sign[e]);
+        verdict = sign(coarse_side, fine_side, frame, e, elements.side_sign[e]);
         if (verdict != Verdict::certain) return verdict;
         elements.ascending[e] = elements.growth_sign[e] > 0;
         elements.descending[e] = elements.growth_sign[e] < 0;

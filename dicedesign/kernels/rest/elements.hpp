@@ -30,8 +30,7 @@ struct Elements {
 };
 
 // Decides about all elements, or says why not.
-Verdict classify(const Frame<double>& frame, const Frame<Twofold>& finer,
-                 const Tolerances& tolerances, Elements& elements);
+Verdict classify(const Frame<double>& frame, Elements& elements);
 
 // Vertex that the body on a facet tips onto which rolls over none of its edges.
 Index roll_vertex(const Frame<double>& frame, Index facet);

@@ -1,12 +1,14 @@
-// A hull and its center of mass, in doubles or in twofold numbers.
+// A hull and its center of mass, in doubles or in numbers of more digits.
 #pragma once
 
+#include <cmath>
 #include <type_traits>
 #include <vector>
 
 #include "hull/hull.hpp"
 #include "twofold.hpp"
 #include "vector.hpp"
+#include "wide.hpp"
 
 namespace dicedesign {
 
@@ -25,6 +27,19 @@ inline Vec rounded(const Vector<Real>& a) {
 
 inline double difference(double a, double b, double) { return a - b; }
 inline Twofold difference(double a, double b, const Twofold&) { return exact_sum(a, -b); }
+template <int N>
+Wide<N> difference(double a, double b, const Wide<N>&) {
+    return Wide<N>(a) - Wide<N>(b);
+}
+
+// Bound on the rounding of a kind of number, for that of doubles. One operation on twofold numbers
+// is wrong by less than 2^-103 of its result, one on N limbs by less than 2^-(32 (N - 1)).
+inline double rounding_of(double rounding, double) { return rounding; }
+inline double rounding_of(double rounding, const Twofold&) { return 0x1p-50 * rounding; }
+template <int N>
+double rounding_of(double rounding, const Wide<N>&) {
+    return std::ldexp(rounding, 53 - 32 * (N - 1));
+}
 
 template <class Real>
 inline Vector<Real> difference(const Vec& a, const Vec& b) {
@@ -37,11 +52,8 @@ template <class Real>
 class Frame {
 public:
     Frame(const Hull& hull, const Vec& center, const Tolerances& tolerances)
-        : hull(hull),
-          // One operation on twofold numbers is wrong by less than 2^-103 of its result.
-          rounding(std::is_same_v<Real, Twofold> ? 0x1p-50 * tolerances.rounding
-                                                 : tolerances.rounding),
-          center_(center) {
+        : hull(hull), tolerances(tolerances),
+          rounding(rounding_of(tolerances.rounding, Real())), center_(center) {
         if constexpr (std::is_same_v<Real, double>) {
             normal_errors_.reserve(hull.facet_count);
             for (Index f = 0; f < hull.facet_count; ++f) normal_errors_.push_back(error(f));
@@ -81,7 +93,14 @@ public:
         }
     }
 
+    // The same with more digits.
+    template <class Finer>
+    Frame<Finer> with() const {
+        return Frame<Finer>(hull, center_, tolerances);
+    }
+
     const Hull& hull;
+    const Tolerances tolerances;
     const double rounding;
 
 private:

@@ -16,8 +16,7 @@ struct Place {
 // Where the line through a place leaves the cell of a vertex: the half-edge through whose arc, or
 // -1 where there is none. See `exit_half_edges` in tracing.py.
 template <class Real>
-Index exit_half_edge(const Frame<Real>& frame, const Tolerances& tolerances,
-                     const std::vector<char>& allowed, Index vertex,
+Index exit_half_edge(const Frame<Real>& frame, const std::vector<char>& allowed, Index vertex,
                      const Place<Real>& place, bool uphill, bool& certain) {
     const Hull& hull = frame.hull;
     const Vector<Real> along = frame.radius(vertex);
@@ -35,7 +34,7 @@ Index exit_half_edge(const Frame<Real>& frame, const Tolerances& tolerances,
         const double at_left = rounded(dot(left_of_travel, frame.normal(left)));
         const double at_right = rounded(dot(left_of_travel, frame.normal(right)));
         const double reach =
-            slack + tolerances.tie_distance + length * frame.normal_error(left);
+            slack + frame.tolerances.tie_distance + length * frame.normal_error(left);
         if (!last && !(std::fabs(at_left) > reach)) certain = false;
         const bool leaves = (first || at_right < 0.0) && (last || at_left >= 0.0);
         const double score = leaves ? std::numeric_limits<double>::infinity()
@@ -50,7 +49,7 @@ Index exit_half_edge(const Frame<Real>& frame, const Tolerances& tolerances,
 
 // Moves a place to where the line crosses the arc of a half-edge. See `crossing` in tracing.py.
 template <class Real>
-void cross_arc(const Frame<Real>& frame, const Tolerances& tolerances, Index e, bool uphill,
+void cross_arc(const Frame<Real>& frame, Index e, bool uphill,
                Place<Real>& place) {
     const Hull& hull = frame.hull;
     const Vector<Real> r = frame.radius(hull.tail[e]), v = frame.edge(e);
@@ -70,12 +69,12 @@ void cross_arc(const Frame<Real>& frame, const Tolerances& tolerances, Index e, 
     const double turn = edge / std::fmax(ahead, edge);
     place.error = place.error * shrink +
                   frame.rounding * (1.0 + norm(rounded(r)) * edge / length * turn) +
-                  tolerances.tie_distance * edge / length;
+                  frame.tolerances.tie_distance * edge / length;
 }
 
 // The saddle direction of a half-edge.
 template <class Real>
-Place<Real> saddle_point(const Frame<Real>& frame, const Tolerances& tolerances, Index e) {
+Place<Real> saddle_point(const Frame<Real>& frame, Index e) {
     const Vector<Real> a = frame.radius(frame.hull.tail[e]), b = frame.radius(frame.hull.head[e]);
     const Vector<Real> v = frame.edge(e);
     const double near = norm(rounded(a)), far = norm(rounded(b));
@@ -83,20 +82,20 @@ Place<Real> saddle_point(const Frame<Real>& frame, const Tolerances& tolerances,
     const double length = norm(rounded(direction)), edge = norm(rounded(v));
     const double size = std::fmin(near, far) * edge * edge;
     const double error = frame.rounding * (1.0 + size / length) +
-                         tolerances.tie_distance * edge * edge / length;
+                         frame.tolerances.tie_distance * edge * edge / length;
     return {Real(1.0 / length) * direction, error};
 }
 
 template <class Real>
-bool ascends(const Frame<Real>& frame, const Tolerances& tolerances, const Elements& elements,
+bool ascends(const Frame<Real>& frame, const Elements& elements,
              Index saddle, Index vertex, std::vector<Index>& crossed, Index& maximum) {
-    Place<Real> place = saddle_point(frame, tolerances, saddle);
+    Place<Real> place = saddle_point(frame, saddle);
     bool certain = true;
     while (!elements.maximum[vertex]) {
         const Index e =
-            exit_half_edge(frame, tolerances, elements.ascending, vertex, place, true, certain);
+            exit_half_edge(frame, elements.ascending, vertex, place, true, certain);
         if (!certain || e < 0) return false;
-        cross_arc(frame, tolerances, e, true, place);
+        cross_arc(frame, e, true, place);
         crossed.push_back(e);
         vertex = frame.hull.head[e];
     }
@@ -106,7 +105,7 @@ bool ascends(const Frame<Real>& frame, const Tolerances& tolerances, const Eleme
 
 // Facet that a body tips onto which touches the table along a hinge edge.
 template <class Real>
-Index tipped(const Frame<Real>& frame, const Tolerances& tolerances, const Elements& elements,
+Index tipped(const Frame<Real>& frame, const Elements& elements,
              Index e, const Place<Real>& place, bool& certain) {
     const Hull& hull = frame.hull;
     const Index twin = hull.twin[e];
@@ -116,60 +115,64 @@ Index tipped(const Frame<Real>& frame, const Tolerances& tolerances, const Eleme
     const double value = rounded(dot(r, cross(v, place.direction)));
     const double edge = norm(rounded(v));
     const double reach = norm(rounded(r)) * edge * (place.error + frame.rounding) +
-                         tolerances.tie_distance * edge;
+                         frame.tolerances.tie_distance * edge;
     if (!(std::fabs(value) > reach)) certain = false;
     return hull.facet[value > 0.0 ? e : twin];
 }
 
 // Follows a line downhill to a hinge edge; false where rounding can change the facet reached.
 template <class Real>
-bool descends(const Frame<Real>& frame, const Tolerances& tolerances, const Elements& elements,
+bool descends(const Frame<Real>& frame, const Elements& elements,
               Index vertex, Place<Real> place, Index& reached) {
     bool certain = true;
     while (true) {
         const Index e =
-            exit_half_edge(frame, tolerances, elements.descending, vertex, place, false, certain);
+            exit_half_edge(frame, elements.descending, vertex, place, false, certain);
         if (e < 0) return false;
-        cross_arc(frame, tolerances, e, false, place);
+        cross_arc(frame, e, false, place);
         if (elements.hinge[e]) {
-            reached = tipped(frame, tolerances, elements, e, place, certain);
+            reached = tipped(frame, elements, e, place, certain);
             return certain;
         }
         vertex = frame.hull.head[e];
     }
 }
 
+// Whether `follow` follows a line to its end in doubles, or else with as many digits as it takes,
+// unless ties are looked for.
+template <class Follow>
+Verdict follow_surely(const Frame<double>& frame, const Follow& follow) {
+    if (follow(frame)) return Verdict::certain;
+    if (frame.tolerances.tie_distance > 0.0) return Verdict::tied;
+    const bool sure = follow(frame.with<Twofold>()) || follow(frame.with<Wide<12>>()) ||
+                      follow(frame.with<Wide<40>>()) || follow(frame.with<Wide<120>>());
+    return sure ? Verdict::certain : Verdict::uncertain;
+}
+
 }  // namespace
 
-Verdict ascend(const Frame<double>& frame, const Frame<Twofold>& finer,
-               const Tolerances& tolerances, const Elements& elements, Index saddle, Index vertex,
+Verdict ascend(const Frame<double>& frame, const Elements& elements, Index saddle, Index vertex,
                std::vector<Index>& crossed, Index& maximum) {
     const std::size_t before = crossed.size();
-    if (ascends(frame, tolerances, elements, saddle, vertex, crossed, maximum)) {
-        return Verdict::certain;
-    }
-    if (tolerances.tie_distance > 0.0) return Verdict::tied;
-    crossed.resize(before);
-    const bool found = ascends(finer, tolerances, elements, saddle, vertex, crossed, maximum);
-    return found ? Verdict::certain : Verdict::uncertain;
+    return follow_surely(frame, [&](const auto& finer) {
+        crossed.resize(before);
+        return ascends(finer, elements, saddle, vertex, crossed, maximum);
+    });
 }
 
-Verdict descend(const Frame<double>& frame, const Frame<Twofold>& finer,
-                const Tolerances& tolerances, const Elements& elements, Index facet,
+Verdict descend(const Frame<double>& frame, const Elements& elements, Index facet,
                 Index& reached) {
     const Index vertex = roll_vertex(frame, facet);
-    const Place<double> place{frame.normal(facet), frame.normal_error(facet)};
-    if (descends(frame, tolerances, elements, vertex, place, reached)) return Verdict::certain;
-    if (tolerances.tie_distance > 0.0) return Verdict::tied;
-    const Place<Twofold> same{finer.normal(facet), finer.normal_error(facet)};
-    const bool found = descends(finer, tolerances, elements, vertex, same, reached);
-    return found ? Verdict::certain : Verdict::uncertain;
+    return follow_surely(frame, [&](const auto& finer) {
+        return descends(finer, elements, vertex, {finer.normal(facet), finer.normal_error(facet)},
+                        reached);
+    });
 }
 
-bool slide(const Frame<double>& frame, const Tolerances& tolerances, const Elements& elements,
-           Index vertex, const Vec& direction, double error, Index& reached) {
+bool slide(const Frame<double>& frame, const Elements& elements, Index vertex,
+           const Vec& direction, double error, Index& reached) {
     reached = -1;
-    return descends(frame, tolerances, elements, vertex, Place<double>{direction, error}, reached);
+    return descends(frame, elements, vertex, Place<double>{direction, error}, reached);
 }
 
 }  // namespace dicedesign

@@ -8,10 +8,8 @@ namespace {
 // Where bodies roll that are let go on facets; every answer is found once.
 class Destinations {
 public:
-    Destinations(const Frame<double>& frame, const Frame<Twofold>& finer,
-                 const Tolerances& tolerances, const Elements& elements)
-        : frame_(frame), finer_(finer), tolerances_(tolerances), elements_(elements),
-          known_(frame.hull.facet_count, -1) {}
+    Destinations(const Frame<double>& frame, const Elements& elements)
+        : frame_(frame), elements_(elements), known_(frame.hull.facet_count, -1) {}
 
     // The stable facet on which a body comes to rest that is let go on a facet.
     Verdict find(Index facet, Index& rest) {
@@ -32,8 +30,7 @@ public:
                 current = frame_.hull.facet[frame_.hull.twin[e]];
                 continue;
             }
-            const Verdict verdict =
-                descend(frame_, finer_, tolerances_, elements_, current, current);
+            const Verdict verdict = descend(frame_, elements_, current, current);
             if (verdict != Verdict::certain) return verdict;
         }
         rest = known_[current];
@@ -43,8 +40,6 @@ public:
 
 private:
     const Frame<double>& frame_;
-    const Frame<Twofold>& finer_;
-    const Tolerances& tolerances_;
     const Elements& elements_;
     std::vector<Index> known_, way_;
 };
@@ -54,10 +49,9 @@ private:
 Verdict find_destinations(const Hull& hull, const Vec& center, const Tolerances& tolerances,
                           const Index* facets, Index count, std::vector<Index>& reached) {
     const Frame<double> frame(hull, center, tolerances);
-    const Frame<Twofold> finer(hull, center, tolerances);
     Elements elements;
-    Verdict verdict = classify(frame, finer, tolerances, elements);
-    Destinations destinations(frame, finer, tolerances, elements);
+    Verdict verdict = classify(frame, elements);
+    Destinations destinations(frame, elements);
     reached.assign(count, -1);
     for (Index i = 0; i < count && verdict == Verdict::certain; ++i) {
         verdict = destinations.find(facets[i], reached[i]);
@@ -68,8 +62,7 @@ Verdict find_destinations(const Hull& hull, const Vec& center, const Tolerances&
 Verdict find_separatrices(const Hull& hull, const Vec& center, const Tolerances& tolerances,
                           Elements& elements, Separatrices& found) {
     const Frame<double> frame(hull, center, tolerances);
-    const Frame<Twofold> finer(hull, center, tolerances);
-    Verdict verdict = classify(frame, finer, tolerances, elements);
+    Verdict verdict = classify(frame, elements);
     if (verdict != Verdict::certain) return verdict;
     std::vector<Index> number(hull.facet_count, -1);
     for (Index f = 0; f < hull.facet_count; ++f) {
@@ -79,7 +72,7 @@ Verdict find_separatrices(const Hull& hull, const Vec& center, const Tolerances&
     }
     found.branch_start.push_back(0);
     if (found.rests.size() == 1) return Verdict::certain;
-    Destinations destinations(frame, finer, tolerances, elements);
+    Destinations destinations(frame, elements);
     for (Index e = 0; e < hull.half_edge_count(); ++e) {
         const Index twin = hull.twin[e];
         if (e > twin || !elements.saddle(hull, e)) continue;
@@ -97,7 +90,7 @@ Verdict find_separatrices(const Hull& hull, const Vec& center, const Tolerances&
     for (const Index e : found.saddles) {
         for (const Index end : {hull.head[e], hull.tail[e]}) {
             Index maximum = -1;
-            verdict = ascend(frame, finer, tolerances, elements, e, end, crossed, maximum);
+            verdict = ascend(frame, elements, e, end, crossed, maximum);
             if (verdict != Verdict::certain) return verdict;
             found.branch_start.push_back(static_cast<Index>(crossed.size()));
             found.maxima.push_back(maximum);
