@@ -123,7 +123,7 @@ def test_corners_must_be_seen_from_above() -> None:
         base = [int(hull.normals[:, 2].argmin())]
         assert read_as(hull, "auto", base).way == "down"
         if way is None:
-            with pytest.raises(EngravingError, match="leans by .* degrees on top of .a."):
+            with pytest.raises(EngravingError, match=r"leans by .* degrees on top of .a."):
                 read_as(hull, "up", base)
         else:
             reading = read_as(hull, "up", base)
