@@ -157,8 +157,8 @@ def ask(subject: Subject, limit: float) -> Iterator[Answer]:
         for count in DIRECTIONS:
             if 10.0 * last <= limit:
                 traced = partial(trace, subject, directions, count)
-                yield (found := answer(name, count, traced))
-                last = found.seconds
+                yield (latest := answer(name, count, traced))
+                last = latest.seconds
     yield answer("solid angles of facets", None, lambda: solid_angles(subject.classified()))
     yield from ask_trimesh(subject, limit)
 
@@ -233,8 +233,8 @@ def ask_trimesh(subject: Subject, limit: float) -> Iterator[Answer]:
                 return
             work = partial(stable_poses, hull.vertices, hull.triangles, center, sigma, samples)
             (normals, shares), last = process.call(limit + 60.0, timed, work)
-            found, lost = matched(hull, normals, shares)
-            yield Answer(method, samples, last, max(subject.error(found), lost))
+            frequencies, lost = matched(hull, normals, shares)
+            yield Answer(method, samples, last, max(subject.error(frequencies), lost))
 
 
 def stable_poses(
@@ -265,8 +265,8 @@ def matched(hull: ConvexHull, normals: Floats, shares: Floats) -> tuple[Floats, 
     none."""
     distances, nearest = cKDTree(hull.normals).query(normals)
     near = distances <= 2.0 * np.sin(SAME_NORMAL / 2.0)
-    found = np.bincount(nearest[near], shares[near], len(hull.normals))
-    return found, float(shares[~near].max(initial=0.0))
+    matched_shares = np.bincount(nearest[near], shares[near], len(hull.normals))
+    return matched_shares, float(shares[~near].max(initial=0.0))
 
 
 def draw(answers: dict[str, list[Answer]]) -> Any:

@@ -119,15 +119,15 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         "elsewhere 8.1e | meet 4d | apart 6.1f | margin 6.1f | mean 7.2% | largest 7.1% | "
         "shape 6.2f | size 6.2f | corners 9s | tried 5d | verdict 0s",
     )
-    made = []
+    attempts = []
     with processes(options.jobs) as workers:
-        for case, (found, reason) in zip(
+        for case, (measures, reason) in zip(
             cases := list(cases_of(options)), workers.map(attempt, cases), strict=True
         ):
-            cells = [found.get(name) for name in MEASURED]
+            cells = [measures.get(name) for name in MEASURED]
             row(Path(case.model).name, case.target, case.fill, *cells, reason or "as wanted")
-            made.append((case, found, reason))
-    return summarize(made, report)
+            attempts.append((case, measures, reason))
+    return summarize(attempts, report)
 
 
 def cases_of(options: argparse.Namespace) -> Iterator[Case]:
@@ -155,7 +155,7 @@ def cases_of(options: argparse.Namespace) -> Iterator[Case]:
 
 def attempt(case: Case) -> tuple[dict[str, Any], str]:
     """What was measured, and why the die is not as wanted, or ""."""
-    found: dict[str, Any] = {}
+    measures: dict[str, Any] = {}
     try:
         with TemporaryDirectory() as folder:
             path = Path(case.model)
@@ -167,17 +167,17 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
             work = make_die(parse_recipe(entries_of(case, path)), "start")
         if case.most_points is not None and len(work.surface.points) > case.most_points:
             work.surface, _ = decimate(work.surface, case.most_points)
-        found["points"] = len(work.surface.points)
+        measures["points"] = len(work.surface.points)
         start = time.perf_counter()
         try:
             run_stages(work, after="start", last="design")
         finally:
-            found["s"] = time.perf_counter() - start
+            measures["s"] = time.perf_counter() - start
         run_stages(work, after="design", last="check")
-        found |= measure(work.result())
-        return found, "; ".join(shortfalls(found, work.recipe.method.tolerance))
+        measures |= measure(work.result())
+        return measures, "; ".join(shortfalls(measures, work.recipe.method.tolerance))
     except Exception as error:  # a bench goes on with the next case, whatever went wrong in one
-        return found, f"{type(error).__name__}: {error}"
+        return measures, f"{type(error).__name__}: {error}"
 
 
 def entries_of(case: Case, path: Path) -> dict[str, Any]:
@@ -212,23 +212,23 @@ def measure(die: Result) -> dict[str, Any]:
     }
 
 
-def shortfalls(found: dict[str, Any], tolerance: float) -> Iterator[str]:
+def shortfalls(measures: dict[str, Any], tolerance: float) -> Iterator[str]:
     """Why a die is not as wanted."""
-    if found["|p - q|"] > tolerance:
-        yield f"probabilities off by {found['|p - q|']:.1e}"
-    if found["elsewhere"] > tolerance:
-        yield f"probabilities of {found['elsewhere']:.1e} elsewhere"
-    if found["meet"]:
-        yield f"{found['meet']} pairs of triangles meet"
-    if found["apart"] < LEAST_APART - ANGLE_SLACK:
-        yield f"outcomes {found['apart']:.1f} degrees apart"
-    if found["margin"] < LEAST_MARGIN - ANGLE_SLACK:
-        yield f"an outcome is left at {found['margin']:.1f} degrees"
-    if found["s"] > LONGEST:
-        yield f"took {found['s']:.0f} s"
+    if measures["|p - q|"] > tolerance:
+        yield f"probabilities off by {measures['|p - q|']:.1e}"
+    if measures["elsewhere"] > tolerance:
+        yield f"probabilities of {measures['elsewhere']:.1e} elsewhere"
+    if measures["meet"]:
+        yield f"{measures['meet']} pairs of triangles meet"
+    if measures["apart"] < LEAST_APART - ANGLE_SLACK:
+        yield f"outcomes {measures['apart']:.1f} degrees apart"
+    if measures["margin"] < LEAST_MARGIN - ANGLE_SLACK:
+        yield f"an outcome is left at {measures['margin']:.1f} degrees"
+    if measures["s"] > LONGEST:
+        yield f"took {measures['s']:.0f} s"
 
 
-def summarize(made: list[tuple[Case, dict[str, Any], str]], report: Report) -> bool:
+def summarize(attempts: list[tuple[Case, dict[str, Any], str]], report: Report) -> bool:
     """A row for each target and fill; whether the goals are reached, which are for the fill by
     correspondence."""
     row = report.table(
@@ -237,11 +237,11 @@ def summarize(made: list[tuple[Case, dict[str, Any], str]], report: Report) -> b
         "90 % s 6.1f | most s 6.1f | mean 7.2%",
     )
     is_good = True
-    for target, fill in dict.fromkeys((case.target, case.fill) for case, *_ in made):
-        mine = [(found, reason) for case, found, reason in made if case.target == target]
-        mine = [one for case, *one in made if (case.target, case.fill) == (target, fill)]
-        moved = [found["mean"] for found, reason in mine if not reason]
-        seconds = [found["s"] for found, _ in mine if "s" in found]
+    for target, fill in dict.fromkeys((case.target, case.fill) for case, *_ in attempts):
+        mine = [(measures, reason) for case, measures, reason in attempts if case.target == target]
+        mine = [one for case, *one in attempts if (case.target, case.fill) == (target, fill)]
+        moved = [measures["mean"] for measures, reason in mine if not reason]
+        seconds = [measures["s"] for measures, _ in mine if "s" in measures]
         took = np.quantile(seconds, [0.5, 0.9, 1.0]).tolist() if seconds else [None] * 3
         share = len(moved) / len(mine)
         goal = GOALS.get(target) if fill == "correspondence" else None

@@ -103,9 +103,9 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     with processes(options.jobs) as workers:
         tasks = [(shape, k, engines, drops, draws) for k, shape in enumerate(shapes)]
         for shape, (rests, compared) in zip(shapes, workers.map(compare_shape, tasks), strict=True):
-            for table, models, found in compared:
-                row(shape.name, rests, found[0], table, models, *found[1:4])
-                places.setdefault((table, models), []).append(found)
+            for table, models, distances in compared:
+                row(shape.name, rests, distances[0], table, models, *distances[1:4])
+                places.setdefault((table, models), []).append(distances)
     summarize(places, report)
     published = {} if options.distances is None else read_published(options.distances)
     row = report.table(
@@ -115,8 +115,8 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     for column, (models, coefficient, p_value) in PUBLISHED.items():
         again: tuple[float | None, float | None] = (None, None)
         if published:
-            found = pearsonr(published["weight_ratio"], published[column])
-            again = float(found.statistic), float(found.pvalue)
+            correlation = pearsonr(published["weight_ratio"], published[column])
+            again = float(correlation.statistic), float(correlation.pvalue)
         row(models, coefficient, p_value, *again)
     if options.out is not None:
         report.figure = draw(places, published)
@@ -125,16 +125,16 @@ def run(options: argparse.Namespace, report: Report) -> bool:
 
 def installed(report: Report) -> tuple[str, ...]:
     """Engines that can throw here. Raises InputError where none can."""
-    found = []
+    names = []
     for engine in ENGINES:
         try:
             engine.require()
-            found.append(engine.name)
+            names.append(engine.name)
         except InputError as error:
             report.line(f"left out: {error}")
-    if not found:
+    if not names:
         raise InputError("engines: expected a simulator, got none; install the extra throws")
-    return tuple(found)
+    return tuple(names)
 
 
 def cut_shapes(models: Mapping[str, Surface], seed: int = 0) -> list[Body]:
@@ -210,7 +210,7 @@ def compare_shape(
     body, number, engines, drops, draws = task
     poses = rest_poses(body)
     thrown = rigid_body(body, poses)
-    found = []
+    comparisons = []
     for place, table in enumerate(TABLES):
         # Probabilities, and the drops that each was counted in, 0 for exact ones.
         said: dict[str, tuple[Floats, int]] = {GEOMETRIC: (poses.probabilities, 0)}
@@ -232,8 +232,8 @@ def compare_shape(
         rng = np.random.default_rng([number, place])
         for pair in combinations(said, 2):
             distances = compare(poses.normals, *said[pair[0]], *said[pair[1]], draws, rng)
-            found.append((table, " vs ".join(pair), np.array([asymmetry(poses), *distances])))
-    return len(poses.probabilities), found
+            comparisons.append((table, " vs ".join(pair), np.array([asymmetry(poses), *distances])))
+    return len(poses.probabilities), comparisons
 
 
 def compare(
@@ -269,13 +269,13 @@ def summarize(places: dict[tuple[str, str], list[Floats]], report: Report) -> No
         "table 10s | models 22s | shapes 6d | W 6.3f | W floor 6.3f | TV 6.3f | "
         "TV floor 6.3f | r 6.2f | from 6.2f | to 6.2f | p 8.1g",
     )
-    for (table, models), found in places.items():
-        rho, *distances = np.transpose(found)
+    for (table, models), rows in places.items():
+        rho, *distances = np.transpose(rows)
         correlated = (None, None, None, None)
-        if len(found) > 3:
+        if len(rows) > 3:
             pearson = pearsonr(rho, distances[0])
             correlated = (pearson.statistic, *pearson.confidence_interval(), pearson.pvalue)
-        row(table, models, len(found), *np.mean(distances, axis=1).tolist(), *correlated)
+        row(table, models, len(rows), *np.mean(distances, axis=1).tolist(), *correlated)
 
 
 def read_published(path: Path) -> dict[str, Floats]:
@@ -297,9 +297,9 @@ def draw(places: dict[tuple[str, str], list[Floats]], published: dict[str, Float
     own shapes where they are given."""
     figure, axes = panels(len(TABLES) + bool(published), len(TABLES) + bool(published))
     for axis, table in zip(axes, TABLES, strict=False):
-        for (on, models), found in places.items():
+        for (on, models), rows in places.items():
             if on == table:
-                axis.scatter(*np.transpose(found)[:2], s=9, label=models)
+                axis.scatter(*np.transpose(rows)[:2], s=9, label=models)
         axis.set(title=f"table {table}")
     if published:
         for column, (models, _, _) in PUBLISHED.items():

@@ -138,9 +138,9 @@ def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report)
     row = report.table(
         "prints", "die 20s | error 18s | predicted 9.4% | printed 9.4% | ratio 6.3f | lost 5d"
     )
-    made = {name: make_print(entries, {}) for name, entries in dice.items()}
+    works = {name: make_print(entries, {}) for name, entries in dice.items()}
     is_good = True
-    for name, work in made.items():
+    for name, work in works.items():
         spread = spread_of(work, PrintErrors())
         for error in (*asdict(PrintErrors()), "all"):
             errors = PrintErrors() if error == "all" else only(PrintErrors(), error)
@@ -152,7 +152,7 @@ def compare_prints(dice: dict[str, dict[str, Any]], prints: int, report: Report)
             chance = SIGMAS / (2.0 * prints) ** 0.5
             is_good &= abs(printed / predicted - 1.0) <= SLACK + chance
     row = report.table("allowed", "die 20s | allowed mm 8.3f | noticed 8.1% | of prints 8.1%")
-    for name, work in made.items():
+    for name, work in works.items():
         row(name, *roll_allowed(work, prints))
     row = report.table(
         "preferences",

@@ -144,15 +144,15 @@ def compare(
     motion = corner_motion(hull, problem.center, along, center_along)
     exact = derivative(motion).astype(np.float64)
     variables = [rests.vertices] if center is None else [rests.vertices, center]
-    found, by_center, size = [], [], 0.0
+    slopes, by_center, size = [], [], 0.0
     for one in rests.probabilities:
         parts = torch.autograd.grad(one, variables, retain_graph=True)
         by_center.append(float(parts[1].numpy() @ center_along) if center is not None else 0.0)
-        found.append(float(np.vdot(parts[0].numpy(), along)) + by_center[-1])
+        slopes.append(float(np.vdot(parts[0].numpy(), along)) + by_center[-1])
         size = max(size, sum(float((part**2).sum()) for part in parts) ** 0.5)
     jacobian = rests.jacobian @ along.ravel() + by_center
     errors = {
-        "gradient": relative_error(rests, np.array(found), exact),
+        "gradient": relative_error(rests, np.array(slopes), exact),
         "Jacobian": relative_error(rests, jacobian, exact),
     }
     if sides > 3 and not is_file:
@@ -188,11 +188,11 @@ def half_space_error(
     return relative_error(rests, jacobian @ along, derivative(motion).astype(np.float64))
 
 
-def relative_error(rests: RestEvaluation, found: Floats, exact: Floats) -> float:
+def relative_error(rests: RestEvaluation, computed: Floats, exact: Floats) -> float:
     """Largest difference of derivatives (k,) of the rests from those (m,) of all facets, over the
     largest of these."""
     of_facets = np.zeros(len(exact))
-    of_facets[rests.paths.rests] = found
+    of_facets[rests.paths.rests] = computed
     return float(np.abs(of_facets - exact).max() / np.abs(exact).max())
 
 
@@ -304,13 +304,13 @@ def compare_growths(count: int, report: Report) -> bool:
         if power < count:
             rows.append(("grazing", growth, grazing))
         for name, rho, problems in rows:
-            found = max(
+            steepest = max(
                 (compare(one, seed=0, with_center=True) for one in problems), key=lambda c: c.size
             )
-            row(name, rho, found.size, max(found.errors.values()), found.limit)
-            is_good &= found.is_right
+            row(name, rho, steepest.size, max(steepest.errors.values()), steepest.limit)
+            is_good &= steepest.is_right
             if name == "grazing" and power >= 3:
-                sizes.append((np.log(rho), np.log(found.size)))
+                sizes.append((np.log(rho), np.log(steepest.size)))
     exponent = float(np.polyfit(*np.transpose(sizes), 1)[0])
     report.line(f"the gradient of grazing paths grows like (r_p . v)^{exponent:.4f}")
     report.record["grazing exponent"] = exponent
@@ -477,30 +477,30 @@ def works_of(points: Floats) -> list[Callable[[], Any]]:
     rests = evaluate_rests(torch.tensor(points))
     coordinates, parameters = FacetCoordinates.of(rests.hull.vertices, rests.hull.centroid)
 
-    def evaluated() -> RestEvaluation:
+    def evaluate() -> RestEvaluation:
         return evaluate_rests(torch.tensor(points, requires_grad=True))
 
     def gradient() -> Any:
-        found = evaluated()
-        return torch.autograd.grad((found.probabilities**2).sum(), found.vertices)
+        evaluation = evaluate()
+        return torch.autograd.grad((evaluation.probabilities**2).sum(), evaluation.vertices)
 
     def one_by_one() -> Any:
-        found = evaluated()
+        evaluation = evaluate()
         return [
-            torch.autograd.grad(value, found.vertices, retain_graph=True)
-            for value in found.probabilities
+            torch.autograd.grad(value, evaluation.vertices, retain_graph=True)
+            for value in evaluation.probabilities
         ]
 
     def half_spaces() -> Any:
         shape = coordinates.shape(parameters)
-        found = evaluate_rests(torch.tensor(shape.points))
-        return shape.in_parameters(found.jacobian, found.hull.source)
+        evaluation = evaluate_rests(torch.tensor(shape.points))
+        return shape.in_parameters(evaluation.jacobian, evaluation.hull.source)
 
     return [
         lambda: convex_hull(points),
-        lambda: evaluated().probability_values,
+        lambda: evaluate().probability_values,
         gradient,
-        lambda: evaluated().jacobian,
+        lambda: evaluate().jacobian,
         one_by_one,
         half_spaces,
     ]

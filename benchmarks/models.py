@@ -185,7 +185,7 @@ def _interpolation(values: Floats, low: Floats, spacing: float) -> Distance:
 
     def distance(points: Floats) -> Floats:
         places = np.moveaxis((points - low) / spacing, -1, 0)
-        found: Floats = map_coordinates(values, places, order=1, mode="nearest")
-        return found
+        interpolated: Floats = map_coordinates(values, places, order=1, mode="nearest")
+        return interpolated
 
     return distance

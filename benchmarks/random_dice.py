@@ -269,18 +269,18 @@ def deviations(
     momentum and by the momentum model, in NumPy, and the mean of right probabilities."""
     # Dice are judged side by side, one on each core.
     torch.set_num_threads(1)
-    found = []
+    deviations_of_dice = []
     for one in thrown:
         frequencies, poses = one.counts / one.counts.sum(), one.die.poses
         by_model = momentum_probabilities(poses, one.die.body, model)
-        found.append(
+        deviations_of_dice.append(
             (
                 total_variation(frequencies, poses.probabilities),
                 total_variation(frequencies, by_model),
                 noise_floor(frequencies, int(one.counts.sum())),
             )
         )
-    return found
+    return deviations_of_dice
 
 
 DEVIATIONS = (
@@ -290,7 +290,7 @@ DEVIATIONS = (
 """Columns of a table of `summary`, with their formats."""
 
 
-def summary(found: Sequence[tuple[float, float, float]]) -> tuple[float, ...]:
+def summary(variations: Sequence[tuple[float, float, float]]) -> tuple[float, ...]:
     """How many dice, and means and worst of their `deviations`."""
-    (geometric, momentum, floor), worst = np.mean(found, axis=0), np.max(found, axis=0)
-    return len(found), geometric, worst[0], momentum, worst[1], floor
+    (geometric, momentum, floor), worst = np.mean(variations, axis=0), np.max(variations, axis=0)
+    return len(variations), geometric, worst[0], momentum, worst[1], floor

@@ -69,15 +69,21 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             for number in (0, turns) if turns else (0,):
                 try:
                     seconds = PATIENCE + 1e-3 * case.points
-                    found = process.call(seconds, run_case, case.name, number)
+                    outcome = process.call(seconds, run_case, case.name, number)
                 except Exception as error:
-                    found = Outcome(
+                    outcome = Outcome(
                         f"{'hang' if isinstance(error, NoAnswer) else 'crash'}: {error}"
                     )
                 name = f"{case.name}, {number} rotations" if number else case.name
-                numbers = (found.facets, found.rests, found.excess, found.error, found.condition)
-                row(name, *numbers, found.seconds, found.verdict, found.ending)
-                failed += found.verdict != OK
+                numbers = (
+                    outcome.facets,
+                    outcome.rests,
+                    outcome.excess,
+                    outcome.error,
+                    outcome.condition,
+                )
+                row(name, *numbers, outcome.seconds, outcome.verdict, outcome.ending)
+                failed += outcome.verdict != OK
                 count += 1
     report.line(f"{count} cases, {count - failed} ok, {failed} not")
     return failed == 0
@@ -90,9 +96,9 @@ def run_case(name: str, turns: int) -> Outcome:
     if not isinstance(problem, DesignProblem):
         return _judge(_measure(problem, turns), problem.rests, problem.facets)
     measurement, faults, seconds, ending = watch_design(problem)
-    found = Outcome(OK) if measurement is None else _judge([measurement], None, None)
-    said = faults[0] if faults else found.verdict
-    return replace(found, seconds=seconds, verdict=said, ending=ending)
+    outcome = Outcome(OK) if measurement is None else _judge([measurement], None, None)
+    said = faults[0] if faults else outcome.verdict
+    return replace(outcome, seconds=seconds, verdict=said, ending=ending)
 
 
 def _measure(problem: Problem, turns: int) -> list[Measurement]:

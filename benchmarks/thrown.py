@@ -157,7 +157,7 @@ def throw_recipes(
             counts = die.counts(die.simulate(drops, next(seeds), "native", workers))
             frequencies = counts[:-1] / counts.sum()
             target = np.append(work.target.probabilities, 0.0)
-            found = measure_variation(counts, target, 0.95)
+            variation = measure_variation(counts, target, 0.95)
             elsewhere: list[float] = []
             for other in others if name == "thrown" else ():
                 each = drops // 20 if options.quick else drops // 5
@@ -166,13 +166,20 @@ def throw_recipes(
                 elsewhere.append(measure_variation(die.counts(throws), target, 0.95).value)
             status = work.status.name.lower()
             row(
-                *(recipe.name, name, status, found.value, *found.interval, found.noise_floor),
+                *(
+                    recipe.name,
+                    name,
+                    status,
+                    variation.value,
+                    *variation.interval,
+                    variation.noise_floor,
+                ),
                 total_variation(die.outcomes.sums(die.poses.probabilities), frequencies),
                 total_variation(die.momentum(momentum_model(exact.table_with_hand)), frequencies),
                 *(seconds, len(work.die.rounds)),
                 *(np.quantile(elsewhere, [OFTEN, 1.0]).tolist() if elsewhere else (None, None)),
             )
-        is_good &= status == "converged" and found.interval[0] <= exact.refine.within
+        is_good &= status == "converged" and variation.interval[0] <= exact.refine.within
     return is_good
 
 
@@ -188,10 +195,10 @@ def judge_model(options: argparse.Namespace, workers: Executor, report: Report) 
     drops = options.drops or (1_000 if options.quick else 20_000)
     task = partial(throw_random_die, seed=UNSEEN, throws=[(table, drops)], rests=RESTS)
     thrown = [one for (one,) in workers.map(task, range(count))]
-    found = deviations(thrown, model)
+    variations = deviations(thrown, model)
     row = report.table("momentum", f"random dice 23s | {DEVIATIONS}")
     for kind in ("all", *DICE_KINDS):
-        pairs = zip(thrown, found, strict=True)
+        pairs = zip(thrown, variations, strict=True)
         if alike := [one for die, one in pairs if kind in ("all", die.die.kind)]:
             row(kind, *summary(alike))
     times = []
@@ -214,7 +221,7 @@ def judge_model(options: argparse.Namespace, workers: Executor, report: Report) 
     )
     if options.out is not None:
         report.figure, (axis,) = panels(1, 1, (8.0, 4.5))
-        geometric, momentum, floor = np.transpose(sorted(found))
+        geometric, momentum, floor = np.transpose(sorted(variations))
         axis.bar(range(count), geometric, label="without momentum")
         axis.bar(range(count), momentum, label="momentum model")
         axis.plot(range(count), floor, color="black", label="right probabilities")
@@ -247,7 +254,7 @@ def compare_simulators(
     drops = options.drops or (500 if options.quick else 20_000)
     dice = [rigid_body(die.plain.body, die.plain.poses) for die in map(make_die, recipes)]
     dice += random_bodies(count)
-    found: dict[str, list[Integers]] = {}
+    counts_by_engine: dict[str, list[Integers]] = {}
     for place, (name, throw) in enumerate(ways()):
         # Others are a hundred times slower.
         wanted = drops if place < 6 else max(drops // 10, 50)
@@ -258,14 +265,16 @@ def compare_simulators(
         ]
         parts = list(workers.map(throw_part, tasks))
         each = len(tasks) // len(dice)
-        found[name] = [np.sum(parts[k : k + each], axis=0) for k in range(0, len(parts), each)]
+        counts_by_engine[name] = [
+            np.sum(parts[k : k + each], axis=0) for k in range(0, len(parts), each)
+        ]
     row = report.table(
         "simulators",
         "against native 16s | drops 7d | mean TV 7.4f | chance 7.4f | worst 7.4f | "
         "99 % of chance 7.4f | beyond 6d",
     )
-    reference = found.pop("native")
-    for name, counts in found.items():
+    reference = counts_by_engine.pop("native")
+    for name, counts in counts_by_engine.items():
         varied = [against(*pair) for pair in zip(reference, counts, strict=True)]
         worst = max(varied)
         beyond = sum(value > limit for value, _, limit in varied)

@@ -44,14 +44,14 @@ TORCH_BEGINS = "gradient"
 
 def imports(path: Path) -> set[str]:
     """Modules of the package that a file imports, at its top or anywhere else."""
-    found = set()
+    names = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            found.add(node.module)
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+            names.add(node.module)
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-    return {name for name in found if name.split(".")[0] == "dicedesign"}
+            names |= {alias.name for alias in node.names}
+    return {name for name in names if name.split(".")[0] == "dicedesign"}
 
 
 def modules(repository: Path) -> dict[str, Path]:

@@ -101,10 +101,10 @@ def test_sigma_is_the_mean_over_centers_of_mass() -> None:
         for normal, p in zip(poses.normals, poses.probabilities, strict=True):
             key = tuple(np.round(-normal, 5) + 0.0)
             expected[key] = expected.get(key, 0.0) + p / count
-    found = by_normal(transforms, probabilities)
-    assert found.keys() == expected.keys()
+    means = by_normal(transforms, probabilities)
+    assert means.keys() == expected.keys()
     for key, p in expected.items():
-        assert found[key] == pytest.approx(p, abs=1e-12)
+        assert means[key] == pytest.approx(p, abs=1e-12)
     assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
 
 

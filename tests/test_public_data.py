@@ -75,8 +75,8 @@ def test_what_is_missing(
     assert done.returncode == (1 if required else 0), done.stdout + done.stderr
     for missing in (DATA, SLICER, BROWSER):
         title, name = missing
-        _, _, told = done.stdout.partition(f"1 skipped: {title}")
-        assert (name in told.splitlines()) is (missing not in required)
+        _, _, listed = done.stdout.partition(f"1 skipped: {title}")
+        assert (name in listed.splitlines()) is (missing not in required)
         # What a fixture misses is an error.
         failed = {f"FAILED {name}", f"ERROR {name}"} & set(done.stdout.splitlines())
         assert bool(failed) is (missing in required)

@@ -31,10 +31,10 @@ def test_a_goal_that_is_reached(
     said = capsys.readouterr()
     assert "by cavity" in said.out
     assert "drains it" in said.err
-    found = json.loads((out / "balanced_balance.json").read_text())
+    summary = json.loads((out / "balanced_balance.json").read_text())
     mesh = trimesh.load(out / "balanced.stl")
-    np.testing.assert_allclose(mesh.center_mass, found["center_mm"], atol=1e-4)
-    (pose,) = found["poses"]
+    np.testing.assert_allclose(mesh.center_mass, summary["center_mm"], atol=1e-4)
+    (pose,) = summary["poses"]
     assert pose["probabilities"] > pose["before"]
     np.testing.assert_allclose(pose["normal"], [0.96, 0.0, -0.28], atol=1e-6)
     assert f"{100.0 * pose['probabilities']:.4f} %" in said.out
@@ -48,10 +48,10 @@ def test_a_goal_that_is_not_reached_leaves_the_best(
     out = tmp_path / "best.stl"
     command = ["balance", str(leaning), "--target", "0.9,0.1", "--poses", "6,5", "--json"]
     assert main([*command, "--by", "infill", "--out", str(out)]) == 1
-    found = json.loads(capsys.readouterr().out)
-    assert not found["reached"]
-    assert found["max_abs_error"] > 0.005
+    summary = json.loads(capsys.readouterr().out)
+    assert not summary["reached"]
+    assert summary["max_abs_error"] > 0.005
     assert sorted(path.name for path in tmp_path.glob("best*")) == sorted(
-        Path(name).name for name in found["files"]
+        Path(name).name for name in summary["files"]
     )
     assert (tmp_path / "best_sparse.stl").exists()

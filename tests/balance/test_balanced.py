@@ -35,29 +35,29 @@ def probabilities_of_file(data: bytes, directions: np.ndarray) -> np.ndarray:
 
 
 def test_equal_probabilities_by_a_cavity_are_those_of_the_file() -> None:
-    found = balance_body(
+    balanced = balance_body(
         leaning(), EqualProbabilities(3), BalanceOptions(by="cavity", search=QUICK)
     )
-    assert found.reached
-    assert found.wanted is not None
-    probabilities = probabilities_of_file(found.made.files[""], found.directions)
-    np.testing.assert_allclose(probabilities, found.probabilities, atol=1e-6)
+    assert balanced.reached
+    assert balanced.wanted is not None
+    probabilities = probabilities_of_file(balanced.made.files[""], balanced.directions)
+    np.testing.assert_allclose(probabilities, balanced.probabilities, atol=1e-6)
     assert np.ptp(probabilities) <= 2.0 * BalanceOptions().tolerance
-    assert np.ptp(found.before) > 0.02
-    np.testing.assert_allclose(found.center, found.center_wanted, atol=1e-4)
+    assert np.ptp(balanced.before) > 0.02
+    np.testing.assert_allclose(balanced.center, balanced.center_wanted, atol=1e-4)
 
 
 @pytest.mark.parametrize("by", ["cavity", "infill"])
 def test_a_body_stands_better(by: str) -> None:
     goal = Standing(pose=2)
-    found = balance_body(leaning(), goal, BalanceOptions(by=by, search=QUICK))
+    balanced = balance_body(leaning(), goal, BalanceOptions(by=by, search=QUICK))
     poses = rest_poses(leaning())
-    np.testing.assert_allclose(found.before, poses.probabilities[1], atol=1e-6)
-    assert found.probabilities[0] > found.before[0] + 0.01
-    assert found.by == by
+    np.testing.assert_allclose(balanced.before, poses.probabilities[1], atol=1e-6)
+    assert balanced.probabilities[0] > balanced.before[0] + 0.01
+    assert balanced.by == by
     if by == "cavity":
-        probabilities = probabilities_of_file(found.made.files[""], found.directions)
-        np.testing.assert_allclose(probabilities, found.probabilities, atol=1e-6)
+        probabilities = probabilities_of_file(balanced.made.files[""], balanced.directions)
+        np.testing.assert_allclose(probabilities, balanced.probabilities, atol=1e-6)
 
 
 def test_given_probabilities_of_chosen_poses() -> None:
@@ -67,27 +67,27 @@ def test_given_probabilities_of_chosen_poses() -> None:
     near = poses.normals[:3] @ other.normals.T > np.cos(np.radians(5.0))
     wanted = near @ other.probabilities
     goal = GivenProbabilities(tuple(wanted.tolist()), (1, 2, 3))
-    found = balance_body(leaning(), goal, BalanceOptions(tolerance=1e-5, search=QUICK))
-    assert found.reached
-    probabilities = probabilities_of_file(found.made.files[""], poses.normals[:3])
+    balanced = balance_body(leaning(), goal, BalanceOptions(tolerance=1e-5, search=QUICK))
+    assert balanced.reached
+    probabilities = probabilities_of_file(balanced.made.files[""], poses.normals[:3])
     np.testing.assert_allclose(probabilities, wanted, atol=1e-5)
 
 
 def test_the_unit_does_not_matter_where_a_size_is_given() -> None:
     options = BalanceOptions(by="cavity", size_mm=60.0, search=QUICK)
-    found = balance_body(leaning(1e-6), Standing(pose=2), options)
+    balanced = balance_body(leaning(1e-6), Standing(pose=2), options)
     same = balance_body(leaning(), Standing(pose=2), options)
-    np.testing.assert_allclose(found.probabilities, same.probabilities, atol=1e-4)
-    assert np.ptp(found.made.body.points, axis=0).max() < 60.0
+    np.testing.assert_allclose(balanced.probabilities, same.probabilities, atol=1e-4)
+    assert np.ptp(balanced.made.body.points, axis=0).max() < 60.0
 
 
 def test_a_goal_that_no_center_of_mass_reaches() -> None:
     surface = box((30.0, 40.0, 50.0))
     body = make_body(surface.points, surface.triangles, "box.stl")
-    found = balance_body(body, FewestRests(), BalanceOptions(by="cavity", search=QUICK))
-    assert not found.reached
-    assert (found.rests, found.rests_before) == (6, 6)
-    assert any("within reach" in note for note in found.notes)
+    balanced = balance_body(body, FewestRests(), BalanceOptions(by="cavity", search=QUICK))
+    assert not balanced.reached
+    assert (balanced.rests, balanced.rests_before) == (6, 6)
+    assert any("within reach" in note for note in balanced.notes)
 
 
 def test_meshes_that_bound_no_solid() -> None:

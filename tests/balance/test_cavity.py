@@ -74,12 +74,12 @@ def inward(size: float, middle: tuple[float, float, float]) -> Surface:
 def test_two_cavities_in_a_cube() -> None:
     whole = join_surfaces(dented_cube(0.0), inward(0.2, (0.5, 0.0, 0.0)))
     whole = join_surfaces(whole, inward(0.1, (-0.5, 0.0, 0.0)))
-    found = measure_cavities(make_body(whole.points, whole.triangles))
-    assert found.number == 2
-    assert found.wall_mm == pytest.approx(0.3, rel=1e-12)
-    assert found.volume_mm3 == pytest.approx(0.072, rel=1e-12)
-    assert found.part == pytest.approx(0.009, rel=1e-12)
-    assert found.shift_mm == pytest.approx((0.064 - 0.008) * 0.5 / (8.0 - 0.072), rel=1e-12)
+    cavities = measure_cavities(make_body(whole.points, whole.triangles))
+    assert cavities.number == 2
+    assert cavities.wall_mm == pytest.approx(0.3, rel=1e-12)
+    assert cavities.volume_mm3 == pytest.approx(0.072, rel=1e-12)
+    assert cavities.part == pytest.approx(0.009, rel=1e-12)
+    assert cavities.shift_mm == pytest.approx((0.064 - 0.008) * 0.5 / (8.0 - 0.072), rel=1e-12)
 
 
 def test_a_body_without_any() -> None:

@@ -68,7 +68,7 @@ def test_slopes_against_finite_differences(shift: tuple[float, float, float]) ->
     slopes, step = rests.slopes(np.eye(len(rests.probabilities))), 1e-6
     for axis in range(3):
         beside = [rests_at(hull, center + s * step * np.eye(3)[axis]) for s in (-1.0, 1.0)]
-        before, after = (found.probabilities for found in beside if found is not None)
+        before, after = (neighbor.probabilities for neighbor in beside if neighbor is not None)
         np.testing.assert_allclose(slopes[:, axis], (after - before) / (2.0 * step), atol=1e-8)
 
 
@@ -80,26 +80,26 @@ BLOCK = rest_poses(box((1.0, 1.3, 1.7), (0.5, 0.3, 0.0)).points)
 
 def test_a_standing_cube_has_the_solid_angle_of_its_face() -> None:
     poses = rest_poses(box((2.0, 2.0, 2.0)).points - 1.0)
-    found = best_center(poses, Standing(down=(0.0, 0.0, -1.0)), whole_hull(poses.hull), 1e-3, QUICK)
+    best = best_center(poses, Standing(down=(0.0, 0.0, -1.0)), whole_hull(poses.hull), 1e-3, QUICK)
     # The center is 5 % of the half side above the middle of the face.
     height = 0.05
     angle = 4.0 * np.arctan(1.0 / (height * np.sqrt(2.0 + height * height)))
-    assert found.probabilities[0] == pytest.approx(angle / (4.0 * np.pi), abs=1e-5)
-    np.testing.assert_allclose(found.center, [0.0, 0.0, -0.95], atol=5e-3)
-    assert found.reached
+    assert best.probabilities[0] == pytest.approx(angle / (4.0 * np.pi), abs=1e-5)
+    np.testing.assert_allclose(best.center, [0.0, 0.0, -0.95], atol=5e-3)
+    assert best.reached
 
 
 def test_no_center_of_a_grid_has_fewer_rests() -> None:
     poses = rest_poses(box((1.0, 1.2, 2.5), (1.6, 0.7, 0.0)).points)
     region = whole_hull(poses.hull)
-    found = best_center(poses, FewestRests(), region, 1e-3, QUICK)
+    best = best_center(poses, FewestRests(), region, 1e-3, QUICK)
     low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
     grid = np.stack(np.meshgrid(*np.linspace(low, high, 8).T), axis=-1).reshape(-1, 3)
     inside = grid[(region.depths(grid) > 1e-9).all(axis=1)]
     counts = [len(rest_poses(poses.hull.vertices, center).facets) for center in inside]
-    assert found.rests <= min(counts) < len(poses.facets)
-    assert len(rest_poses(poses.hull.vertices, found.center).facets) == found.rests
-    assert found.clearance > 0.0
+    assert best.rests <= min(counts) < len(poses.facets)
+    assert len(rest_poses(poses.hull.vertices, best.center).facets) == best.rests
+    assert best.clearance > 0.0
 
 
 @pytest.mark.parametrize(
@@ -122,8 +122,8 @@ def test_poses_that_a_body_does_not_have(goal: Standing | GivenProbabilities, sa
 def test_the_bunny_has_six_poses_of_nearer_probabilities_and_fewer_others() -> None:
     """Figure 12."""
     poses = rest_poses(read_body(public_data("models/bunny.obj")))
-    found = best_center(poses, EqualProbabilities(6), whole_hull(poses.hull), 1e-3)
-    now = rest_poses(poses.hull.vertices, found.center).probabilities
+    best = best_center(poses, EqualProbabilities(6), whole_hull(poses.hull), 1e-3)
+    now = rest_poses(poses.hull.vertices, best.center).probabilities
     assert np.ptp(now[:6]) < 0.5 * np.ptp(poses.probabilities[:6])
     assert now[:6].sum() > 0.9 > poses.probabilities[:6].sum()
     assert len(now) < len(poses.probabilities)
@@ -144,7 +144,7 @@ def test_the_constrained_minimum_has_no_descent_direction(seed: int) -> None:
 def test_the_center_stays_in_the_region() -> None:
     low, high = BLOCK.center_of_mass - 0.1, BLOCK.center_of_mass + 0.1
     region = convex_hull(low + box((1.0, 1.0, 1.0)).points * (high - low))
-    found = best_center(BLOCK, Standing(pose=2), region, 1e-3, QUICK)
-    assert (region.heights(found.center) >= -1e-9).all()
+    best = best_center(BLOCK, Standing(pose=2), region, 1e-3, QUICK)
+    assert (region.heights(best.center) >= -1e-9).all()
     everywhere = best_center(BLOCK, Standing(pose=2), whole_hull(BLOCK.hull), 1e-3, QUICK)
-    assert found.before[0] < found.probabilities[0] < everywhere.probabilities[0]
+    assert best.before[0] < best.probabilities[0] < everywhere.probabilities[0]

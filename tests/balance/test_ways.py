@@ -24,9 +24,9 @@ MIDDLE = SIZES / 2.0
 WALL = 2.0
 
 
-def read(made: MovedCenter, rest: str = "") -> trimesh.Trimesh:
+def read(balanced: MovedCenter, rest: str = "") -> trimesh.Trimesh:
     """Read a file by another library."""
-    return trimesh.load(io.BytesIO(made.files[rest]), file_type="stl")
+    return trimesh.load(io.BytesIO(balanced.files[rest]), file_type="stl")
 
 
 def depths(points: np.ndarray) -> np.ndarray:
@@ -36,22 +36,22 @@ def depths(points: np.ndarray) -> np.ndarray:
 
 def test_a_cavity() -> None:
     shift = np.array([1.0, -2.0, 2.5])
-    made = move_center(BLOCK, MIDDLE + shift, "cavity", BodyMaterial(wall_mm=WALL))
-    mesh = read(made)
+    balanced = move_center(BLOCK, MIDDLE + shift, "cavity", BodyMaterial(wall_mm=WALL))
+    mesh = read(balanced)
     assert mesh.is_watertight
     np.testing.assert_allclose(mesh.center_mass, MIDDLE + shift, atol=1e-5)
-    np.testing.assert_allclose(made.center, mesh.center_mass, atol=1e-9)
+    np.testing.assert_allclose(balanced.center, mesh.center_mass, atol=1e-9)
     inner = mesh.vertices[depths(mesh.vertices) > 1e-3]
-    assert made.wall_mm is not None
-    assert depths(inner).min() == pytest.approx(made.wall_mm, abs=1e-5)
-    assert made.wall_mm >= WALL
-    assert made.facts["cavity_mm3"] == pytest.approx(SIZES.prod() - mesh.volume, rel=1e-6)
+    assert balanced.wall_mm is not None
+    assert depths(inner).min() == pytest.approx(balanced.wall_mm, abs=1e-5)
+    assert balanced.wall_mm >= WALL
+    assert balanced.facts["cavity_mm3"] == pytest.approx(SIZES.prod() - mesh.volume, rel=1e-6)
 
 
 def test_a_cavity_with_a_drain() -> None:
     center, diameter = MIDDLE + np.array([2.0, 1.0, -2.0]), 4.0
-    made = move_center(BLOCK, center, "cavity", BodyMaterial(wall_mm=WALL, drain_mm=diameter))
-    mesh = read(made)
+    balanced = move_center(BLOCK, center, "cavity", BodyMaterial(wall_mm=WALL, drain_mm=diameter))
+    mesh = read(balanced)
     np.testing.assert_allclose(mesh.center_mass, center, atol=1e-5)
     # One surface of genus 0: the cavity is open to the outside.
     assert mesh.is_watertight
@@ -59,7 +59,7 @@ def test_a_cavity_with_a_drain() -> None:
     assert mesh.euler_number == 2
     # The hull is unchanged.
     np.testing.assert_allclose(mesh.convex_hull.volume, SIZES.prod(), rtol=1e-6)
-    (hole,) = made.facts["drains"]
+    (hole,) = balanced.facts["drains"]
     mouth, inward = np.array(hole["mouth"]), np.array(hole["inward"])
     assert depths(mouth) == pytest.approx(0.0, abs=1e-4)
     # The axis is empty from the outside into the cavity.
@@ -75,9 +75,9 @@ def test_a_cavity_with_a_drain() -> None:
 def test_two_infills() -> None:
     center = MIDDLE + np.array([1.0, -1.5, 2.0])
     less, more = 0.1, 0.7
-    made = move_center(BLOCK, center, "infill", BodyMaterial(wall_mm=WALL, infill=(less, more)))
-    np.testing.assert_allclose(made.center, center, atol=1e-5)
-    outside, sparse = read(made), read(made, "_sparse.stl")
+    balanced = move_center(BLOCK, center, "infill", BodyMaterial(wall_mm=WALL, infill=(less, more)))
+    np.testing.assert_allclose(balanced.center, center, atol=1e-5)
+    outside, sparse = read(balanced), read(balanced, "_sparse.stl")
     np.testing.assert_allclose(outside.volume, SIZES.prod(), rtol=1e-6)
     # By cubes of 0.25 mm, with exact depths in a box. The sparse part is convex.
     axes = [np.arange(0.125, size, 0.25) for size in SIZES]
@@ -96,8 +96,8 @@ def test_what_is_within_reach_can_be_made(way: str) -> None:
     for direction in ([1.0, 0.2, 0.1], [-0.2, -1.0, 0.4]):
         toward = shifts.vertices[np.argmax(shifts.vertices @ direction)]
         center = MIDDLE + 0.6 * toward
-        made = move_center(BLOCK, center.astype(np.float64), way, material)
-        np.testing.assert_allclose(made.center, center, atol=1e-4)
+        balanced = move_center(BLOCK, center.astype(np.float64), way, material)
+        np.testing.assert_allclose(balanced.center, center, atol=1e-4)
 
 
 @pytest.mark.parametrize("way", ["cavity", "infill"])

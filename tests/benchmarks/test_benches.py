@@ -121,8 +121,8 @@ def test_models_are_closed_and_the_same_each_time() -> None:
 
 
 def test_a_concave_die_is_not_as_wanted_for_a_reason() -> None:
-    found = {"|p - q|": 0.1, "elsewhere": 0.0, "meet": 2, "apart": 50.0, "margin": 5.0, "s": 1.0}
-    assert list(concave.shortfalls(found, 0.005)) == [
+    measures = {"|p - q|": 0.1, "elsewhere": 0.0, "meet": 2, "apart": 50.0, "margin": 5.0, "s": 1.0}
+    assert list(concave.shortfalls(measures, 0.005)) == [
         "probabilities off by 1.0e-01",
         "2 pairs of triangles meet",
         "an outcome is left at 5.0 degrees",

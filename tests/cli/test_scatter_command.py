@@ -158,6 +158,6 @@ def test_a_small_floor_is_refused_with_a_sufficient_one(
     assert main([*arguments, "--floor", "9,6"]) == 2
     error = capsys.readouterr().err
     assert not out.exists()
-    (found, floor), *_ = re.findall(r"only (\d+) found.*take --floor ([\d.,]+),", error)
-    assert 0 < int(found) < 20
+    (placed, floor), *_ = re.findall(r"only (\d+) found.*take --floor ([\d.,]+),", error)
+    assert 0 < int(placed) < 20
     assert main([*arguments, "--floor", floor]) == 0

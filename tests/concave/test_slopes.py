@@ -181,12 +181,12 @@ class Case:
         zeros = np.zeros((len(wanted), len(wanted)))
         agreeing = []
         for springs in product([False, True], repeat=count):
-            kept = np.array(springs, dtype=bool)
-            above = stiffness + rows[kept].T @ rows[kept] / softness
+            active = np.array(springs, dtype=bool)
+            above = stiffness + rows[active].T @ rows[active] / softness
             system = np.block([[above, sides.T], [sides, zeros]])
-            side = np.concatenate([rows[kept].T @ bounds[kept] / softness, wanted])
+            side = np.concatenate([rows[active].T @ bounds[active] / softness, wanted])
             moved = np.linalg.solve(system, side)[:size]
-            if np.array_equal(rows @ moved > bounds, kept):
+            if np.array_equal(rows @ moved > bounds, active):
                 agreeing.append(moved)
         (only,) = agreeing
         return only.reshape(COUNT, 3)

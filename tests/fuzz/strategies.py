@@ -120,7 +120,7 @@ def near_degenerate() -> Problems:
     on = st.sampled_from(ON)
     base = turns(st.one_of(clouds(), symmetric().map(_plain)))
     off_center = maybe(base, st.builds(lopsided, base, SEEDS))
-    made = st.one_of(
+    shapes = st.one_of(
         st.builds(stiff.roof, tiny, centered=st.booleans(), tolerance=TOLERANCES),
         st.builds(stiff.bulging_cube, tiny, TOLERANCES),
         st.builds(stiff.dented_cube, tiny, TOLERANCES),
@@ -133,7 +133,7 @@ def near_degenerate() -> Problems:
         lambda both: max(*both, 0) - min(*both, 0) <= 6
     )
     return st.one_of(
-        turns(made),
+        turns(shapes),
         turns(st.builds(squeezed, off_center, powers_of_ten)),
         st.builds(weighted, base, SEEDS, near, on),
         st.builds(overhanging, base, SEEDS, st.one_of(signed, st.just(0.0)), on),
@@ -143,14 +143,14 @@ def near_degenerate() -> Problems:
 
 def few_rests() -> Problems:
     """Spheres with a weight near their surface, lenses, needles, the Conway-Guy polyhedron."""
-    made = st.one_of(
+    shapes = st.one_of(
         st.builds(globe_with_weight, st.integers(0, 1), SEEDS, powers(-6.0, 0.0)),
         st.builds(extremes.lens),
         st.builds(extremes.lopsided_needle, SEEDS),
         st.builds(extremes.lopsided_needle, st.sampled_from(extremes.ANTIPODE_SEEDS)),
         st.builds(monostatic.conway_guy, st.sampled_from([17, 19, 21]), powers(1.0, 1.5)),
     )
-    return st.one_of(turns(made), turns(st.builds(lopsided, made.map(_plain), SEEDS)))
+    return st.one_of(turns(shapes), turns(st.builds(lopsided, shapes.map(_plain), SEEDS)))
 
 
 def scaled_and_placed() -> Problems:

@@ -51,28 +51,28 @@ stand for it: the tolerance times the condition of most bodies."""
 def check(problem: Problem) -> None:
     """A body is refused for a reason, or its probabilities are right and stay so."""
     try:
-        found = measure_body(problem)
+        measurement = measure_body(problem)
     except (DegenerateBodyError, OutsideHullError):
         if not may_be_refused(problem):
             raise
         return
-    assert min(found.probabilities) > 0.0
+    assert min(measurement.probabilities) > 0.0
     poses = ask(problem)
-    error = found.errors.get("oracle", np.inf)
-    if error > found.limit(error) and problem.coplanar_tolerance != 0.0:
+    error = measurement.errors.get("oracle", np.inf)
+    if error > measurement.limit(error) and problem.coplanar_tolerance != 0.0:
         # Facets as narrow as they are uneven make no polyhedron that the oracle could judge.
         error = difference_from_exact(problem, poses)
-        assert error < UNEVEN_LIMIT + spread(found, poses), (
-            f"{found.errors} at {found.condition}, exact hull {error:.1e}"
+        assert error < UNEVEN_LIMIT + spread(measurement, poses), (
+            f"{measurement.errors} at {measurement.condition}, exact hull {error:.1e}"
         )
-        found = replace(found, errors={**found.errors, "oracle": 0.0})
-    assert verdict(found, problem.rests) == OK
+        measurement = replace(measurement, errors={**measurement.errors, "oracle": 0.0})
+    assert verdict(measurement, problem.rests) == OK
     for law in laws(problem, poses.center_of_mass):
-        if law.tied or not found.tied:
-            keeps(law, poses, found)
+        if law.tied or not measurement.tied:
+            keeps(law, poses, measurement)
 
 
-def spread(found: Measurement, poses: RestPoses) -> float:
+def spread(measurement: Measurement, poses: RestPoses) -> float:
     """How much probabilities change where corners move by the unevenness of the facets, which far
     from the origin comes from the rounding of coordinates."""
     extent = float(np.ptp(poses.hull.vertices, axis=0).max())
@@ -80,7 +80,7 @@ def spread(found: Measurement, poses: RestPoses) -> float:
     least, largest = facet_planes(poses.hull, middle)[2]
     uneven = float((largest - least).max()) / extent
     rounding = 64.0 * float(np.finfo(np.float64).eps)
-    return found.condition * uneven if uneven > rounding else 0.0
+    return measurement.condition * uneven if uneven > rounding else 0.0
 
 
 def measure_body(problem: Problem) -> Measurement:
@@ -93,7 +93,7 @@ def measure_body(problem: Problem) -> Measurement:
         return measure(problem, oracle=False)
 
 
-def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
+def keeps(law: Law, poses: RestPoses, measurement: Measurement) -> None:
     """Assert that a changed body has the probabilities of the first, tied or not, to within the
     errors of both."""
     try:
@@ -102,10 +102,10 @@ def keeps(law: Law, poses: RestPoses, found: Measurement) -> None:
         if not may_be_refused(law.problem):
             raise
         return
-    change, tied = difference(law, poses, changed), found.tied
-    limit = found.limit(change / 2.0)
+    change, tied = difference(law, poses, changed), measurement.tied
+    limit = measurement.limit(change / 2.0)
     if change > 2.0 * limit:
-        limit += spread(found, poses)
+        limit += spread(measurement, poses)
     if UNEVEN in (*poses.notes, *changed.notes) and not law.exact:
         limit = UNEVEN_LIMIT
     elif law.exact:

@@ -86,16 +86,16 @@ def again(rests: RestEvaluation) -> RestEvaluation:
 def gradients(value: torch.Tensor, rests: RestEvaluation) -> np.ndarray:
     """(n, 3) or, with a center of its own as the last row, (n + 1, 3)."""
     leaves = [rests.vertices] + ([] if rests.given_center is None else [rests.given_center])
-    found = torch.autograd.grad(value, leaves, retain_graph=True, materialize_grads=True)
-    return np.concatenate([part.numpy().reshape(-1, 3) for part in found])
+    slopes = torch.autograd.grad(value, leaves, retain_graph=True, materialize_grads=True)
+    return np.concatenate([part.numpy().reshape(-1, 3) for part in slopes])
 
 
 def assert_same(
-    found: np.ndarray, expected: np.ndarray, tolerance: float = 1e-9, least: float = 0.0
+    actual: np.ndarray, expected: np.ndarray, tolerance: float = 1e-9, least: float = 0.0
 ) -> None:
     """Compare arrays, relative to the largest entry or a least size."""
     size = max(float(np.abs(expected).max()), least, np.finfo(np.float64).tiny)
-    assert float(np.abs(found - expected).max()) <= tolerance * size
+    assert float(np.abs(actual - expected).max()) <= tolerance * size
 
 
 @compiled_only
@@ -117,10 +117,10 @@ def test_normals(points: np.ndarray) -> None:
     facets = np.concatenate([np.arange(len(rests.hull.normals))[::-1], [0, 1, 0]])
     with without_kernels():
         expected = again(rests).facet_normals(facets)
-    found = rests.facet_normals(facets)
-    np.testing.assert_allclose(found.detach(), expected.detach(), rtol=0, atol=1e-9)
-    weights = torch.tensor(np.random.default_rng(0).normal(size=found.shape))
-    ours, theirs = (gradients((one * weights).sum(), rests) for one in (found, expected))
+    normals = rests.facet_normals(facets)
+    np.testing.assert_allclose(normals.detach(), expected.detach(), rtol=0, atol=1e-9)
+    weights = torch.tensor(np.random.default_rng(0).normal(size=normals.shape))
+    ours, theirs = (gradients((one * weights).sum(), rests) for one in (normals, expected))
     assert_same(ours, theirs, 1e-8)
 
 
@@ -139,14 +139,16 @@ def test_the_centroid(points: np.ndarray) -> None:
     hull = convex_hull(points)
     vertices = torch.tensor(hull.vertices, requires_grad=True)
     along = np.array([0.3, -0.8, 0.5])
-    found, slope = hull_centroid(vertices, hull), centroid_gradient(hull, along)
-    by_torch = torch.autograd.grad(found @ torch.tensor(along), vertices)[0].numpy()
+    centroid, slope = hull_centroid(vertices, hull), centroid_gradient(hull, along)
+    by_torch = torch.autograd.grad(centroid @ torch.tensor(along), vertices)[0].numpy()
     np.testing.assert_array_equal(by_torch, slope)
     extent = np.ptp(hull.vertices, axis=0).max()
     with without_kernels():
         expected = hull_centroid(vertices, hull)
         assert_same(slope, centroid_gradient(hull, along))
-    np.testing.assert_allclose(found.detach(), expected.detach(), rtol=1e-15, atol=1e-12 * extent)
+    np.testing.assert_allclose(
+        centroid.detach(), expected.detach(), rtol=1e-15, atol=1e-12 * extent
+    )
 
 
 def clusters_of(rests: RestEvaluation, outcomes: int) -> Clusters:
@@ -203,16 +205,16 @@ def test_corners_of_half_spaces_pull_gradients_back(
     by_formula = coordinates.points(leaf)
     rows = np.random.default_rng(0).normal(size=(4, *shape.points.shape))
     with way():
-        found = shape.pull_back(rows)
+        pulled_back = shape.pull_back(rows)
         assert shape.pull_back(rows[:0]).shape == (0, len(parameters))
-    assert found.shape == (4, len(parameters))
-    for row, slope in zip(rows, found, strict=True):
+    assert pulled_back.shape == (4, len(parameters))
+    for row, slope in zip(rows, pulled_back, strict=True):
         expected = torch.autograd.grad(
             (by_formula * torch.tensor(row)).sum(), leaf, retain_graph=True
         )
         assert_same(slope, expected[0].numpy(), 1e-12)
     idle = [3 * count, 3 * count + 1, 3 * count + 2, len(parameters) - 1]
-    assert (found[:, idle] == 0.0).all()
+    assert (pulled_back[:, idle] == 0.0).all()
 
 
 def test_evaluations_have_no_reference_cycles(random_points) -> None:
@@ -223,8 +225,8 @@ def test_evaluations_have_no_reference_cycles(random_points) -> None:
             rests = evaluate_rests(torch.tensor(random_points(1, 9), requires_grad=True), center)
             value = rests.probabilities[0] + rests.facet_depths[0] + rests.center.sum()
             assert value.requires_grad
-            seen = weakref.ref(rests)
+            reference = weakref.ref(rests)
             del rests, value
-            assert seen() is None
+            assert reference() is None
     finally:
         gc.enable()

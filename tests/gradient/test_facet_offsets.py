@@ -30,9 +30,9 @@ def evaluated(
 def of_facets(rests: RestEvaluation, values: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Values (9,) by facet in the list of normals, from values of the rests."""
     numbers = np.argmax(rests.hull.normals[rests.paths.rests] @ normals.T, axis=1)
-    found = np.zeros((len(normals), *values.shape[1:]))
-    found[numbers] = values
-    return found
+    by_facet = np.zeros((len(normals), *values.shape[1:]))
+    by_facet[numbers] = values
+    return by_facet
 
 
 @pytest.mark.parametrize("model", [RESTING, BOARD_GAME], ids=["set down", "thrown"])
@@ -57,9 +57,9 @@ def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabi
     rests = evaluated(normals, distances, center)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
     rows = model.jacobian(rests)
-    found = of_facets(rests, offset_derivatives(rests, rows)[:, columns], normals)
-    np.testing.assert_allclose(found, differences, atol=2e-7)
-    assert np.abs(found).max() > 0.1
+    derivatives = of_facets(rests, offset_derivatives(rests, rows)[:, columns], normals)
+    np.testing.assert_allclose(derivatives, differences, atol=2e-7)
+    assert np.abs(derivatives).max() > 0.1
     secants = offset_secants(rests, 1e-6, model).detach().numpy()
     np.testing.assert_allclose(secants, offset_derivatives(rests, rows), atol=2e-7)
 
@@ -70,11 +70,11 @@ def test_secants_are_differences_of_bodies_with_moved_facets(seed: int, step: fl
     normals, distances = half_spaces(seed)
     rests = evaluated(normals, distances)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
-    found = of_facets(rests, offset_secants(rests, step)[:, columns].numpy(), normals)
+    secants = of_facets(rests, offset_secants(rests, step)[:, columns].numpy(), normals)
     sides = []
     for offset in (step, -step):
         moved = [evaluated(normals, distances + e) for e in offset * np.eye(9)]
         sides.append(
             np.stack([of_facets(one, one.probability_values, normals) for one in moved], axis=1)
         )
-    np.testing.assert_allclose(found, (sides[0] - sides[1]) / (2 * step), atol=1e-9)
+    np.testing.assert_allclose(secants, (sides[0] - sides[1]) / (2 * step), atol=1e-9)

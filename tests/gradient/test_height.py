@@ -57,8 +57,8 @@ def test_tensors_have_equal_values_and_derivatives(given: bool) -> None:
     directions = torch.tensor(2.0 * DIRECTIONS[:6], requires_grad=True)
     center = (torch.tensor([0.1, 0.0, 0.1]).double().requires_grad_(),) if given else ()
     arrays = height(POINTS, DIRECTIONS[:6], *(c.detach().numpy() for c in center))
-    for found, expected in zip(height(points, directions, *center), arrays, strict=True):
-        np.testing.assert_allclose(found.detach(), expected, atol=1e-14)
+    for tensor, expected in zip(height(points, directions, *center), arrays, strict=True):
+        np.testing.assert_allclose(tensor.detach(), expected, atol=1e-14)
     assert torch.autograd.gradcheck(height, (points, directions, *center))
     slopes = torch.func.grad(lambda down: 2.0 * height(points.detach(), down)[0].sum())(
         directions.detach()

@@ -52,8 +52,8 @@ def test_radii_are_those_of_the_linear_program(points: np.ndarray) -> None:
     for facet in facets:
         upright = rotation_between(hull.normals[facet], UP)
         expected.append(inscribed_circle((hull.polygon(facet) @ upright.T)[:, :2])[1])
-    found = circle_radii(rests, facets).numpy() * hull.diameter
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    radii = circle_radii(rests, facets).numpy() * hull.diameter
+    np.testing.assert_allclose(radii, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("measure", ["largest", "soft", "barrier"])
@@ -73,8 +73,8 @@ def test_gradients_are_differences(measure: str, seed: int) -> None:
     along = np.random.default_rng(seed).normal(size=len(parameters))
     step = 1e-6
     above, below = (values(parameters + sign * step * along)[1].detach() for sign in (1, -1))
-    leaf, here = values(parameters)
-    for value, difference in zip(here, (above - below) / (2 * step), strict=True):
+    leaf, center_value = values(parameters)
+    for value, difference in zip(center_value, (above - below) / (2 * step), strict=True):
         (gradient,) = torch.autograd.grad(value, leaf, retain_graph=True)
         assert gradient.numpy() @ along == pytest.approx(difference.item(), rel=1e-5, abs=1e-7)
 
@@ -82,10 +82,10 @@ def test_gradients_are_differences(measure: str, seed: int) -> None:
 def test_the_barrier_of_a_box() -> None:
     rests = evaluated(CUBE * [1.0, 1.0, 0.3])
     size = np.sqrt(2.09)
-    for normal, found in zip(rests.hull.normals, barrier_residuals(rests), strict=True):
+    for normal, residual in zip(rests.hull.normals, barrier_residuals(rests), strict=True):
         if abs(normal[2]) > 0.9:
-            assert found.item() == pytest.approx(BARRIER_DEPTH * size)
+            assert residual.item() == pytest.approx(BARRIER_DEPTH * size)
         else:
             # Two edges at 0.3 of length 2, and two at 1 of length 0.6.
             mean = (2 * 0.3**-SOFTNESS + 0.6) / 2.6
-            assert found.item() == pytest.approx(BARRIER_DEPTH * size * mean ** (1 / SOFTNESS))
+            assert residual.item() == pytest.approx(BARRIER_DEPTH * size * mean ** (1 / SOFTNESS))

@@ -54,11 +54,11 @@ def test_gradients_are_differences(name: str, center: Floats | None) -> None:
         ends.append(weights @ probabilities_at(down, POINTS + side * move, moved, prior))
     expected = (ends[0] - ends[1]) / (2.0 * STEP)
     assert points.grad is not None
-    found = float((points.grad.numpy() * move).sum())
+    slope = float((points.grad.numpy() * move).sum())
     if given is not None:
         assert given.grad is not None
-        found += float(given.grad.numpy() @ shift)
-    assert found == pytest.approx(expected, abs=2e-8)
+        slope += float(given.grad.numpy() @ shift)
+    assert slope == pytest.approx(expected, abs=2e-8)
     assert abs(expected) > 1e-3
 
 

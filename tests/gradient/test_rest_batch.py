@@ -46,15 +46,15 @@ def one_by_one(
     bodies: Sequence[Tensor], centers: Tensor | None = None, table: str | None = None
 ) -> tuple[list[tuple[Tensor, Tensor]], list[Tensor], list[Tensor]]:
     """Normals and probabilities of each body, and gradients of their weighted sums."""
-    found, slopes, by_center = [], [], []
+    results, slopes, by_center = [], [], []
     for place, points in enumerate(bodies):
         leaf = points.clone().requires_grad_()
         center = None if centers is None else centers[place].clone().requires_grad_()
-        found.append(differentiable_rest(leaf, center, table=table))
-        rowwise(*found[-1]).backward()
+        results.append(differentiable_rest(leaf, center, table=table))
+        rowwise(*results[-1]).backward()
         slopes.append(leaf.grad)
         by_center.append(torch.zeros(3) if center is None else center.grad)
-    return found, slopes, by_center
+    return results, slopes, by_center
 
 
 @pytest.mark.parametrize("table", [None, "board-game"])
@@ -63,13 +63,13 @@ def test_a_batch_equals_single_calls(way, given: bool, table: str | None) -> Non
     bodies = assorted()
     centers = torch.stack([points.mean(0) for points in bodies]) if given else None
     with way():
-        found, slopes, by_center = one_by_one(bodies, centers, table)
+        singles, slopes, by_center = one_by_one(bodies, centers, table)
         leaves = [points.clone().requires_grad_() for points in bodies]
         middles = None if centers is None else centers.clone().requires_grad_()
         normals, probabilities = differentiable_rest_batch(leaves, middles, table=table)
         rowwise(normals, probabilities).backward()
-    assert probabilities.shape == (len(bodies), max(len(own) for _, own in found))
-    for row, (directions, own) in enumerate(found):
+    assert probabilities.shape == (len(bodies), max(len(own) for _, own in singles))
+    for row, (directions, own) in enumerate(singles):
         assert torch.equal(probabilities[row, : len(own)], own)
         assert torch.equal(normals[row, : len(own)], directions)
         assert not probabilities[row, len(own) :].any()
@@ -93,10 +93,10 @@ def test_a_padded_tensor_equals_a_list(way) -> None:
         expected = differentiable_rest_batch(bodies)
         _, slopes, _ = one_by_one(bodies)
         for given in (counts, torch.tensor(counts, dtype=torch.int32)):
-            found = differentiable_rest_batch(padded, counts=given)
-            for ours, theirs in zip(found, expected, strict=True):
+            from_padded = differentiable_rest_batch(padded, counts=given)
+            for ours, theirs in zip(from_padded, expected, strict=True):
                 assert torch.equal(ours, theirs)
-        (gradient,) = torch.autograd.grad(rowwise(*found), padded)
+        (gradient,) = torch.autograd.grad(rowwise(*from_padded), padded)
     for row, slope in enumerate(slopes):
         atol = 1e-12 * slope.abs().max()
         torch.testing.assert_close(gradient[row, : counts[row]], slope, rtol=0, atol=atol)

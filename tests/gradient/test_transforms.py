@@ -61,8 +61,8 @@ def test_gradients_are_those_of_autograd(way, table: str | None) -> None:
         (expected,) = by_autograd(points, table=table)
         torch.testing.assert_close(grad(function)(points), expected, rtol=0, atol=1e-14)
         expected = by_autograd(points, center, table=table)
-        found = grad(function, argnums=(0, 1))(points, center)
-        torch.testing.assert_close(found, expected, rtol=0, atol=1e-14)
+        gradients = grad(function, argnums=(0, 1))(points, center)
+        torch.testing.assert_close(gradients, expected, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("table", [None, "board-game"])
@@ -71,11 +71,11 @@ def test_tangents_are_differences(way, table: str | None) -> None:
     center, aside = points.mean(0), along.mean(0)
     with way():
         function = partial(probabilities, table=table)
-        value, found = jvp(function, (points, center), (along, aside))
+        value, tangent = jvp(function, (points, center), (along, aside))
         step = 1e-6
         ahead, behind = (function(points + t * along, center + t * aside) for t in (step, -step))
     torch.testing.assert_close(value, function(points, center), rtol=0, atol=1e-12)
-    torch.testing.assert_close(found, (ahead - behind) / (2.0 * step), rtol=0, atol=1e-8)
+    torch.testing.assert_close(tangent, (ahead - behind) / (2.0 * step), rtol=0, atol=1e-8)
 
 
 def test_jacobians_forward_and_backward(way) -> None:
@@ -117,8 +117,8 @@ def test_maps_over_bodies_of_every_kind(way) -> None:
         slopes = vmap(grad(energy, argnums=(0, 1)))(points, centers)
         for row in range(len(points)):
             expected = by_autograd(points[row], centers[row])
-            for found, slope in zip(slopes, expected, strict=True):
-                torch.testing.assert_close(found[row], slope, rtol=0, atol=1e-14)
+            for mapped, slope in zip(slopes, expected, strict=True):
+                torch.testing.assert_close(mapped[row], slope, rtol=0, atol=1e-14)
 
 
 def test_maps_and_derivatives_in_any_order(way) -> None:

@@ -87,21 +87,21 @@ def numpy_hull(points: np.ndarray, tolerance: float | None = None) -> ConvexHull
         return hull
 
 
-def assert_same(found: ConvexHull, expected: ConvexHull) -> None:
+def assert_same(actual: ConvexHull, expected: ConvexHull) -> None:
     for name in INDICES:
-        value = getattr(found, name)
+        value = getattr(actual, name)
         assert value.dtype == np.int64, name
         np.testing.assert_array_equal(value, getattr(expected, name), err_msg=name)
-    for ours, theirs in zip(found.outgoing, expected.outgoing, strict=True):
+    for ours, theirs in zip(actual.outgoing, expected.outgoing, strict=True):
         np.testing.assert_array_equal(ours, theirs)
-    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    np.testing.assert_array_equal(actual.vertices, expected.vertices)
     extent = float(np.ptp(expected.vertices, axis=0).max())
-    np.testing.assert_allclose(found.normals, expected.normals, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(found.areas, expected.areas, rtol=1e-10)
+    np.testing.assert_allclose(actual.normals, expected.normals, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(actual.areas, expected.areas, rtol=1e-10)
     reach = extent + float(np.abs(expected.vertices).max())
-    np.testing.assert_allclose(found.centroid, expected.centroid, rtol=0, atol=1e-14 * reach)
-    assert found.unevenness == pytest.approx(expected.unevenness, abs=1e-15 * reach)
-    assert found.warp == pytest.approx(expected.warp, abs=1e-6)
+    np.testing.assert_allclose(actual.centroid, expected.centroid, rtol=0, atol=1e-14 * reach)
+    assert actual.unevenness == pytest.approx(expected.unevenness, abs=1e-15 * reach)
+    assert actual.warp == pytest.approx(expected.warp, abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -67,16 +67,16 @@ def test_separatrices_are_those_of_numpy(ties: bool) -> None:
         center = hull.centroid
         distance = tie_distance(hull, center) if ties else 0.0
         kernel, numpy_ = classify(hull, center, distance), classify(hull, center, distance)
-        found, expected = answer(kernel, True), answer(numpy_, False)
+        compiled, expected = answer(kernel, True), answer(numpy_, False)
         bodies += 1
-        if found is None:
+        if compiled is None:
             undecided += 1
-        elif isinstance(found, str):
-            assert found == expected
+        elif isinstance(compiled, str):
+            assert compiled == expected
         else:
             assert isinstance(expected, Separatrices)
             for name in (field.name for field in fields(Separatrices)):
-                np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+                np.testing.assert_array_equal(getattr(compiled, name), getattr(expected, name))
             np.testing.assert_array_equal(kernel.growth_sign, numpy_.growth_sign)
             np.testing.assert_array_equal(kernel.side_sign, numpy_.side_sign)
     assert undecided < 0.02 * bodies

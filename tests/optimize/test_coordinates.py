@@ -66,9 +66,9 @@ def test_coordinates_reproduce_their_shape(start: Start, kind) -> None:
     coordinates, parameters = kind.of(start.points, origin)
     again = coordinates.shape(parameters).points
     np.testing.assert_allclose(corners(again), corners(start.points), atol=1e-9)
-    made = convex_hull(again)
-    assert len(made.normals) == len(hull.normals)
-    np.testing.assert_allclose(made.centroid, hull.centroid, atol=1e-13)
+    rebuilt = convex_hull(again)
+    assert len(rebuilt.normals) == len(hull.normals)
+    np.testing.assert_allclose(rebuilt.centroid, hull.centroid, atol=1e-13)
 
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-3, 0.05])
@@ -162,11 +162,11 @@ def test_a_design_leaves_pinned_facets_where_they_are(pinned: tuple[int, ...]) -
         np.sort(rest_poses(result.hull.vertices).probabilities), np.sort(target), atol=1e-12
     )
     before, moved = START.directions, np.abs(result.directions - START.directions).max(axis=1)
-    kept = np.isin(np.arange(7), pinned)
-    assert (moved[kept] < 1e-12).all()
-    assert (moved[~kept] > 1e-4).all()
+    is_pinned = np.isin(np.arange(7), pinned)
+    assert (moved[is_pinned] < 1e-12).all()
+    assert (moved[~is_pinned] > 1e-4).all()
     planes = reach(result.hull.vertices, before) - reach(START.points, before)
-    assert (np.abs(planes[kept]) < 1e-12).all()
+    assert (np.abs(planes[is_pinned]) < 1e-12).all()
 
 
 def test_variations_leave_pinned_facets_where_they_are() -> None:
@@ -246,8 +246,8 @@ def test_parameters_are_the_components_along_orthonormal_directions(name: str) -
     images = np.argmax(
         (group[:, None] @ hull.normals[None, :, :, None])[..., 0] @ hull.normals.T, -1
     )
-    kept = (images == np.arange(len(hull.normals))).sum(axis=1)
-    free = (kept * (np.trace(group, axis1=1, axis2=2) + 1.0)).mean()
+    stabilizers = (images == np.arange(len(hull.normals))).sum(axis=1)
+    free = (stabilizers * (np.trace(group, axis1=1, axis2=2) + 1.0)).mean()
     assert size == pytest.approx(free)
 
 

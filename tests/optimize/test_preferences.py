@@ -131,13 +131,13 @@ def test_terms_do_not_depend_on_size_and_place(name: str) -> None:
     vertices = die(2).rests.hull.vertices
     there = 7.0 * vertices + [3.0, -1.0, 2.0]
     # Some facets bear no outcome, for the helpers' sake.
-    some = np.arange(5)
+    facets = np.arange(5)
     if name == "margin":
         assert total(evaluated(there), name) == pytest.approx(total(evaluated(vertices), name))
     else:
-        found = total(evaluated(there), name, some)
-        assert found == pytest.approx(total(evaluated(vertices), name, some))
-        assert found > 1e-6
+        value = total(evaluated(there), name, facets)
+        assert value == pytest.approx(total(evaluated(vertices), name, facets))
+        assert value > 1e-6
 
 
 def check_slopes(

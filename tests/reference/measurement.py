@@ -144,27 +144,27 @@ def measure(
     )
 
 
-def verdict(found: Measurement, rests: int | None = None, facets: int | None = None) -> str:
+def verdict(measurement: Measurement, rests: int | None = None, facets: int | None = None) -> str:
     """`OK`, or the fault of a measurement. rests, facets: their numbers, if known."""
-    if rests is not None and found.rests != rests:
-        return f"{found.rests} rests instead of {rests}"
-    if facets is not None and found.facets != facets:
-        return f"{found.facets} facets instead of {facets}"
-    if not abs(found.excess) <= ERROR_LIMIT:
-        return f"sum of probabilities off by {found.excess:.1e}"
-    if found.outside > (COARSER_OUTSIDE_LIMIT if found.made_again else OUTSIDE_LIMIT):
-        return f"point outside of the hull by {found.outside:.1e}"
-    for name, error in found.errors.items():
-        limit = found.limit(error)
+    if rests is not None and measurement.rests != rests:
+        return f"{measurement.rests} rests instead of {rests}"
+    if facets is not None and measurement.facets != facets:
+        return f"{measurement.facets} facets instead of {facets}"
+    if not abs(measurement.excess) <= ERROR_LIMIT:
+        return f"sum of probabilities off by {measurement.excess:.1e}"
+    if measurement.outside > (COARSER_OUTSIDE_LIMIT if measurement.made_again else OUTSIDE_LIMIT):
+        return f"point outside of the hull by {measurement.outside:.1e}"
+    for name, error in measurement.errors.items():
+        limit = measurement.limit(error)
         if not error <= limit:
             return f"error {error:.1e} ({name}) above {limit:.1e}"
     return OK
 
 
-def share_error(expected: Floats, found: Floats) -> float:
+def share_error(expected: Floats, actual: Floats) -> float:
     """Largest difference of sorted probabilities (k,) and (l,); missing ones are 0."""
-    both = np.zeros((2, max(len(expected), len(found))))
-    for row, values in zip(both, (expected, found), strict=True):
+    both = np.zeros((2, max(len(expected), len(actual))))
+    for row, values in zip(both, (expected, actual), strict=True):
         row[: len(values)] = np.sort(values)[::-1]
     return float(np.abs(both[0] - both[1]).max())
 

@@ -92,8 +92,8 @@ def derivative(motion: Motion, broken: bool = False) -> Numbers:
                 if motion.center is None
                 else motion.center(time)
             )
-            found = oracle_probabilities(corners, polygons, [center])
-            for facet, probability in zip(owner, found, strict=True):
+            probabilities = oracle_probabilities(corners, polygons, [center])
+            for facet, probability in zip(owner, probabilities, strict=True):
                 total[facet] += probability / (2 * time)
         return total
 
@@ -146,13 +146,13 @@ def half_space_motion(
         moved = exact(parameters) + time * exact(along)
         normals = [unit(normal) for normal in moved[: 3 * count].reshape(count, 3)]
         heights = [mpmath.exp(logarithm) for logarithm in moved[3 * count :]]
-        found = []
+        motions = []
         for i, j, k in meeting:
             # By Cramer's rule.
             a, b, c = normals[i], normals[j], normals[k]
             bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
-            found.append((heights[i] * bc + heights[j] * ca + heights[k] * ab) / (a @ bc))
-        return exact(origin) + np.array(found)
+            motions.append((heights[i] * bc + heights[j] * ca + heights[k] * ab) / (a @ bc))
+        return exact(origin) + np.array(motions)
 
     still = None if center is None else lambda time: exact(center)
     return Motion(polygons, hull.triangles, corners, still)

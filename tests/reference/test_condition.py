@@ -40,8 +40,8 @@ def test_conditions_are_near_the_bound_by_derivatives(number: int) -> None:
         bends.append(float(np.abs(bend.numpy().ravel()) @ reaches))
     most = max(bends) / max(slopes)
     source = rests.hull.source
-    found = derivative_condition(rests.hull, problem.center, along[source], np.zeros(3))
-    assert 0.1 * most < found <= most
+    condition = derivative_condition(rests.hull, problem.center, along[source], np.zeros(3))
+    assert 0.1 * most < condition <= most
 
 
 @pytest.mark.parametrize("power", [3, 6, 9])
@@ -51,8 +51,8 @@ def test_conditions_grow_where_a_path_grazes(power: int) -> None:
     hull = convex_hull(body.points)
     assert 0.01 < probability_condition(hull, body.center) * 10.0**-power < 10.0
     along = np.random.default_rng(power).normal(size=hull.vertices.shape)
-    found = derivative_condition(hull, body.center, along, np.zeros(3))
-    assert 0.1 < found * 10.0**-power < 1e3
+    condition = derivative_condition(hull, body.center, along, np.zeros(3))
+    assert 0.1 < condition * 10.0**-power < 1e3
 
 
 def test_a_balanced_body_has_no_condition() -> None:

@@ -14,11 +14,11 @@ BODIES = {19: conway_guy(), 18: unistable(18), 14: unistable(14)}
 
 @pytest.mark.parametrize("facets", BODIES)
 def test_one_rest_takes_all_in_any_orientation(facets: int) -> None:
-    found = measure(BODIES[facets])
-    assert (found.facets, found.rests, found.tied) == (facets, 1, False)
-    assert found.errors == {"closed form": 0.0, "oracle": 0.0}
-    assert found.probabilities == (1.0,)
+    measurement = measure(BODIES[facets])
+    assert (measurement.facets, measurement.rests, measurement.tied) == (facets, 1, False)
+    assert measurement.errors == {"closed form": 0.0, "oracle": 0.0}
+    assert measurement.probabilities == (1.0,)
     assert facets > 18 or BODIES[facets].points.shape == (2 * facets - 4, 3)
     for seed in range(5):
-        found = measure(turned(BODIES[facets], seed), oracle=seed < 2)
-        assert verdict(found, rests=1) == OK
+        measurement = measure(turned(BODIES[facets], seed), oracle=seed < 2)
+        assert verdict(measurement, rests=1) == OK

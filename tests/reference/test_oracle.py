@@ -30,8 +30,8 @@ def test_a_tetrahedron_to_fifty_digits() -> None:
 @pytest.mark.parametrize("edges", [(1.0, 1.0, 1.0), (1.0, 2.0, 3.0), (5.0, 4.0, 0.1)])
 def test_a_box_has_its_solid_angles(edges: tuple[float, float, float]) -> None:
     problem = solids.box(*edges)
-    found = ask(convex_hull(problem.points), np.zeros(3))
-    np.testing.assert_allclose(np.sort(found), np.sort(problem.shares), rtol=0, atol=1e-15)
+    answer = ask(convex_hull(problem.points), np.zeros(3))
+    np.testing.assert_allclose(np.sort(answer), np.sort(problem.shares), rtol=0, atol=1e-15)
 
 
 def test_two_centers_are_averaged() -> None:
@@ -65,8 +65,8 @@ def test_a_published_mesh() -> None:
         )
     body, expected = bodies[min(bodies)]
     hull = convex_hull(body.points, single_precision=body.single_precision)
-    found = ask(hull, np.array(expected["center_of_mass"]))
-    assert np.count_nonzero(found) == len(expected["rests"])
+    answer = ask(hull, np.array(expected["center_of_mass"]))
+    assert np.count_nonzero(answer) == len(expected["rests"])
     for rest in expected["rests"]:
         facet = int(np.argmax(hull.normals @ rest["normal"]))
-        assert found[facet] == pytest.approx(rest["probability"], abs=1e-12)
+        assert answer[facet] == pytest.approx(rest["probability"], abs=1e-12)

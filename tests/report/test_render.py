@@ -34,8 +34,8 @@ def seen_by(vertices, triangles, camera, size):
 def test_silhouette_of_a_sphere():
     sphere = trimesh.creation.icosphere(subdivisions=5)
     camera = Camera(np.array([1.0, 2.0, -3.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.25)
-    seen, _ = seen_by(sphere.vertices, sphere.faces, camera, 400)
-    area = (seen >= 0).sum() * (2.5 / 400) ** 2
+    visible, _ = seen_by(sphere.vertices, sphere.faces, camera, 400)
+    area = (visible >= 0).sum() * (2.5 / 400) ** 2
     assert area == pytest.approx(np.pi, rel=2e-3)
 
 
@@ -69,10 +69,10 @@ def test_the_kernel_sees_the_triangles_that_numpy_sees() -> None:
             # Corners and edges on pixels' centers, equal depths.
             positions = np.round(positions) + 0.5
         triangles = rng.integers(0, count, size=(80, 3))
-        seen, depth = rasterize(positions, triangles, 64)
+        visible, depth = rasterize(positions, triangles, 64)
         with without_kernels():
             expected = rasterize(positions, triangles, 64)
-        np.testing.assert_array_equal(seen, expected[0])
+        np.testing.assert_array_equal(visible, expected[0])
         np.testing.assert_array_equal(depth, expected[1])
 
 

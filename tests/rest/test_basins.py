@@ -55,12 +55,14 @@ def test_sampled_flow_gives_the_same_probabilities() -> None:
         points, center = random_body(seed)
         rests = rest_poses(points, center)
         hull = rests.hull
-        found, lost = flow_frequencies(hull.vertices, center, rests.normals, count, step, seed)
+        frequencies, lost = flow_frequencies(
+            hull.vertices, center, rests.normals, count, step, seed
+        )
         p = rests.probabilities
         bound = 5 * np.sqrt(p * (1 - p) / count) + step / 2
         assert lost <= 0.01 * count
-        assert (np.abs(found - p) <= bound + lost / count).all(), seed
-        distances.append(0.5 * np.abs(found - p).sum())
+        assert (np.abs(frequencies - p) <= bound + lost / count).all(), seed
+        distances.append(0.5 * np.abs(frequencies - p).sum())
     assert np.mean(distances) < 0.01
 
 
@@ -153,9 +155,11 @@ def test_a_basin_may_hold_the_antipode_of_its_normal(seed: int) -> None:
     np.testing.assert_array_equal(ended, rests.normals[0])
     downs = np.random.default_rng(seed).normal(size=(400, 3))
     ends = np.array([roll_steps(equilibria, down)[-1].down for down in downs])
-    found = np.bincount(np.argmax(ends @ rests.normals.T, axis=1), minlength=len(normals)) / 400
+    frequencies = (
+        np.bincount(np.argmax(ends @ rests.normals.T, axis=1), minlength=len(normals)) / 400
+    )
     p = rests.probabilities
-    assert (np.abs(found - p) <= 5 * np.sqrt(p * (1 - p) / 400)).all()
+    assert (np.abs(frequencies - p) <= 5 * np.sqrt(p * (1 - p) / 400)).all()
 
 
 @pytest.mark.parametrize(

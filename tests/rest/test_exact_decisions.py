@@ -101,20 +101,22 @@ def brink(
 def bodies_at_the_brink() -> dict[str, list[Body]]:
     """With centers of mass on both sides of a change, as near to it as float64 positions are, by
     what changes."""
-    found: dict[str, list[Body]] = {"elements": [], "lines": []}
+    at_brink: dict[str, list[Body]] = {"elements": [], "lines": []}
     rng = np.random.default_rng(1)
     for hull in bodies(30):
         for direction in rng.normal(size=(2, 3)):
             reach = 0.5 * float(surroundings(hull, hull.centroid).height)
             way = direction / np.linalg.norm(direction)
             ends = brink(hull, hull.centroid, way, reach, elements)
-            found["elements"] += [(hull, end) for end in ends]
+            at_brink["elements"] += [(hull, end) for end in ends]
     for hull in long_bodies(90):
         for direction in rng.normal(size=(3, 3)):
             way = direction / np.linalg.norm(direction)
             reach = 0.999 * same_elements(hull, hull.centroid, way)
-            found["lines"] += [(hull, end) for end in brink(hull, hull.centroid, way, reach, lines)]
-    return found
+            at_brink["lines"] += [
+                (hull, end) for end in brink(hull, hull.centroid, way, reach, lines)
+            ]
+    return at_brink
 
 
 def agrees_with_the_oracle(equilibria: Equilibria) -> bool:
@@ -150,13 +152,13 @@ def agrees_with_the_oracle(equilibria: Equilibria) -> bool:
 
 @pytest.mark.parametrize("kind", ["elements", "lines"])
 def test_at_the_brink_decisions_are_those_of_the_oracle(kind: str) -> None:
-    asked = 0
+    decided = 0
     for number, (shape, center) in enumerate(bodies_at_the_brink()[kind]):
         size = SIZES[number // 2 % 3]
         body = classify(convex_hull(size * shape.vertices, 0.0), size * center)
         with without_kernels():
-            asked += agrees_with_the_oracle(body)
-    assert asked > 50
+            decided += agrees_with_the_oracle(body)
+    assert decided > 50
 
 
 @without_kernels()
@@ -200,7 +202,7 @@ def test_a_move_within_the_tie_distance_that_changes_a_path_is_a_tie(
     way: Callable[[], AbstractContextManager[None]],
 ) -> None:
     """And bodies whose paths change nowhere near are not tied."""
-    tied, asked = 0, 0
+    tied, decided = 0, 0
     rng = np.random.default_rng(2)
     for number, (shape, brink_of_shape) in enumerate(bodies_at_the_brink()["lines"][::2]):
         size = SIZES[number % 3]
@@ -211,10 +213,10 @@ def test_a_move_within_the_tie_distance_that_changes_a_path_is_a_tie(
         with way():
             with pytest.raises(Tie):
                 separatrices(classify(hull, elsewhere, 1.001 * distance))
-            asked += 1
+            decided += 1
             try:
                 separatrices(classify(hull, elsewhere, 1e-5 * distance))
             except Tie:
                 tied += 1
-    assert asked > 25
-    assert tied < 0.1 * asked
+    assert decided > 25
+    assert tied < 0.1 * decided

@@ -29,23 +29,23 @@ def roof(degrees: float) -> Floats:
 
 
 def test_a_cube_is_a_fair_die() -> None:
-    found = outcome_probabilities(rest_poses(CORNERS), NORMALS)
-    np.testing.assert_allclose(found.probabilities, 1.0 / 6.0, rtol=1e-12)
-    assert found.elsewhere == 0.0
-    np.testing.assert_array_equal(found.rest_counts, np.ones(6))
-    assert found.error(np.full(6, 1.0 / 6.0)) < 1e-12
-    assert found.error(np.array([0.1, 0.2, 0.2, 0.2, 0.15, 0.15])) == pytest.approx(1.0 / 15.0)
+    outcomes = outcome_probabilities(rest_poses(CORNERS), NORMALS)
+    np.testing.assert_allclose(outcomes.probabilities, 1.0 / 6.0, rtol=1e-12)
+    assert outcomes.elsewhere == 0.0
+    np.testing.assert_array_equal(outcomes.rest_counts, np.ones(6))
+    assert outcomes.error(np.full(6, 1.0 / 6.0)) < 1e-12
+    assert outcomes.error(np.array([0.1, 0.2, 0.2, 0.2, 0.15, 0.15])) == pytest.approx(1.0 / 15.0)
 
 
 def test_probabilities_elsewhere_count_as_error() -> None:
     poses = rest_poses(CORNERS * np.array([1.0, 0.9, 0.7]))
     upright = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    found = outcome_probabilities(poses, upright)
+    outcomes = outcome_probabilities(poses, upright)
     expected = [poses.probabilities[np.argmax(poses.normals @ way)] for way in upright]
-    np.testing.assert_allclose(found.probabilities, expected, rtol=1e-12)
-    assert found.elsewhere == pytest.approx(1.0 - sum(expected))
-    assert found.error(found.probabilities) == found.elsewhere
-    assert (found.outcome_of_rest == -1).sum() == 4
+    np.testing.assert_allclose(outcomes.probabilities, expected, rtol=1e-12)
+    assert outcomes.elsewhere == pytest.approx(1.0 - sum(expected))
+    assert outcomes.error(outcomes.probabilities) == outcomes.elsewhere
+    assert (outcomes.outcome_of_rest == -1).sum() == 4
 
 
 @pytest.mark.parametrize(("degrees", "together"), [(3.0, True), (4.99, True), (5.01, False)])
@@ -57,12 +57,12 @@ def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: boo
     directions = NORMALS.copy()
     # The main rest is one of the two, though the direction is that between them or beyond.
     directions[5] = [0.01, 0.0, -1.0] / np.hypot(0.01, 1.0)
-    found = outcome_probabilities(poses, directions)
+    outcomes = outcome_probabilities(poses, directions)
     both = float(poses.probabilities[below].sum())
-    assert found.rest_counts[5] == (2 if together else 1)
-    assert found.probabilities[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
-    assert found.elsewhere == pytest.approx(0.0 if together else both / 2.0, abs=1e-12)
-    assert found.probabilities.sum() + found.elsewhere == pytest.approx(1.0, rel=1e-12)
+    assert outcomes.rest_counts[5] == (2 if together else 1)
+    assert outcomes.probabilities[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
+    assert outcomes.elsewhere == pytest.approx(0.0 if together else both / 2.0, abs=1e-12)
+    assert outcomes.probabilities.sum() + outcomes.elsewhere == pytest.approx(1.0, rel=1e-12)
 
 
 def test_margins_are_the_angles_at_which_a_box_tips() -> None:
@@ -82,10 +82,10 @@ def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
     angles = np.radians([[0.0, 20.0], [150.0, 20.0]])
     directions, normals = np.stack([0.0 * angles, np.sin(angles), np.cos(angles)], axis=-1)
     normals[0, 1] *= -1.0
-    found = assign_rests(normals, np.array([0.1, 0.9]), directions)
-    assert found.main.tolist() == [0, 1]
-    np.testing.assert_array_equal(found.probabilities, [0.1, 0.9])
-    assert found.elsewhere == 0.0
+    outcomes = assign_rests(normals, np.array([0.1, 0.9]), directions)
+    assert outcomes.main.tolist() == [0, 1]
+    np.testing.assert_array_equal(outcomes.probabilities, [0.1, 0.9])
+    assert outcomes.elsewhere == 0.0
 
 
 AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [-1.0, 0, 0]])

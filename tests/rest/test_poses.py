@@ -107,11 +107,11 @@ def test_polylines_run_from_maximum_to_maximum_with_basins_beside(seed: int) -> 
         heights = support(rests, line)
         assert (np.diff(heights[: at + 1]) < 1e-14).all()
         assert (np.diff(heights[at:]) > -1e-14).all()
-        for here, there in pairwise(line):
-            middle = (here + there) / np.linalg.norm(here + there)
-            aside = np.cross(middle, there - here)
+        for start, stop in pairwise(line):
+            middle = (start + stop) / np.linalg.norm(start + stop)
+            aside = np.cross(middle, stop - start)
             aside *= 1e-6 / np.linalg.norm(aside)
-            if np.linalg.norm(there - here) < 1e-4:
+            if np.linalg.norm(stop - start) < 1e-4:
                 continue
             for basin, sign in ((left, 1.0), (right, -1.0)):
                 ended = roll_steps(morse.equilibria, middle + sign * aside)[-1].down

@@ -101,8 +101,8 @@ def test_cubature_of_a_function_and_the_one_integral_agree(seed: int, concentrat
     poses = dd.rest_poses(body.points, body.center)
     for axis in AXES:
         known = dd.VonMisesFisher(axis, concentration)
-        found = poses.under(dd.DensityFunction(lambda u, known=known: 3.0 * known.density(u)))
-        np.testing.assert_allclose(by_facet(found), by_facet(poses.under(known)), atol=1e-13)
+        by_cubature = poses.under(dd.DensityFunction(lambda u, known=known: 3.0 * known.density(u)))
+        np.testing.assert_allclose(by_facet(by_cubature), by_facet(poses.under(known)), atol=1e-13)
 
 
 def test_the_error_of_a_rough_density_is_estimated() -> None:
@@ -117,21 +117,23 @@ def test_the_error_of_a_rough_density_is_estimated() -> None:
 def test_drawn_directions_roll_as_often_as_said(concentration: float) -> None:
     poses = dd.rest_poses(random_body(4))
     directions = draw_directions(AXES[1], concentration, 40_000)
-    found = poses.under(dd.SampledDirections(directions))
+    by_samples = poses.under(dd.SampledDirections(directions))
     said = by_facet(poses.under(dd.VonMisesFisher(AXES[1], concentration)))
-    assert found.errors is not None
+    assert by_samples.errors is not None
     # The intervals hold 95 %: of 12 probabilities or so, most.
-    assert (np.abs(found.probabilities - said[found.facets]) <= found.errors).mean() > 0.7
-    np.testing.assert_allclose(found.probabilities, said[found.facets], atol=0.01)
+    assert (
+        np.abs(by_samples.probabilities - said[by_samples.facets]) <= by_samples.errors
+    ).mean() > 0.7
+    np.testing.assert_allclose(by_samples.probabilities, said[by_samples.facets], atol=0.01)
 
 
 def test_prior_and_body_may_turn_together_and_units_do_not_matter() -> None:
     points, turn = random_body(6), Rotation.from_rotvec([0.3, -1.0, 0.7])
     for axis in AXES:
-        for made in (lambda a: dd.VonMisesFisher(a, 7.0), lambda a: dd.SphericalCap(a, 50.0)):
-            here = dd.rest_poses(points).under(made(1e-200 * axis))
-            there = dd.rest_poses(1e6 * turn.apply(points)).under(made(turn.apply(axis)))
-            np.testing.assert_allclose(here.probabilities, there.probabilities, atol=1e-13)
+        for make_prior in (lambda a: dd.VonMisesFisher(a, 7.0), lambda a: dd.SphericalCap(a, 50.0)):
+            original = dd.rest_poses(points).under(make_prior(1e-200 * axis))
+            turned = dd.rest_poses(1e6 * turn.apply(points)).under(make_prior(turn.apply(axis)))
+            np.testing.assert_allclose(original.probabilities, turned.probabilities, atol=1e-13)
 
 
 def test_a_fit_finds_the_axis_and_the_concentration() -> None:

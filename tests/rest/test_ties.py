@@ -87,29 +87,29 @@ GENERATORS = {
 
 def group(generators: list[np.ndarray]) -> list[np.ndarray]:
     """All products of some integer matrices."""
-    found = {tuple(np.eye(3).ravel())}
+    matrices = {tuple(np.eye(3).ravel())}
     while True:
         products = {
-            tuple((g @ np.reshape(m, (3, 3)) + 0.0).ravel()) for m in found for g in generators
+            tuple((g @ np.reshape(m, (3, 3)) + 0.0).ravel()) for m in matrices for g in generators
         }
-        if products <= found:
-            return [np.reshape(m, (3, 3)) for m in found]
-        found |= products
+        if products <= matrices:
+            return [np.reshape(m, (3, 3)) for m in matrices]
+        matrices |= products
 
 
 @pytest.mark.parametrize("name", GENERATORS)
 def test_probabilities_of_symmetric_bodies_are_symmetric(name: str) -> None:
     symmetries = group(GENERATORS[name])
     rng = np.random.default_rng(len(symmetries))
-    tied = asked = 0
-    while asked < 40:
+    tied = checked = 0
+    while checked < 40:
         seeds = rng.integers(-3, 4, size=(int(rng.integers(1, 5)), 3))
         points = np.unique(np.concatenate([seeds @ m.T for m in symmetries]), axis=0)
         try:
             poses = rest_poses(points, np.zeros(3))
         except (DegenerateBodyError, OutsideHullError):
             continue
-        asked += 1
+        checked += 1
         tied += TIED in poses.notes
         for matrix in GENERATORS[name]:
             cosines = poses.normals @ matrix.T @ poses.normals.T

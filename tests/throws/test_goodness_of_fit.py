@@ -46,10 +46,10 @@ def published(die: str, column: str) -> np.ndarray:
 def test_published_throws(die: str, model: str, statistic: float, degrees: int) -> None:
     """Against figures from before this package."""
     counts, probabilities = published(die, "throws"), published(die, model)
-    found = chi_square(counts, probabilities / probabilities.sum())
-    assert found.statistic == pytest.approx(statistic, abs=0.06)
-    assert found.degrees == degrees
-    assert found.p_value == pytest.approx(stats.chi2.sf(found.statistic, degrees), rel=1e-12)
+    result = chi_square(counts, probabilities / probabilities.sum())
+    assert result.statistic == pytest.approx(statistic, abs=0.06)
+    assert result.degrees == degrees
+    assert result.p_value == pytest.approx(stats.chi2.sf(result.statistic, degrees), rel=1e-12)
 
 
 def test_outcomes_that_cannot_come_up() -> None:
@@ -61,10 +61,10 @@ def test_outcomes_that_cannot_come_up() -> None:
 
 def test_two_samples_as_in_scipy() -> None:
     first, second = np.array([30, 0, 12, 7]), np.array([55, 0, 40, 2])
-    found = two_sample_chi_square(first, second)
+    result = two_sample_chi_square(first, second)
     expected = stats.chi2_contingency(np.stack([first, second])[:, [0, 2, 3]], correction=False)
-    assert found.statistic == pytest.approx(expected.statistic, rel=1e-13)
-    assert (found.degrees, found.p_value) == (2, pytest.approx(expected.pvalue, rel=1e-12))
+    assert result.statistic == pytest.approx(expected.statistic, rel=1e-13)
+    assert (result.degrees, result.p_value) == (2, pytest.approx(expected.pvalue, rel=1e-12))
 
 
 def brute_force(counts: np.ndarray, probabilities: np.ndarray) -> float:
@@ -84,13 +84,13 @@ def brute_force(counts: np.ndarray, probabilities: np.ndarray) -> float:
     ],
 )
 def test_the_exact_test_by_brute_force(counts: list[int], probabilities: list[float]) -> None:
-    found = exact_multinomial(counts, probabilities)
-    assert found.p_value == pytest.approx(
+    result = exact_multinomial(counts, probabilities)
+    assert result.p_value == pytest.approx(
         brute_force(np.array(counts), np.array(probabilities)), rel=1e-9
     )
     kinds = len(probabilities)
-    assert found.tables == math.comb(sum(counts) + kinds - 1, kinds - 1)
-    assert found.standard_error == 0.0
+    assert result.tables == math.comb(sum(counts) + kinds - 1, kinds - 1)
+    assert result.standard_error == 0.0
 
 
 def test_drawn_tables_agree_with_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,8 +109,8 @@ def test_drawn_tables_agree_with_all(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_equally_likely_counts_of_many_throws(off: int) -> None:
     """Exchanged counts are equally likely, though logarithms near 1e7 are rounded."""
     few, many = 499_999 - off, 499_999 + off
-    found = exact_multinomial([few, many], [0.5, 0.5])
-    assert found.p_value == pytest.approx(stats.binomtest(few, 999_998, 0.5).pvalue, rel=1e-7)
+    result = exact_multinomial([few, many], [0.5, 0.5])
+    assert result.p_value == pytest.approx(stats.binomtest(few, 999_998, 0.5).pvalue, rel=1e-7)
 
 
 PRINTED = np.array([0.1, 0.2, 0.3, 0.4])
@@ -122,10 +122,10 @@ def test_a_bias_alone_is_the_noncentral_test() -> None:
     expected = stats.ncx2.sf(critical, 3, 1000 * (bias**2 / PRINTED).sum())
     assert chance_noticed(PRINTED, 1000, np.zeros((4, 4)), bias) == pytest.approx(expected)
     several = np.array([bias, 0.0 * bias, 3.0 * bias, 50.0 * bias, bias + np.eye(4)[0] / 100.0])
-    found = chances_noticed(PRINTED, 1000, several)
-    for one, known in zip(several[[0, 1, 2, 4]], found[[0, 1, 2, 4]], strict=True):
+    chances = chances_noticed(PRINTED, 1000, several)
+    for one, known in zip(several[[0, 1, 2, 4]], chances[[0, 1, 2, 4]], strict=True):
         assert chance_noticed(PRINTED, 1000, np.zeros((4, 4)), one) == pytest.approx(known)
-    assert found[3] == 1.0
+    assert chances[3] == 1.0
     assert chances_noticed(np.ones(1), 1000, np.zeros((2, 1))).tolist() == [0.0, 0.0]
 
 

@@ -90,26 +90,26 @@ def gradients(value: torch.Tensor, rests: RestEvaluation, **how: bool) -> list[t
     return list(torch.autograd.grad(value, leaves(rests), retain_graph=True, **how))
 
 
-def assert_near(found: Floats, expected: Floats, tolerance: float) -> None:
+def assert_near(actual: Floats, expected: Floats, tolerance: float) -> None:
     """Relative to the largest entry."""
-    assert found.shape == expected.shape
+    assert actual.shape == expected.shape
     size = float(np.abs(expected).max())
-    assert float(np.abs(found - expected).max()) <= tolerance * size
+    assert float(np.abs(actual - expected).max()) <= tolerance * size
 
 
 @compiled_only
 def test_kernel_probabilities_against_the_formulas(points: Floats) -> None:
     for rests in both_ways(points):
-        found = BOARD_GAME.probabilities(rests)
+        probabilities = BOARD_GAME.probabilities(rests)
         with without_kernels():
             expected = BOARD_GAME.probabilities(rests)
-        assert np.abs(found - expected).max() < 1e-12
-        assert found.min() >= 0.0
-        assert found.sum() == pytest.approx(1.0, abs=1e-12)
-        assert np.abs(found - rests.probability_values).max() > 1e-6
+        assert np.abs(probabilities - expected).max() < 1e-12
+        assert probabilities.min() >= 0.0
+        assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+        assert np.abs(probabilities - rests.probability_values).max() > 1e-6
         by_torch = BOARD_GAME._formula(rests, rests.vertices, rests.center, rests.probabilities)
-        assert np.abs(found - by_torch.detach().numpy()).max() < 1e-12
-        assert np.array_equal(BOARD_GAME.tensor(rests).detach().numpy(), found)
+        assert np.abs(probabilities - by_torch.detach().numpy()).max() < 1e-12
+        assert np.array_equal(BOARD_GAME.tensor(rests).detach().numpy(), probabilities)
 
 
 @compiled_only
@@ -118,10 +118,10 @@ def test_kernel_gradients_against_the_formulas(smooth_points: Floats) -> None:
         if len(rests.probability_values) > 50:
             continue
         weights = torch.linspace(-1.0, 1.0, len(rests.probability_values), dtype=torch.float64)
-        found = gradients((BOARD_GAME.tensor(rests) * weights).sum(), rests)
+        compiled = gradients((BOARD_GAME.tensor(rests) * weights).sum(), rests)
         formula = BOARD_GAME._formula(rests, rests.vertices, rests.center, rests.probabilities)
         expected = gradients((formula * weights).sum(), rests)
-        for mine, other in zip(found, expected, strict=True):
+        for mine, other in zip(compiled, expected, strict=True):
             assert_near(mine.numpy(), other.numpy(), 1e-10)
 
 
@@ -129,7 +129,7 @@ def test_kernel_gradients_against_the_formulas(smooth_points: Floats) -> None:
 def test_the_jacobian_against_finite_differences(name: str) -> None:
     hull = convex_hull(BODIES[name]())
     vertices = torch.tensor(hull.vertices)
-    found = BOARD_GAME.jacobian(RestEvaluation(classify(hull, hull.centroid), vertices))
+    jacobian = BOARD_GAME.jacobian(RestEvaluation(classify(hull, hull.centroid), vertices))
     step = 1e-6
 
     def probabilities(moved: Floats) -> Floats:
@@ -145,7 +145,7 @@ def test_the_jacobian_against_finite_differences(name: str) -> None:
     for _ in range(4):
         way = rng.normal(size=hull.vertices.shape)
         after, before = (probabilities(hull.vertices + sign * step * way) for sign in (1.0, -1.0))
-        slope = (found @ way.ravel())[order]
+        slope = (jacobian @ way.ravel())[order]
         assert_near((after - before) / (2.0 * step), slope, 1e-6)
 
 
@@ -161,8 +161,10 @@ def test_one_rest_is_always_reached() -> None:
     assert np.abs(BOARD_GAME.jacobian(rests)).max() < 1e-12
     assert BOARD_GAME.model is not None
     inertia = solid_inertia(hull.vertices, hull.triangles)
-    found = hull_probabilities(hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.model)
-    assert found == pytest.approx([1.0])
+    probabilities = hull_probabilities(
+        hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.model
+    )
+    assert probabilities == pytest.approx([1.0])
 
 
 @compiled_only
@@ -177,12 +179,12 @@ def test_a_tied_body_has_the_probabilities_of_both_sides() -> None:
             continue
         tied += 1
         body = rigid_body(make_body(points), poses)
-        found = momentum_probabilities(poses, body, BOARD_GAME.model)
+        probabilities = momentum_probabilities(poses, body, BOARD_GAME.model)
         with without_kernels():
             expected = momentum_probabilities(poses, body, BOARD_GAME.model)
         # Barriers as low as the center is moved aside are known to a few digits.
-        assert found == pytest.approx(expected, abs=1e-4)
-        assert found.sum() == pytest.approx(1.0, abs=1e-12)
+        assert probabilities == pytest.approx(expected, abs=1e-4)
+        assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
 
 
 def test_negative_barriers_by_rounding_count_as_zero() -> None:
@@ -194,11 +196,11 @@ def test_negative_barriers_by_rounding_count_as_zero() -> None:
     features = body_features(
         transitions, hull.vertices, hull.centroid, inertia, rests.probability_values, np
     )
-    found = []
+    probabilities = []
     for height in (-1e-16, 0.0, 1e-16, 1e-12):
         barriers = np.where(np.arange(len(features.barriers)) == 0, height, features.barriers)
-        found.append(
+        probabilities.append(
             landing_probabilities(replace(features, barriers=barriers), transitions, model, np)
         )
-    assert np.isfinite(found).all()
-    assert np.abs(np.array(found) - found[0]).max() < 1e-6
+    assert np.isfinite(probabilities).all()
+    assert np.abs(np.array(probabilities) - probabilities[0]).max() < 1e-6

@@ -62,8 +62,8 @@ def test_against_another_library(seed: int) -> None:
     body, poses = thrown(points)
     mesh = trimesh.Trimesh(points).convex_hull
     tensor = mesh.moment_inertia / mesh.volume
-    found = body.axes @ np.diag(body.moments * body.radius**2) @ body.axes.T
-    np.testing.assert_allclose(found, tensor, rtol=0, atol=1e-12 * np.abs(tensor).max())
+    inertia = body.axes @ np.diag(body.moments * body.radius**2) @ body.axes.T
+    np.testing.assert_allclose(inertia, tensor, rtol=0, atol=1e-12 * np.abs(tensor).max())
     assert np.linalg.det(body.axes) == pytest.approx(1.0)
     assert (np.diff(body.moments) >= 0.0).all()
     arms = poses.hull.vertices - mesh.center_mass
@@ -110,11 +110,11 @@ def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
     # Heights of the lowest points, speeds and spins.
     lowest = (turns_of(states)[:, 2] @ body.vertices.T).min(axis=1) * SPREAD.size / 2.0
     motions = (np.linalg.norm(states[:, i : i + 3], axis=1) for i in (7, 10))
-    found = np.stack([states[:, 2] + lowest, *motions])
-    for values, (low, high) in zip(found, (SPREAD.height, SPREAD.speed, SPREAD.spin), strict=True):
+    drawn = np.stack([states[:, 2] + lowest, *motions])
+    for values, (low, high) in zip(drawn, (SPREAD.height, SPREAD.speed, SPREAD.spin), strict=True):
         assert kstest(values, "uniform", (low, high - low)).pvalue > 1e-3
     # They are independent of the orientation, too.
-    known = np.concatenate([found, states[:, 3:7].T])
+    known = np.concatenate([drawn, states[:, 3:7].T])
     correlations = np.corrcoef(known) - np.eye(len(known))
     assert np.abs(correlations[:3]).max() < 4.0 / np.sqrt(count)
 
@@ -122,6 +122,6 @@ def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
 def test_orientations_are_uniform() -> None:
     """Rotation matrices have mean 0, and each entry the variance 1/3."""
     body = random_body(2)[0]
-    found = turns_of(sample_states(body, BOARD, 20_000))
-    assert np.abs(found.mean(axis=0)).max() < 4.0 * np.sqrt(1.0 / 3.0 / 20_000)
-    np.testing.assert_allclose((found**2).mean(axis=0), 1.0 / 3.0, atol=0.01)
+    turns = turns_of(sample_states(body, BOARD, 20_000))
+    assert np.abs(turns.mean(axis=0)).max() < 4.0 * np.sqrt(1.0 / 3.0 / 20_000)
+    np.testing.assert_allclose((turns**2).mean(axis=0), 1.0 / 3.0, atol=0.01)

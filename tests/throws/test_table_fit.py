@@ -43,12 +43,12 @@ def test_a_posterior_much_narrower_than_the_prior() -> None:
     def narrow(points: np.ndarray) -> np.ndarray:
         return -0.5 * np.square((points - center) / deviation).sum(axis=1, keepdims=True)
 
-    found = sample_posterior(narrow, 3, 1024, np.random.default_rng(3), leave_one_out=False)
-    weights = found.weights()
+    posterior = sample_posterior(narrow, 3, 1024, np.random.default_rng(3), leave_one_out=False)
+    weights = posterior.weights()
     assert effective(weights) > 200
-    mean = weights @ found.points
+    mean = weights @ posterior.points
     assert mean == pytest.approx(center, abs=0.3 * deviation)
-    spread = np.sqrt(weights @ (found.points - mean) ** 2)
+    spread = np.sqrt(weights @ (posterior.points - mean) ** 2)
     assert spread == pytest.approx(np.full(3, deviation), rel=0.2)
 
 
@@ -193,15 +193,15 @@ def test_the_posterior_of_known_probabilities(fit: TableFit) -> None:
     for name, values in (("restitution", e), ("friction", mu)):
         mean = (weights * values).sum()
         deviation = np.sqrt((weights * (values - mean) ** 2).sum())
-        found = fit.parameters[name]
-        assert found.mean == pytest.approx(mean, abs=0.25 * deviation)
-        assert found.standard_deviation == pytest.approx(deviation, rel=0.2)
+        parameter = fit.parameters[name]
+        assert parameter.mean == pytest.approx(mean, abs=0.25 * deviation)
+        assert parameter.standard_deviation == pytest.approx(deviation, rel=0.2)
         order = np.argsort(values, axis=None)
         share = weights.ravel()[order].cumsum()
         limits = values.ravel()[order[np.searchsorted(share, [0.05, 0.95])]]
-        assert found.interval == pytest.approx(limits, abs=0.5 * deviation)
-        assert found.fitted == pytest.approx(mean, abs=deviation)
-        assert found.searched == PARAMETERS[name]
+        assert parameter.interval == pytest.approx(limits, abs=0.5 * deviation)
+        assert parameter.fitted == pytest.approx(mean, abs=deviation)
+        assert parameter.searched == PARAMETERS[name]
     assert fit.correlations[0, 1] < -0.4
     assert fit.log_likelihood > -1.0
 
@@ -216,10 +216,10 @@ def test_each_die_is_predicted_without_its_own_counts(fit: TableFit) -> None:
     ):
         mean = (weights * probabilities).sum() / weights.sum()
         deviation = np.sqrt((weights * (probabilities - mean) ** 2).sum() / weights.sum())
-        found = fit.dice[number].left_out
-        assert found is not None
-        assert found.probabilities[0] == pytest.approx(mean, abs=0.25 * deviation)
-        assert found.deviation[0] == pytest.approx(deviation, rel=0.2)
+        prediction = fit.dice[number].left_out
+        assert prediction is not None
+        assert prediction.probabilities[0] == pytest.approx(mean, abs=0.25 * deviation)
+        assert prediction.deviation[0] == pytest.approx(deviation, rel=0.2)
 
 
 def test_a_posterior_table_is_a_draw_of_the_posterior_and_of_a_session(fit: TableFit) -> None:
@@ -241,7 +241,7 @@ def test_a_posterior_table_is_a_draw_of_the_posterior_and_of_a_session(fit: Tabl
 
 def test_sessions_differ_in_hands() -> None:
     """Against quadrature over restitution, the center of heights, and a session about it."""
-    found = fit_table([die("hand", [160, 240])], START, 64, 2000, 3, workers=Inline())
+    refit = fit_table([die("hand", [160, 240])], START, 64, 2000, 3, workers=Inline())
     e = np.linspace(*PARAMETERS["restitution"], 81)[:, None, None]
     center = np.geomspace(*PARAMETERS["height"], 81)[:, None]
     session = np.linspace(-4.0, 4.0, 81)
@@ -252,8 +252,8 @@ def test_sessions_differ_in_hands() -> None:
     for name, values in (("restitution", e[..., 0]), ("height", center.T)):
         mean = (weights * values).sum()
         deviation = np.sqrt((weights * (values - mean) ** 2).sum())
-        assert found.parameters[name].mean == pytest.approx(mean, abs=0.25 * deviation)
-        assert found.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
+        assert refit.parameters[name].mean == pytest.approx(mean, abs=0.25 * deviation)
+        assert refit.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
 
 
 def test_prediction_with_known_probabilities_is_the_likelihood_ratio_test() -> None:
@@ -264,19 +264,21 @@ def test_prediction_with_known_probabilities_is_the_likelihood_ratio_test() -> N
     ratio = 2.0 * (xlogy(counts, counts / throws) - counts * np.log([p, 1.0 - p])).sum(axis=1)
     for came in (4, 9, 15):
         exact = stats.binom.pmf(every[ratio >= ratio[came] - 1e-9], throws, p).sum()
-        found = predict(counts[came], np.array([[p, 1.0 - p]]), np.random.default_rng(came))
-        assert found.p_value == pytest.approx(exact, abs=4.0 * found.standard_error + 1e-3)
-        assert found.probabilities == pytest.approx([p, 1.0 - p])
-        assert found.deviation == pytest.approx([0.0, 0.0], abs=1e-12)
+        prediction = predict(counts[came], np.array([[p, 1.0 - p]]), np.random.default_rng(came))
+        assert prediction.p_value == pytest.approx(
+            exact, abs=4.0 * prediction.standard_error + 1e-3
+        )
+        assert prediction.probabilities == pytest.approx([p, 1.0 - p])
+        assert prediction.deviation == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 def test_the_outcome_farthest_from_the_prediction() -> None:
     probabilities = np.tile([0.1, 0.3, 0.6], (50, 1))
-    found = predict(np.array([60, 90, 150]), probabilities, np.random.default_rng(4))
-    assert found.worst == 0
-    low, high = found.interval
+    prediction = predict(np.array([60, 90, 150]), probabilities, np.random.default_rng(4))
+    assert prediction.worst == 0
+    low, high = prediction.interval
     assert [low, high] == pytest.approx(stats.binom.ppf([0.025, 0.975], 300, 0.1), abs=1)
-    assert found.p_value == pytest.approx(1.0 / (SERIES + 1))
+    assert prediction.p_value == pytest.approx(1.0 / (SERIES + 1))
 
 
 DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)
@@ -288,8 +290,8 @@ def test_a_die_thrown_on_the_same_table() -> None:
     body, poses = thrown(box(1.0, 1.2, 1.4))
     sides = np.abs(poses.normals).argmax(axis=1)
     groups = np.where(poses.normals[:, 2] > 0.5, -1, sides)
-    seen = simulate(body, DEAD, 600, seed=1).counts
-    real = np.array([seen[groups == side].sum() for side in range(3)])
+    counts_of_facets = simulate(body, DEAD, 600, seed=1).counts
+    real = np.array([counts_of_facets[groups == side].sum() for side in range(3)])
     probabilities = np.array([0.1, 0.2, 0.7])
     die = CountedDie("box", body, 0.03, ("x", "y", "z"), real, probabilities, groups, poses)
     progress: list[int] = []

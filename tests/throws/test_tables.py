@@ -57,10 +57,10 @@ def test_tables_of_a_posterior(tmp_path: Path) -> None:
     ]
     path.write_text(json.dumps({**GOOD, "size": 0.03, "posterior": rows}))
     assert load_table(str(path)) == Table(**GOOD, size=0.03)
-    found = posterior_tables(str(path))
-    for number, (table, row) in enumerate(zip(found, rows, strict=True), start=1):
+    tables = posterior_tables(str(path))
+    for number, (table, row) in enumerate(zip(tables, rows, strict=True), start=1):
         assert table == Table(**{**GOOD, **row, "size": 0.03, "name": f"lino {number} of 2"})
-    assert posterior_entries(found) == rows
+    assert posterior_entries(tables) == rows
 
 
 @pytest.mark.parametrize("posterior", [{}, [3], [{"restitution": 0.3}]])

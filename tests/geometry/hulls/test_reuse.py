@@ -102,11 +102,11 @@ def test_what_is_reused_is_what_would_be_built() -> None:
     for points in bodies():
         hull = convex_hull(points)
         for moved in moves(points, rng):
-            found = same_connectivity(hull, moved)
+            hull_reused = same_connectivity(hull, moved)
             tried += 1
-            if found is not None:
+            if hull_reused is not None:
                 reused += 1
-                assert identical(found, rebuild(moved))
+                assert identical(hull_reused, rebuild(moved))
     assert 0.3 * tried < reused < 0.7 * tried
 
 
@@ -119,9 +119,9 @@ def test_an_edge_that_flips_is_seen() -> None:
     inside = points.copy()
     for depth in (0.5, 0.01, 1e-6, 1e-9, 0.0, -1e-9, -1e-6, -0.01):
         inside[3, 1] = -depth
-        found = same_connectivity(hull, inside)
-        assert (found is not None) == (depth >= 1e-6)
-        assert found is None or identical(found, convex_hull(inside))
+        reused = same_connectivity(hull, inside)
+        assert (reused is not None) == (depth >= 1e-6)
+        assert reused is None or identical(reused, convex_hull(inside))
 
 
 @pytest.mark.parametrize("shape", [prism, bipyramid])

@@ -105,7 +105,7 @@ def test_inward_shells_are_cavities_only_inside_others(
     meshes: tuple[Mesh, ...], center: float, turned: int
 ) -> None:
     body = make_body(*join(*meshes))
-    found, source, notes = resolve_center_of_mass(body, HULL_CENTROID)
-    np.testing.assert_allclose(found, [center, 0, 0], atol=1e-14)
+    point, source, notes = resolve_center_of_mass(body, HULL_CENTROID)
+    np.testing.assert_allclose(point, [center, 0, 0], atol=1e-14)
     assert source == "uniform solid"
     assert [note for note in notes if "shells" in note] == [TURNED.format(turned)] * bool(turned)

@@ -14,16 +14,16 @@ from dicedesign.runtime.arrays import Integers
 def soups() -> list[Integers]:
     """Triangles that meet at random, spheres, pairs of them, and spheres with a hole."""
     rng = np.random.default_rng(0)
-    found = []
+    soups_of_triangles = []
     for size in range(2, 60):
         corners = rng.integers(0, size, size=(size, 3))
         distinct = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
         if distinct.any():
-            found.append(corners[distinct])
+            soups_of_triangles.append(corners[distinct])
     sphere = np.asarray(trimesh.creation.icosphere(subdivisions=2).faces, dtype=np.int64)
     two = np.concatenate([sphere, sphere[:, ::-1] + sphere.max() + 1])
-    found += [sphere, two, two[rng.permutation(len(two))], sphere[1:], sphere[:, ::-1]]
-    return found
+    soups_of_triangles += [sphere, two, two[rng.permutation(len(two))], sphere[1:], sphere[:, ::-1]]
+    return soups_of_triangles
 
 
 @compiled_only
@@ -53,9 +53,9 @@ def test_of_repeated_triangles_one_is_kept_however_it_begins() -> None:
     rng = np.random.default_rng(0)
     again = np.roll(OUTWARD[rng.integers(0, len(OUTWARD), 500)], 1, axis=1)
     mixed = rng.permutation(np.concatenate([OUTWARD, again]))
-    kept = distinct_triangles(mixed)
-    assert len(kept) == len(OUTWARD)
-    assert rows(kept) == rows(OUTWARD)
+    distinct = distinct_triangles(mixed)
+    assert len(distinct) == len(OUTWARD)
+    assert rows(distinct) == rows(OUTWARD)
 
 
 def test_a_wall_with_two_sides_goes_and_a_triangle_with_more_on_one_stays() -> None:

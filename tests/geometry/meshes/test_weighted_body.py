@@ -16,9 +16,9 @@ SIDES = np.array([4.0, 2.0, 2.0])
 
 
 def block(sides: tuple[float, float, float], middle: tuple[float, float, float]) -> trimesh.Trimesh:
-    made = trimesh.creation.box(sides)
-    made.apply_translation(middle)
-    return made
+    box = trimesh.creation.box(sides)
+    box.apply_translation(middle)
+    return box
 
 
 def box_inertia(sides: np.ndarray) -> np.ndarray:
@@ -105,9 +105,9 @@ def test_parts_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture
     block((1, 1, 1), (1.25, 0, 0)).export(tmp_path / "weight.stl")
     box, weight = str(tmp_path / "box.stl"), str(tmp_path / "weight.stl")
     assert main(["rest", box, "--part", f"{weight}:5", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["center_of_mass"] == pytest.approx([0.25, 0.0, 0.0], abs=1e-12)
-    assert "densities" in told["center_of_mass_source"]
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["center_of_mass"] == pytest.approx([0.25, 0.0, 0.0], abs=1e-12)
+    assert "densities" in printed["center_of_mass_source"]
     assert main(["drop", box, "--part", f"{weight}:5", "--down", "1,1,1"]) == 0
     capsys.readouterr()
     for bad in (weight, f"{weight}:heavy", f"{weight}:-1", ":5", f"{tmp_path}/none.stl:5"):

@@ -69,8 +69,8 @@ def assert_near(repaired: RepairedMesh, original: Surface) -> None:
 @pytest.mark.parametrize("original", [bumpy_sphere(3), bent_capsule()])
 def test_a_surface_with_holes_is_closed(original: Surface) -> None:
     rng = np.random.default_rng(0)
-    kept = rng.random(len(original.triangles)) > 0.05
-    repaired = repair(body_of(original.points, original.triangles[kept]))
+    remaining = rng.random(len(original.triangles)) > 0.05
+    repaired = repair(body_of(original.points, original.triangles[remaining]))
     assert_near(repaired, original)
     assert repaired.numbers.handles_before is None
     assert repaired.numbers.off_mean < 1e-3
@@ -187,12 +187,12 @@ def rings_around_points(triangles: Integers) -> Integers:
     """How often the triangles around each point close to a ring, by walking from edge to edge."""
     after = {(int(t[k]), int(t[k - 2])): int(t[k - 1]) for t in triangles for k in range(3)}
     rings = np.zeros(int(triangles.max()) + 1, dtype=np.int64)
-    seen: set[tuple[int, int]] = set()
+    visited: set[tuple[int, int]] = set()
     for point, neighbor in after:
-        if (point, neighbor) not in seen:
+        if (point, neighbor) not in visited:
             rings[point] += 1
-            while (point, neighbor) not in seen:
-                seen.add((point, neighbor))
+            while (point, neighbor) not in visited:
+                visited.add((point, neighbor))
                 neighbor = after[point, neighbor]
     return rings
 

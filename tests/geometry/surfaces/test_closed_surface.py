@@ -148,10 +148,10 @@ def egg() -> Surface:
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("made", [subdivided_cube, egg])
-def test_convex_surfaces_are_sent_to_the_exact_method(made: object, scale: float) -> None:
-    assert callable(made)
-    surface = made()
+@pytest.mark.parametrize("build", [subdivided_cube, egg])
+def test_convex_surfaces_are_sent_to_the_exact_method(build: object, scale: float) -> None:
+    assert callable(build)
+    surface = build()
     with pytest.raises(InputError, match="a convex one; take method"):
         require_dents(surface.with_points(scale * surface.points + 3.0 * scale))
 

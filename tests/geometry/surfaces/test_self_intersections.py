@@ -44,7 +44,7 @@ def exactly_intersecting(points: np.ndarray, triangles: np.ndarray) -> list[tupl
     """As `intersecting_triangles`, with folds only where they are exactly flat."""
     corners = np.frompyfunc(Fraction, 1, 1)(np.asarray(points, dtype=np.float64))[triangles]
     has_area = [any(np.cross(b - a, c - a)) for a, b, c in corners]
-    found = []
+    pairs = []
     for i, j in combinations(range(len(triangles)), 2):
         if not (has_area[i] and has_area[j]):
             continue
@@ -54,8 +54,8 @@ def exactly_intersecting(points: np.ndarray, triangles: np.ndarray) -> list[tupl
         if len(shared) == 2:  # the rest of the edge is shared as well
             beyond = [any(np.cross(shared[1] - shared[0], p - shared[0])) for p in part]
         if any(beyond) or len(shared) == 3:
-            found.append((i, j))
-    return found
+            pairs.append((i, j))
+    return pairs
 
 
 def pairs_of(points: np.ndarray, triangles: np.ndarray) -> list[tuple[int, int]]:

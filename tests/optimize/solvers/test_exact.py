@@ -94,15 +94,15 @@ def test_the_die_stays_similar_to_a_given_start(start: Start, target: np.ndarray
 
 
 def test_callbacks_receive_every_accepted_step() -> None:
-    seen: list[DesignStep] = []
+    steps: list[DesignStep] = []
     target = np.array(TARGETS["uneven"])
     options = ExactOptions(prefer=Preferences())
-    result = solve_exact(shapes_near(target, 0), target, options, on_step=seen.append)
-    assert tuple(seen) == result.history
-    assert [step.step for step in seen] == list(range(len(seen)))
-    assert seen[-1].error <= 1e-12
-    assert result.evaluations >= len(seen)
-    assert all(step.energy == step.terms["dice"] for step in seen)
+    result = solve_exact(shapes_near(target, 0), target, options, on_step=steps.append)
+    assert tuple(steps) == result.history
+    assert [step.step for step in steps] == list(range(len(steps)))
+    assert steps[-1].error <= 1e-12
+    assert result.evaluations >= len(steps)
+    assert all(step.energy == step.terms["dice"] for step in steps)
 
 
 OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
@@ -187,10 +187,10 @@ def test_the_solver_accepts_a_prior_as_text() -> None:
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     start = Start(cube, rest_poses(cube).normals)
     target = np.array([0.3, 0.14, 0.14, 0.14, 0.14, 0.14])
-    found = solve_exact([start], target, ExactOptions(), prior="vmf:0,0,1:1")
-    assert found.status is Status.CONVERGED
-    poses = rest_poses(found.hull.vertices).under("vmf:0,0,1:1")
-    nearest = np.argmax(found.directions @ poses.normals.T, axis=1)
+    result = solve_exact([start], target, ExactOptions(), prior="vmf:0,0,1:1")
+    assert result.status is Status.CONVERGED
+    poses = rest_poses(result.hull.vertices).under("vmf:0,0,1:1")
+    nearest = np.argmax(result.directions @ poses.normals.T, axis=1)
     np.testing.assert_allclose(poses.probabilities[nearest], target, atol=1e-12)
 
 

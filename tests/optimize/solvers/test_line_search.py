@@ -105,9 +105,9 @@ def test_a_trial_with_more_flaws_is_not_taken() -> None:
 
     problem = Flawed(lambda x: float(x[0]), lambda x: np.ones(1))
     whole = problem.at(np.ones(1))
-    kept = LineSearch().search(whole, np.ones(1))
-    assert kept is not None
-    assert 0.999 <= kept.parameters[0] < 1.0
+    accepted = LineSearch().search(whole, np.ones(1))
+    assert accepted is not None
+    assert 0.999 <= accepted.parameters[0] < 1.0
     whole.flaws = 1
     moved = LineSearch().search(whole, np.ones(1))
     assert moved is not None

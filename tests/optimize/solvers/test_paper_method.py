@@ -144,33 +144,35 @@ def test_weights_are_relative_to_the_dice_energy_in_solid_angles() -> None:
     """`E = sum (A - 4 pi q)^2 + sum lambda E_lambda`, up to a factor."""
     start, target = DESIGNS["2d6"]
     weights = PaperWeights(coplanar=3.0, barycenter=0.7, neighbor=0.5, apart=0.2)
-    seen: list[Evaluation] = []
+    evaluations: list[Evaluation] = []
     solve_paper(
         start,
         target.probabilities,
         PaperOptions(weights=weights, steps=1, finish="none", perturbation=0.05),
-        on_evaluation=seen.append,
+        on_evaluation=evaluations.append,
     )
     ones = PaperWeights(coplanar=1.0, barycenter=1.0, neighbor=1.0, apart=1.0, stability=0.0)
     whole = (4.0 * np.pi) ** 2
-    for here in seen:
+    for evaluation in evaluations:
         objective = Objective(
-            here.objective.coordinates,
+            evaluation.objective.coordinates,
             target.probabilities,
             ones.of_probabilities,
             ShapeEvaluator(None),
         )
-        plain = replace(here, objective=objective).energy.terms
-        areas = 4.0 * np.pi * probabilities(here)
+        plain = replace(evaluation, objective=objective).energy.terms
+        areas = 4.0 * np.pi * probabilities(evaluation)
         expected = ((areas - 4.0 * np.pi * target.probabilities) ** 2).sum()
         for name in ("coplanar", "barycenter", "neighbor", "apart"):
             expected += getattr(weights, name) * whole * plain[name]
-        assert whole * here.value == pytest.approx(expected, rel=1e-9)
+        assert whole * evaluation.value == pytest.approx(expected, rel=1e-9)
 
 
-def probabilities(here: Evaluation) -> Floats:
+def probabilities(evaluation: Evaluation) -> Floats:
     return np.bincount(
-        here.clusters.of_rest, here.rests.probability_values, minlength=len(here.directions)
+        evaluation.clusters.of_rest,
+        evaluation.rests.probability_values,
+        minlength=len(evaluation.directions),
     )
 
 
@@ -178,14 +180,14 @@ def test_momentum_never_empties_an_outcome() -> None:
     """The smallest outcome of the start has a nearly unstable rest."""
     start = prism(6, height=1.0)
     target = np.array([0.5, 0.3, 0.15, 0.03, 0.015, 0.005])
-    seen: list[Evaluation] = []
+    evaluations: list[Evaluation] = []
     solve_paper(
         start,
         target,
         PaperOptions(weights=PaperWeights(apart=0.0), steps=150, finish="none"),
-        on_evaluation=seen.append,
+        on_evaluation=evaluations.append,
     )
-    assert [here.clusters.empty for here in seen] == [0] * len(seen)
+    assert [evaluation.clusters.empty for evaluation in evaluations] == [0] * len(evaluations)
 
 
 def test_the_result_depends_on_the_seed_and_not_on_the_clock() -> None:

@@ -32,8 +32,8 @@ def die_with(probabilities: np.ndarray, steadiness: float = 0.0) -> DesignResult
 
 
 def tilted(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
-    found = probabilities * np.exp(logarithms)
-    return found / found.sum()
+    weighted = probabilities * np.exp(logarithms)
+    return weighted / weighted.sum()
 
 
 class World:
@@ -45,7 +45,7 @@ class World:
         self.drops: list[int] = []
         self.numbers: list[int] = []
         self.on_tables: list[int] = []
-        self.told: list[np.ndarray | None] = []
+        self.biases: list[np.ndarray | None] = []
 
     def true_probabilities(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
         probabilities = die.directions
@@ -80,7 +80,7 @@ class World:
     def design(
         self, die: DesignResult, probabilities: np.ndarray, bias: np.ndarray | None
     ) -> DesignResult | None:
-        self.told.append(bias)
+        self.biases.append(bias)
         return die_with(probabilities, die.error)
 
     def refinement(self, **changes: Any) -> Refinement:
@@ -126,8 +126,8 @@ def test_expected_deviations_are_the_true_ones_on_average() -> None:
                 die, drops, number + 100 * seed
             )
         )
-        kept = next(one for one in rounds if one.is_kept)
-        expected.append((rounds[0].expected, kept.expected))
+        best = next(one for one in rounds if one.is_kept)
+        expected.append((rounds[0].expected, best.expected))
         true.append((world.deviation(die_with(TARGET)), world.deviation(die)))
     first, last = np.mean(expected, axis=0) / np.mean(true, axis=0)
     assert first == pytest.approx(1.0, abs=0.1)
@@ -182,10 +182,10 @@ def test_a_worse_die_is_not_kept() -> None:
 
     die, rounds = world.refined(design=astray, within=0.002)
     assert len(rounds) == 8
-    kept = [one.is_kept for one in rounds]
-    assert kept.index(True) in (1, 2)
-    assert kept.count(True) == 1
-    np.testing.assert_array_equal(die.directions, rounds[kept.index(True)].requested)
+    is_kept = [one.is_kept for one in rounds]
+    assert is_kept.index(True) in (1, 2)
+    assert is_kept.count(True) == 1
+    np.testing.assert_array_equal(die.directions, rounds[is_kept.index(True)].requested)
     assert rounds[-1].expected > 0.1
 
 
@@ -217,19 +217,19 @@ def test_few_throws_on_each_other_table_measure_its_bias() -> None:
     die, rounds = world.refined(tables=TABLES, drops=100_000, rounds=6, within=0.01)
     assert 16 * world.on_tables[0] == pytest.approx(world.drops[0] / 2, rel=0.01)
     assert rounds[0].elsewhere_drops == 16 * world.on_tables[0]
-    assert world.told[0] is not None
-    assert world.told[0].shape == (16, 11)
-    told = [bias for bias in world.told if bias is not None]
-    assert len(told) == 1
-    assert any(bias is None for bias in world.told)
-    kept = next(one for one in rounds if one.is_kept)
+    assert world.biases[0] is not None
+    assert world.biases[0].shape == (16, 11)
+    given_biases = [bias for bias in world.biases if bias is not None]
+    assert len(given_biases) == 1
+    assert any(bias is None for bias in world.biases)
+    best = next(one for one in rounds if one.is_kept)
     true = [world.deviation(die, table) for table in TABLES]
-    assert kept.elsewhere == pytest.approx(np.quantile(true, 0.9), rel=0.15)
+    assert best.elsewhere == pytest.approx(np.quantile(true, 0.9), rel=0.15)
     unknown = (1.0 - SEEN) * TABLES @ TILT
-    found = told[0] - told[0].mean(axis=0)
+    bias_of_tables = given_biases[0] - given_biases[0].mean(axis=0)
     relative = unknown - unknown.mean(axis=0)
     before = np.abs(relative).mean()
-    assert np.abs(found - relative).mean() < 0.5 * before
+    assert np.abs(bias_of_tables - relative).mean() < 0.5 * before
 
 
 def test_a_die_that_is_right_on_more_tables_is_kept() -> None:

@@ -28,7 +28,7 @@ from dicedesign.results.parts import Status
 TETRAHEDRON = {"name": "four", "target": {"probabilities": [0.3, 0.25, 0.25, 0.2]}}
 
 
-def made(**entries: object) -> Work:
+def run_to_engraving(**entries: object) -> Work:
     work = Work(parse_recipe({**TETRAHEDRON, **entries}), None)
     run_stages(work, last="engrave")
     return work
@@ -48,7 +48,7 @@ def made(**entries: object) -> Work:
     ids=str,
 )
 def test_the_file_has_the_probabilities(entries: dict[str, object], tmp_path: Path) -> None:
-    work = made(**entries)
+    work = run_to_engraving(**entries)
     assert work.status is Status.CONVERGED, work.remarks
     path = tmp_path / "die.stl"
     path.write_bytes(work.files["die.stl"])
@@ -70,9 +70,9 @@ def test_facets_almost_in_one_plane(seed: int) -> None:
     """A border between two of them runs by millimeters as one of them is turned by its hundredth of
     a degree, and a label may not run along."""
     solid, directions, placements = folded_die(seed)
-    made = ConvexObject(EngravingOptions(), None)
+    convex_object = ConvexObject(EngravingOptions(), None)
     target = outcome_probabilities(rest_poses(solid.vertices), directions).probabilities
-    end = reshape(solid, directions, placements, target, made, measure_resting(None))
+    end = reshape(solid, directions, placements, target, convex_object, measure_resting(None))
     assert end.errors[0] > 1e-6
     assert min(end.errors) < 1e-9
 
@@ -101,7 +101,7 @@ def folded_die(seed: int) -> tuple[ConvexHull, np.ndarray, list[Placement]]:
 
 
 def test_filled_labels_need_no_change(tmp_path: Path) -> None:
-    work = made(engrave={"balance": "fill"})
+    work = run_to_engraving(engrave={"balance": "fill"})
     assert work.balance.moved_mm < 1e-12
     bodies = []
     for name in ("die.stl", "die_inlay.stl", "die_plain.stl"):
@@ -115,7 +115,7 @@ def test_filled_labels_need_no_change(tmp_path: Path) -> None:
 
 
 def test_unbalanced_dice_report_their_error() -> None:
-    work = made(engrave={"balance": "none"})
+    work = run_to_engraving(engrave={"balance": "none"})
     balance = work.balance
     assert len(balance.errors) == 1
     assert work.engraved.assessment.max_abs_error == pytest.approx(balance.errors[0], abs=1e-6)
@@ -138,7 +138,7 @@ def test_surfaces_refuse_raised_and_filled_labels(engrave: dict[str, str]) -> No
 
 def test_a_given_center_of_mass_refuses_filled_labels() -> None:
     with pytest.raises(InputError, match="balance"):
-        made(
+        run_to_engraving(
             start={"repulsion": {}},
             center_of_mass=[0.0, 0.0, 0.01],
             engrave={"balance": "fill"},

@@ -74,11 +74,13 @@ def test_layouts_are_as_small_as_by_exhaustive_search(name: str) -> None:
         possible += 1
         layout = OrbitLayouts(target, point_group(name)).draw(rng)
         assert len(layout) == fewest
-        assert sorted(outcome for _, some in layout for outcome in some) == list(range(len(target)))
-        for site, some in layout:
-            assert len(some) == len(site.carriers)
-            assert len(set(target[list(some)])) == 1
-            assert len(some) in (others if site.pole is None else poles)
+        assert sorted(outcome for _, outcomes in layout for outcome in outcomes) == list(
+            range(len(target))
+        )
+        for site, outcomes in layout:
+            assert len(outcomes) == len(site.carriers)
+            assert len(set(target[list(outcomes)])) == 1
+            assert len(outcomes) in (others if site.pole is None else poles)
         # No end of an axis is taken twice.
         ends = [site.pole for site, _ in layout if site.pole is not None]
         assert len({tuple(np.round(end, 9)) for end in ends}) == len(ends)
@@ -89,7 +91,7 @@ def test_probabilities_that_differ_by_rounding_are_equal() -> None:
     target = np.array([0.1 + 0.2, 0.3, 0.2, 0.2])
     layout = OrbitLayouts(target, point_group("Ci")).draw(np.random.default_rng(0))
     assert target[0] != target[1]
-    assert {some for _, some in layout} == {(0, 1), (2, 3)}
+    assert {outcomes for _, outcomes in layout} == {(0, 1), (2, 3)}
 
 
 @pytest.mark.parametrize(

@@ -74,9 +74,9 @@ def test_starts_from_half_spaces_agree_with_the_forward_model() -> None:
         poses = rest_poses(polyhedron_corners(normals, distances))
         units = normals / np.linalg.norm(normals, axis=1)[:, None]
         expected = np.argmax(poses.normals @ units.T, axis=1)
-        made = start_with_probabilities(normals, distances, len(expected))
-        assert made is not None
-        start, probabilities, rests = made
+        candidate = start_with_probabilities(normals, distances, len(expected))
+        assert candidate is not None
+        start, probabilities, rests = candidate
         assert rests.tolist() == sorted(expected.tolist())
         np.testing.assert_allclose(outcome_probabilities(start), probabilities, atol=1e-12)
         np.testing.assert_allclose(start.directions, units[rests], atol=1e-9)
@@ -94,9 +94,9 @@ def test_needles_have_the_probabilities_wanted(name: str) -> None:
     target = TARGETS[name]
     rng = np.random.default_rng(0)
     starts = [needle_near(target, rng) for _ in range(6)]
-    found = [start for start in starts if start is not None]
-    assert found
-    for start in found:
+    needles = [start for start in starts if start is not None]
+    assert needles
+    for start in needles:
         probabilities = outcome_probabilities(start)
         assert np.abs(probabilities - target).max() < 1e-3
         assert (np.abs(probabilities - target) < 0.2 * target).all()
@@ -138,8 +138,8 @@ class Pool:
         return self.start(0.0) if next(self.others, False) else None
 
     def scales(self, target: np.ndarray, count: int) -> list[float | None]:
-        found = nearest_first(target, 0, lambda _: self.start(-1.0), self.draw, self.another)
-        return [None if start is None else start.scale for start in islice(found, count)]
+        ranked = nearest_first(target, 0, lambda _: self.start(-1.0), self.draw, self.another)
+        return [None if start is None else start.scale for start in islice(ranked, count)]
 
 
 def test_the_pool_proposes_the_nearest_shapes() -> None:
