@@ -233,7 +233,7 @@ def ask_trimesh(subject: Subject, limit: float) -> Iterator[Answer]:
                 return
             work = partial(stable_poses, hull.vertices, hull.triangles, center, sigma, samples)
             (normals, shares), last = process.call(limit + 60.0, timed, work)
-            frequencies, lost = matched(hull, normals, shares)
+            frequencies, lost = match_shares(hull, normals, shares)
             yield Answer(method, samples, last, max(subject.error(frequencies), lost))
 
 
@@ -260,7 +260,7 @@ def stable_poses(
     return -np.asarray(transforms)[:, 2, :3], np.asarray(shares)
 
 
-def matched(hull: ConvexHull, normals: Floats, shares: Floats) -> tuple[Floats, float]:
+def match_shares(hull: ConvexHull, normals: Floats, shares: Floats) -> tuple[Floats, float]:
     """Shares (k,) put on the facets with the nearest normals, (m,), and the largest that found
     none."""
     distances, nearest = cKDTree(hull.normals).query(normals)

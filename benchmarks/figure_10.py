@@ -89,7 +89,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """All shapes, then the summary."""
-    engines = installed(report)
+    engines = find_engines(report)
     given = {path.name: make_surface(read_body(path))[0] for path in options.meshes}
     own = {} if options.quick else {name: shape(name) for name in ("duck", "kitten", "knot")}
     shapes = cut_shapes(given or (own and {**own, "gear": gear()}))[:: 13 if options.quick else 1]
@@ -123,7 +123,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     return True
 
 
-def installed(report: Report) -> tuple[str, ...]:
+def find_engines(report: Report) -> tuple[str, ...]:
     """Engines that can throw here. Raises InputError where none can."""
     names = []
     for engine in ENGINES:

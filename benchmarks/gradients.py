@@ -50,7 +50,7 @@ from tests.reference.oracle_derivatives import (
     half_space_motion,
     oracle_derivative,
 )
-from tests.reference.problem import Problem, turned
+from tests.reference.problem import Problem, rotate_problem
 from tests.reference.random_hulls import random_hull
 from tests.reference.stiff import glancing, grazing_body
 
@@ -257,7 +257,7 @@ def polygon_bodies() -> Iterator[tuple[str, Problem]]:
     }
     for number, (name, points) in enumerate({**named, **dice}.items()):
         yield name, Problem(points)
-        yield f"{name}, turned", turned(Problem(points), number)
+        yield f"{name}, turned", rotate_problem(Problem(points), number)
     for name, points in dice.items():
         yield f"{name}, as a file", Problem(points.astype(np.float32).astype(np.float64))
 
@@ -296,7 +296,7 @@ def compare_growths(count: int, report: Report) -> bool:
     for power in range(1, count + 1):
         growth = 10.0**-power
         grazing = [
-            turned(grazing_body(growth, ratio * growth), power)
+            rotate_problem(grazing_body(growth, ratio * growth), power)
             for ratio in (0.01, 0.1, 1.0, 10.0)
             if ratio * growth <= 0.1
         ]

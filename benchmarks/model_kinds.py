@@ -43,7 +43,7 @@ def _blobs(rng: Generator) -> Distance:
         ellipsoid(center, half_axes, *rng.uniform(-90.0, 90.0, size=2))
         for center, half_axes in zip(centers, radii, strict=True)
     ]
-    return _wavy(rng, blended(parts, rng.uniform(0.1, 0.4)), 0.12)
+    return _wavy(rng, blend_parts(parts, rng.uniform(0.1, 0.4)), 0.12)
 
 
 def _animal(rng: Generator) -> Distance:
@@ -69,7 +69,7 @@ def _animal(rng: Generator) -> Distance:
     way = rng.uniform([-1.6, -0.5, -0.6], [-0.3, 0.5, 1.2])
     curl = _at(0.0, 0.0, rng.uniform(-0.5, 0.8))
     parts.append(tube(_at(-0.85 * length, 0.0, 0.1) + steps * way + steps**2 * curl, 0.2, 0.13))
-    return blended(parts, rng.uniform(0.1, 0.25))
+    return blend_parts(parts, rng.uniform(0.1, 0.25))
 
 
 def _figure(rng: Generator) -> Distance:
@@ -97,7 +97,7 @@ def _figure(rng: Generator) -> Distance:
         parts.append(round_cone((0.0, 0.0, top), (0.0, 0.0, top + 2.2 * size), 0.9 * size, 0.12))
     elif extra == 2:
         parts.append(round_cone((0.0, 0.0, 0.0), (0.0, 0.0, -0.8 * leg), girth, 0.3 + girth))
-    return blended(parts, 0.12)
+    return blend_parts(parts, 0.12)
 
 
 def _rings(rng: Generator) -> Distance:
@@ -107,9 +107,9 @@ def _rings(rng: Generator) -> Distance:
         radius, thickness = rng.uniform(0.55, 1.1), rng.uniform(0.16, 0.34)
         oval = stretch(ring(radius, thickness), [1.0, rng.uniform(0.8, 1.5), 1.0])
         rotation = _rotation(rng)
-        parts.append(turned(oval, rotation, center))
+        parts.append(rotate_part(oval, rotation, center))
         center = center + (1.9 * radius) * rotation[:, 0]
-    return _wavy(rng, blended(parts, 0.15), 0.1)
+    return _wavy(rng, blend_parts(parts, 0.15), 0.1)
 
 
 def _vase(rng: Generator) -> Distance:
@@ -130,13 +130,13 @@ def _vase(rng: Generator) -> Distance:
         middle = int(rng.integers(3, 5))
         upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
         reach = line[middle, 0] + rng.uniform(0.1, 0.3)
-        grip = turned(
+        grip = rotate_part(
             ring(rng.uniform(0.4, 0.55), rng.uniform(0.11, 0.15)),
             upright,
             (side * reach, 0.0, float(line[middle, 2])),
         )
-        parts.append(without(grip, swept(within)))
-    return blended(parts, 0.1)
+        parts.append(subtract(grip, swept(within)))
+    return blend_parts(parts, 0.1)
 
 
 def _star(rng: Generator) -> Distance:
@@ -154,9 +154,9 @@ def _star(rng: Generator) -> Distance:
         )
         for angle, size in zip(angles, lengths, strict=True)
     ]
-    arms = stretch(blended(parts, 0.2), (1.0, 1.0, rng.uniform(0.45, 0.8)))
+    arms = stretch(blend_parts(parts, 0.2), (1.0, 1.0, rng.uniform(0.45, 0.8)))
     hump = ellipsoid((0.0, 0.0, 0.15), rng.uniform(0.3, 0.6, size=3))
-    return _wavy(rng, blended([arms, hump], 0.2), 0.06)
+    return _wavy(rng, blend_parts([arms, hump], 0.2), 0.06)
 
 
 def _spider(rng: Generator) -> Distance:
@@ -175,7 +175,7 @@ def _spider(rng: Generator) -> Distance:
         knee = rng.uniform(0.8, 1.3) * way
         foot = knee + rng.uniform(0.5, 0.9) * (way + bend)
         parts.append(tube(np.stack([0.0 * way, knee, foot]), 1.5 * thin, thin))
-    return blended(parts, 0.1)
+    return blend_parts(parts, 0.1)
 
 
 def _knot(rng: Generator) -> Distance:
@@ -225,10 +225,10 @@ def _toy(rng: Generator) -> Distance:
         start = rng.uniform(-0.7, 0.7, size=3) * half
         end = start + rng.uniform(0.9, 1.8) * _direction(rng, least=[-1.0, -1.0, 0.0])
         parts.append(round_cone(start, end, 0.14, rng.uniform(0.1, 0.3)))
-    return blended(parts, 0.04)
+    return blend_parts(parts, 0.04)
 
 
-def _carved(rng: Generator) -> Distance:
+def _carve(rng: Generator) -> Distance:
     """A ball, oval or block that is bitten and drilled."""
     half = rng.uniform(0.65, 1.2, size=3)
     if rng.random() < 0.5:
@@ -237,11 +237,11 @@ def _carved(rng: Generator) -> Distance:
         body = rounded_box((0.0, 0.0, 0.0), half, 0.25)
     for _ in range(int(rng.integers(2, 5))):
         away = rng.uniform(0.9, 1.2) * half * _direction(rng)
-        body = without(body, ellipsoid(away, rng.uniform(0.4, 0.9, size=3)))
+        body = subtract(body, ellipsoid(away, rng.uniform(0.4, 0.9, size=3)))
     for _ in range(int(rng.integers(0, 2))):
         aim, off = 3.0 * _direction(rng), rng.uniform(-0.3, 0.3, size=3)
         width = rng.uniform(0.16, 0.3)
-        body = without(body, round_cone(off - aim, off + aim, width, width))
+        body = subtract(body, round_cone(off - aim, off + aim, width, width))
     return _wavy(rng, body, 0.08)
 
 
@@ -317,17 +317,17 @@ def rounded_box(center: Triple, half_sides: Triple, rounding: float) -> Distance
     return distance
 
 
-def turned(part: Distance, rotation: Floats, center: Triple) -> Distance:
+def rotate_part(part: Distance, rotation: Floats, center: Triple) -> Distance:
     """A part about the origin, turned by a matrix (3, 3) and moved to a center."""
     return lambda points: part(np.einsum("...i,ij->...j", points - np.array(center), rotation))
 
 
-def without(body: Distance, part: Distance) -> Distance:
+def subtract(body: Distance, part: Distance) -> Distance:
     """A body from which a part is cut."""
     return lambda points: np.maximum(body(points), -part(points))
 
 
-def blended(parts: Sequence[Distance], width: float) -> Distance:
+def blend_parts(parts: Sequence[Distance], width: float) -> Distance:
     """All parts joined in turn, creases rounded by blends of this width."""
     return reduce(lambda joined, part: blend(joined, part, width), parts)
 
@@ -338,7 +338,7 @@ ROUND_KINDS = {
     "rings": _rings,
     "star": _star,
     "figure": _figure,
-    "carved": _carved,
+    "carved": _carve,
     "spider": _spider,
     "vase": _vase,
     "toy": _toy,

@@ -65,7 +65,7 @@ def random_model(name: str) -> Surface:
     kind, _, digits = name.rpartition("_")
     rng = np.random.default_rng([SEED, MODEL_KINDS.index(kind), int(digits)])
     while True:
-        surface = _drawn(kind, rng)
+        surface = _draw_surface(kind, rng)
         if surface is not None and _is_good(surface):
             return surface
 
@@ -74,7 +74,7 @@ def _number(digits: str) -> int:
     return int(digits) if digits.isascii() and digits.isdecimal() else 0
 
 
-def _drawn(kind: str, rng: np.random.Generator) -> Surface | None:
+def _draw_surface(kind: str, rng: np.random.Generator) -> Surface | None:
     """A surface of a kind, good or not; None where there is none."""
     count = int(rng.integers(1700, 3600))
     if kind in ROUND_KINDS:
@@ -151,13 +151,13 @@ def soft_surface(distance: Distance, reach: float, count: int) -> Surface | None
     spacing = float(cell * np.sqrt(crossings / count))
     low = axis[places.min(axis=0)] - cell - 3.0 * spacing
     high = axis[places.max(axis=0)] + cell + 3.0 * spacing
-    values = _averaged(distance, low, high, spacing)
+    values = _average(distance, low, high, spacing)
     if _is_ambiguous(values < 0.0):
         return None
     return level_set(_interpolation(values, low, spacing), low, high, spacing)
 
 
-def _averaged(distance: Distance, low: Floats, high: Floats, spacing: float) -> Floats:
+def _average(distance: Distance, low: Floats, high: Floats, spacing: float) -> Floats:
     """Distances at the points of a grid, averaged over their surroundings, negative in the largest
     piece alone."""
     axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]

@@ -58,7 +58,7 @@ def _pebble(rng: np.random.Generator) -> Floats:
     return polyhedron_corners(spread_directions(facets, rng, steps), distances)
 
 
-def _stretched(rng: np.random.Generator) -> Floats:
+def _stretch_pebble(rng: np.random.Generator) -> Floats:
     """A pebble made flat or long."""
     third = rng.uniform(*((0.45, 0.8) if rng.random() < 0.5 else (1.2, 2.0)))
     return _pebble(rng) * np.array([1.0, rng.uniform(0.7, 1.0), third])
@@ -77,14 +77,14 @@ def _prism(rng: np.random.Generator) -> Floats:
     twist = rng.uniform(0.0, 0.3) if rng.random() < 0.5 else 0.0
     bottom, top = _ring(sides, 0.0), rng.uniform(0.6, 1.0) * _ring(sides, twist)
     axis = np.array([0.0, 0.0, height])
-    return _moved(np.concatenate([bottom - axis, top + axis]), rng)
+    return _perturb_corners(np.concatenate([bottom - axis, top + axis]), rng)
 
 
 def _bipyramid(rng: np.random.Generator) -> Floats:
     """Two pyramids, the lower one no higher than the other, with its facets moved."""
     sides, height = int(rng.integers(3, 11)), rng.uniform(0.4, 2.0)
     apexes = np.array([(0.0, 0.0, height), (0.0, 0.0, -height * rng.uniform(0.5, 1.0))])
-    return _moved(np.concatenate([_ring(sides, 0.0), apexes]), rng)
+    return _perturb_corners(np.concatenate([_ring(sides, 0.0), apexes]), rng)
 
 
 def _box(rng: np.random.Generator) -> Floats:
@@ -97,7 +97,7 @@ def _platonic(rng: np.random.Generator) -> Floats:
     corners = PLATONIC[rng.integers(len(PLATONIC))]
     corners = corners / np.linalg.norm(corners[0])
     if rng.random() < 0.5:
-        return _moved(corners, rng)
+        return _perturb_corners(corners, rng)
     return corners + 0.12 * rng.normal(size=corners.shape)
 
 
@@ -107,7 +107,7 @@ def _ring(sides: int, turn: float) -> Floats:
     return np.stack([np.cos(angles), np.sin(angles), np.zeros(sides)], axis=1)
 
 
-def _moved(corners: Floats, rng: np.random.Generator) -> Floats:
+def _perturb_corners(corners: Floats, rng: np.random.Generator) -> Floats:
     """Corners of the hull of points (n, 3) after its facets have been turned, all by little or all
     by more, and shifted by up to a tenth."""
     hull = convex_hull(corners)
@@ -121,7 +121,7 @@ def _moved(corners: Floats, rng: np.random.Generator) -> Floats:
 
 KINDS = {
     "pebble": (0.4, _pebble),
-    "stretched pebble": (0.1, _stretched),
+    "stretched pebble": (0.1, _stretch_pebble),
     "hull of points": (0.12, _hull),
     "prism": (0.14, _prism),
     "bipyramid": (0.1, _bipyramid),
@@ -159,7 +159,7 @@ def random_die(number: int, seed: int, rests: tuple[int, int] = RESTS) -> Random
     that it may have, within `RESTS`.
     """
     rng = np.random.default_rng([seed, number])
-    draw = _designed if rng.random() < 0.25 else _drawn
+    draw = _design_die if rng.random() < 0.25 else _draw_polyhedron
     while True:
         try:
             drawn = draw(rng, rests)
@@ -174,7 +174,9 @@ def random_die(number: int, seed: int, rests: tuple[int, int] = RESTS) -> Random
             return RandomDie(kind, poses, rigid_body(body, poses))
 
 
-def _drawn(rng: np.random.Generator, rests: tuple[int, int]) -> tuple[str, Floats, RestPoses]:
+def _draw_polyhedron(
+    rng: np.random.Generator, rests: tuple[int, int]
+) -> tuple[str, Floats, RestPoses]:
     """A random polyhedron: its kind, points and rests. One in eight has its center of mass beside
     the centroid, by a tenth of the distance to the nearest corner at most."""
     parts = np.array([part for part, _ in KINDS.values()])
@@ -189,7 +191,7 @@ def _drawn(rng: np.random.Generator, rests: tuple[int, int]) -> tuple[str, Float
     return kind, points, rest_poses(points, hull.centroid + offset * aside)
 
 
-def _designed(
+def _design_die(
     rng: np.random.Generator, rests: tuple[int, int]
 ) -> tuple[str, Floats, RestPoses] | None:
     """A die that was designed for random probabilities, two in five with a symmetry; None where no

@@ -121,13 +121,13 @@ def built_in_cases(most: int) -> Iterator[tuple[str, Floats]]:
         "2d6 die of 11 facets": hendecahedron("bisymmetric").points,
         **{f"{count:,} on a sphere": random_directions(count, 0) for count in (100, 1000)},
         "1,000 on an ellipsoid": large(1000).points,
-        "5,000 on a dented surface": dented(5000),
+        "5,000 on a dented surface": dented_ball(5000),
         "100,000 on a sphere": random_directions(100_000, 0),
     }
     yield from ((name, points) for name, points in cases.items() if len(points) <= most)
 
 
-def dented(count: int) -> Floats:
+def dented_ball(count: int) -> Floats:
     """Points (n, 3) on a ball with six round bumps; what lies between these is inside the hull."""
     directions = lattice_directions(count, 0)
     height = np.exp(8.0 * (directions @ random_directions(6, 1).T - 1.0)).sum(axis=1)

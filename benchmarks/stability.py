@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.frame import NoAnswer, Report, Watched
 from tests.reference.measurement import ERROR_LIMIT, OK, Measurement, measure, verdict
-from tests.reference.problem import DesignProblem, Problem, turned
+from tests.reference.problem import DesignProblem, Problem, rotate_problem
 from tests.reference.stability_suite import stability_cases
 from tests.reference.watched_design import watch_design
 
@@ -107,7 +107,9 @@ def _measure(problem: Problem, turns: int) -> list[Measurement]:
     if problem.shares is None:
         shares = measure(problem, oracle=False).probabilities
         problem = replace(problem, shares=np.array(shares))
-    return [measure(turned(problem, seed), oracle=seed < ORACLE_TURNS) for seed in range(turns)]
+    return [
+        measure(rotate_problem(problem, seed), oracle=seed < ORACLE_TURNS) for seed in range(turns)
+    ]
 
 
 def _judge(all_turns: list[Measurement], rests: int | None, facets: int | None) -> Outcome:

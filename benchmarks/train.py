@@ -178,7 +178,7 @@ def throws_of(
     for place in range(1, TABLES):
         one = tables[rng.integers(len(tables))]
         is_far = options.all_tables and place == TABLES - 1
-        drawn.append(drawn_table(GENERAL if is_far else near_tables([one]), one, rng))
+        drawn.append(draw_table(GENERAL if is_far else near_tables([one]), one, rng))
     return [(table, math.ceil(drops / TABLES)) for table in drawn]
 
 
@@ -238,7 +238,7 @@ def divergence(dice: Sequence[TrainingDie], general: GeneralModel) -> Tensor:
     rests = [die.transitions.rests for die in dice]
     ways = [len(die.transitions.source) for die in dice]
 
-    def joined(name: str, sizes: Sequence[int]) -> Any:
+    def join(name: str, sizes: Sequence[int]) -> Any:
         parts = [getattr(die.transitions, name) for die in dice]
         return np.concatenate(parts) + np.repeat(
             np.cumsum([0, *sizes[:-1]]), [len(part) for part in parts]
@@ -246,10 +246,10 @@ def divergence(dice: Sequence[TrainingDie], general: GeneralModel) -> Tensor:
 
     transitions = SimpleNamespace(
         rests=sum(rests),
-        source=joined("source", rests),
-        target=joined("target", rests),
-        first=joined("first", ways),
-        second=joined("second", ways),
+        source=join("source", rests),
+        target=join("target", rests),
+        first=join("first", ways),
+        second=join("second", ways),
     )
     features = Features(
         **{
@@ -287,7 +287,7 @@ def train(
     start: to go on from. epochs: how often each die is seen; step: length of the first steps; seed:
     of the order of the dice.
     """
-    model = _converted(start, torch.tensor)
+    model = _convert_model(start, torch.tensor)
     trained, small = [model.numbers], []
     for network in (model.transitions, model.carries):
         small += [network.linear, network.inward, network.outward]
@@ -313,10 +313,10 @@ def train(
             torch.nn.utils.clip_grad_norm_(trained, MOST_GRADIENT)
             adam.step()
             lengths.step()
-    return _converted(model, lambda part: part.detach().numpy())
+    return _convert_model(model, lambda part: part.detach().numpy())
 
 
-def _converted(model: GeneralModel, convert: Callable[[Any], Any]) -> GeneralModel:
+def _convert_model(model: GeneralModel, convert: Callable[[Any], Any]) -> GeneralModel:
     """A model with other arrays."""
     networks = [
         Network(**{name: convert(part) for name, part in vars(network).items()})
@@ -359,17 +359,20 @@ def near_tables(tables: Sequence[Table]) -> TableRange:
     """The range of some tables and what is near them, within `WIDEST`."""
     inside = [np.clip(dimensionless(table), WIDEST.least, WIDEST.most) for table in tables]
     numbers = scale_numbers(np.array(inside))
-    least, most = unscaled(numbers.min(axis=0) - NEAR), unscaled(numbers.max(axis=0) + NEAR)
+    least, most = (
+        unscale_numbers(numbers.min(axis=0) - NEAR),
+        unscale_numbers(numbers.max(axis=0) + NEAR),
+    )
     return TableRange(np.maximum(least, WIDEST.least), np.minimum(most, WIDEST.most))
 
 
-def drawn_table(within: TableRange, table: Table, rng: np.random.Generator) -> Table:
+def draw_table(within: TableRange, table: Table, rng: np.random.Generator) -> Table:
     """A table of a range, for dice of the same size as another, all alike where `scale_numbers`."""
     ends = scale_numbers(np.stack([within.least, within.most]))
-    return move_table(table, unscaled(rng.uniform(ends[0], ends[1])))
+    return move_table(table, unscale_numbers(rng.uniform(ends[0], ends[1])))
 
 
-def unscaled(numbers: Floats) -> Floats:
+def unscale_numbers(numbers: Floats) -> Floats:
     """The inverse of `scale_numbers`."""
     restitution, friction, height, speed, spin = np.moveaxis(numbers * EXTENTS + CENTERS, -1, 0)
     free = restitution, np.exp(friction), np.exp(height), np.expm1(speed), np.expm1(spin)

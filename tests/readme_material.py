@@ -86,13 +86,13 @@ def gallery(outputs: Path, target: Path) -> None:
     save(strip, target / "dice.png")
     shown = outputs / "2d6_hendecahedron"
     for name in ("gauss_map", "bars", "convergence", "views", "faces"):
-        save(narrowed(Image.open(shown / f"{name}.png")), target / f"{name}.png")
+        save(narrow(Image.open(shown / f"{name}.png")), target / f"{name}.png")
     concave = outputs / "fair_d3_duck"
     for name in ("rests", "before_after"):
-        save(narrowed(Image.open(concave / f"{name}.png")), target / f"concave_{name}.png", 255)
-    save(narrowed(Image.open(outputs / "2d6_table" / "table.png")), target / "table.png")
+        save(narrow(Image.open(concave / f"{name}.png")), target / f"concave_{name}.png", 255)
+    save(narrow(Image.open(outputs / "2d6_table" / "table.png")), target / "table.png")
     for path in sorted((outputs / "bench").glob("*.png")):
-        save(narrowed(Image.open(path)), target / path.name)
+        save(narrow(Image.open(path)), target / path.name)
     room(outputs, target)
     page(outputs / "2d6_hendecahedron", target)
 
@@ -111,7 +111,7 @@ def page(folder: Path, target: Path) -> None:
         picture = Image.open(f"{name}/page.png")
         picture.load()
     shown.close()
-    save(narrowed(picture), target / "page.png", 255)
+    save(narrow(picture), target / "page.png", 255)
 
 
 def room(outputs: Path, target: Path) -> None:
@@ -123,10 +123,10 @@ def room(outputs: Path, target: Path) -> None:
         picture = folder / "room.png"
         command = ["scatter", name, "--count", "60", "--seed", "3", "--size", "1"]
         assert main([*command, "--out", f"{name}/room.glb", "--figure", str(picture)]) == 0
-        save(narrowed(Image.open(picture)), target / "room.png", 255)
+        save(narrow(Image.open(picture)), target / "room.png", 255)
 
 
-def narrowed(picture: Image.Image) -> Image.Image:
+def narrow(picture: Image.Image) -> Image.Image:
     """As wide as a page."""
     return picture.convert("RGB").resize((1000, round(1000 * picture.height / picture.width)))
 

@@ -15,7 +15,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from tests.reference.oracle import hull_probabilities
 
 
-def turned(mesh: trimesh.Trimesh, seed: int) -> trimesh.Trimesh:
+def turn_mesh(mesh: trimesh.Trimesh, seed: int) -> trimesh.Trimesh:
     """A mesh in any orientation and place."""
     rng = np.random.default_rng(seed)
     copy = mesh.copy()
@@ -48,7 +48,7 @@ center of mass, which is what trimesh computes."""
 @pytest.mark.parametrize("name", ALL_FACETS_HOLD)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_where_all_facets_hold_the_two_agree(name: str, seed: int) -> None:
-    mesh = turned(ALL_FACETS_HOLD[name], seed)
+    mesh = turn_mesh(ALL_FACETS_HOLD[name], seed)
     ours, theirs = compute_stable_poses(mesh), trimesh.poses.compute_stable_poses(mesh)
     mine, other = by_normal(*ours), by_normal(*theirs)
     assert len(mine) == len(other)

@@ -77,14 +77,14 @@ def forbidden(*arguments: object, **options: object) -> None:
     raise AssertionError("this was not asked for")
 
 
-def replaced(monkeypatch: pytest.MonkeyPatch, term: str, **parts: Any) -> None:
+def replace_term(monkeypatch: pytest.MonkeyPatch, term: str, **parts: Any) -> None:
     """Give a term of the energy other functions."""
     TERMS._read()
     monkeypatch.setitem(TERMS._entries, term, replace(TERMS[term], **parts))
 
 
 @pytest.fixture
-def counted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any, str], list[tuple[Any, ...]]]:
+def count_calls(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any, str], list[tuple[Any, ...]]]:
     """Replaces a function of a module or class by itself, and lists the arguments of its calls."""
 
     def count(owner: Any, name: str) -> list[tuple[Any, ...]]:
@@ -156,7 +156,7 @@ def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -
 
 def test_saddles_that_divide_nothing_are_not_traced(
     monkeypatch: pytest.MonkeyPatch,
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+    count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
     """Which do is told by bodies that are let go on both sides of each saddle and rolled."""
     hull = blade(40, 100)
@@ -168,7 +168,7 @@ def test_saddles_that_divide_nothing_are_not_traced(
     )
     apart = np.abs(ends[:, 0] - ends[:, 1]).max(axis=1) > 1e-9
     assert 10 < apart.sum() < len(saddles) - 10
-    calls = counted(morse, "ascend")
+    calls = count_calls(morse, "ascend")
     np.testing.assert_array_equal(separatrices(equilibria).saddles, saddles[apart])
     monkeypatch.setattr(kernels, "compiled", None)
     separatrices(equilibria)
@@ -176,9 +176,9 @@ def test_saddles_that_divide_nothing_are_not_traced(
 
 
 def test_probabilities_make_no_transforms_and_no_polylines(
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+    count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
-    calls = counted(poses, "standing_transform")
+    calls = count_calls(poses, "standing_transform")
     answer = rest_poses(np.random.default_rng(5).normal(size=(20, 3)))
     assert not calls
     assert "polylines" not in vars(answer.morse)
@@ -187,9 +187,9 @@ def test_probabilities_make_no_transforms_and_no_polylines(
 
 
 def test_exact_arithmetic_is_for_what_rounding_leaves_open(
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+    count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
-    calls = [counted(ExactSigns, name) for name in ("growth", "side", "ascend", "descend")]
+    calls = [count_calls(ExactSigns, name) for name in ("growth", "side", "ascend", "descend")]
     rest_poses(np.random.default_rng(5).normal(size=(200, 3)))
     assert not any(calls)
     # A block that widens upward, its center of mass straight above an edge of its foot.
@@ -205,7 +205,7 @@ def test_exact_arithmetic_is_for_what_rounding_leaves_open(
 @pytest.mark.parametrize("term", REGULARIZERS)
 def test_a_term_without_weight_is_not_called(monkeypatch: pytest.MonkeyPatch, term: str) -> None:
     monkeypatch.setattr(kernels, "compiled", None)
-    replaced(monkeypatch, term, evaluate=forbidden)
+    replace_term(monkeypatch, term, evaluate=forbidden)
     result = descend(weights=PaperWeights(**{term: 0.0}))
     assert term not in result.terms
     assert len(result.history) >= 5
@@ -234,10 +234,10 @@ def test_without_sobolev_there_is_no_laplacian_and_no_factor(
 
 
 def test_the_sobolev_factor_lasts_as_long_as_the_edges(
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+    count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
-    factors = counted(scipy.sparse.linalg, "splu")
-    searches = counted(LineSearch, "search")
+    factors = count_calls(scipy.sparse.linalg, "splu")
+    searches = count_calls(LineSearch, "search")
     points = large(30).points
     start = Start(points, rest_poses(points).normals[:4])
     options = PaperOptions(step="line_search", steps=40, finish="none", sobolev=SobolevOptions())
@@ -252,11 +252,11 @@ def test_the_sobolev_factor_lasts_as_long_as_the_edges(
 
 
 def test_rejected_trials_have_no_gradient(
-    counted: Callable[[Any, str], list[tuple[Any, ...]]],
+    count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
-    gradients = counted(torch.autograd, "grad")
-    evaluations = counted(Objective, "evaluate")
-    searches = counted(LineSearch, "search")
+    gradients = count_calls(torch.autograd, "grad")
+    evaluations = count_calls(Objective, "evaluate")
+    searches = count_calls(LineSearch, "search")
     result = descend(steps=60)
     assert len(evaluations) == result.evaluations
     assert len(gradients) <= len(searches)

@@ -28,7 +28,7 @@ from dicedesign.runtime import workers
 
 
 @pytest.fixture
-def analyzed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def analyzed_files(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Run batches in this process, and list the analyzed files."""
     files: list[str] = []
 
@@ -72,18 +72,18 @@ def test_the_number_of_jobs_has_no_effect(
 
 
 def test_only_what_is_new_or_changed_is_analyzed(
-    meshes: Path, tmp_path: Path, analyzed: list[str], capsys: pytest.CaptureFixture[str]
+    meshes: Path, tmp_path: Path, analyzed_files: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "t.csv"
     (meshes / "broken.obj").write_text("v 1\n")
     rest = ["rest", str(meshes), "--out", str(out)]
     assert main(rest) == 0
-    assert len(analyzed) == 7
+    assert len(analyzed_files) == 7
     first = out.read_bytes()
-    analyzed.clear()
+    analyzed_files.clear()
     capsys.readouterr()
     assert main(rest) == 0
-    assert analyzed == []
+    assert analyzed_files == []
     assert out.read_bytes() == first
     assert f"note: 7 files were already in {out}\n" in capsys.readouterr().err
 
@@ -93,7 +93,7 @@ def test_only_what_is_new_or_changed_is_analyzed(
     (meshes / "new.obj").write_bytes((meshes / "b" / "box.obj").read_bytes())
     (meshes / "c.off").unlink()
     assert main(rest) == 0
-    assert analyzed == ["a.stl", "broken.obj", "new.obj"]
+    assert analyzed_files == ["a.stl", "broken.obj", "new.obj"]
     captured = capsys.readouterr()
     assert f"note: 1 files of {out} are gone, and so are their rows\n" in captured.err
     assert "could not be analyzed" not in captured.err
@@ -116,7 +116,7 @@ def test_only_what_is_new_or_changed_is_analyzed(
 def test_a_table_has_one_set_of_options(
     meshes: Path,
     tmp_path: Path,
-    analyzed: list[str],
+    analyzed_files: list[str],
     capsys: pytest.CaptureFixture[str],
     option: list[str],
     same: list[str],
@@ -131,7 +131,7 @@ def test_a_table_has_one_set_of_options(
     error = f"dicedesign: {out}: expected a table made with {wanted}; choose another with --out\n"
     assert capsys.readouterr().err.endswith(error)
     main([*rest, *same])
-    assert len(analyzed) == 6
+    assert len(analyzed_files) == 6
     assert out.read_bytes() == before
 
 
@@ -171,7 +171,7 @@ def test_bad_input_is_one_line(
 
 
 def test_folders_without_meshes_and_tables_of_other_folders(
-    meshes: Path, tmp_path: Path, analyzed: list[str], capsys: pytest.CaptureFixture[str]
+    meshes: Path, tmp_path: Path, analyzed_files: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, empty = tmp_path / "t.csv", tmp_path / "empty"
     empty.mkdir()

@@ -165,11 +165,11 @@ def test_an_interrupt_that_a_library_wraps_is_an_interrupt(
 ) -> None:
     """pydantic wraps the errors of functions that it calls."""
 
-    def interrupted(kind: object) -> None:
+    def raise_interrupt(kind: object) -> None:
         raise KeyboardInterrupt
 
     # Ctrl-C while the recipe is written.
-    monkeypatch.setattr("dicedesign.recipe.recipe.TypeAdapter", interrupted)
+    monkeypatch.setattr("dicedesign.recipe.recipe.TypeAdapter", raise_interrupt)
     recipe = tmp_path / "four.yaml"
     recipe.write_text("name: four\ntarget: {fair: 5}\nstart: {prism: {}}\nengrave: false\n")
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 130

@@ -108,10 +108,10 @@ def test_labels_that_need_more_than_the_largest_size(
 def design_with(monkeypatch: pytest.MonkeyPatch, method: dict[str, Any]) -> None:
     """Give the command a method that it has no options for."""
 
-    def changed(entries: dict[str, Any]) -> Recipe:
+    def change_entries(entries: dict[str, Any]) -> Recipe:
         return parse_recipe({**entries, "method": method})
 
-    monkeypatch.setattr("dicedesign.cli.dice.parse_recipe", changed)
+    monkeypatch.setattr("dicedesign.cli.dice.parse_recipe", change_entries)
 
 
 def test_a_target_out_of_reach_is_reported(

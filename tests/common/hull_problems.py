@@ -42,7 +42,7 @@ def original_draft(problem: HullProblem) -> HullDraft:
     return draft
 
 
-def designed(problem: HullProblem) -> HullDraft:
+def design_draft(problem: HullProblem) -> HullDraft:
     """Hull without a shortfall, for the first choice of directions that leads to one."""
     for directions in choices_of(problem):
         draft = design_hull(problem, directions, SLOPES, lambda *step: None)

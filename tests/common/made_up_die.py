@@ -25,7 +25,7 @@ def box(x: float, y: float, z: float) -> Floats:
     return 0.5 * signs * (x, y, z)
 
 
-def designed(
+def run_to_design(
     points: Floats,
     directions: Floats = SIDES,
     status: Status = Status.CONVERGED,
@@ -48,8 +48,8 @@ def designed(
     return work
 
 
-def checked(*arguments: Any, **options: Any) -> Work:
-    """Run `designed` up to the stage "check"."""
-    work = designed(*arguments, **options)
+def run_to_check(*arguments: Any, **options: Any) -> Work:
+    """Run `run_to_design` up to the stage "check"."""
+    work = run_to_design(*arguments, **options)
     run_stages(work, after="design", last="check")
     return work

@@ -14,7 +14,7 @@ FLAT_MM = 1e-4
 """Tolerance on the depth of the floor of a pocket."""
 
 
-def drawn(hull: ConvexHull, count: int) -> Floats:
+def points_inside(hull: ConvexHull, count: int) -> Floats:
     """Select the points inside a body from `count` random points in its bounding box."""
     rng = np.random.default_rng(7)
     points = rng.uniform(hull.vertices.min(0), hull.vertices.max(0), size=(count, 3))

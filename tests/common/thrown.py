@@ -19,7 +19,9 @@ BOARD = Table("board", restitution=0.65, friction=0.2, height=0.1, speed=0.3, sp
 """Table whose throws differ only in orientation."""
 
 
-def thrown(points: ArrayLike, center: ArrayLike | None = None) -> tuple[RigidBody, RestPoses]:
+def rigid_body_with_rests(
+    points: ArrayLike, center: ArrayLike | None = None
+) -> tuple[RigidBody, RestPoses]:
     """Rigid body and rests of the hull of points. center: center of mass; None is uniform."""
     body = make_body(points)
     poses = rest_poses(body, center)
@@ -44,7 +46,7 @@ def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
     points = random_points(seed)
     hull = convex_hull(points)
     inner_point = np.random.default_rng(seed).dirichlet(np.ones(len(points))) @ points
-    return thrown(points, 0.6 * hull.centroid + 0.4 * inner_point)
+    return rigid_body_with_rests(points, 0.6 * hull.centroid + 0.4 * inner_point)
 
 
 def sample_states(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:

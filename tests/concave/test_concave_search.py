@@ -136,7 +136,7 @@ def without_seconds(progress: ConcaveProgress) -> bytes:
 
 
 @cache
-def uninterrupted() -> tuple[ConcaveDie, tuple[ConcaveProgress, ...]]:
+def uninterrupted_search() -> tuple[ConcaveDie, tuple[ConcaveProgress, ...]]:
     """Die of three attempts, none of which ends the search, and the state after each."""
     attempts: list[ConcaveProgress] = []
     options = ConcaveOptions(attempts=3, displacement=1e-6)
@@ -145,7 +145,7 @@ def uninterrupted() -> tuple[ConcaveDie, tuple[ConcaveProgress, ...]]:
 
 
 def test_the_best_attempt_is_kept() -> None:
-    die, attempts = uninterrupted()
+    die, attempts = uninterrupted_search()
     assert [progress.attempts for progress in attempts] == [1, 2, 3]
     assert attempts[-1] is die.progress
     best = [progress.best.draft for progress in attempts if progress.best is not None]
@@ -163,7 +163,7 @@ def test_the_best_attempt_is_kept() -> None:
 @pytest.mark.parametrize("done", [0, 1])
 def test_a_resumed_search_ends_like_an_uninterrupted_one(done: int) -> None:
     """Also with more threads."""
-    die, attempts = uninterrupted()
+    die, attempts = uninterrupted_search()
     options = ConcaveOptions(attempts=3, displacement=1e-6)
     states: list[ConcaveProgress] = []
     resume = attempts[done - 1] if done else None

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from common.bumpy import bent_capsule, bumpy_sphere
-from common.hull_problems import SLOPES, choices_of, designed, original_draft, problem_of
+from common.hull_problems import SLOPES, choices_of, design_draft, original_draft, problem_of
 
 from dicedesign import rest_poses
 from dicedesign.concave.hull_design import (
@@ -37,7 +37,7 @@ def problem() -> HullProblem:
 
 @cache
 def good() -> HullDraft:
-    return designed(problem())
+    return design_draft(problem())
 
 
 def drafts() -> list[HullDraft]:
@@ -149,7 +149,7 @@ def test_designed_hulls_meet_all_limits(
     surface: Surface, target: list[float], apart_deg: float, margin_deg: float
 ) -> None:
     problem = problem_of(surface, target, apart_deg, margin_deg)
-    design = make_designed_hull(problem, settle_draft(problem, designed(problem)))
+    design = make_designed_hull(problem, settle_draft(problem, design_draft(problem)))
     assert meets_limits(design, problem)
     assert judge(design)[1].error(problem.target) == pytest.approx(design.error, abs=1e-9)
 
@@ -165,7 +165,7 @@ def test_a_failed_design_returns_its_best_draft() -> None:
 
 def test_vertices_of_a_designed_hull_are_moved_points_of_the_surface() -> None:
     problem = problem_of(bumpy_sphere(1), [0.6, 0.4])
-    design = make_designed_hull(problem, designed(problem))
+    design = make_designed_hull(problem, design_draft(problem))
     place = np.full(len(problem.surface.points), -1)
     place[problem.source] = np.arange(len(problem.source))
     moved = design.moved[place[design.corners]] + design.center_of_mass

@@ -37,13 +37,13 @@ def heights_above(points: Floats, corners: Floats) -> Floats:
     return np.asarray((points @ equations[:, :3].T + equations[:, 3]).max(axis=1))
 
 
-def squashed(subdivisions: int) -> Surface:
+def squashed_ball(subdivisions: int) -> Surface:
     """Ellipsoid, all of whose points are vertices of its hull."""
     surface = ball(subdivisions)
     return unit(surface.with_points(surface.points * np.array([1.0, 0.8, 0.3])))
 
 
-@pytest.mark.parametrize("surface", [unit(bumpy_sphere(3)), squashed(3)])
+@pytest.mark.parametrize("surface", [unit(bumpy_sphere(3)), squashed_ball(3)])
 def test_omitted_vertices_are_close_unless_many_are_chosen(surface: Surface) -> None:
     hull = convex_hull(surface.points)
     chosen = coarse_corners(hull)

@@ -61,7 +61,7 @@ def closest_squares(surface: Surface, corners: Floats) -> Floats:
     return ((np.array(feet) - corners[:, None]) ** 2).sum(axis=2).min(axis=1)
 
 
-def bent_by(surface: Surface, points: Floats) -> float:
+def bending_energy(surface: Surface, points: Floats) -> float:
     """Sum of squared changes of the angles between adjacent triangles."""
     angles = []
     for places in (surface.points, points):
@@ -89,7 +89,7 @@ def test_a_larger_bending_weight_bends_less() -> None:
     surface = bumpy_sphere()
     hull = nearby_hull(surface, 0.04)
     soft, stiff = (fill(surface, hull, bending=weight)[0] for weight in (1e-4, 1.0))
-    assert bent_by(surface, stiff) < 0.8 * bent_by(surface, soft)
+    assert bending_energy(surface, stiff) < 0.8 * bending_energy(surface, soft)
 
 
 def test_without_clarabel_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,7 @@ from dicedesign.geometry.triangles import Surface
 
 
 @pytest.fixture(scope="module", params=sorted(SHAPES))
-def built(request) -> tuple[str, Surface]:
+def named_shape(request) -> tuple[str, Surface]:
     return request.param, shape(request.param)
 
 
@@ -30,8 +30,8 @@ def mesh_of(surface: Surface) -> trimesh.Trimesh:
     return trimesh.Trimesh(surface.points, surface.triangles, process=False)
 
 
-def test_surfaces_are_closed_outward_and_of_known_genus(built):
-    name, surface = built
+def test_surfaces_are_closed_outward_and_of_known_genus(named_shape):
+    name, surface = named_shape
     mesh = mesh_of(surface)
     assert surface.points.dtype == np.float64
     assert surface.triangles.dtype == np.int64

@@ -48,7 +48,7 @@ def arguments(line: str) -> str:
     return line.removeprefix("dicedesign ")
 
 
-def called(line: str) -> str:
+def python_call(line: str) -> str:
     """Python code of a command."""
     added = "".join(text for start, text in SHORTER.items() if line.startswith(start))
     given = shlex.split(line + added)
@@ -59,7 +59,7 @@ def ordered_parts() -> dict[str, str]:
     """All parts as Python code by name, those first whose files others read."""
     first = next(line for line in TYPED if "dicedesign run" in line).split("dicedesign ")[1]
     lines = [arguments(line) for line in TYPED if line.startswith("dicedesign ")]
-    parts = {line: called(line) for line in [first, *lines] if not line.startswith(LONG)}
+    parts = {line: python_call(line) for line in [first, *lines] if not line.startswith(LONG)}
     for page in PAGES:
         for number, code in enumerate(blocks(page, "python"), start=1):
             parts[f"{page.name}, Python {number}"] = code
@@ -67,7 +67,7 @@ def ordered_parts() -> dict[str, str]:
             if "thrown" not in text:
                 name = f"{page.stem}-{number}.yaml"
                 written = f"open({name!r}, 'w').write({text!r})\n"
-                parts[f"{page.name}, recipe {number}"] = written + called(f"run {name}")
+                parts[f"{page.name}, recipe {number}"] = written + python_call(f"run {name}")
     # Last, as they register extensions.
     return parts | {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES}
 

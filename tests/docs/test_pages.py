@@ -69,7 +69,7 @@ def test_every_page_is_linked_from_the_readme() -> None:
     assert linked >= set(PAGES) - {ROOT / "README.md"}
 
 
-def expanded(text: str) -> set[int]:
+def expand_ranges(text: str) -> set[int]:
     """Whole numbers in a text such as "7, 8", "9 and 10" or "26 to 30"."""
     text = re.sub(r"\d+\.\d+", "", text)
     numbers = set()
@@ -81,19 +81,19 @@ def expanded(text: str) -> set[int]:
 CITED = re.compile(r"\b(?:eqs?\.|equations?)\s+(\d[\d.]*(?:(?:, | and | to )\d[\d.]*)*)")
 
 
-def cited(text: str) -> set[str]:
+def find_citations(text: str) -> set[str]:
     """Equations, algorithms and appendices of the paper in a text."""
-    names = {f"eq. {number}" for part in CITED.findall(text) for number in expanded(part)}
+    names = {f"eq. {number}" for part in CITED.findall(text) for number in expand_ranges(part)}
     names |= {f"algorithm {number}" for number in re.findall(r"\balgorithm\s+(\d+)", text)}
     return names | {f"appendix {name}" for name in re.findall(r"\bappendix\s+([A-Z]\.\d)", text)}
 
 
 def test_the_method_page_lists_every_equation_of_the_code() -> None:
     text = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
-    table = {name for cell in first_column(text) for name in cited(cell)}
+    table = {name for cell in first_column(text) for name in find_citations(cell)}
     for path in sorted((ROOT / "dicedesign").rglob("*")):
         if path.suffix in (".py", ".cpp", ".hpp"):
-            unknown = cited(path.read_text(encoding="utf-8")) - table
+            unknown = find_citations(path.read_text(encoding="utf-8")) - table
             assert not unknown, f"{path}: {unknown}"
 
 

@@ -22,7 +22,7 @@ def rows(page: Path, pattern: str) -> list[tuple[str, ...]]:
     return re.findall(pattern, page.read_text(encoding="utf-8"), re.MULTILINE)
 
 
-def shipped(repository: Path) -> list[Recipe]:
+def shipped_recipes(repository: Path) -> list[Recipe]:
     return [read_recipe(path) for path in sorted((repository / "recipes").glob("*.yaml"))]
 
 
@@ -51,7 +51,7 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
     table = rows(repository / "docs" / "numbers.md", pattern)
     recipes = [
         recipe
-        for recipe in shipped(repository)
+        for recipe in shipped_recipes(repository)
         if recipe.method.concave is None and not recipe.method.is_thrown
     ]
     assert [row[0] for row in table] == [recipe.name for recipe in recipes]
@@ -65,7 +65,9 @@ def test_every_recipe_is_in_the_table_within_its_tolerance(repository: Path) -> 
 def test_every_concave_recipe_is_in_its_table_within_its_tolerance(repository: Path) -> None:
     pattern = r"^\| `(\w+)` \| (\d+) \| (\S+e\S+) \| (\S+e\S+) \| (\S+) \|"
     table = rows(repository / "docs" / "concave.md", pattern)
-    recipes = [recipe for recipe in shipped(repository) if recipe.method.concave is not None]
+    recipes = [
+        recipe for recipe in shipped_recipes(repository) if recipe.method.concave is not None
+    ]
     assert [row[0] for row in table] == [recipe.name for recipe in recipes]
     for recipe, (_, outcomes, error, elsewhere, displacement) in zip(recipes, table, strict=True):
         assert int(outcomes) == len(recipe.target.target().labels)
@@ -78,7 +80,7 @@ def test_every_recipe_for_a_table_is_in_its_table_within_its_limit(
 ) -> None:
     pattern = r"^\| `(\w+)` \| `\w+` \| (0\.\d+) \| (0\.\d+) \|"
     table = rows(repository / "docs" / "tables.md", pattern)
-    recipes = [recipe for recipe in shipped(repository) if recipe.method.is_thrown]
+    recipes = [recipe for recipe in shipped_recipes(repository) if recipe.method.is_thrown]
     assert [row[0] for row in table] == [recipe.name for recipe in recipes]
     for recipe, (_, deviation, perfect) in zip(recipes, table, strict=True):
         exact = recipe.method.exact

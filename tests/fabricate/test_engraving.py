@@ -138,27 +138,27 @@ def floors_and_walls(placements) -> tuple[float, float]:
 
 
 @pytest.fixture
-def marked(contents) -> Surface:
+def mark_surface(contents) -> Surface:
     (part,) = contents.parts
     return Surface(part.points, part.triangles)
 
 
-def test_labels_have_the_areas_of_their_floors_and_walls(marked, placements) -> None:
+def test_labels_have_the_areas_of_their_floors_and_walls(mark_surface, placements) -> None:
     floors, walls = floors_and_walls(placements)
-    labels = labels_below_hull(marked, DEPTH)
-    assert area(marked, labels) == pytest.approx(floors + walls, rel=1e-6)
+    labels = labels_below_hull(mark_surface, DEPTH)
+    assert area(mark_surface, labels) == pytest.approx(floors + walls, rel=1e-6)
     box = 2.0 * (14.0 * 16.0 + 16.0 * 20.0 + 20.0 * 14.0)
-    assert area(marked, ~labels) == pytest.approx(box - floors, rel=1e-6)
+    assert area(mark_surface, ~labels) == pytest.approx(box - floors, rel=1e-6)
 
 
-def test_a_hollow_inside_is_no_label(marked, placements) -> None:
+def test_a_hollow_inside_is_no_label(mark_surface, placements) -> None:
     hollow = Manifold.sphere(3.0, 24)
-    with_hollow = Surface(*mesh_of(solid(marked.points, marked.triangles) - hollow))
+    with_hollow = Surface(*mesh_of(solid(mark_surface.points, mark_surface.triangles) - hollow))
     labels = labels_below_hull(with_hollow, DEPTH)
     assert area(with_hollow, labels) == pytest.approx(sum(floors_and_walls(placements)), rel=1e-6)
 
 
-def test_labels_of_a_stretched_surface(box, marked, placements) -> None:
+def test_labels_of_a_stretched_surface(box, mark_surface, placements) -> None:
     """The same triangles as before the stretch."""
     body = box(14.0, 16.0, 20.0)
     ball = Manifold.sphere(30.0, 60).translate((0.0, -34.0, 0.0))

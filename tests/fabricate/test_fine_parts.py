@@ -57,12 +57,12 @@ def test_morphological_opening_removes_the_thinnest_stroke(text: str) -> None:
     section = text_section(text)
     stroke = narrowest_stroke(section)
 
-    def covered(width: float) -> float:
+    def covered_share(width: float) -> float:
         opened = section.offset(-width / 2, JoinType.Miter).offset(width / 2, JoinType.Miter)
         return (section ^ opened).area() / section.area()
 
-    assert covered(0.95 * stroke) > 0.995
-    assert covered(1.1 * stroke) < 0.97
+    assert covered_share(0.95 * stroke) > 0.995
+    assert covered_share(1.1 * stroke) < 0.97
 
 
 SPREAD = 0.01
@@ -74,7 +74,7 @@ def hull_of(points: Floats) -> Surface:
     return Surface(hull.vertices, hull.triangles)
 
 
-def revolved(profile: Sequence[tuple[float, float]]) -> Surface:
+def revolve(profile: Sequence[tuple[float, float]]) -> Surface:
     """Solid of revolution of a section of radii and heights, open or closed."""
     mesh = trimesh.creation.revolve(np.array(profile), sections=128)
     return Surface(np.array(mesh.vertices), np.array(mesh.faces))
@@ -83,7 +83,7 @@ def revolved(profile: Sequence[tuple[float, float]]) -> Surface:
 def test_a_tube_is_as_thin_as_its_wall() -> None:
     outer, inner, height = 10.0, 9.4, 20.0
     section = [(inner, 0.0), (outer, 0.0), (outer, height), (inner, height), (inner, 0.0)]
-    tube = revolved(section)
+    tube = revolve(section)
     assert tube.volume == pytest.approx(np.pi * (outer**2 - inner**2) * height, rel=2e-3)
     thin = thin_parts(tube, 0.8)
     assert thin is not None

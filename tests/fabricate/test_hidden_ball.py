@@ -13,7 +13,7 @@ from dicedesign.geometry.triangles import Surface
 
 
 @pytest.fixture
-def pocketed(box):
+def cube_with_pocket(box):
     """Make a cube with a square pocket in its upper side."""
 
     def make(size: float, side: float, depth: float) -> Surface:
@@ -25,8 +25,8 @@ def pocketed(box):
     return make
 
 
-def test_the_center_of_mass_returns_to_its_place(pocketed) -> None:
-    body = pocketed(20.0, 8.0, 0.6)
+def test_the_center_of_mass_returns_to_its_place(cube_with_pocket) -> None:
+    body = cube_with_pocket(20.0, 8.0, 0.6)
     assert abs(body.centroid[2]) > 0.03
     end = hollow_out(body, np.zeros(3))
     judge = trimesh.Trimesh(end.points, end.triangles, process=False)
@@ -46,6 +46,6 @@ def test_a_balanced_body_is_unchanged(box) -> None:
     assert hollow_out(body, np.zeros(3)) is body
 
 
-def test_a_body_without_room_is_refused(pocketed) -> None:
+def test_a_body_without_room_is_refused(cube_with_pocket) -> None:
     with pytest.raises(EngravingError, match="balance: expected room"):
-        hollow_out(pocketed(6.0, 5.0, 2.0), np.zeros(3))
+        hollow_out(cube_with_pocket(6.0, 5.0, 2.0), np.zeros(3))

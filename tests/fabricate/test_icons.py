@@ -15,7 +15,7 @@ from dicedesign.fabricate.icons import icon_section
 from dicedesign.fabricate.label_art import label_arts
 
 
-def written(folder: Path, content: str, before: str = "", root: str = "") -> str:
+def write_icon(folder: Path, content: str, before: str = "", root: str = "") -> str:
     path = folder / "icon.svg"
     space = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
     path.write_text(f'{before}<svg {space} viewBox="0 0 100 100" {root}>{content}</svg>')
@@ -73,14 +73,14 @@ SHAPES = [
 
 def test_areas_of_shapes_and_strokes(tmp_path: Path) -> None:
     for content, aspect, area in SHAPES:
-        section = icon_section(written(tmp_path, content), "x")
+        section = icon_section(write_icon(tmp_path, content), "x")
         assert section.bounds() == pytest.approx((0.0, 0.0, aspect, 1.0), abs=2e-3), content
         assert section.area() == pytest.approx(area, rel=4e-3), content
 
 
 def test_icons_are_upright(tmp_path: Path) -> None:
     """y runs downward in SVG: an L of a stem and a foot on its right has the foot below."""
-    section = icon_section(written(tmp_path, '<path d="M0 0h2v8h6v2h-8z"/>'), "L")
+    section = icon_section(write_icon(tmp_path, '<path d="M0 0h2v8h6v2h-8z"/>'), "L")
     parts = section.to_polygons()
     corner = max((point for part in parts for point in part), key=lambda p: p[0] - p[1])
     assert tuple(corner) == pytest.approx((0.8, 0.0), abs=1e-6)
@@ -88,7 +88,7 @@ def test_icons_are_upright(tmp_path: Path) -> None:
 
 
 def test_an_icon_replaces_its_label_only(tmp_path: Path) -> None:
-    path = written(tmp_path, '<rect width="5" height="5"/>')
+    path = write_icon(tmp_path, '<rect width="5" height="5"/>')
     options = EngravingOptions(icons={"6": path})
     assert label_arts("6", options)[0].section.area() == pytest.approx(1.0)
     (other,), (plain,) = (label_arts("9", each) for each in (options, EngravingOptions()))
@@ -103,7 +103,7 @@ def test_dark_colors_are_cut_and_light_ones_are_not(tmp_path: Path) -> None:
     for color in [*DARK, *LIGHT]:
         content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{color}"/>'
         area = 1.0 if color in DARK else 0.75
-        assert icon_section(written(tmp_path, content), "x").area() == pytest.approx(area)
+        assert icon_section(write_icon(tmp_path, content), "x").area() == pytest.approx(area)
 
 
 LAUGH = '<use href="#l{}"/>'
@@ -141,7 +141,7 @@ BAD = [
 def test_unsupported_content_is_refused_by_name(tmp_path: Path) -> None:
     for content, message in BAD:
         with pytest.raises(InputError, match=f"engrave.icons: label 'x': .*{message}"):
-            icon_section(written(tmp_path, content), "x")
+            icon_section(write_icon(tmp_path, content), "x")
 
 
 def test_entities_are_neither_replaced_nor_looked_up(tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_entities_are_neither_replaced_nor_looked_up(tmp_path: Path) -> None:
         f'<!ENTITY l0 "ha">{laughs}<!ENTITY a "&l19;">',
     ):
         content = '<desc>&a;</desc><circle r="5"/>'
-        path = written(tmp_path, content, before=f"<!DOCTYPE svg [{entity}]>")
+        path = write_icon(tmp_path, content, before=f"<!DOCTYPE svg [{entity}]>")
         with pytest.raises(InputError, match=r"no entities|no XML"):
             icon_section(path, "x")
 
@@ -188,7 +188,7 @@ PIECES += [
 
 
 def test_damaged_files_give_an_icon_or_an_input_error(tmp_path: Path) -> None:
-    path, chance = Path(written(tmp_path, PICTURE)), random.Random(0)
+    path, chance = Path(write_icon(tmp_path, PICTURE)), random.Random(0)
     data, icons = path.read_bytes(), 0
     for _ in range(150):
         damaged = bytearray(data)

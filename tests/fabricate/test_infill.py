@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.made_up_die import SIDES, box, checked
-from common.random_points import depths, drawn, in_pocket_walls
+from common.made_up_die import SIDES, box, run_to_check
+from common.random_points import depths, in_pocket_walls, points_inside
 
 from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
@@ -40,7 +40,7 @@ def test_infill_of_a_box() -> None:
 def test_infill_of_a_pyramid_against_random_points() -> None:
     hull, infill, walls = convex_hull(PYRAMID), 0.2, 3.0
     mass, center = weigh(hull, infill, walls)
-    points = drawn(hull, 400_000)
+    points = points_inside(hull, 400_000)
     depth = depths(hull, points).min(axis=1)
     density = np.where(depth > walls, infill, 1.0)
     assert mass == pytest.approx(density.mean(), abs=4.0 * density.std() / np.sqrt(len(points)))
@@ -71,7 +71,7 @@ def test_pockets_have_walls(text: str, style: str) -> None:
     sections = cut_sections(hull, placements, options)
     inside = inside_walls(hull, walls, pocket_walls(sections, options.depth_mm, walls))
     plain = inside_walls(hull, walls)
-    points = drawn(hull, 200_000)
+    points = points_inside(hull, 200_000)
     volume = 14.0 * 15.0 * 16.0 / len(points)
     deep = points[depths(hull, points).min(axis=1) > walls]
     lost = deep[in_pocket_walls(surface, hull, deep, options.depth_mm, walls)]
@@ -86,7 +86,7 @@ def test_pockets_have_walls(text: str, style: str) -> None:
 
 def test_the_least_infill_leaves_some_mass() -> None:
     """Without infill, extremely thin walls leave an uncertain center of mass."""
-    verdict = checked(box(4.0, 5.0, 6.0)).plain
+    verdict = run_to_check(box(4.0, 5.0, 6.0)).plain
     volume, centroid = solid_properties(verdict.body.points, verdict.body.triangles)
     inside = (1.0 - 1e-9) * volume, centroid + 1e-6
     result = infill_probabilities(verdict, SIDES, volume, inside, 0.5, 1e-9)

@@ -43,7 +43,7 @@ OPTIONS = EngravingOptions()
 ONE_LINE = "big\N{NO-BREAK SPACE}hit"
 
 
-def on_body(placement) -> np.ndarray:
+def to_body_frame(placement) -> np.ndarray:
     flat = np.concatenate([np.asarray(part) for part in placement.section().to_polygons()])
     local = np.column_stack([flat, np.zeros(len(flat)), np.ones(len(flat))])
     return (local @ placement.frame.T)[:, :3]
@@ -54,7 +54,7 @@ def clearances(placement, polygon, normal) -> np.ndarray:
     following = np.roll(polygon, -1, axis=0)
     inward = np.cross(normal, following - polygon)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    return np.einsum("pfk,fk->pf", on_body(placement)[:, None] - polygon[None], inward)
+    return np.einsum("pfk,fk->pf", to_body_frame(placement)[:, None] - polygon[None], inward)
 
 
 def test_labels_lie_within_the_margin_of_their_facet(box):
@@ -64,7 +64,7 @@ def test_labels_lie_within_the_margin_of_their_facet(box):
     texts = ["1", "6", "16", "8", "100", "9"]
     placements = place_labels(body.places(texts), OPTIONS, body.size_mm)
     for placement, polygon, normal in zip(placements, body.polygons, body.normals, strict=True):
-        points = on_body(placement)
+        points = to_body_frame(placement)
         np.testing.assert_allclose((points - polygon[0]) @ normal, 0, atol=1e-12)
         assert clearances(placement, polygon, normal).min() >= OPTIONS.margin_mm - 1e-6
         # Upright: the longest edge is at the bottom; right-handed, hence not mirrored.

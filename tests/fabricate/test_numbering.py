@@ -22,7 +22,7 @@ def fair(hull: ConvexHull, style: str) -> tuple[Integers, str]:
     return number_die(hull, np.arange(count), labels, np.full(count, 1.0 / count), style)
 
 
-def placed(hull: ConvexHull, style: str) -> Floats:
+def place_numbers(hull: ConvexHull, style: str) -> Floats:
     """The numbers on the facets."""
     return 1.0 + fair(hull, style)[0]
 
@@ -54,7 +54,7 @@ def assert_best(sums: Floats, all_sums: Floats, member: Floats, mean: float) -> 
 )
 def test_opposite_facets_have_one_sum(name: str, total: int) -> None:
     hull = convex_hull(PLATONIC[name])
-    numbers = placed(hull, "standard")
+    numbers = place_numbers(hull, "standard")
     assert sorted(numbers) == list(range(1, len(numbers) + 1))
     across = (hull.normals @ hull.normals.T).argmin(axis=1)
     np.testing.assert_array_equal(numbers + numbers[across], total)
@@ -66,7 +66,9 @@ def test_balanced_numbers_are_the_best_of_all_permutations(name: str) -> None:
     hull = convex_hull(PLATONIC[name])
     member, count = groups(hull), len(hull.normals)
     everything = np.array(list(permutations(np.arange(1.0, count + 1.0))))
-    assert_best(member @ placed(hull, "balanced"), everything @ member.T, member, count / 2.0 + 0.5)
+    assert_best(
+        member @ place_numbers(hull, "balanced"), everything @ member.T, member, count / 2.0 + 0.5
+    )
 
 
 def swaps_of_two_dice() -> Iterator[tuple[int, ...]]:

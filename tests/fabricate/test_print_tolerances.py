@@ -148,7 +148,7 @@ def die(seed: int) -> tuple[ConvexHull, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def designed() -> tuple[ProbabilitySpread, np.ndarray]:
+def spread_of_design() -> tuple[ProbabilitySpread, np.ndarray]:
     """Spread of a die's probabilities, and the probabilities."""
     hull, directions = die(0)
     poses = rest_poses(hull.vertices)
@@ -156,8 +156,8 @@ def designed() -> tuple[ProbabilitySpread, np.ndarray]:
     return prints, outcome_probabilities(poses, directions).probabilities
 
 
-def test_prints_spread_as_predicted(designed: tuple[ProbabilitySpread, np.ndarray]) -> None:
-    covariance = designed[0].covariance
+def test_prints_spread_as_predicted(spread_of_design: tuple[ProbabilitySpread, np.ndarray]) -> None:
+    covariance = spread_of_design[0].covariance
     probabilities = PrintedDie(*die(0)).probabilities(ERRORS, PRINTS, 0)
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     # The standard error of a sample correlation is at most the root of 2 over the prints.
@@ -168,9 +168,9 @@ def test_prints_spread_as_predicted(designed: tuple[ProbabilitySpread, np.ndarra
 
 
 def test_the_allowed_offset_is_noticed_in_a_tenth_of_prints(
-    designed: tuple[ProbabilitySpread, np.ndarray],
+    spread_of_design: tuple[ProbabilitySpread, np.ndarray],
 ) -> None:
-    prints, target = designed
+    prints, target = spread_of_design
     still = np.zeros(len(target))
     result = print_tolerances(prints, target, still, is_checked=False)
     assert result.allowed_mm is not None
@@ -185,9 +185,9 @@ def test_the_allowed_offset_is_noticed_in_a_tenth_of_prints(
 
 
 def test_a_biased_die_has_no_allowed_offset(
-    designed: tuple[ProbabilitySpread, np.ndarray],
+    spread_of_design: tuple[ProbabilitySpread, np.ndarray],
 ) -> None:
-    prints, target = designed
+    prints, target = spread_of_design
     bias = np.zeros(len(target))
     bias[:2] = 0.05, -0.05
     result = print_tolerances(prints, target, bias, is_checked=False)

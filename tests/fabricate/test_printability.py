@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from common.made_up_die import SIDES, box, checked
+from common.made_up_die import SIDES, box, run_to_check
 from scipy.spatial import cKDTree
 
 from dicedesign.errors import InputError
@@ -56,11 +56,11 @@ def test_recipes_abbreviate_or_omit_printing() -> None:
         parse_recipe({**RECIPE, "print": "laser"})
 
 
-def printed(
+def assess_box(
     points: np.ndarray, directions: np.ndarray, target: object = None, **entries: object
 ) -> Work:
     given = {"engrave": True, "size_mm": 30.0, **entries}
-    work = checked(points, directions, target=target, entries=given)
+    work = run_to_check(points, directions, target=target, entries=given)
     run_stages(work, after="check", last="printing")
     return work
 
@@ -75,7 +75,7 @@ def measures_of(work: Work) -> Printability:
 def cube() -> Work:
     """Cube with a diagonal of 30 mm."""
     engrave = {"depth_mm": 0.75, "balance": "none"}
-    return printed(box(1.0, 1.0, 1.0), SIDES, engrave=engrave, print={"oriented": True})
+    return assess_box(box(1.0, 1.0, 1.0), SIDES, engrave=engrave, print={"oriented": True})
 
 
 SIDE = 30.0 / np.sqrt(3.0)
@@ -86,7 +86,7 @@ def test_walls_equal_those_of_dense_samples() -> None:
     facet that faces the other way."""
     deep = 0.9
     options = {"depth_mm": deep, "max_height_mm": 15.0}
-    work = printed(box(1.0, 1.0, 0.2), SIDES[[2, 5]], engrave=options)
+    work = assess_box(box(1.0, 1.0, 0.2), SIDES[[2, 5]], engrave=options)
     assert work.engraved is not None
     mesh = trimesh.Trimesh(work.engraved.points, work.engraved.triangles, process=False)
     frames = [placement.frame for placement in work.engraved.placements]
@@ -154,7 +154,7 @@ def test_bare_facets_come_first() -> None:
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
     points = np.array([(x, y, z) for x, y in ring for z in (-0.9, 0.9)])
     downs = np.column_stack([np.cos(angles + np.pi / 5), np.sin(angles + np.pi / 5), 0.0 * angles])
-    measured = measures_of(printed(points, downs))
+    measured = measures_of(assess_box(points, downs))
     assert measured.best.label is None
     assert abs(measured.best.normal[2]) == pytest.approx(1.0)
     assert measured.best.spoiled == ()
@@ -171,7 +171,7 @@ def test_bare_facets_come_first() -> None:
     ],
 )
 def test_warnings_have_remedies(entries: dict, part: str) -> None:
-    work = printed(box(1.0, 1.0, 1.0), SIDES, **entries)
+    work = assess_box(box(1.0, 1.0, 1.0), SIDES, **entries)
     assert any(part in note and ":" in note for note in work.notes)
     assert tuple(work.notes[-len(measures_of(work).warnings) :]) == measures_of(work).warnings
     is_raised = entries.get("engrave", {}).get("style") == "raised"
@@ -207,7 +207,7 @@ def test_a_hollow_full_of_powder_is_reported() -> None:
     corners = tetrahedron * (1.0, 1.1, 1.3)
     downs = convex_hull(corners).normals
     for printer, is_trapped in (("fdm", False), ("sls", True)):
-        work = printed(corners, downs, print=printer, **entries)
+        work = assess_box(corners, downs, print=printer, **entries)
         measured = measures_of(work)
         assert measured.file.cavities == 1
         assert any("hollow" in warning for warning in measured.warnings) is is_trapped

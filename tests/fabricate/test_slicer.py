@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from common.dented_cube import write_cube
-from common.made_up_die import SIDES, box, checked
+from common.made_up_die import SIDES, box, run_to_check
 from common.slicer import slice_file, slicer_info
 from common.write_mesh import write_mesh
 
@@ -78,7 +78,7 @@ def test_a_marked_concave_die_is_sliced_without_repair(tmp_path: Path) -> None:
 
 
 def test_other_files_of_a_die_are_sound(tmp_path: Path) -> None:
-    work = checked(box(1.0, 1.2, 1.4), SIDES, entries={"engrave": True})
+    work = run_to_check(box(1.0, 1.2, 1.4), SIDES, entries={"engrave": True})
     run_stages(work, after="check", last="engrave")
     assert work.engraved is not None
     for ending in (".3mf", ".obj", ".stl"):

@@ -18,7 +18,7 @@ AXES = np.concatenate([np.eye(3), -np.eye(3)])
 CUBE = 10.0 * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
 
 
-def roofed(degrees: float) -> np.ndarray:
+def roofed_cube(degrees: float) -> np.ndarray:
     """Corners of a cube whose lower side is bent along its middle into two rests at an angle."""
     rise = 10.0 * np.tan(np.radians(degrees / 2.0))
     raised = CUBE + np.array([0.0, 0.0, rise]) * (CUBE[:, 2:] < 0.0)
@@ -68,7 +68,7 @@ def test_facets_stay_whole_in_single_precision() -> None:
 def test_a_facet_in_two_parts_is_one_outcome() -> None:
     """Either part may have the label; tipping over their ridge does not leave the outcome."""
     whole = verdict_on(CUBE, AXES, np.full(6, 1 / 6))
-    verdict = verdict_on(roofed(0.6), AXES, np.full(6, 1 / 6))
+    verdict = verdict_on(roofed_cube(0.6), AXES, np.full(6, 1 / 6))
     assert verdict.outcomes.rest_counts.tolist() == [1, 1, 1, 1, 1, 2]
     np.testing.assert_allclose(
         verdict.outcomes.probabilities, whole.outcomes.probabilities, atol=2e-3
@@ -85,8 +85,8 @@ def test_two_outcomes_nearer_than_five_degrees_are_not_converged(degrees, crowde
     half = np.radians(degrees / 2.0)
     below = np.array([[np.sin(half), 0.0, -np.cos(half)], [-np.sin(half), 0.0, -np.cos(half)]])
     directions = np.concatenate([AXES[:5], below])
-    probabilities = verdict_on(roofed(degrees), directions, np.zeros(7)).outcomes.probabilities
-    verdict = verdict_on(roofed(degrees), directions, probabilities)
+    probabilities = verdict_on(roofed_cube(degrees), directions, np.zeros(7)).outcomes.probabilities
+    verdict = verdict_on(roofed_cube(degrees), directions, probabilities)
     assert verdict.max_abs_error == 0.0
     assert (verdict.outcomes.rest_counts == 1).all()
     assert list(verdict.flaws(1e-12)) == ([Status.CROWDED] if crowded else [])

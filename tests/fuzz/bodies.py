@@ -39,7 +39,7 @@ def globe_with_weight(subdivisions: int, seed: int, depth: float) -> Problem:
     """A sphere of triangles with its center of mass below a point of one, at a depth of parts of
     its radius."""
     points = icosphere(subdivisions).points
-    return weighted(Problem(points), seed, depth, "facet")
+    return with_center_near_surface(Problem(points), seed, depth, "facet")
 
 
 def with_repeats(problem: Problem, seed: int) -> Problem:
@@ -77,24 +77,24 @@ def with_noise(problem: Problem, seed: int, power: float) -> Problem:
     return Problem(moved, problem.center, coplanar_tolerance=problem.coplanar_tolerance)
 
 
-def squeezed(problem: Problem, powers: tuple[float, float]) -> Problem:
+def squeeze(problem: Problem, powers: tuple[float, float]) -> Problem:
     """Stretched along y and z by powers of ten: needles, plates and blades."""
     factors = np.array([1.0, 10.0 ** powers[0], 10.0 ** powers[1]])
     center = None if problem.center is None else problem.center * factors
     return Problem(problem.points * factors, center, coplanar_tolerance=problem.coplanar_tolerance)
 
 
-def lopsided(problem: Problem, seed: int) -> Problem:
+def with_random_center(problem: Problem, seed: int) -> Problem:
     """With a center of mass anywhere inside."""
     triangles = _triangles(problem.points)
     if triangles is None:
         return problem
     corners = problem.points[np.unique(triangles)]
     weights = np.random.default_rng(seed).dirichlet(np.full(len(corners), 0.5))
-    return _centered(problem, weights @ corners)
+    return _with_center(problem, weights @ corners)
 
 
-def weighted(problem: Problem, seed: int, depth: float, on: str) -> Problem:
+def with_center_near_surface(problem: Problem, seed: int, depth: float, on: str) -> Problem:
     """With a center of mass on the way from a point on a facet, an edge or a corner of the hull to
     its middle, after a part `depth` of that way."""
     rng = np.random.default_rng(seed)
@@ -105,7 +105,7 @@ def weighted(problem: Problem, seed: int, depth: float, on: str) -> Problem:
     weights[3 - ON.index(on) :] = 0.0
     start = (weights / weights.sum()) @ problem.points[triangles[rng.integers(len(triangles))]]
     middle = problem.points[np.unique(triangles)].mean(axis=0)
-    return _centered(problem, start + depth * (middle - start))
+    return _with_center(problem, start + depth * (middle - start))
 
 
 def overhanging(problem: Problem, seed: int, distance: float, on: str) -> Problem:
@@ -128,7 +128,7 @@ def overhanging(problem: Problem, seed: int, distance: float, on: str) -> Proble
         foot = a + (0.0 if on == "corner" else rng.uniform(0.1, 0.9)) * along
         foot = foot + distance * float(np.ptp(points, axis=0).max()) * inward
         height = rng.uniform(0.2, 0.8) * ((points - a) @ normal).max()
-        moved = _centered(problem, foot + height * normal)
+        moved = _with_center(problem, foot + height * normal)
         if moved is not problem:
             return moved
     return problem
@@ -148,7 +148,7 @@ def glancing_edge(problem: Problem, seed: int, growth: float) -> Problem:
         p, q, _ = points[rng.permutation(triangle)]
         v = (q - p) / np.sqrt((q - p) @ (q - p))
         rise = (p - center) @ v
-        moved = _centered(
+        moved = _with_center(
             problem, center + v * (rise - growth * np.sqrt(((p - center) ** 2).sum()))
         )
         if moved is not problem:
@@ -156,7 +156,7 @@ def glancing_edge(problem: Problem, seed: int, growth: float) -> Problem:
     return problem
 
 
-def _centered(problem: Problem, center: Floats) -> Problem:
+def _with_center(problem: Problem, center: Floats) -> Problem:
     """With another center of mass, or the same problem where that is not inside."""
     local = problem.points - center
     try:

@@ -15,18 +15,18 @@ from bodies import (
     glancing_edge,
     globe_with_weight,
     lattice,
-    lopsided,
     overhanging,
-    squeezed,
-    weighted,
+    squeeze,
+    with_center_near_surface,
     with_extras,
     with_noise,
+    with_random_center,
     with_repeats,
 )
 from hypothesis import strategies as st
 
 from tests.reference import extremes, monostatic, solids, stiff
-from tests.reference.problem import Problem, turned
+from tests.reference.problem import Problem, rotate_problem
 from tests.reference.solids import ARCHIMEDEAN, PLATONIC
 
 Problems = st.SearchStrategy[Problem]
@@ -43,18 +43,18 @@ def powers(least: float, most: float) -> st.SearchStrategy[float]:
     return quarters.map(lambda quarter: float(10.0 ** (quarter / 4)))
 
 
-def rotated(problem: Problem, seed: int) -> Problem:
+def rotate(problem: Problem, seed: int) -> Problem:
     """A problem in a random orientation. Its corners round: at tolerance 0 facets then fall apart,
     and what was known about the rests is forgotten."""
     exact = problem.coplanar_tolerance == 0.0
-    return turned(replace(problem, rests=None) if exact else problem, seed)
+    return rotate_problem(replace(problem, rests=None) if exact else problem, seed)
 
 
-def placed(problem: Problem, size: float, distance: float) -> Problem:
+def place(problem: Problem, size: float, distance: float) -> Problem:
     """A problem scaled and moved. Its corners round, and far from the origin what was known about
-    the probabilities is forgotten; see `rotated`."""
+    the probabilities is forgotten; see `rotate`."""
     exact = problem.coplanar_tolerance == 0.0
-    moved = stiff.placed(replace(problem, rests=None) if exact else problem, size, distance)
+    moved = stiff.place(replace(problem, rests=None) if exact else problem, size, distance)
     return replace(moved, shares=None) if distance > 0.0 else moved
 
 
@@ -67,7 +67,7 @@ def maybe(problems: Problems, *steps: Problems) -> Problems:
 
 def turns(problems: Problems) -> Problems:
     """Unrotated or rotated."""
-    return maybe(problems, st.builds(rotated, problems, SEEDS))
+    return maybe(problems, st.builds(rotate, problems, SEEDS))
 
 
 def symmetric() -> Problems:
@@ -97,7 +97,7 @@ def clouds() -> Problems:
     )
 
 
-def dressed(problems: Problems) -> Problems:
+def add_points_and_noise(problems: Problems) -> Problems:
     """With duplicates, collinear, coplanar and interior points, with noise of 1e-16 to 1e-10, with
     another center of mass."""
     extras = st.builds(
@@ -110,7 +110,7 @@ def dressed(problems: Problems) -> Problems:
     repeats = st.builds(with_repeats, problems, SEEDS)
     crowded = maybe(problems, extras, repeats)
     noisy = maybe(crowded, st.builds(with_noise, crowded, SEEDS, st.integers(-16, -10)))
-    return maybe(noisy, st.builds(lopsided, noisy, SEEDS))
+    return maybe(noisy, st.builds(with_random_center, noisy, SEEDS))
 
 
 def near_degenerate() -> Problems:
@@ -119,13 +119,13 @@ def near_degenerate() -> Problems:
     signed = st.one_of(tiny, tiny.map(lambda x: -x))
     on = st.sampled_from(ON)
     base = turns(st.one_of(clouds(), symmetric().map(_plain)))
-    off_center = maybe(base, st.builds(lopsided, base, SEEDS))
+    off_center = maybe(base, st.builds(with_random_center, base, SEEDS))
     shapes = st.one_of(
         st.builds(stiff.roof, tiny, centered=st.booleans(), tolerance=TOLERANCES),
         st.builds(stiff.bulging_cube, tiny, TOLERANCES),
         st.builds(stiff.dented_cube, tiny, TOLERANCES),
         st.builds(stiff.glancing, signed),
-        st.builds(stiff.opposed, signed),
+        st.builds(stiff.opposed_corner, signed),
         st.builds(stiff.hidden_center, near, st.integers(1, 3)),
         st.builds(stiff.off_balance, signed, corner=st.booleans()),
     )
@@ -134,8 +134,8 @@ def near_degenerate() -> Problems:
     )
     return st.one_of(
         turns(shapes),
-        turns(st.builds(squeezed, off_center, powers_of_ten)),
-        st.builds(weighted, base, SEEDS, near, on),
+        turns(st.builds(squeeze, off_center, powers_of_ten)),
+        st.builds(with_center_near_surface, base, SEEDS, near, on),
         st.builds(overhanging, base, SEEDS, st.one_of(signed, st.just(0.0)), on),
         st.builds(glancing_edge, base, SEEDS, signed),
     )
@@ -150,17 +150,17 @@ def few_rests() -> Problems:
         st.builds(extremes.lopsided_needle, st.sampled_from(extremes.ANTIPODE_SEEDS)),
         st.builds(monostatic.conway_guy, st.sampled_from([17, 19, 21]), powers(1.0, 1.5)),
     )
-    return st.one_of(turns(shapes), turns(st.builds(lopsided, shapes.map(_plain), SEEDS)))
+    return st.one_of(turns(shapes), turns(st.builds(with_random_center, shapes.map(_plain), SEEDS)))
 
 
 def scaled_and_placed() -> Problems:
     """Any body at sizes of 1e-9 to 1e9, and up to 1e7 sizes away from the origin; not so far those
     that are so near a balance or the surface that the digits lost there decide about them."""
-    robust = st.one_of(symmetric(), turns(dressed(clouds())), few_rests())
+    robust = st.one_of(symmetric(), turns(add_points_and_noise(clouds())), few_rests())
     sizes = powers(-9.0, 9.0)
     return st.one_of(
-        st.builds(placed, near_degenerate(), sizes, st.just(0.0)),
-        st.builds(placed, robust, sizes, st.one_of(st.just(0.0), powers(0.0, 7.0))),
+        st.builds(place, near_degenerate(), sizes, st.just(0.0)),
+        st.builds(place, robust, sizes, st.one_of(st.just(0.0), powers(0.0, 7.0))),
     )
 
 
@@ -170,10 +170,10 @@ def flat() -> Problems:
     whole = st.integers(-4, 4)
     vectors = st.tuples(whole, whole, whole)
     weights = st.lists(st.tuples(whole, whole), min_size=1, max_size=12)
-    return st.builds(_spanned, vectors, vectors, weights, TOLERANCES)
+    return st.builds(_span, vectors, vectors, weights, TOLERANCES)
 
 
-def _spanned(
+def _span(
     a: tuple[int, int, int],
     b: tuple[int, int, int],
     weights: list[tuple[int, int]],
@@ -189,7 +189,7 @@ def _plain(problem: Problem) -> Problem:
 
 KINDS = {
     "symmetric": symmetric(),
-    "random and lattice clouds": turns(dressed(clouds())),
+    "random and lattice clouds": turns(add_points_and_noise(clouds())),
     "nearly degenerate": near_degenerate(),
     "with few rests": few_rests(),
     "of any size anywhere": scaled_and_placed(),

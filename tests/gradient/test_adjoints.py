@@ -78,7 +78,7 @@ def both_ways(points: np.ndarray) -> list[RestEvaluation]:
     ]
 
 
-def again(rests: RestEvaluation) -> RestEvaluation:
+def copy_without_cache(rests: RestEvaluation) -> RestEvaluation:
     """Copy of an evaluation without computed properties."""
     return RestEvaluation(rests.equilibria, rests.vertices, rests.given_center)
 
@@ -101,7 +101,7 @@ def assert_same(
 @compiled_only
 def test_probabilities_and_depths(points: np.ndarray) -> None:
     for rests in both_ways(points):
-        twin = again(rests)
+        twin = copy_without_cache(rests)
         with without_kernels():
             expected = [twin.probabilities, twin.facet_depths]
         rng = np.random.default_rng(0)
@@ -116,7 +116,7 @@ def test_normals(points: np.ndarray) -> None:
     rests = both_ways(points)[0]
     facets = np.concatenate([np.arange(len(rests.hull.normals))[::-1], [0, 1, 0]])
     with without_kernels():
-        expected = again(rests).facet_normals(facets)
+        expected = copy_without_cache(rests).facet_normals(facets)
     normals = rests.facet_normals(facets)
     np.testing.assert_allclose(normals.detach(), expected.detach(), rtol=0, atol=1e-9)
     weights = torch.tensor(np.random.default_rng(0).normal(size=normals.shape))
@@ -170,7 +170,7 @@ def test_energies(points: np.ndarray, outcomes: int) -> None:
     """Few outcomes make clusters of several rests, many make empty clusters."""
     target = np.random.default_rng(0).dirichlet(np.ones(outcomes))
     for rests in both_ways(points):
-        clusters, twin = clusters_of(rests, outcomes), again(rests)
+        clusters, twin = clusters_of(rests, outcomes), copy_without_cache(rests)
         least = 1e-3 / np.ptp(rests.hull.vertices, axis=0).max()
         with without_kernels():
             state = ClusteredRests(twin, clusters, target)

@@ -21,7 +21,7 @@ def half_spaces(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return convex_hull(repulsion(9, seed).points).normals, rng.uniform(0.8, 1.2, size=9)
 
 
-def evaluated(
+def evaluate_half_spaces(
     normals: np.ndarray, distances: np.ndarray, center: torch.Tensor | None = None
 ) -> RestEvaluation:
     return evaluate_rests(torch.tensor(polyhedron_corners(normals, distances)), center)
@@ -44,7 +44,7 @@ def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabi
     step = 1e-6
 
     def probabilities(moved: np.ndarray) -> np.ndarray:
-        rests = evaluated(normals, moved, center)
+        rests = evaluate_half_spaces(normals, moved, center)
         return of_facets(rests, model.probabilities(rests), normals)
 
     differences = np.stack(
@@ -54,7 +54,7 @@ def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabi
         ],
         axis=1,
     )
-    rests = evaluated(normals, distances, center)
+    rests = evaluate_half_spaces(normals, distances, center)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
     rows = model.jacobian(rests)
     derivatives = of_facets(rests, offset_derivatives(rests, rows)[:, columns], normals)
@@ -68,12 +68,12 @@ def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabi
 @pytest.mark.parametrize("seed", range(3))
 def test_secants_are_differences_of_bodies_with_moved_facets(seed: int, step: float) -> None:
     normals, distances = half_spaces(seed)
-    rests = evaluated(normals, distances)
+    rests = evaluate_half_spaces(normals, distances)
     columns = np.argmax(normals @ rests.hull.normals.T, axis=1)
     secants = of_facets(rests, offset_secants(rests, step)[:, columns].numpy(), normals)
     sides = []
     for offset in (step, -step):
-        moved = [evaluated(normals, distances + e) for e in offset * np.eye(9)]
+        moved = [evaluate_half_spaces(normals, distances + e) for e in offset * np.eye(9)]
         sides.append(
             np.stack([of_facets(one, one.probability_values, normals) for one in moved], axis=1)
         )

@@ -27,7 +27,7 @@ DRUM = np.concatenate(
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def evaluated(points: np.ndarray) -> RestEvaluation:
+def evaluate(points: np.ndarray) -> RestEvaluation:
     return evaluate_rests(torch.tensor(points, dtype=torch.float64))
 
 
@@ -46,7 +46,7 @@ def round_stone(seed: int, facets: int = 9) -> np.ndarray:
     + [round_stone(seed) for seed in range(6)],
 )
 def test_radii_are_those_of_the_linear_program(points: np.ndarray) -> None:
-    rests = evaluated(points)
+    rests = evaluate(points)
     hull, facets = rests.hull, all_facets(rests)
     expected = []
     for facet in facets:
@@ -80,7 +80,7 @@ def test_gradients_are_differences(measure: str, seed: int) -> None:
 
 
 def test_the_barrier_of_a_box() -> None:
-    rests = evaluated(CUBE * [1.0, 1.0, 0.3])
+    rests = evaluate(CUBE * [1.0, 1.0, 0.3])
     size = np.sqrt(2.09)
     for normal, residual in zip(rests.hull.normals, barrier_residuals(rests), strict=True):
         if abs(normal[2]) > 0.9:

@@ -26,7 +26,7 @@ def way(request: pytest.FixtureRequest) -> Callable[[], AbstractContextManager]:
     return WAYS[request.param]
 
 
-def assorted() -> list[Tensor]:
+def assorted_bodies() -> list[Tensor]:
     """Bodies with 4 to 12 points and with points inside, one that balances and a needle."""
     rng = np.random.default_rng(3)
     bodies = [rng.normal(size=(count, 3)) for count in (4, 7, 12, 5, 9)]
@@ -60,7 +60,7 @@ def one_by_one(
 @pytest.mark.parametrize("table", [None, "board-game"])
 @pytest.mark.parametrize("given", [False, True])
 def test_a_batch_equals_single_calls(way, given: bool, table: str | None) -> None:
-    bodies = assorted()
+    bodies = assorted_bodies()
     centers = torch.stack([points.mean(0) for points in bodies]) if given else None
     with way():
         singles, slopes, by_center = one_by_one(bodies, centers, table)
@@ -83,7 +83,7 @@ def test_a_batch_equals_single_calls(way, given: bool, table: str | None) -> Non
 
 def test_a_padded_tensor_equals_a_list(way) -> None:
     """Ignored rows can have any content."""
-    bodies = assorted()
+    bodies = assorted_bodies()
     counts = [len(points) for points in bodies]
     padded = torch.full((len(bodies), max(counts) + 1, 3), torch.nan, dtype=torch.float64)
     for row, points in enumerate(bodies):
@@ -114,13 +114,13 @@ def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
         while not done.wait(1e-4):
             turns += 1
 
-    def watched(*arguments: object) -> object:
+    def watch(*arguments: object) -> object:
         before = turns
         answer = original(*arguments)  # type: ignore[arg-type]
         counted.append(turns - before)
         return answer
 
-    monkeypatch.setattr(ops, "bodies", watched)
+    monkeypatch.setattr(ops, "bodies", watch)
     points = torch.randn(3000, 30, 3, generator=torch.Generator().manual_seed(0)).double()
     other, usual = threading.Thread(target=count), sys.getswitchinterval()
     other.start()

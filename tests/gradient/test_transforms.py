@@ -138,7 +138,7 @@ def test_maps_and_derivatives_in_any_order(way) -> None:
         torch.testing.assert_close(second[1], alone, rtol=0, atol=1e-11)
 
 
-def shaped(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates, Tensor]:
+def make_coordinates(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates, Tensor]:
     if name != "facets":
         box = solids.box(1.0, 1.0, 1.3).points
         coordinates, numbers = SymmetricCoordinates.of(box, np.zeros(3), point_group(name))
@@ -152,7 +152,7 @@ def shaped(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates, Tensor]:
 
 @pytest.mark.parametrize("name", ["facets", "C2v", "D2d"])
 def test_points_are_differentiable_in_parameters(name: str) -> None:
-    coordinates, parameters = shaped(name)
+    coordinates, parameters = make_coordinates(name)
     points = coordinates.points(parameters)
     by_shape = coordinates.shape(parameters.numpy()).points
     np.testing.assert_allclose(points, by_shape, rtol=0, atol=1e-14)
@@ -160,10 +160,10 @@ def test_points_are_differentiable_in_parameters(name: str) -> None:
     assert torch.autograd.gradcheck(coordinates.points, leaf, check_forward_ad=True)
     weights = torch.linspace(-1.0, 1.0, points.numel()).double().reshape(points.shape)
 
-    def weighted(values: Tensor) -> Tensor:
+    def weigh(values: Tensor) -> Tensor:
         return (weights * coordinates.points(values) ** 2).sum()
 
-    assert torch.autograd.gradgradcheck(weighted, leaf, atol=1e-5)
+    assert torch.autograd.gradgradcheck(weigh, leaf, atol=1e-5)
 
     center = torch.tensor(points.numpy().mean(0))
 

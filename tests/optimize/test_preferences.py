@@ -38,7 +38,7 @@ BOX = np.array([1.0, 1.5, 2.0])
 TERMS = ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers", "tolerance"]
 
 
-def evaluated(points: np.ndarray) -> RestEvaluation:
+def evaluate(points: np.ndarray) -> RestEvaluation:
     return evaluate_rests(torch.tensor(points, dtype=torch.float64))
 
 
@@ -68,7 +68,7 @@ def die(seed: int) -> Candidate:
 
 
 def test_a_cube_has_nothing_to_improve_but_its_circles() -> None:
-    rests = evaluated(3.0 * CUBE)
+    rests = evaluate(3.0 * CUBE)
     for name in ("margin", "asymmetry", "roundness", "areas", "small_helpers"):
         assert total(rests, name) == pytest.approx(0.0, abs=1e-24)
     power = 2.0 * SOFTNESS
@@ -77,7 +77,7 @@ def test_a_cube_has_nothing_to_improve_but_its_circles() -> None:
 
 
 def test_the_asymmetry_of_a_box() -> None:
-    rests = evaluated(CUBE * BOX)
+    rests = evaluate(CUBE * BOX)
     probabilities = dict(
         zip(box_axes(rests)[rests.paths.rests], rests.probabilities.numpy(), strict=True)
     )
@@ -90,13 +90,13 @@ def test_the_asymmetry_of_a_box() -> None:
 
 
 def test_the_roundness_of_a_box() -> None:
-    rests = evaluated(CUBE * BOX)
+    rests = evaluate(CUBE * BOX)
     spread = np.var(BOX) / BOX.mean() ** 2
     assert total(rests, "roundness") == pytest.approx(spread / USUAL_SPREAD**2)
 
 
 def test_the_areas_of_a_box() -> None:
-    rests = evaluated(CUBE * BOX)
+    rests = evaluate(CUBE * BOX)
     areas = np.log(BOX.prod() / BOX)
     assert total(rests, "areas") == pytest.approx(np.var(areas) / USUAL_RATIO**2)
     axes = box_axes(rests)
@@ -133,10 +133,10 @@ def test_terms_do_not_depend_on_size_and_place(name: str) -> None:
     # Some facets bear no outcome, for the helpers' sake.
     facets = np.arange(5)
     if name == "margin":
-        assert total(evaluated(there), name) == pytest.approx(total(evaluated(vertices), name))
+        assert total(evaluate(there), name) == pytest.approx(total(evaluate(vertices), name))
     else:
-        value = total(evaluated(there), name, facets)
-        assert value == pytest.approx(total(evaluated(vertices), name, facets))
+        value = total(evaluate(there), name, facets)
+        assert value == pytest.approx(total(evaluate(vertices), name, facets))
         assert value > 1e-6
 
 

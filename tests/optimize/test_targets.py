@@ -14,7 +14,7 @@ from dicedesign.errors import InputError
 from dicedesign.optimize.targets import Target, binomial, custom, fair, relabel, sum_of_dice
 
 
-def enumerated(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
+def enumerate_sums(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
     count = Counter(outcomes)
     values = sorted(count)
     probabilities = [float(Fraction(count[value], len(outcomes))) for value in values]
@@ -23,7 +23,7 @@ def enumerated(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
 
 @pytest.mark.parametrize("flips", [1, 2, 5, 8])
 def test_binomial_counts_heads(flips: int) -> None:
-    labels, probabilities = enumerated(
+    labels, probabilities = enumerate_sums(
         [sum(coins) for coins in itertools.product((0, 1), repeat=flips)]
     )
     target = binomial(flips)
@@ -34,7 +34,7 @@ def test_binomial_counts_heads(flips: int) -> None:
 @pytest.mark.parametrize("sides", [[6], [2, 2, 2], [4, 6, 8]])
 def test_sum_of_dice_counts_totals(sides: list[int]) -> None:
     throws = itertools.product(*(range(1, count + 1) for count in sides))
-    labels, probabilities = enumerated([sum(throw) for throw in throws])
+    labels, probabilities = enumerate_sums([sum(throw) for throw in throws])
     target = sum_of_dice(sides)
     assert target.labels == labels
     np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
@@ -42,7 +42,7 @@ def test_sum_of_dice_counts_totals(sides: list[int]) -> None:
 
 @pytest.mark.parametrize("outcomes", [2, 3, 7, 100])
 def test_fair_counts_each_face_once(outcomes: int) -> None:
-    labels, probabilities = enumerated(list(range(1, outcomes + 1)))
+    labels, probabilities = enumerate_sums(list(range(1, outcomes + 1)))
     target = fair(outcomes)
     assert target.labels == labels
     np.testing.assert_array_equal(target.probabilities, probabilities)

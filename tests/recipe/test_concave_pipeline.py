@@ -227,10 +227,10 @@ def test_an_unprintable_surface_is_written_unchanged(
     quick: None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def refused(surface: object) -> None:
+    def refuse(surface: object) -> None:
         raise InputError("printable solid: expected one piece of positive volume, got 2")
 
-    monkeypatch.setattr("dicedesign.fabricate.surface_assessment.printable_solid", refused)
+    monkeypatch.setattr("dicedesign.fabricate.surface_assessment.printable_solid", refuse)
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "unprintable"
     assert result.notes == ("printable solid: expected one piece of positive volume, got 2",)
@@ -337,12 +337,12 @@ def test_an_interrupt_while_results_are_written_keeps_the_checkpoint(
 
     folder = tmp_path / "out"
 
-    def interrupted(path: Path, data: bytes) -> None:
+    def interrupt(path: Path, data: bytes) -> None:
         if path.name == "report.html":
             raise KeyboardInterrupt
         files.atomic_write(path, data)
 
-    monkeypatch.setattr(results, "atomic_write", interrupted)
+    monkeypatch.setattr(results, "atomic_write", interrupt)
     with pytest.raises(KeyboardInterrupt, match=r"^3 of 60 "):
         run(recipe_path, folder)
     assert "result.json" not in names(folder)
@@ -355,10 +355,10 @@ def test_an_interrupt_while_results_are_written_keeps_the_checkpoint(
 def test_an_interrupt_before_the_first_checkpoint_has_no_message(
     recipe_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*arguments: object, **options: object) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", interrupted)
+    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", interrupt)
     with pytest.raises(KeyboardInterrupt) as caught:
         run(recipe_path, tmp_path / "out")
     assert str(caught.value) == ""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from common.made_up_die import SIDES, box, designed
+from common.made_up_die import SIDES, box, run_to_design
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.die import make_solid
@@ -22,11 +22,11 @@ from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
 
-def engraved(
+def engrave_box(
     size_mm: float = 25.0, center_of_mass: Floats | None = None, read: str = "auto"
 ) -> Work:
     """Run up to the stage "engrave" of a box that is not fair."""
-    work = designed(
+    work = run_to_design(
         box(4.0, 5.0, 6.0),
         SIDES,
         Status.NO_PROGRESS,
@@ -49,7 +49,7 @@ def test_large_changes_by_labels_are_noted(depth_mm: float) -> None:
         "min_height_mm": 1.0,
         "read": "down",
     }
-    work = designed(
+    work = run_to_design(
         frustum,
         np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]),
         Status.NO_PROGRESS,
@@ -72,7 +72,7 @@ def test_large_changes_by_labels_are_noted(depth_mm: float) -> None:
 @pytest.mark.parametrize(("read", "sign"), [("down", 1.0), ("auto", -1.0)])
 def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> None:
     """Each label takes its volume from the facet on top, or from the one that is down."""
-    work = engraved(read=read)
+    work = engrave_box(read=read)
     points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
     engraved_solid, depth = solid(points.astype(np.float64), triangles), 0.6
     # The hull is the box, as labels are pockets.
@@ -95,17 +95,17 @@ def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> Non
 
 
 def test_a_labeled_die_with_a_given_center_is_not_assessed() -> None:
-    work = engraved(center_of_mass=np.zeros(3))
+    work = engrave_box(center_of_mass=np.zeros(3))
     assert work.engraved.assessment is None
     assert work.result().engraved.probabilities is None
     assert "die.stl" in work.files
 
 
 def test_labels_without_room_are_an_error_on_good_dice_only() -> None:
-    fair = designed(box(1.0, 1.0, 1.0), entries={"engrave": True, "size_mm": 3.0})
+    fair = run_to_design(box(1.0, 1.0, 1.0), entries={"engrave": True, "size_mm": 3.0})
     with pytest.raises(EngravingError):
         run_stages(fair, after="design", last="engrave")
-    work = engraved(size_mm=3.0)
+    work = engrave_box(size_mm=3.0)
     assert work.engraved is None
     assert work.remarks[-1].startswith("not engraved: ")
     assert "die.stl" not in work.files
@@ -115,7 +115,9 @@ def test_one_label_without_a_rest_keeps_the_die_plain() -> None:
     directions = SIDES.copy()
     directions[5] = [0.8, 0.6, 0.0]
     target = {"fair": 6, "labels": list("abcdef")}
-    work = designed(box(4.0, 5.0, 6.0), directions, Status.NO_PROGRESS, target, {"engrave": True})
+    work = run_to_design(
+        box(4.0, 5.0, 6.0), directions, Status.NO_PROGRESS, target, {"engrave": True}
+    )
     run_stages(work, after="design", last="engrave")
     assert (work.plain.outcomes.main < 0).sum() == 1
     assert work.engraved is None
@@ -132,7 +134,7 @@ def test_labels_without_room_on_top_are_read_from_below() -> None:
         entries = {"engrave": {"read": read}, "size_mm": size_mm}
         target = {"fair": 2, "labels": ["1200", "1"]}
         directions = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-        work = designed(frustum, directions, Status.NO_PROGRESS, target, entries)
+        work = run_to_design(frustum, directions, Status.NO_PROGRESS, target, entries)
         run_stages(work, after="design", last="engrave")
         return None if work.engraved is None or work.reading is None else work.reading.way
 
@@ -151,7 +153,7 @@ def sized_work(
     """Run up to the stage "size" of a box with a label on a facet with its smallest side."""
     entries = {"engrave": engrave, "size_mm": size_mm}
     target = {"fair": 6, "labels": ["1", "2", "3", "4", "5", label]}
-    work = designed(box(thin, 5.0, 6.0), target=target, entries=entries)
+    work = run_to_design(box(thin, 5.0, 6.0), target=target, entries=entries)
     work.enlarge = enlarge
     run_stages(work, after="design", last="size")
     return work
@@ -197,10 +199,12 @@ def test_a_size_that_does_not_help_is_kept() -> None:
     """The label needs more than the largest size, or a missing facet."""
     huge = sized_work(30.0, label="not so short", thin=0.02)
     assert (huge.recipe.size_mm, huge.notes) == (30.0, [])
-    lacking = designed(box(4.0, 5.0, 6.0), SIDES, target={"fair": 6}, entries={"engrave": True})
+    lacking = run_to_design(
+        box(4.0, 5.0, 6.0), SIDES, target={"fair": 6}, entries={"engrave": True}
+    )
     lacking.enlarge = True
     directions = SIDES.copy()
     directions[5] = [0.8, 0.6, 0.0]
-    lacking.die = designed(box(4.0, 5.0, 6.0), directions, target={"fair": 6}).die
+    lacking.die = run_to_design(box(4.0, 5.0, 6.0), directions, target={"fair": 6}).die
     run_stages(lacking, after="design", last="size")
     assert (lacking.recipe.size_mm, lacking.notes) == (30.0, [])

@@ -93,7 +93,7 @@ def test_files_of_an_earlier_recipe_are_removed(tmp_path: Path) -> None:
 def test_a_file_with_other_probabilities_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def dented(contents: Contents) -> bytes:
+    def dent(contents: Contents) -> bytes:
         (part,) = contents.parts
         points = part.points.copy()
         points[0] *= 1.0 + 1e-6
@@ -101,7 +101,7 @@ def test_a_file_with_other_probabilities_is_left_out(
 
     known = FILE_FORMATS["obj"]
     FILE_FORMATS.unregister("obj")
-    FILE_FORMATS.register(replace(known, write=dented))
+    FILE_FORMATS.register(replace(known, write=dent))
     try:
         result = run({**COIN, **QUICK, "engrave": False, "files": "obj"}, tmp_path / "coin")
     finally:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from common.made_up_die import SIDES, box, designed
+from common.made_up_die import SIDES, box, run_to_design
 
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.recipe.design_die import design_recipe
@@ -16,9 +16,11 @@ from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.results.parts import RoundOfThrows, Status
 
 
-def numbered(style: str, sides: tuple[float, float, float] = (1.0, 1.0, 1.0), **more: Any) -> Work:
+def number_box(
+    style: str, sides: tuple[float, float, float] = (1.0, 1.0, 1.0), **more: Any
+) -> Work:
     """Run up to the stage "check" of a box with labels in the order of `SIDES`."""
-    work = designed(box(*sides), entries={"numbering": style, **more})
+    work = run_to_design(box(*sides), entries={"numbering": style, **more})
     run_stages(work, after="design", last="check")
     return work
 
@@ -32,8 +34,8 @@ def across(work: Work) -> list[float]:
 
 
 def test_a_cube_gets_sums_of_seven() -> None:
-    assert across(numbered("given")) == [5.0, 7.0, 9.0]
-    work = numbered("standard")
+    assert across(number_box("given")) == [5.0, 7.0, 9.0]
+    work = number_box("standard")
     assert across(work) == [7.0]
     assert work.status is Status.CONVERGED
     assert any("sum to 7" in note for note in work.notes)
@@ -43,7 +45,7 @@ def test_a_cube_gets_sums_of_seven() -> None:
 def test_probabilities_stay_with_their_labels(style: str) -> None:
     """Only opposite sides are interchangeable, and in a square box four sides."""
     for sides in ((4.0, 5.0, 6.0), (4.0, 4.0, 6.0)):
-        work = numbered(style, sides)
+        work = number_box(style, sides)
         assert work.status is Status.CONVERGED
         before, after = SIDES, work.die.directions
         poses = work.plain.poses
@@ -60,7 +62,7 @@ def test_rounds_of_throws_are_reordered_too() -> None:
     thrown = RoundOfThrows(
         10, 0.0, 0.0, 0.0, 0, None, True, tuple(requested), tuple(2.0 * requested)
     )
-    work = designed(box(1.0, 1.0, 1.0), entries={"numbering": "standard"}, rounds=(thrown,))
+    work = run_to_design(box(1.0, 1.0, 1.0), entries={"numbering": "standard"}, rounds=(thrown,))
     run_stages(work, after="design", last="numbering")
     (after,) = work.die.rounds
     of_side = (work.die.directions @ SIDES.T).argmax(axis=1)
@@ -70,7 +72,7 @@ def test_rounds_of_throws_are_reordered_too() -> None:
 
 
 def test_labels_follow_their_outcomes() -> None:
-    work = numbered("standard", engrave=True)
+    work = number_box("standard", engrave=True)
     run_stages(work, after="check", last="engrave")
     for direction, placement, text in zip(
         work.die.directions, work.engraved.placements, work.target.labels, strict=True
@@ -102,7 +104,7 @@ def test_a_symmetric_die_stays_symmetric() -> None:
 def test_a_die_with_a_missing_facet_is_not_renumbered() -> None:
     directions = SIDES.copy()
     directions[5] = [0.8, 0.6, 0.0]
-    work = designed(
+    work = run_to_design(
         box(4.0, 5.0, 6.0), directions, Status.NO_PROGRESS, {"fair": 6}, {"numbering": "standard"}
     )
     run_stages(work, after="design", last="check")

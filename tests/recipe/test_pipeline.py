@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from check_outputs import check
-from common.made_up_die import SIDES, box, checked
+from common.made_up_die import SIDES, box, run_to_check
 
 from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
@@ -157,13 +157,13 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     written: list[str] = []
     real = results.atomic_write
 
-    def interrupted(path: Path, data: bytes) -> None:
+    def interrupt(path: Path, data: bytes) -> None:
         if len(written) == 2:
             raise KeyboardInterrupt
         written.append(path.name)
         real(path, data)
 
-    monkeypatch.setattr(results, "atomic_write", interrupted)
+    monkeypatch.setattr(results, "atomic_write", interrupt)
     recipe = read_recipe(repository / CIRCUS, few_steps(1))
     (tmp_path / "result.json").write_text("{}")
     with pytest.raises(KeyboardInterrupt):
@@ -206,7 +206,7 @@ def test_a_registered_stage_runs_in_its_place(weighing: Stage) -> None:
 
 def test_a_result_has_the_data_of_the_work() -> None:
     """A box with labels on three of its sides."""
-    work = checked(box(4.0, 5.0, 6.0), SIDES[:3], Status.NO_PROGRESS, {"fair": 3})
+    work = run_to_check(box(4.0, 5.0, 6.0), SIDES[:3], Status.NO_PROGRESS, {"fair": 3})
     work.notes.append("a note")
     work.extra |= {"grams": 2.5}
     work.die = replace(work.die, starts=5, evaluations=9, hulls=HullCounts(4, 2))
@@ -227,7 +227,7 @@ def test_a_result_has_the_data_of_the_work() -> None:
 
 
 def test_a_copy_is_independent() -> None:
-    work = checked(box(4.0, 5.0, 6.0))
+    work = run_to_check(box(4.0, 5.0, 6.0))
     before = [len(work.remarks), len(work.notes), len(work.extra), len(work.files)]
     stages = len(work.clock.stages)
     twin = work.copy()

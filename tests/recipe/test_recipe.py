@@ -298,7 +298,7 @@ def test_bad_changes(tmp_path: Path) -> None:
 PLAIN: dict[str, Any] = {"name": "die", "target": {"fair": 4}, "start": {"repulsion": {}}}
 
 
-def labeled(label: str) -> dict[str, Any]:
+def label_entries(label: str) -> dict[str, Any]:
     return {"target": {"probabilities": [0.25] * 4, "labels": ["a", "b", "c", label]}}
 
 
@@ -307,7 +307,7 @@ def labeled(label: str) -> dict[str, Any]:
     [
         {"size_mm": 1000.0},
         {"size_mm": 30.0, "min_inradius_mm": 14.999},
-        labeled("ä"),
+        label_entries("ä"),
     ],
 )
 def test_limits_are_valid(entries: dict[str, Any]) -> None:
@@ -319,7 +319,7 @@ def test_limits_are_valid(entries: dict[str, Any]) -> None:
     [
         ({"size_mm": 1000.1}, "size_mm"),
         ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
-        (labeled("\ud800"), "labels"),
+        (label_entries("\ud800"), "labels"),
         ({"start": {"repulsion": {}, "repulsions": {}}}, "start"),
     ],
 )

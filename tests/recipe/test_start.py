@@ -24,18 +24,18 @@ from dicedesign.recipe.reading import parse_recipe
 from dicedesign.results.folder import read_result
 
 
-def started(**entries: Any) -> Work:
+def run_start(**entries: Any) -> Work:
     given = {"name": "die", "start": {"prism": {}}, "engrave": False, **entries}
     return design_recipe(parse_recipe(given), last="start")
 
 
 def test_a_die_too_large_for_its_table_is_refused() -> None:
     large = {"target": {"fair": 4}, "size_mm": 1000.0}
-    started(**large)
+    run_start(**large)
     thrown = {"exact": {"probabilities": "thrown"}}
-    started(target={"fair": 4}, method=thrown)
+    run_start(target={"fair": 4}, method=thrown)
     with pytest.raises(InputError, match="table board-game"):
-        started(**large, method=thrown)
+        run_start(**large, method=thrown)
 
 
 def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
     lines = ["v " + " ".join(map(repr, x)) for x in points.tolist()]
     (tmp_path / "wedge.obj").write_text("\n".join(lines))
     start = {"mesh": {"path": str(tmp_path / "wedge.obj")}}
-    work = started(target={"fair": 2}, start=start, symmetry="C1")
+    work = run_start(target={"fair": 2}, start=start, symmetry="C1")
     np.testing.assert_allclose(convex_hull(work.start.points).centroid, 0.0, atol=1e-12)
 
 
@@ -54,9 +54,11 @@ def test_images_may_differ_in_probability_by_rounding() -> None:
     probabilities = [0.1 + 0.2, 0.2, 0.3, 0.2]
     assert probabilities[0] != probabilities[2]
     prism = {"target": {"probabilities": probabilities}, "start": {"prism": {}}}
-    started(**prism, symmetry="C2")
+    run_start(**prism, symmetry="C2")
     with pytest.raises(InputError, match="equally probable"):
-        started(target={"probabilities": [0.3, 0.3, 0.2, 0.2]}, start={"prism": {}}, symmetry="C2")
+        run_start(
+            target={"probabilities": [0.3, 0.3, 0.2, 0.2]}, start={"prism": {}}, symmetry="C2"
+        )
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def test_a_start_with_a_wrong_number_of_directions_is_refused(directions: int) -
     )
     try:
         with pytest.raises(InputError, match=r"start.wrong: expected .* each of the 4 outcomes"):
-            started(target={"fair": 4}, start={"wrong": {}})
+            run_start(target={"fair": 4}, start={"wrong": {}})
     finally:
         STARTS.unregister("wrong")
 

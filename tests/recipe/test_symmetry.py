@@ -122,14 +122,14 @@ def test_none_is_no_symmetry_and_is_written_as_none() -> None:
     assert recipe(target={"fair": 4}, symmetry="Td").as_dict()["symmetry"] == "Td"
 
 
-def designed(**entries: Any) -> Work:
+def design_symmetric(**entries: Any) -> Work:
     work = Work(parse_recipe({"name": "d", "symmetry": "auto", "engrave": False, **entries}))
     run_stages(work, last="design")
     return work
 
 
 def test_a_fair_die_is_fair_by_symmetry_alone() -> None:
-    work, name = designed(target={"fair": 10}), "D5d"
+    work, name = design_symmetric(target={"fair": 10}), "D5d"
     assert work.status is Status.CONVERGED
     assert work.recipe.symmetry == name
     assert work.recipe.as_dict()["symmetry"] == name
@@ -139,27 +139,27 @@ def test_a_fair_die_is_fair_by_symmetry_alone() -> None:
 
 
 def test_auto_takes_a_symmetry_of_a_given_start() -> None:
-    work = designed(target={"fair": 5}, start={"prism": {}})
+    work = design_symmetric(target={"fair": 5}, start={"prism": {}})
     assert work.recipe.symmetry == "D5h"
     # Equally probable outcomes on opposite facets, or on adjacent ones.
     order = {"target": {"binomial": 3}, "start": {"prism": {}}}
-    work = designed(**order, assignment=[0, 1, 3, 2])
+    work = design_symmetric(**order, assignment=[0, 1, 3, 2])
     group = work.recipe.group()
     orbits = orbits_of_directions(work.die.directions, group)
     assert orbits[0] == orbits[3] != orbits[1]
     assert orbits[1] == orbits[2]
-    assert designed(**order, assignment=[0, 1, 2, 3]).recipe.symmetry is None
+    assert design_symmetric(**order, assignment=[0, 1, 2, 3]).recipe.symmetry is None
 
 
 def test_auto_is_none_without_equal_probabilities() -> None:
-    work = designed(target={"probabilities": [0.5, 0.3, 0.2]})
+    work = design_symmetric(target={"probabilities": [0.5, 0.3, 0.2]})
     assert work.recipe.symmetry is None
     assert work.recipe.group() is None
     assert work.status is Status.CONVERGED
 
 
 def test_equally_probable_outcomes_of_a_thrown_die_are_images() -> None:
-    work = designed(target={"binomial": 4}, method={"exact": {"probabilities": "thrown"}})
+    work = design_symmetric(target={"binomial": 4}, method={"exact": {"probabilities": "thrown"}})
     assert work.status is Status.CONVERGED
     group = work.recipe.group()
     orbits = orbits_of_directions(work.die.directions, group)

@@ -36,13 +36,13 @@ def model_of(table: str) -> TableSensitivity:
     return TableSensitivity(ThrowProbabilities.on(table), other_tables(load_table(table)), TARGET)
 
 
-def solved(options: ExactOptions) -> DesignResult:
+def solve(options: ExactOptions) -> DesignResult:
     return solve_exact(shapes_near(TARGET, 0), TARGET, options, sensitivity=model_of("board-game"))
 
 
 @pytest.fixture(scope="module")
 def die() -> DesignResult:
-    return solved(OPTIONS)
+    return solve(OPTIONS)
 
 
 def changes_of(die: DesignResult) -> float:
@@ -56,7 +56,7 @@ def changes_of(die: DesignResult) -> float:
 
 
 def test_a_robust_die_has_the_same_probabilities_and_changes_less(die: DesignResult) -> None:
-    robust = solved(replace(OPTIONS, prefer=Preferences(circles=1.0, robustness=20.0)))
+    robust = solve(replace(OPTIONS, prefer=Preferences(circles=1.0, robustness=20.0)))
     for one in (die, robust):
         assert one.status is Status.CONVERGED
         assert one.history[-1].error < 1e-12

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from common.made_up_die import SIDES, box, designed
-from common.random_points import depths, drawn, in_pocket_walls
-from common.thrown import thrown
+from common.made_up_die import SIDES, box, run_to_design
+from common.random_points import depths, in_pocket_walls, points_inside
+from common.thrown import rigid_body_with_rests
 
 from dicedesign.fabricate.print_tolerances import inside_walls, weigh_print
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -25,7 +25,7 @@ FRUSTUM[FRUSTUM[:, 2] > 0.0] *= [0.7, 0.8, 1.0]
 
 def print_work(points: np.ndarray, options: dict[str, Any], **more: Any) -> Work:
     entries = {"size_mm": 30.0, "print": options, **more.pop("entries", {})}
-    work = designed(points, entries=entries, directions=more.pop("directions", SIDES), **more)
+    work = run_to_design(points, entries=entries, directions=more.pop("directions", SIDES), **more)
     run_stages(work, after="design", last="tolerances")
     return work
 
@@ -84,7 +84,7 @@ def test_labels_take_infill_away() -> None:
     section, engraved = work.result().infill, work.engraved
     surface = Surface(engraved.points, engraved.triangles)
     hull = convex_hull(surface.points)
-    points = drawn(hull, 300_000)
+    points = points_inside(hull, 300_000)
     spread = np.ptp(hull.vertices, axis=0).prod() / 300_000
     deep = points[depths(hull, points).min(axis=1) > walls]
     lost = deep[in_pocket_walls(surface, hull, deep, depth, walls)]
@@ -128,7 +128,7 @@ def test_a_thrown_die_spreads_by_its_probabilities_on_the_table() -> None:
     probabilities = []
     points = work.solid.points
     for factor in (1.0 + step, 1.0 - step):
-        body, poses = thrown(points * [1.0, 1.0, factor])
+        body, poses = rigid_body_with_rests(points * [1.0, 1.0, factor])
         places = np.argmax(SIDES @ poses.normals.T, axis=1)
         probabilities.append(
             momentum_probabilities(poses, body, momentum_model("board-game"))[places]

@@ -85,7 +85,7 @@ class Case:
     quick: bool = True
 
 
-def turned(problem: Problem, seed: int) -> Problem:
+def rotate_problem(problem: Problem, seed: int) -> Problem:
     """The problem in a random orientation, rounded to float64."""
     matrix = Rotation.random(random_state=seed).as_matrix()
     center = None if problem.center is None else matrix @ problem.center

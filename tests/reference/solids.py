@@ -32,7 +32,7 @@ def archimedean(name: str) -> Problem:
     distances = np.sqrt(((points[1:] - points[0]) ** 2).sum(-1))
     edge = float(distances.min() / np.sqrt((points[0] ** 2).sum()))
     shares = [np.full(count, regular_share(k, edge)) for k, count in facets.items()]
-    return _known(points, np.concatenate(shares))
+    return _with_probabilities(points, np.concatenate(shares))
 
 
 def catalan(name: str) -> Problem:
@@ -45,19 +45,23 @@ def catalan(name: str) -> Problem:
 
 def prism(sides: int, height: float = 1.0) -> Problem:
     """An upright prism over a regular polygon of circumradius 1."""
-    points = _stacked(_ring(sides), _ring(sides), height)
+    points = _stack(_ring(sides), _ring(sides), height)
     edge = 2.0 * np.sin(np.pi / sides) / np.sqrt(1.0 + height * height / 4.0)
     base = regular_share(sides, edge)
-    return _known(points, np.array([base, base, *[(0.5 - base) * 2.0 / sides] * sides]))
+    return _with_probabilities(
+        points, np.array([base, base, *[(0.5 - base) * 2.0 / sides] * sides])
+    )
 
 
 def antiprism(sides: int) -> Problem:
     """The antiprism with regular facets, over a polygon of circumradius 1."""
     edge = 2.0 * np.sin(np.pi / sides)
     height = np.sqrt(edge * edge - 4.0 * np.sin(np.pi / (2.0 * sides)) ** 2)
-    points = _stacked(_ring(sides), _ring(sides, 0.5), height)
+    points = _stack(_ring(sides), _ring(sides, 0.5), height)
     base = regular_share(sides, edge / np.sqrt(1.0 + height * height / 4.0))
-    return _known(points, np.array([base, base, *[(0.5 - base) / sides] * (2 * sides)]))
+    return _with_probabilities(
+        points, np.array([base, base, *[(0.5 - base) / sides] * (2 * sides)])
+    )
 
 
 def bipyramid(sides: int, height: float = 1.0) -> Problem:
@@ -73,7 +77,7 @@ def box(a: float, b: float, c: float) -> Problem:
     shares = []
     for x, y, z in ((a, b, c), (b, c, a), (c, a, b)):
         shares += [float(np.arctan2(x * y, z * np.sqrt(x * x + y * y + z * z)) / np.pi)] * 2
-    return _known(points, np.array(shares))
+    return _with_probabilities(points, np.array(shares))
 
 
 def icosphere(subdivisions: int) -> Problem:
@@ -116,17 +120,17 @@ def _ring(sides: int, offset: float = 0.0) -> Floats:
     return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides)])
 
 
-def _stacked(lower: Floats, upper: Floats, height: float) -> Floats:
+def _stack(lower: Floats, upper: Floats, height: float) -> Floats:
     shift = np.array([0.0, 0.0, height / 2.0])
     return np.concatenate([lower - shift, upper + shift])
 
 
-def _known(points: Floats, shares: Floats) -> Problem:
+def _with_probabilities(points: Floats, shares: Floats) -> Problem:
     return Problem(points, np.zeros(3), shares=shares, rests=len(shares))
 
 
 def _alike(points: Floats, facets: int) -> Problem:
-    return _known(points, np.full(facets, 1.0 / facets))
+    return _with_probabilities(points, np.full(facets, 1.0 / facets))
 
 
 GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0

@@ -27,8 +27,8 @@ def stability_cases() -> tuple[Case, ...]:
         for family in (
             _symmetric,
             _degenerate,
-            _balanced,
-            _placed,
+            _balanced_cases,
+            _placed_cases,
             _few_rests,
             _large,
             _inputs,
@@ -77,13 +77,13 @@ def _degenerate() -> Iterator[Case]:
         yield Case(f"box {name}", partial(replace, box), TURNS)
         yield Case(f"uniform box {name}", partial(replace, box, center=None), TURNS)
         for seed in range(4):
-            stretched = partial(stiff.stretched, seed, (1.0, 1.0, height))
+            stretched = partial(stiff.stretched_body, seed, (1.0, 1.0, height))
             yield Case(f"random {name} ({seed})", stretched, TURNS)
     for power in range(2, 15):
         yield Case(f"glancing crossing 1e-{power}", partial(stiff.glancing, 10.0**-power))
 
 
-def _balanced() -> Iterator[Case]:
+def _balanced_cases() -> Iterator[Case]:
     for power in range(3, 14, 2):
         for near, what in ((1, "a facet"), (2, "an edge"), (3, "a corner")):
             yield Case(
@@ -101,13 +101,15 @@ def _balanced() -> Iterator[Case]:
     for corner, what in ((False, "an edge"), (True, "a corner")):
         yield Case(f"foot on {what}", partial(stiff.off_balance, 0.0, corner=corner))
     for power in range(1, 15):
-        yield Case(f"corner 1e-{power} from opposite a rest", partial(stiff.opposed, 10.0**-power))
-    yield Case("corner opposite a rest", partial(stiff.opposed, 0.0))
+        yield Case(
+            f"corner 1e-{power} from opposite a rest", partial(stiff.opposed_corner, 10.0**-power)
+        )
+    yield Case("corner opposite a rest", partial(stiff.opposed_corner, 0.0))
     for seed in range(20):
         yield Case(f"lattice body ({seed})", partial(stiff.lattice_body, seed))
 
 
-def _placed() -> Iterator[Case]:
+def _placed_cases() -> Iterator[Case]:
     for name, body in {
         "dodecahedron": solids.platonic("dodecahedron"),
         "box 1 x 2 x 3": solids.box(1.0, 2.0, 3.0),
@@ -118,7 +120,7 @@ def _placed() -> Iterator[Case]:
             ("at 1e9", 1e9, 0.0),
             ("1e7 sizes away", 1.0, 1e7),
         ):
-            yield Case(f"{name} {place}", partial(stiff.placed, body, size, distance))
+            yield Case(f"{name} {place}", partial(stiff.place, body, size, distance))
 
 
 def _few_rests() -> Iterator[Case]:

@@ -33,23 +33,29 @@ def roof(angle: float, *, centered: bool, tolerance: float | None = None) -> Pro
     points = np.concatenate([CUBE, [[0.0, -0.5, 0.5], [0.0, 0.5, 0.5]]])
     points[:8, 2] -= np.where(points[:8, 2] > 0.0, 0.5 * np.tan(angle / 2.0), 0.0)
     center, rests = (np.zeros(3), 7) if centered else (OFF_CENTER, 6)
-    return _bent(Problem(points, center, coplanar_tolerance=tolerance, rests=rests, facets=7))
+    return _without_counts(
+        Problem(points, center, coplanar_tolerance=tolerance, rests=rests, facets=7)
+    )
 
 
 def bulging_cube(height: float, tolerance: float | None = None) -> Problem:
     """A cube with a point above its upper facet, off center."""
     points = np.concatenate([CUBE, [[0.05, 0.12, 0.5 + height]]])
-    return _bent(Problem(points, OFF_CENTER, coplanar_tolerance=tolerance, rests=6, facets=9))
+    return _without_counts(
+        Problem(points, OFF_CENTER, coplanar_tolerance=tolerance, rests=6, facets=9)
+    )
 
 
 def dented_cube(depth: float, tolerance: float | None = None) -> Problem:
     """A cube with one corner below the plane of its upper facet."""
     points = CUBE.copy()
     points[-1, 2] -= depth
-    return _bent(Problem(points, OFF_CENTER, coplanar_tolerance=tolerance, rests=6, facets=7))
+    return _without_counts(
+        Problem(points, OFF_CENTER, coplanar_tolerance=tolerance, rests=6, facets=7)
+    )
 
 
-def _bent(problem: Problem) -> Problem:
+def _without_counts(problem: Problem) -> Problem:
     """The problem, with unknown numbers of rests and facets if a coplanar tolerance may hide the
     bend."""
     exact = problem.coplanar_tolerance == 0.0
@@ -61,7 +67,7 @@ def random_body(seed: int, points: int = 14) -> Problem:
     return Problem(np.random.default_rng(seed).normal(size=(points, 3)))
 
 
-def stretched(seed: int, factors: tuple[float, float, float]) -> Problem:
+def stretched_body(seed: int, factors: tuple[float, float, float]) -> Problem:
     """A random body stretched along the axes."""
     return Problem(random_body(seed).points * factors)
 
@@ -126,7 +132,7 @@ def grazing_body(growth: float, offset: float) -> Problem:
     return Problem(np.concatenate([bottom, GRAZING_TOP]), center)
 
 
-def opposed(distance: float) -> Problem:
+def opposed_corner(distance: float) -> Problem:
     """A body in which the line from a corner through the center of mass is the normal of a facet,
     and the corner is on the border of the basin of this facet; for a distance other than 0, the
     center of mass is about this distance away."""
@@ -155,7 +161,7 @@ def lattice_body(seed: int) -> Problem:
                 return Problem(points, np.zeros(3))
 
 
-def placed(problem: Problem, size: float, distance: float) -> Problem:
+def place(problem: Problem, size: float, distance: float) -> Problem:
     """A problem scaled by a size, and moved away from the origin by a multiple of its size."""
     shift = size * distance * np.array([0.6, -0.48, 0.64])
     center = None if problem.center is None else problem.center * size + shift

@@ -136,7 +136,7 @@ SIMULATED = SimulatedThrows(
 )
 
 
-def thrown(rounds: int, simulated: bool = True, **changes: Any) -> TableResult:
+def table_result(rounds: int, simulated: bool = True, **changes: Any) -> TableResult:
     usual = {"elsewhere_drops": 0, "elsewhere": None, "requested": TARGET, "frequencies": TARGET}
     values = {**usual, **changes}
     all_rounds = (
@@ -152,7 +152,7 @@ def test_dice_and_their_targets() -> None:
     sheet = bars_chart(die)
     assert any("max |p − q| = 0.05" in text for text in sheet.texts)
     np.testing.assert_allclose(heights(sheet)["achieved"], 100.0 * np.array(PROBABILITIES))
-    table = replace(die, result=replace(die.result, thrown=thrown(0)))
+    table = replace(die, result=replace(die.result, thrown=table_result(0)))
     drawn = heights(table_chart(table))
     np.testing.assert_allclose(drawn["target"], 100.0 * np.array(TARGET))
     np.testing.assert_allclose(drawn["without momentum"], 100.0 * np.array(PROBABILITIES))
@@ -160,7 +160,7 @@ def test_dice_and_their_targets() -> None:
     np.testing.assert_allclose(drawn["simulated throws"], [26, 50, 24])
     title = "12,345 throws: total variation 0.0100 (95 %: 0.0000 to 0.0256), a perfect die: 0.0123"
     assert title in table_chart(table).texts
-    table = replace(die, result=replace(die.result, thrown=thrown(0, False)))
+    table = replace(die, result=replace(die.result, thrown=table_result(0, False)))
     title = "total variation to the target: without momentum 0.0500, momentum model 0.0100"
     assert title in table_chart(table).texts
 
@@ -256,7 +256,7 @@ def test_each_stage_has_its_stretch_and_its_curve() -> None:
 
 
 def test_rounds_against_all_throws_so_far() -> None:
-    sheet = rounds_chart(finished_box(thrown=thrown(2)))
+    sheet = rounds_chart(finished_box(thrown=table_result(2)))
     drawn = curves(sheet.figure.axes[0])
     np.testing.assert_allclose(drawn["its throws"], [[1000, 0.1], [2500, 0.04]])
     np.testing.assert_allclose(drawn["expected"], [[1000, 0.09], [2500, 0.03]])
@@ -266,10 +266,10 @@ def test_rounds_against_all_throws_so_far() -> None:
     )
     np.testing.assert_allclose(limits(sheet)[0], [(0.0, 0.0256)])
     assert is_whole(sheet)
-    spread = thrown(2, elsewhere_drops=500, elsewhere=0.3)
+    spread = table_result(2, elsewhere_drops=500, elsewhere=0.3)
     drawn = curves(rounds_chart(finished_box(thrown=spread)).figure.axes[0])
     np.testing.assert_allclose(drawn["expected on nine of ten tables"], [[1500, 0.3], [3500, 0.3]])
-    drawn = curves(rounds_chart(finished_box(thrown=thrown(1, False))).figure.axes[0])
+    drawn = curves(rounds_chart(finished_box(thrown=table_result(1, False))).figure.axes[0])
     assert set(drawn) == {"its throws", "a perfect die", "expected", "kept"}
 
 

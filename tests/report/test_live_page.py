@@ -48,7 +48,7 @@ def with_pocket(side: int, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(mesh.vert_properties, dtype=float)[:, :3], np.asarray(mesh.tri_verts)
 
 
-def engraved_with(points: np.ndarray, triangles: np.ndarray) -> FinishedDie:
+def engrave_mesh(points: np.ndarray, triangles: np.ndarray) -> FinishedDie:
     die = finished_box()
     assert die.engraved is not None
     return replace(die, engraved=replace(die.engraved, points=points, triangles=triangles))
@@ -58,7 +58,7 @@ def test_what_is_cut_in_belongs_to_the_facet_around_it() -> None:
     for axis in range(3):
         for side in (-1, 1):
             points, triangles = with_pocket(side, axis)
-            die = engraved_with(points, triangles)
+            die = engrave_mesh(points, triangles)
             rests = rests_of_triangles(points, triangles, die)
             normals = die.plain.poses.normals[rests]
             middles = points[triangles].mean(axis=1)
@@ -72,7 +72,7 @@ def test_what_is_cut_in_belongs_to_the_facet_around_it() -> None:
 
 def test_parts_hold_each_triangle_once_in_the_color_of_its_basin() -> None:
     points, triangles = with_pocket(1, 2)
-    die = engraved_with(points, triangles)
+    die = engrave_mesh(points, triangles)
     middles = points[triangles].mean(axis=1)
     labels = (np.abs(middles) < EXTENTS / 2.0 - 1e-6).all(axis=1)
     parts = facet_parts([Part("die", "#123456", points, triangles, labels)], die)
@@ -88,7 +88,7 @@ def test_parts_hold_each_triangle_once_in_the_color_of_its_basin() -> None:
 
 def test_an_inlay_goes_with_the_facet_that_it_fills() -> None:
     points, triangles = with_pocket(-1, 0)
-    die = engraved_with(points, triangles)
+    die = engrave_mesh(points, triangles)
     filling = Manifold.cube([DEPTH, 4.0, 4.0], True).translate([-7.0 + DEPTH / 2.0, 0.0, 0.0])
     mesh = filling.to_mesh()
     inlay = Part("labels", "#222222", mesh.vert_properties[:, :3], np.asarray(mesh.tri_verts))
@@ -110,7 +110,7 @@ def test_of_a_shape_only_what_touches_the_table_belongs_to_a_rest() -> None:
     fan = [(9 + k, 9 + (k + 1) % 4, 8) for k in range(4)]
     triangles = np.array([side for side in sides if side not in top] + fan)
     shape: Any = object()
-    die = replace(engraved_with(points, triangles), reshaped=shape)
+    die = replace(engrave_mesh(points, triangles), reshaped=shape)
     rests = rests_of_triangles(points, triangles, die)
     assert (rests[-4:] == -1).all()
     assert len(set(rests[:-4].tolist())) == 5
@@ -124,7 +124,7 @@ def test_of_a_shape_only_what_touches_the_table_belongs_to_a_rest() -> None:
 
 
 @pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def trimesh_archive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The archive of a trimesh that is to be made."""
     spec = ModuleSpec("trimesh", None, origin=str(tmp_path / "__init__.py"))
     monkeypatch.setattr(pages, "find_spec", lambda name: spec)
@@ -145,16 +145,16 @@ def test_the_installed_library_is_there_with_its_licence_and_without_trimesh_s_v
 
 
 @pytest.mark.parametrize("content", [None, b"no archive", "<script>other();</script>"])
-def test_a_trimesh_without_one(installed: Path, content: bytes | str | None) -> None:
+def test_a_trimesh_without_one(trimesh_archive: Path, content: bytes | str | None) -> None:
     if isinstance(content, bytes):
-        installed.write_bytes(content)
+        trimesh_archive.write_bytes(content)
     elif content is not None:
-        with zipfile.ZipFile(installed, "w") as archive:
+        with zipfile.ZipFile(trimesh_archive, "w") as archive:
             archive.writestr("viewer.html.template", content)
     assert three_script() is None
 
 
-def test_no_trimesh_at_all(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_trimesh_at_all(trimesh_archive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pages, "find_spec", lambda name: None)
     assert three_script() is None
 

@@ -92,14 +92,14 @@ def test_a_die_that_does_not_move_is_seen() -> None:
     assert middle_of_die(pictures[0])[0] == pytest.approx(240.0, abs=1.0)
 
 
-def rolled(mesh: trimesh.Trimesh, down: list[float]) -> tuple[RestPoses, tuple[RollStep, ...]]:
+def roll_mesh(mesh: trimesh.Trimesh, down: list[float]) -> tuple[RestPoses, tuple[RollStep, ...]]:
     poses = rest_poses(mesh)
     return poses, roll_steps(poses.morse.equilibria, down)
 
 
 def test_a_falling_tower_is_shown_from_corner_to_side() -> None:
     mesh = trimesh.creation.box((1.0, 1.2, 4.0))
-    poses, steps = rolled(mesh, [0.5, 0.2, 0.6])
+    poses, steps = roll_mesh(mesh, [0.5, 0.2, 0.6])
     surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
     figure = drop_figure(surface, poses, steps[0].down)
     assert is_whole(figure)
@@ -117,7 +117,7 @@ def test_a_roll_of_many_contacts_is_shown_in_few_pictures() -> None:
     mesh = trimesh.convex.convex_hull(points / np.linalg.norm(points, axis=1, keepdims=True))
     mesh.vertices[:, 2] *= 2.0
     mesh = trimesh.convex.convex_hull(mesh.vertices)
-    poses, steps = rolled(mesh, [0.1, 0.05, 1.0])
+    poses, steps = roll_mesh(mesh, [0.1, 0.05, 1.0])
     assert len(steps) > MAX_MOMENTS
     surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
     figure = drop_figure(surface, poses, steps[0].down)
@@ -127,7 +127,7 @@ def test_a_roll_of_many_contacts_is_shown_in_few_pictures() -> None:
 
 def test_a_body_at_rest_is_one_picture() -> None:
     mesh = trimesh.creation.box((1.0, 1.2, 4.0))
-    poses, steps = rolled(mesh, [1.0, 0.0, 0.0])
+    poses, steps = roll_mesh(mesh, [1.0, 0.0, 0.0])
     assert len(steps) == 1
     surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
     assert is_whole(drop_figure(surface, poses, steps[0].down))

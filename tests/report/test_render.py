@@ -27,21 +27,21 @@ def render_view(points: np.ndarray, triangles: np.ndarray, camera: Camera, size:
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
 
 
-def seen_by(vertices, triangles, camera, size):
+def visible_from(vertices, triangles, camera, size):
     return rasterize(camera.pixel_positions(vertices, size), triangles, size)
 
 
 def test_silhouette_of_a_sphere():
     sphere = trimesh.creation.icosphere(subdivisions=5)
     camera = Camera(np.array([1.0, 2.0, -3.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.25)
-    visible, _ = seen_by(sphere.vertices, sphere.faces, camera, 400)
+    visible, _ = visible_from(sphere.vertices, sphere.faces, camera, 400)
     area = (visible >= 0).sum() * (2.5 / 400) ** 2
     assert area == pytest.approx(np.pi, rel=2e-3)
 
 
 def test_depth_is_that_of_the_surface():
     sphere = trimesh.creation.icosphere(subdivisions=5)
-    _, depth = seen_by(sphere.vertices, sphere.faces, FRONT, 300)
+    _, depth = visible_from(sphere.vertices, sphere.faces, FRONT, 300)
     centers = (np.arange(300) + 0.5) / 100.0 - 1.5
     squared = np.square(centers)[:, None] + np.square(centers)
     inside = squared < 0.9
@@ -54,8 +54,10 @@ def test_triangles_with_common_edges_leave_no_gap_and_do_not_overlap():
     rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(40)], axis=1)
     points = np.concatenate([rng.uniform(-0.2, 0.2, (1, 3)) * [1, 1, 0], rim])
     fan = np.array([[0, 1 + k, 1 + (k + 1) % 40] for k in range(40)])
-    together, _ = seen_by(points, fan, FRONT, 200)
-    counts = sum((seen_by(points, fan[[k]], FRONT, 200)[0] >= 0).astype(int) for k in range(40))
+    together, _ = visible_from(points, fan, FRONT, 200)
+    counts = sum(
+        (visible_from(points, fan[[k]], FRONT, 200)[0] >= 0).astype(int) for k in range(40)
+    )
     assert counts.max() == 1
     np.testing.assert_array_equal(counts == 1, together >= 0)
 

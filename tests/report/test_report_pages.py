@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from common.finished import CONCAVE, LABELS, finished_box, page_text
-from common.made_up_die import SIDES, box, checked
+from common.made_up_die import SIDES, box, run_to_check
 from common.parsed_html import Checker, parse_page
 
 from dicedesign.errors import InputError
@@ -274,7 +274,7 @@ def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
 
 
 def test_a_page_has_the_measures_of_the_print() -> None:
-    work = checked(box(1.0, 1.0, 1.0), SIDES, entries={"engrave": True, "print": "sla"})
+    work = run_to_check(box(1.0, 1.0, 1.0), SIDES, entries={"engrave": True, "print": "sla"})
     run_stages(work, after="check", last="printing")
     die = make_finished_die(work)
     facts = die.result.printability
@@ -296,7 +296,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
 
 
 def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
-    work = checked(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
+    work = run_to_check(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
     run_stages(work, after="check", last="printing")
     die = make_finished_die(work)
     facts = die.result.printability

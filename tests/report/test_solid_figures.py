@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from common.drawings import is_whole
 from common.finished import finished_box
-from common.made_up_die import SIDES, box, checked, designed
+from common.made_up_die import SIDES, box, run_to_check, run_to_design
 from matplotlib.patches import Patch
 
 from dicedesign.fabricate.die import FinishedDie
@@ -94,7 +94,7 @@ def test_colors_cover_what_touches_and_what_hangs(printer: str, ratio: float) ->
     """From beneath an icosahedron's face on the bed is seen whole, and its neighbors at 41.8
     degrees, which need supports only by filament."""
     points = PLATONIC["icosahedron"]
-    work = checked(points, convex_hull(points).normals, entries={"print": printer})
+    work = run_to_check(points, convex_hull(points).normals, entries={"print": printer})
     run_stages(work, after="check", last="printing")
     figure = print_orientation(make_finished_die(work))
     counts = []
@@ -115,10 +115,10 @@ def test_views_show_all_sides() -> None:
     np.testing.assert_allclose(np.array(sizes[:3]) / sizes[2], [20 / 14, 20 / 16, 1], rtol=0.05)
 
 
-def engraved(points: Floats, directions: Floats, read: str, style: str = "engraved") -> Work:
+def engrave(points: Floats, directions: Floats, read: str, style: str = "engraved") -> Work:
     target = {"fair": len(directions)}
     entries = {"engrave": {"read": read, "style": style, "border_mm": 0.3}, "size_mm": 36.0}
-    work = designed(points, directions, target=target, entries=entries)
+    work = run_to_design(points, directions, target=target, entries=entries)
     run_stages(work, after="design", last="engrave")
     assert work.engraved is not None
     return work
@@ -151,7 +151,7 @@ def area_of_color(surface: RenderMesh, color: Floats) -> float:
 )
 def test_the_label_to_read_is_in_color(points: Floats, read: str, places: int, style: str) -> None:
     """Its floor, or its top where it stands with others in a field."""
-    work = engraved(points, convex_hull(points).normals, read, style)
+    work = engrave(points, convex_hull(points).normals, read, style)
     assert work.engraved is not None
     for outcome in range(len(work.target.labels)):
         mine = labels_of(work, outcome)
@@ -167,7 +167,7 @@ def test_the_label_to_read_is_in_color(points: Floats, read: str, places: int, s
 
 def test_the_straight_view_shows_the_label() -> None:
     """The label has the same part of the picture of its facet as of the facet itself."""
-    work = engraved(box(1.0, 1.0, 1.0), SIDES, "up")
+    work = engrave(box(1.0, 1.0, 1.0), SIDES, "up")
     (placement,) = labels_of(work, 0)
     sheet = reading(make_finished_die(work))
     assert sheet.texts[:2] == ["as it lies", "from above: 1"]

@@ -35,7 +35,7 @@ from dicedesign.report.surface_figures import (
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def titled(paper: Sheet) -> dict[str, np.ndarray]:
+def pictures_by_title(paper: Sheet) -> dict[str, np.ndarray]:
     """Pictures of a grid by their titles."""
     return dict(zip(paper.texts, (p for p in paper.pictures if (p < 255).any()), strict=True))
 
@@ -92,7 +92,7 @@ def test_before_and_after_are_drawn_at_one_scale() -> None:
     assert figure.png() == before_after_figure(*both, UP).png()
 
 
-def reshaped(points: Any, triangles: Any, downs: np.ndarray, before: Any = None) -> FinishedDie:
+def reshaped_die(points: Any, triangles: Any, downs: np.ndarray, before: Any = None) -> FinishedDie:
     """Die of a surface, with an outcome for each direction (k, 3) that points down."""
     surface = Surface(np.asarray(points, float), np.asarray(triangles, np.int64))
     start = surface if before is None else Surface(np.asarray(before), surface.triangles)
@@ -127,7 +127,7 @@ def share_tinted(tinted: np.ndarray, plain: np.ndarray, color: np.ndarray) -> fl
 
 def test_the_overlay_shows_the_hull_and_its_rests(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = dumbbell()
-    die = reshaped(mesh.vertices, mesh.faces, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
+    die = reshaped_die(mesh.vertices, mesh.faces, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
     # One camera at each outcome's facet.
     cameras = [Camera(down, np.array([1.0, 0, 0]), np.zeros(3), 1.5) for down in np.eye(3)[1:]]
     monkeypatch.setattr(surface_figures, "three_cameras", lambda *_: cameras)
@@ -153,7 +153,7 @@ def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> Non
     before = np.asarray(mesh.vertices)
     # The first camera looks at the side that moves, the second one from behind.
     after = before + np.where(before[:, 1:2] < 0.0, [[0.0, -0.1, 0.0]], 0.0)
-    figure = displacement(reshaped(after, mesh.faces, np.eye(3), before))
+    figure = displacement(reshaped_die(after, mesh.faces, np.eye(3), before))
     largest = 100.0 * 0.1 / np.linalg.norm(np.ptp(before, axis=0))
     mean = largest * (before[:, 1] < 0.0).mean()
     expected = f"mean {mean:.2g} %, largest {largest:.2g} % of the diagonal"
@@ -164,7 +164,7 @@ def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> Non
         picture[len(picture) // 2, picture.shape[1] // 2] for picture in figure.pictures[:2]
     )
     assert still.astype(int).sum() > moved.astype(int).sum() + 200
-    figure = displacement(reshaped(before, mesh.faces, np.eye(3)))
+    figure = displacement(reshaped_die(before, mesh.faces, np.eye(3)))
     assert "mean 0 %, largest 0 %" in " ".join(figure.texts)
     assert is_whole(figure)
 
@@ -175,11 +175,11 @@ def test_each_outcome_is_shown_lying_and_from_below(
 ) -> None:
     mesh = dumbbell()
     downs = np.concatenate([np.eye(3)[1:], -np.eye(3), np.eye(3)[:1]])[:count] * 7.0
-    die = reshaped(mesh.vertices, mesh.faces, downs)
+    die = reshaped_die(mesh.vertices, mesh.faces, downs)
     figure = rests(die)
-    shown = titled(figure)
+    shown = pictures_by_title(figure)
     clear(monkeypatch)
-    plain = titled(rests(die))
+    plain = pictures_by_title(rests(die))
     colors = rgb(repeat(BASINS, count))
     for k, p in enumerate(die.plain.outcomes.probabilities):
         assert f"${k}$: {100.0 * p:.2f} %" in shown
@@ -195,13 +195,16 @@ def test_each_outcome_is_shown_lying_and_from_below(
 
 def test_triangles_that_meet_are_red() -> None:
     mesh = dumbbell()
-    die = reshaped(mesh.vertices, mesh.faces, np.eye(3))
+    die = reshaped_die(mesh.vertices, mesh.faces, np.eye(3))
 
-    def red(pairs: list[list[int]]) -> int:
+    def count_red(pairs: list[list[int]]) -> int:
         quality: Any = SimpleNamespace(intersections=np.reshape(pairs, (-1, 2)).astype(int))
         drawn = np.concatenate(crossings(replace(die, quality=quality)).pictures)
         channels = drawn[..., :3].astype(int)
         return int((channels[..., 0] > channels[..., 1] + 60).sum())
 
-    few, everything = red([[0, 1]]), red([[2 * k, 2 * k + 1] for k in range(len(mesh.faces) // 2)])
-    assert red([]) == 0 < few < everything
+    few, everything = (
+        count_red([[0, 1]]),
+        count_red([[2 * k, 2 * k + 1] for k in range(len(mesh.faces) // 2)]),
+    )
+    assert count_red([]) == 0 < few < everything

@@ -64,7 +64,7 @@ MEASURES = np.random.default_rng(1).normal(size=(32, 3))
 TILT = 0.05 * np.random.default_rng(2).normal(size=(3, 11))
 
 
-def tilted(logarithms: np.ndarray) -> np.ndarray:
+def tilt(logarithms: np.ndarray) -> np.ndarray:
     probabilities = TARGET * np.exp(logarithms)
     return probabilities / probabilities.sum(axis=-1, keepdims=True)
 
@@ -73,8 +73,8 @@ def tilted(logarithms: np.ndarray) -> np.ndarray:
 def test_few_throws_onto_each_table_give_the_variations_on_all(known: float) -> None:
     """known: share of the change with the table that the model predicts."""
     rng, drops = np.random.default_rng(3), 1000
-    true = tilted(MEASURES @ TILT)
-    predicted = np.vstack([tilted(known * MEASURES @ TILT), TARGET])
+    true = tilt(MEASURES @ TILT)
+    predicted = np.vstack([tilt(known * MEASURES @ TILT), TARGET])
     throws = np.append(np.full(len(true), drops), 20 * drops)
     counts = rng.multinomial(throws, np.vstack([true, TARGET]))
     result = variations_on_tables(TARGET, MEASURES, predicted, counts, 32 * drops)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from common.kernels import compiled_only
-from common.thrown import BOARD, OCTAHEDRON, alike, box, thrown, turn_down
+from common.thrown import BOARD, OCTAHEDRON, alike, box, rigid_body_with_rests, turn_down
 
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.simulation import simulate
@@ -28,7 +28,7 @@ def bullet() -> Iterator[dict[str, Any]]:
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.8])
 def test_a_ball_bounces(bullet: dict[str, Any], restitution: float) -> None:
     """An octahedron that falls onto a vertex rises to the squared restitution times the height."""
-    body, _ = thrown(OCTAHEDRON)
+    body, _ = rigid_body_with_rests(OCTAHEDRON)
     with bullet["_scene"](body, replace(BOARD, restitution=restitution)) as scene:
         turn = turn_down(body.vertices[0])
         scene.release(np.array([0.0, 0.0, 9.0]), turn, np.zeros(3), np.zeros(3))
@@ -41,7 +41,7 @@ def test_a_ball_bounces(bullet: dict[str, Any], restitution: float) -> None:
 @pytest.mark.usefixtures("bullet")
 def test_frequencies() -> None:
     """Hard and soft contacts make little difference to a box."""
-    body, _ = thrown(box(1.0, 1.15, 1.3))
+    body, _ = rigid_body_with_rests(box(1.0, 1.15, 1.3))
     ours = simulate(body, BOARD, 2000, 1).counts
     theirs = simulate(body, BOARD, 150, 2, engine="bullet")
     assert theirs.unresolved == 0

@@ -15,8 +15,8 @@ from common.thrown import (
     fits,
     random_body,
     random_points,
+    rigid_body_with_rests,
     sample_states,
-    thrown,
     turn_down,
     turns_of,
 )
@@ -42,7 +42,7 @@ WOOD, CARPET, PAPER = (load_table(name) for name in ("hard-wood", "carpet", "pap
 
 @compiled_only
 def test_energy_and_angular_momentum_in_flight() -> None:
-    body, _ = thrown(random_points(2))
+    body, _ = rigid_body_with_rests(random_points(2))
     before = sample_states(body, WOOD, 20)
     before[:, 2] = 1000.0
     after, step = before.copy(), contact_of(WOOD).step
@@ -78,7 +78,7 @@ def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
 def test_a_ball_bounces(restitution: float) -> None:
     """An octahedron that falls onto a vertex rises to the squared restitution times the height."""
-    body, _ = thrown(OCTAHEDRON)
+    body, _ = rigid_body_with_rests(OCTAHEDRON)
     table = replace(BOARD, restitution=restitution, speed=0.0, spin=0.0)
     state = sample_states(body, table, 1)
     state[0, 3:7] = turn_down(body.vertices[0])
@@ -113,7 +113,7 @@ def test_certain_rests_are_reached(table: Table) -> None:
 
 @compiled_only
 def test_a_box_has_the_probabilities_of_its_symmetry() -> None:
-    body, poses = thrown(box(1.0, 1.15, 1.3))
+    body, poses = rigid_body_with_rests(box(1.0, 1.15, 1.3))
     throws = simulate(body, BOARD, 3000, 1)
     assert throws.unresolved == 0
     pairs = throws.counts.reshape(3, 2)

@@ -26,7 +26,7 @@ from dicedesign.throws.goodness_of_fit import (
 )
 
 
-def published(die: str, column: str) -> np.ndarray:
+def published_column(die: str, column: str) -> np.ndarray:
     """(k,) column of a printed die, summed over outcomes that are equivalent by symmetry."""
     with public_data("published/throws.csv").open() as file:
         values = np.array([float(row[column]) for row in csv.DictReader(file) if row["die"] == die])
@@ -45,7 +45,7 @@ def published(die: str, column: str) -> np.ndarray:
 )
 def test_published_throws(die: str, model: str, statistic: float, degrees: int) -> None:
     """Against figures from before this package."""
-    counts, probabilities = published(die, "throws"), published(die, model)
+    counts, probabilities = published_column(die, "throws"), published_column(die, model)
     result = chi_square(counts, probabilities / probabilities.sum())
     assert result.statistic == pytest.approx(statistic, abs=0.06)
     assert result.degrees == degrees

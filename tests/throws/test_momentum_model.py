@@ -14,7 +14,7 @@ import pytest
 from common.kernels import compiled_only, without_kernels
 
 from benchmarks.random_dice import RandomDie, random_die
-from benchmarks.train import GENERAL, drawn_table, plain_model
+from benchmarks.train import GENERAL, draw_table, plain_model
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_inertia
@@ -40,7 +40,7 @@ UNITS = len(PLAIN["carries"]["outward"])
 TABLE = load_table("board-game")
 
 
-def changed(path: str, value: object) -> dict[str, Any]:
+def change_entry(path: str, value: object) -> dict[str, Any]:
     """Valid model with another entry; a number in a path is a row, and None removes the entry."""
     plain = copy.deepcopy(PLAIN)
     *keys, last = (int(step) if step.isdigit() else step for step in path.split("."))
@@ -68,7 +68,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
     ],
 )
 def test_invalid_models_are_refused(path: str, value: object, named: str) -> None:
-    plain = json.loads(json.dumps(changed(path, value)))
+    plain = json.loads(json.dumps(change_entry(path, value)))
     with pytest.raises(InputError, match=f"^momentum model: {named}"):
         general_model_of(plain)
 
@@ -141,16 +141,16 @@ def test_every_model_within_its_ranges_gives_probabilities(seed: int) -> None:
     """Each array has a few different numbers in random places, such as the ends of its range."""
     rng = np.random.default_rng(seed)
 
-    def drawn(name: str, part: Any) -> Any:
+    def draw(name: str, part: Any) -> Any:
         if isinstance(part, dict):
-            return {key: drawn(key, value) for key, value in part.items()}
+            return {key: draw(key, value) for key, value in part.items()}
         least, most = RANGES.get(name, WEIGHTS)
         between = np.geomspace if name == "deviation" else np.linspace
         values = rng.choice([*between(least, most, 7), 0.5], size=rng.integers(1, 5))
         return rng.choice(values, size=np.shape(part)).tolist()
 
-    plain = {key: PLAIN[key] if key == "range" else drawn(key, PLAIN[key]) for key in PLAIN}
-    table = drawn_table(GENERAL, TABLE, rng)
+    plain = {key: PLAIN[key] if key == "range" else draw(key, PLAIN[key]) for key in PLAIN}
+    table = draw_table(GENERAL, TABLE, rng)
     model = MomentumModel.of(general_model_of(plain), table)
     for context in (nullcontext, without_kernels):
         for body in BODIES:

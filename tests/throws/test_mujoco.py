@@ -11,8 +11,8 @@ from common.thrown import (
     alike,
     random_body,
     random_points,
+    rigid_body_with_rests,
     sample_states,
-    thrown,
 )
 
 from dicedesign.geometry.sphere import unit_vectors
@@ -54,9 +54,9 @@ def test_a_body_can_leave_a_basin_over_its_lowest_saddle_only(seed: int) -> None
 CARPET, PAPER = load_table("carpet"), load_table("paper")
 
 
-def balanced(points: np.ndarray) -> np.ndarray:
+def balance_inertia(points: np.ndarray) -> np.ndarray:
     """Points whose hull has equal moments of inertia."""
-    body, _ = thrown(points)
+    body, _ = rigid_body_with_rests(points)
     # Second moments of its mass along the principal axes.
     squares = body.moments.sum() / 2.0 - body.moments
     return points @ (body.axes / np.sqrt(squares)) @ body.axes.T
@@ -70,7 +70,7 @@ def test_throw_by_throw(table: Table, points: np.ndarray) -> None:
     and limits the number of contacts. Its steps of free rotation are exact for equal moments
     only."""
     mujoco = pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
-    body, _ = thrown(balanced(points))
+    body, _ = rigid_body_with_rests(balance_inertia(points))
     assert np.ptp(body.moments) < 1e-9
     contact = contact_of(table)
     model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))

@@ -13,8 +13,8 @@ from common.thrown import (
     box,
     random_body,
     random_points,
+    rigid_body_with_rests,
     sample_states,
-    thrown,
     turns_of,
 )
 from scipy.stats import kstest
@@ -33,7 +33,7 @@ from dicedesign.throws.tables import Table, load_table
 
 def test_a_box() -> None:
     a, b, c = 1.0, 1.3, 1.7
-    body, _ = thrown(box(c, a, b))
+    body, _ = rigid_body_with_rests(box(c, a, b))
     squared = a * a + b * b + c * c
     assert body.radius == pytest.approx(np.sqrt(squared))
     expected = np.array([a * a + b * b, a * a + c * c, b * b + c * c]) / 3.0 / squared
@@ -59,7 +59,7 @@ def test_a_hollow_body() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_against_another_library(seed: int) -> None:
     points = random_points(seed)
-    body, poses = thrown(points)
+    body, poses = rigid_body_with_rests(points)
     mesh = trimesh.Trimesh(points).convex_hull
     tensor = mesh.moment_inertia / mesh.volume
     inertia = body.axes @ np.diag(body.moments * body.radius**2) @ body.axes.T

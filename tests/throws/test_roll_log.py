@@ -12,7 +12,7 @@ from dicedesign.throws.roll_log import RollLog, read_counts
 LABELS = ["1", "2", "heads, or tails"]
 
 
-def written(tmp_path: Path, text: str | bytes) -> Path:
+def write_log(tmp_path: Path, text: str | bytes) -> Path:
     path = tmp_path / "throws.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
@@ -28,7 +28,7 @@ def written(tmp_path: Path, text: str | bytes) -> Path:
     ],
 )
 def test_good_files(tmp_path: Path, text: str, counts: list[int]) -> None:
-    assert read_counts(written(tmp_path, text), LABELS).tolist() == counts
+    assert read_counts(write_log(tmp_path, text), LABELS).tolist() == counts
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_good_files(tmp_path: Path, text: str, counts: list[int]) -> None:
 )
 def test_bad_files(tmp_path: Path, text: str | bytes, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        read_counts(written(tmp_path, text), LABELS)
+        read_counts(write_log(tmp_path, text), LABELS)
 
 
 def test_each_throw_is_saved(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_case_matters_only_for_ambiguous_labels(tmp_path: Path) -> None:
     ],
 )
 def test_other_files_are_not_overwritten(tmp_path: Path, text: str, message: str) -> None:
-    path = written(tmp_path, text)
+    path = write_log(tmp_path, text)
     with pytest.raises(InputError, match=message):
         RollLog(path, LABELS)
     assert path.read_text() == text

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from common.inline_executor import Lossy
 from common.kernels import compiled_only
-from common.thrown import box, random_body, random_points, thrown
+from common.thrown import box, random_body, random_points, rigid_body_with_rests
 from scipy.spatial.transform import Rotation
 
 from dicedesign.runtime.workers import local_workers
@@ -58,7 +58,7 @@ TABLE = Table("test", restitution=0.5, friction=0.3, height=0.1, speed=0.2, spin
 
 @compiled_only
 def test_the_flight_of_a_cube() -> None:
-    body, _ = thrown(box(1, 1, 1))
+    body, _ = rigid_body_with_rests(box(1, 1, 1))
     film = throw_film(body, TABLE)
     # Until its lowest corner may touch the table.
     flight = int(np.sqrt(2 * (TABLE.height - TABLE.size) / GRAVITY) * FRAMES_PER_SECOND)

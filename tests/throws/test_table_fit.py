@@ -10,7 +10,7 @@ import pytest
 from common.inline_executor import Inline
 from common.kernels import compiled_only
 from common.paths import public_data
-from common.thrown import box, random_body, thrown
+from common.thrown import box, random_body, rigid_body_with_rests
 from scipy import stats
 from scipy.special import expit, xlogy
 
@@ -102,7 +102,7 @@ def test_throws_scale_with_the_size_of_the_die() -> None:
 
 def die(name: str, counts: Sequence[int], size: float | None = SIZE) -> CountedDie:
     """Box with two outcomes."""
-    body, poses = thrown(box(1.0, 1.2, 1.4))
+    body, poses = rigid_body_with_rests(box(1.0, 1.2, 1.4))
     shows = (np.abs(poses.normals).argmax(axis=1) > 0).astype(np.int64)
     even = np.array([0.5, 0.5])
     return CountedDie(name, body, size, ("a", "b"), np.array(counts), even, shows, poses)
@@ -143,7 +143,7 @@ def by_height(height: np.ndarray, restitution: np.ndarray) -> np.ndarray:
     return np.asarray(expit(5.0 * (restitution - 0.55) + 1.5 * np.log(height / 0.15)))
 
 
-def supposed(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
+def simulate_known(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
     """Counts from known probabilities instead of simulated ones."""
     restitution = np.array(table.restitution)
     if die.name == "hand":
@@ -162,13 +162,13 @@ FIRST, SECOND = die("first", [160, 240]), die("second", [200, 300])
 @pytest.fixture(autouse=True)
 def known_probabilities(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if "simulated" not in request.node.name:
-        monkeypatch.setattr(simulated, "outcome_counts", supposed)
+        monkeypatch.setattr(simulated, "outcome_counts", simulate_known)
 
 
 @pytest.fixture(scope="module")
 def fit() -> TableFit:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulated, "outcome_counts", supposed)
+        patch.setattr(simulated, "outcome_counts", simulate_known)
         others = [die("same", [16, 24]), die("other", [35, 5])]
         return fit_table([FIRST, SECOND], START, 64, 2000, 1, others=others, workers=Inline())
 
@@ -287,7 +287,7 @@ DEAD = Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0)
 @compiled_only
 def test_a_die_thrown_on_the_same_table() -> None:
     """Box that was dropped without a bounce, with one side of no outcome."""
-    body, poses = thrown(box(1.0, 1.2, 1.4))
+    body, poses = rigid_body_with_rests(box(1.0, 1.2, 1.4))
     sides = np.abs(poses.normals).argmax(axis=1)
     groups = np.where(poses.normals[:, 2] > 0.5, -1, sides)
     counts_of_facets = simulate(body, DEAD, 600, seed=1).counts

@@ -33,7 +33,7 @@ def run(tmp_path: Path) -> Path:
     return folder
 
 
-def written(tmp_path: Path, text: str) -> Path:
+def write_counts(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "throws.csv"
     path.write_text(text)
     return path
@@ -64,7 +64,7 @@ def test_a_mesh(box: Path, tmp_path: Path) -> None:
     probabilities = _probabilities(box)
     for i, name in enumerate("ABCDEF"):
         text += f"x, b ,{box.name},{name}, {i + 1} ,{probabilities[i]},16\n\n"
-    (die,) = read_throw_counts(written(tmp_path, text))
+    (die,) = read_throw_counts(write_counts(tmp_path, text))
     assert die.labels == ("A or B", "C or D", "E or F")
     assert die.counts.tolist() == [3, 7, 11]
     assert die.size == 0.016
@@ -81,7 +81,7 @@ def _probabilities(box: Path) -> np.ndarray:
 def test_a_run(run: Path, tmp_path: Path) -> None:
     """Outcomes are matched by labels, without probabilities; the size is in millimeters."""
     text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\nb,run,y,9\n"
-    (die,) = read_throw_counts(written(tmp_path, text))
+    (die,) = read_throw_counts(write_counts(tmp_path, text))
     assert die.labels == ("z", "x", "y")
     assert die.counts.tolist() == [5, 7, 9]
     assert die.size == pytest.approx(2e-3 * np.linalg.norm([5.0, 6.0, 8.5]), rel=1e-6)
@@ -110,7 +110,7 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
 )
 def test_invalid_files(box: Path, run: Path, tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        read_throw_counts(written(tmp_path, text))
+        read_throw_counts(write_counts(tmp_path, text))
 
 
 @pytest.mark.parametrize(
@@ -127,4 +127,4 @@ def test_invalid_sizes_and_centers(
 ) -> None:
     rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_probabilities(box))]
     with pytest.raises(InputError, match=message):
-        read_throw_counts(written(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))
+        read_throw_counts(write_counts(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))

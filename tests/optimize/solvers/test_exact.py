@@ -43,7 +43,7 @@ TARGETS = {
 }
 
 
-def solved(target: list[float], seed: int = 0, **options: Any) -> DesignResult:
+def solve(target: list[float], seed: int = 0, **options: Any) -> DesignResult:
     wanted = np.array(target)
     return solve_exact(shapes_near(wanted, seed), wanted, ExactOptions(**options))
 
@@ -62,14 +62,14 @@ def check_exact(result: DesignResult, target: np.ndarray, tolerance: float = 1e-
 @pytest.mark.parametrize("name", TARGETS)
 def test_targets_are_met_to_rounding(name: str) -> None:
     target = np.array(TARGETS[name])
-    check_exact(solved(TARGETS[name]), target)
+    check_exact(solve(TARGETS[name]), target)
 
 
 @pytest.mark.parametrize(
     ("name", "metric"), [("two dice", None), ("a coin", None), ("two dice", SobolevOptions(0.5, 2))]
 )
 def test_vertices_meet_targets_too(name: str, metric: SobolevOptions | None) -> None:
-    result = solved(TARGETS[name], coordinates="vertices", sobolev=metric)
+    result = solve(TARGETS[name], coordinates="vertices", sobolev=metric)
     check_exact(result, np.array(TARGETS[name]))
     # Nothing keeps four vertices in one plane.
     assert (np.diff(result.hull.facet_start) == 3).all()
@@ -110,7 +110,7 @@ OUT_OF_REACH = [1.0 - 1e-6, 5e-7, 5e-7]
 
 
 def test_unreachable_targets_end_with_the_best_die() -> None:
-    result = solved(OUT_OF_REACH, starts=5)
+    result = solve(OUT_OF_REACH, starts=5)
     assert result.status is Status.NO_START
     assert result.starts == 5
     best = min(step.error for step in result.history)
@@ -121,8 +121,8 @@ def test_unreachable_targets_end_with_the_best_die() -> None:
     assert result.error == best
     # One start is tried, however short the time.
     for seconds in (0.05, 1e-9):
-        assert solved(OUT_OF_REACH, seconds=seconds).status is Status.TIME_LIMIT
-    few = solved(OUT_OF_REACH, evaluations=40)
+        assert solve(OUT_OF_REACH, seconds=seconds).status is Status.TIME_LIMIT
+    few = solve(OUT_OF_REACH, evaluations=40)
     assert few.status is Status.STEP_LIMIT
     assert 40 <= few.evaluations < 80
 
@@ -156,9 +156,9 @@ def test_a_search_that_finds_no_shape_ends_on_any_machine() -> None:
 def test_a_slow_machine_makes_the_same_die(target: list[float]) -> None:
     """Though it takes it for months: one that has its probabilities, and one that never gets
     them."""
-    usual = solved(target, starts=3)
+    usual = solve(target, starts=3)
     with slow_machine():
-        slow = solved(target, starts=3)
+        slow = solve(target, starts=3)
     assert slow.hull.vertices.tobytes() == usual.hull.vertices.tobytes()
     assert (slow.status, slow.starts) == (usual.status, usual.starts)
     assert slow.history[-1].seconds > 1e6

@@ -36,7 +36,7 @@ PLAIN = Preferences()
 
 
 @cache
-def designed(name: str, finish: str, seed: int = 0) -> DesignResult:
+def design_recipe(name: str, finish: str, seed: int = 0) -> DesignResult:
     start, target = DESIGNS[name]
     options = PaperOptions(finish=finish, prefer=PLAIN)
     return solve_paper(start, target.probabilities, options, seed=seed)
@@ -59,7 +59,7 @@ def least_angle(result: DesignResult) -> float:
 @pytest.mark.parametrize("name", sorted(DESIGNS))
 def test_probabilities_are_near_and_outcomes_stay_apart(name: str, seed: int) -> None:
     """Published dice have errors from 0.003 to 0.02."""
-    result = designed(name, "none", seed)
+    result = design_recipe(name, "none", seed)
     target = DESIGNS[name][1].probabilities
     assert result.status is Status.CONVERGED
     assert np.abs(probabilities_of(result) - target).max() < 0.01
@@ -70,7 +70,7 @@ def test_probabilities_are_near_and_outcomes_stay_apart(name: str, seed: int) ->
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", sorted(DESIGNS))
 def test_an_exact_finish_has_one_flat_rest_for_each_outcome(name: str, seed: int) -> None:
-    result, before = designed(name, "exact", seed), designed(name, "none", seed)
+    result, before = design_recipe(name, "exact", seed), design_recipe(name, "none", seed)
     target = DESIGNS[name][1].probabilities
     assert result.status is Status.CONVERGED
     assert len(rest_poses(result.hull.vertices).normals) == len(target)
@@ -105,7 +105,7 @@ def test_preferences_improve_the_finished_die() -> None:
     better = solve_paper(start, target.probabilities, options)
     assert better.error <= 1e-12
     radii = []
-    for result in (designed("binomial4", "exact"), better):
+    for result in (design_recipe("binomial4", "exact"), better):
         poses = rest_poses(result.hull.vertices)
         smallest = min(facet_inradius(poses.hull, facet) for facet in poses.facets.tolist())
         radii.append(smallest / result.hull.diameter)
@@ -194,7 +194,7 @@ def test_the_result_depends_on_the_seed_and_not_on_the_clock() -> None:
     start, target = DESIGNS["binomial4"]
     with slow_machine():
         slow = solve_paper(start, target.probabilities, PaperOptions(prefer=PLAIN))
-    usual, other = designed("binomial4", "exact"), designed("binomial4", "exact", 1)
+    usual, other = design_recipe("binomial4", "exact"), design_recipe("binomial4", "exact", 1)
     assert slow.hull.vertices.tobytes() == usual.hull.vertices.tobytes()
     assert other.hull.vertices.tobytes() != usual.hull.vertices.tobytes()
 
@@ -250,9 +250,9 @@ def test_bad_bodies_are_refused() -> None:
 
 @compiled_only
 def test_a_design_is_the_same_without_reuse_of_hulls(monkeypatch: pytest.MonkeyPatch) -> None:
-    result = designed("d6", "exact")
+    result = design_recipe("d6", "exact")
     monkeypatch.setattr(hulls, "same_connectivity", lambda hull, points: None)
-    plain = designed.__wrapped__("d6", "exact")
+    plain = design_recipe.__wrapped__("d6", "exact")
     assert plain.hulls_reused == 0
     assert result.hulls_built + result.hulls_reused == plain.hulls_built
     assert result.hulls_reused > 100

@@ -31,7 +31,7 @@ def die_with(probabilities: np.ndarray, steadiness: float = 0.0) -> DesignResult
     )
 
 
-def tilted(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
+def tilt(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
     weighted = probabilities * np.exp(logarithms)
     return weighted / weighted.sum()
 
@@ -50,10 +50,10 @@ class World:
     def true_probabilities(self, die: DesignResult, table: np.ndarray | None = None) -> np.ndarray:
         probabilities = die.directions
         change = 0.0 if table is None else (1.0 - die.error) * (table @ TILT)
-        return tilted(probabilities, self.factors + self.drift * np.sqrt(probabilities) + change)
+        return tilt(probabilities, self.factors + self.drift * np.sqrt(probabilities) + change)
 
     def known_probabilities(self, die: DesignResult, table: np.ndarray) -> np.ndarray:
-        return tilted(die.directions, SEEN * (1.0 - die.error) * (table @ TILT))
+        return tilt(die.directions, SEEN * (1.0 - die.error) * (table @ TILT))
 
     def deviation(self, die: DesignResult, table: np.ndarray | None = None) -> float:
         return float(0.5 * np.abs(self.true_probabilities(die, table) - TARGET).sum())
@@ -143,7 +143,7 @@ def test_a_model_that_exaggerates_changes_is_corrected() -> None:
         def true_probabilities(
             self, die: DesignResult, table: np.ndarray | None = None
         ) -> np.ndarray:
-            return tilted(TARGET, self.factors + np.log(die.directions / TARGET) / 3.0)
+            return tilt(TARGET, self.factors + np.log(die.directions / TARGET) / 3.0)
 
     world = Stiff(FACTORS)
     die, rounds = world.refined()
@@ -178,7 +178,7 @@ def test_a_worse_die_is_not_kept() -> None:
     ) -> DesignResult:
         if len(world.drops) < 3:
             return die_with(probabilities)
-        return die_with(tilted(probabilities, 0.1 * len(world.drops) * np.cos(ALONE)))
+        return die_with(tilt(probabilities, 0.1 * len(world.drops) * np.cos(ALONE)))
 
     die, rounds = world.refined(design=astray, within=0.002)
     assert len(rounds) == 8

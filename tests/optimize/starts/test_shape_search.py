@@ -64,7 +64,7 @@ def test_starts_from_half_spaces_agree_with_the_forward_model() -> None:
     rng, solids, unbounded = np.random.default_rng(0), 0, 0
     while solids < 60:
         normals, distances = random_half_spaces(rng)
-        if not _bounded(normals):
+        if not _is_bounded(normals):
             unbounded += 1
             assert all(
                 start_with_probabilities(normals, distances, count) is None for count in (2, 4)
@@ -84,7 +84,7 @@ def test_starts_from_half_spaces_agree_with_the_forward_model() -> None:
     assert unbounded > 5
 
 
-def _bounded(normals: np.ndarray) -> bool:
+def _is_bounded(normals: np.ndarray) -> bool:
     """Whether the hull of directions has the origin inside."""
     return bool((convex_hull(normals).heights(np.zeros(3)) > 0.0).all())
 
