@@ -125,7 +125,7 @@ def test_a_concave_die_is_not_as_wanted_for_a_reason() -> None:
     assert list(concave.shortfalls(measures, 0.005)) == [
         "probabilities off by 1.0e-01",
         "2 pairs of triangles meet",
-        "an outcome is left at 5.0 degrees",
+        "an outcome tips over at 5.0 degrees",
     ]
 
 

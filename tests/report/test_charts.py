@@ -285,7 +285,7 @@ DRAFTS = (
 
 
 def trade_off(drafts: tuple[Draft, ...], attempt: int | None, elsewhere: float) -> Sheet:
-    """Chart of a search; the surface as it came has an error of `elsewhere`."""
+    """Chart of a search; the original surface has an error of `elsewhere`."""
     concave = replace(CONCAVE, probabilities_before=(1 / 6,) * 6, elsewhere_before=elsewhere)
     search = Search(9, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
     return trade_off_chart(finished_box(concave=concave, search=search))
@@ -302,7 +302,7 @@ def test_every_draft_is_drawn_once_by_its_worst_flaw() -> None:
         sorted(np.concatenate(list(drawn.values())).tolist()), sorted(expected)
     )
     np.testing.assert_allclose(curves(axes)["this die"], [(3.0, 1e-3)])
-    np.testing.assert_allclose(curves(axes)["the surface as it came"], [(0.0, 0.42)])
+    np.testing.assert_allclose(curves(axes)["the original surface"], [(0.0, 0.42)])
     assert {"3", "4", "6", "7", "8", "9"} <= set(sheet.texts)
     assert is_whole(sheet)
 

@@ -170,7 +170,7 @@ def test_the_straight_view_shows_the_label() -> None:
     work = engrave(box(1.0, 1.0, 1.0), SIDES, "up")
     (placement,) = labels_of(work, 0)
     sheet = reading(make_finished_die(work))
-    assert sheet.texts[:2] == ["as it lies", "from above: 1"]
+    assert sheet.texts[:2] == ["at rest", "from above: 1"]
     assert len(sheet.texts) == 3
     picture = sheet.pictures[1].astype(np.int64)
     red, green, blue = np.moveaxis(picture, -1, 0)

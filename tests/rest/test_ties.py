@@ -154,7 +154,7 @@ def test_what_balances_within_unevenness_is_tied(body: tuple[int, int, float]) -
         assert 0.5 * hull.unevenness < np.abs(moved - center).max() < 4.0 * hull.unevenness + 1e-12
     poses = rest_poses(points, center)
     assert poses.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
-    # The hull at tolerance 0 says the same, but for facets that are one to the eye.
+    # The hull at tolerance 0 gives these probabilities too, except for nearly coplanar facets.
     normals, shares = [poses.normals], [poses.probabilities]
     for moved in centers:
         exact = rest_poses(points, moved, coplanar_tolerance=0.0)

@@ -49,7 +49,7 @@ def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
     assert len(quality.intersections) > 10
     assert len(quality.places) == 1
     np.testing.assert_allclose(quality.places[0], [0, 0, -1], atol=0.1)
-    assert quality.sentences()[0].startswith("the surface meets itself: ")
+    assert quality.sentences()[0].startswith("the surface intersects itself: ")
     assert " in 1 place, near (" in quality.sentences()[0]
 
 
