@@ -145,7 +145,7 @@ def test_a_figure_of_a_mesh_and_a_room_load_no_torch(tmp_path: Path) -> None:
     assert modules_after(room, tmp_path) & {"torch", "manifold3d", "pydantic"} == set()
 
 
-def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -> None:
+def test_the_figure_of_a_query_loads_only_its_libraries(tmp_path: Path) -> None:
     trimesh.creation.box().export(tmp_path / "box.stl")
     loaded = modules_after(["rest", "box.stl", "--figure", "map.png"], tmp_path)
     assert {"matplotlib", "dicedesign.report.gauss_map"} <= loaded
@@ -186,7 +186,7 @@ def test_probabilities_make_no_transforms_and_no_polylines(
     assert len(answer.morse.polylines) == len(answer.morse.saddles)
 
 
-def test_exact_arithmetic_is_for_what_rounding_leaves_open(
+def test_exact_arithmetic_decides_signs_that_rounding_leaves_open(
     count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
     calls = [count_calls(ExactSigns, name) for name in ("growth", "side", "ascend", "descend")]

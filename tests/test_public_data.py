@@ -60,7 +60,7 @@ SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
         (["--require-browser"], (BROWSER,)),
     ],
 )
-def test_what_is_missing(
+def test_missing_public_data_is_named(
     checkout: Path, option: list[str], required: tuple[tuple[str, str], ...]
 ) -> None:
     """Told and counted at the end of a run, also of one in several processes, or a failure."""

@@ -198,8 +198,8 @@ def match_by_probability(
     """Groups of outcomes that are known only by their probabilities without momentum.
 
     Rests with the closest normals are joined until there is one for each outcome: a facet that
-    broke in two still looks like one. The most probable outcome is the most probable rest, and so on.
-    Outcomes whose probabilities differ by no more than the largest mismatch cannot be
+    broke in two still looks like one. The most probable outcome is the most probable rest, and so
+    on. Outcomes whose probabilities differ by no more than the largest mismatch cannot be
     distinguished, and form one group.
 
     Parameters

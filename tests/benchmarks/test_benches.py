@@ -47,7 +47,7 @@ def test_bad_input_has_exit_code_2(capsys: pytest.CaptureFixture[str], tmp_path:
     assert "none.yaml" in capsys.readouterr().err
 
 
-def test_what_hangs_is_stopped_and_the_next_call_answered() -> None:
+def test_a_hanging_call_is_stopped_and_the_next_one_answered() -> None:
     with Watched() as process:
         with pytest.raises(NoAnswer):
             process.call(0.2, time.sleep, 60.0)

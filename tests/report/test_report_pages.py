@@ -136,7 +136,7 @@ def test_a_die_to_be_thrown() -> None:
         assert text in page.text
 
 
-def test_throws_that_tell_no_difference_and_none_at_all() -> None:
+def test_inconclusive_throws_and_no_throws() -> None:
     assert THROWN.simulated is not None
     even = replace(THROWN.simulated, interval=(0.0, 0.004), unresolved=0, drops=100_000)
     text = page_of(thrown=replace(THROWN, simulated=even)).text
@@ -193,7 +193,7 @@ def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) 
     return parse_page(page_text(die)).cells
 
 
-def test_what_was_wanted_stands_beside_what_was_reached() -> None:
+def test_goals_are_listed_beside_results() -> None:
     listed = cells((), attempts=4)
     for name, values in (
         ("error of the probabilities, rests elsewhere included", ["at most 0.005", "0.25", "0.05"]),
@@ -253,7 +253,7 @@ INFILL = InfillProbabilities(
 )
 
 
-def test_every_error_of_every_outcome_is_told() -> None:
+def test_every_error_of_every_outcome_is_reported() -> None:
     page = page_of(tolerances=TOLERANCES)
     assert TOLERANCES.answer in page.text
     assert {"0.203", "0.224", "0.244", "0.282", "0.276", "0.142"} <= set(page.cells)
@@ -295,7 +295,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
     assert "Printing" not in parse_page(page_text(bare)).text
 
 
-def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
+def test_missing_values_are_dashes_and_texts_are_escaped() -> None:
     work = run_to_check(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
     run_stages(work, after="check", last="printing")
     die = make_finished_die(work)

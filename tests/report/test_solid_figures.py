@@ -82,7 +82,7 @@ def test_faces_and_labels_are_true_to_scale() -> None:
         assert ink == pytest.approx(placement.section().area() * scale**2, rel=0.03)
 
 
-def test_of_many_faces_only_those_with_labels_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_labeled_faces_of_many_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solid_figures, "MAX_FACES", 5)
     sheet = faces(labeled_box(["3"], [2]))
     assert len(sheet.drawing.patches) == 2
@@ -90,7 +90,7 @@ def test_of_many_faces_only_those_with_labels_are_drawn(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize(("printer", "ratio"), [("fdm", np.sqrt(5.0)), ("sla", 0.0)])
-def test_colors_cover_what_touches_and_what_hangs(printer: str, ratio: float) -> None:
+def test_colors_cover_touching_and_overhanging_surfaces(printer: str, ratio: float) -> None:
     """From beneath an icosahedron's face on the bed is seen whole, and its neighbors at 41.8
     degrees, which need supports only by filament."""
     points = PLATONIC["icosahedron"]

@@ -195,8 +195,8 @@ def decimate(surface: Surface, points: int) -> tuple[Surface, str]:
     """Surface reduced to about a number of points, by fast-simplification.
 
     Edges are collapsed in order of quadric error (Garland and Heckbert, Surface simplification
-    using quadric error metrics, 1997). If the result is not closed, falls apart or intersects itself,
-    the reduction is repeated more slowly, and then with a quarter more points each time.
+    using quadric error metrics, 1997). If the result is not closed, falls apart or intersects
+    itself, the reduction is repeated more slowly, and then with a quarter more points each time.
 
     points: at least 4. Returns the surface, unchanged if it has no more points already, and a
     sentence on what was done.

@@ -110,7 +110,7 @@ def test_clusters_on_which_qhull_gives_up_are_still_hulls() -> None:
         assert len(convex_hull(points).normals) == 6
 
 
-def test_the_tolerance_tells_a_bend_from_rounding() -> None:
+def test_the_tolerance_distinguishes_a_bend_from_rounding() -> None:
     for lift, facets in ((1e-4, 9), (1e-9, 9), (1e-13, 6), (0.0, 6)):
         points = CUBE.copy()
         points[7] *= 1.0 + lift
