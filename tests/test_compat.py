@@ -90,7 +90,7 @@ def test_a_threshold_omits_poses_and_scales_none() -> None:
 
 
 def test_sigma_is_the_mean_over_centers_of_mass() -> None:
-    """The same draws, each analyzed alone."""
+    """Identical draws, each analyzed alone."""
     mesh, sigma, count = blob(6), 4e-3, 12
     transforms, probabilities = compute_stable_poses(mesh, sigma=sigma, n_samples=count, seed=3)
     rng = np.random.default_rng(3)

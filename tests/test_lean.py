@@ -158,7 +158,7 @@ def test_saddles_that_divide_nothing_are_not_traced(
     monkeypatch: pytest.MonkeyPatch,
     count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
-    """Which do is told by bodies that are let go on both sides of each saddle and rolled."""
+    """Bodies released on both sides of each saddle show which saddles divide basins."""
     hull = blade(40, 100)
     equilibria = classify(hull, np.zeros(3))
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))

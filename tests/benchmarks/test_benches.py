@@ -20,7 +20,7 @@ from tests.reference.random_hulls import random_hull
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, list[dict]]:
-    """What a bench that is as it should be prints as JSON."""
+    """JSON output of a bench, which must succeed."""
     assert main([*map(str, arguments), "--json"]) == 0
     record: dict[str, list[dict]] = json.loads(capsys.readouterr().out)
     return record

@@ -166,7 +166,7 @@ def test_the_label_to_read_is_in_color(points: Floats, read: str, places: int, s
 
 
 def test_the_straight_view_shows_the_label() -> None:
-    """The label has the same part of the picture of its facet as of the facet itself."""
+    """The label's share of its facet is equal in the picture and on the die."""
     work = engrave(box(1.0, 1.0, 1.0), SIDES, "up")
     (placement,) = labels_of(work, 0)
     sheet = reading(make_finished_die(work))

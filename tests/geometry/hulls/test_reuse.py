@@ -126,7 +126,7 @@ def test_a_flipped_edge_is_detected() -> None:
 
 @pytest.mark.parametrize("shape", [prism, bipyramid])
 def test_a_surface_that_winds_around_twice_is_no_hull(shape) -> None:
-    """Every edge of it is convex, and its middle lies below every facet."""
+    """Every edge is convex, and the middle is below every facet."""
     for sides, winding in ((5, 2), (7, 2), (7, 3), (9, 4)):
         for turn in (1, -1):
             hull = convex_hull(shape(sides, turn))

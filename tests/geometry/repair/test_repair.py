@@ -60,7 +60,7 @@ def repair(body: Body) -> RepairedMesh:
 
 
 def assert_near(repaired: RepairedMesh, original: Surface) -> None:
-    """The surface encloses nearly the same solid."""
+    """The surface encloses nearly the original solid."""
     assert repaired.surface.volume == pytest.approx(original.volume, rel=0.01)
     off = np.abs(repaired.surface.centroid - original.centroid).max()
     assert off < 0.3 * CELL * np.ptp(original.points)

@@ -24,7 +24,7 @@ def test_a_sphere_has_no_defect() -> None:
 
 
 def folded_sphere() -> tuple[Surface, Surface, int]:
-    """A sphere, the same with a point pulled past its neighbors in their plane, and the point."""
+    """A sphere, a copy with a point pulled past its neighbors in their plane, and the point."""
     before = ball(3)
     points = before.points.copy()
     point = int(np.argmax(points[:, 2]))

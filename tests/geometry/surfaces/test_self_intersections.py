@@ -32,7 +32,7 @@ def clip(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vector]:
 
 
 def common_corners(one: list[Vector], other: list[Vector]) -> list[Vector]:
-    """The corners of what two triangles have in common."""
+    """Corners of the intersection of two triangles."""
     normal = np.cross(one[1] - one[0], one[2] - one[0])
     part = clip(clip(other, one[0], normal), one[0], -normal)
     for k in range(3):
