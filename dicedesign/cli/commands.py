@@ -197,7 +197,7 @@ class RestArguments(WithBody, WithWorkers):
 class DropArguments(WithBody):
     help_text = """Follow a body from its release until it rests.
 
-    The body is let go without momentum and rolls down quasi-statically.
+    The body is released without momentum and rolls down quasi-statically.
 
     Options:
     down (x,y,z): direction in the body's frame that points down at release
