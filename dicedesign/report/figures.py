@@ -108,8 +108,8 @@ FIGURES: Final = Registry(
             "the die at rest after each outcome",
             "The die at rest after each outcome",
             "Above, the die on a table, with the outcome and its probability; below, its "
-            "underside, as seen when the die is tipped backward. Facets of its convex hull on "
-            "which it rests have the color of their outcome.",
+            "underside, as seen when the die is tipped backward. The facets of its convex hull "
+            "on which it rests have the color of their outcome.",
         ),
         _figure(
             "table",
@@ -185,8 +185,8 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die within its convex hull",
             "The die within its convex hull",
-            "A body rolls like its convex hull, which touches the table. Facets on which the die "
-            "rests are colored by outcome; those on the far side are paler.",
+            "A body rolls like its convex hull, which touches the table. The facets on which "
+            "the die rests are colored by outcome; those on the far side are paler.",
         ),
         _figure(
             "trade_off",
