@@ -284,7 +284,7 @@ class FigureArguments(WithRests):
     before (MESH): for before_after: the mesh from which the body was made
     steps (N): for ablation: maximum steps of each descent
 
-    Example: dicedesign figure gauss_map bunny.obj --out gauss_map.png"""
+    Example: dicedesign figure complex bunny.obj --out complex.png"""
 
     kind: str
     subject: Path
