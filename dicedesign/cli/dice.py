@@ -153,8 +153,8 @@ def _apply_options(recipe: Recipe, options: WithResults) -> Recipe:
 def _print_result(result: Result) -> None:
     """Print the verdict, a table of target and probabilities, and the files.
 
-    The table of a thrown die also has the probabilities by model and by throws; that of a concave
-    die has a row for all rests without an outcome.
+    For a thrown die the table also has the probabilities by model and by throws, for a concave die
+    a row for all rests without an outcome.
     """
     print(f"{result.name}: {result.message}")
     probabilities: dict[str, Sequence[float]] = {

@@ -105,11 +105,11 @@ FIGURES: Final = Registry(
             "rests",
             "surface_figures:rests",
             _is_reshaped,
-            "the die as it lies after each outcome",
-            "How the die lies after each outcome",
+            "the die at rest after each outcome",
+            "The die at rest after each outcome",
             "Above, the die on a table, with the outcome and its probability; below, its "
-            "underside, as seen when the die is tipped backward. Colored are the facets of its "
-            "convex hull that it rests on, in the color of their outcome.",
+            "underside, as seen when the die is tipped backward. Facets of its convex hull on "
+            "which it rests have the color of their outcome.",
         ),
         _figure(
             "table",
@@ -117,10 +117,9 @@ FIGURES: Final = Registry(
             lambda die: die.result.thrown is not None,
             "probabilities on the table by each model beside the target",
             "Probabilities on the table",
-            "The wide bar behind each outcome is its target. In front of it is how often the die "
-            "would show it if it rolled without momentum, how often the momentum model expects "
-            "it of it and of its prints, and, where throws were simulated, how often it came up, "
-            "with the interval that chance allows.",
+            "The wide bar behind each outcome is its target. In front of it are the probability "
+            "without momentum, the prediction of the momentum model for the die and for its "
+            "prints, and, if throws were simulated, the frequency with its confidence interval.",
             instead_of="bars",
         ),
         _figure(
@@ -129,8 +128,8 @@ FIGURES: Final = Registry(
             lambda die: die.repaired is not None,
             "a mesh before and after it was repaired",
             "Repair",
-            "The mesh as it came, above, red at edges that are not of two triangles, and the "
-            "surface that was made of it, below; all views have the same scale.",
+            "Above, the original mesh, red at edges that do not belong to exactly two triangles; "
+            "below, the repaired surface. All views have one scale.",
         ),
         _figure(
             "rounds",
@@ -138,11 +137,11 @@ FIGURES: Final = Registry(
             lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
             "deviation from the target after each round of simulated throws",
             "Round by round",
-            "After each round of simulated throws the die was designed again, to make up for what "
-            "was seen. A round's own throws show its die with as much of chance in it as a "
-            "perfect die would show, the dashed line. What is expected of each die rests on the "
-            "throws of all rounds; that with the least is kept. Triangles, if any, are what is "
-            "expected on nine of ten tables that the table may be instead.",
+            "After each round of simulated throws the die was designed again, to correct the "
+            "measured deviation. The deviation in a round's own throws includes chance: the dashed "
+            "line is what a perfect die would show. The expected deviation of a die uses the "
+            "throws of all rounds, and the die with the least is kept. Triangles, if any, are "
+            "expected deviations on nine in ten of the posterior tables.",
         ),
         _figure(
             "throw",
@@ -159,8 +158,7 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the surface before and after it was made into a die",
             "Before and after",
-            "The surface as it came, above, and as it was made into a die, below; all views have "
-            "the same scale.",
+            "Above, the original surface; below, the die made of it. All views have one scale.",
         ),
         _figure(
             "bars",
@@ -168,8 +166,8 @@ FIGURES: Final = Registry(
             _is_convex,
             "target probabilities beside the achieved ones",
             "Target and achieved probabilities",
-            "Probability that the die comes to rest on the facet with each label; the lines hold "
-            "that of 95 % of its prints.",
+            "Probability that the die comes to rest on the facet with each label; lines show the "
+            "range of 95 % of its prints.",
         ),
         _figure(
             "probabilities",
@@ -187,8 +185,8 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die within its convex hull",
             "The die within its convex hull",
-            "A body rolls like its convex hull, which touches the table. Colored are the facets "
-            "that the die rests on, by outcome; those on the far side are paler.",
+            "A body rolls like its convex hull, which touches the table. Facets on which the die "
+            "rests are colored by outcome; those on the far side are paler.",
         ),
         _figure(
             "trade_off",
@@ -197,10 +195,10 @@ FIGURES: Final = Registry(
                 die.result.search is not None and len(die.result.search.trade_off.drafts) > 0
             ),
             "displacement against probabilities of each attempt at a concave die",
-            "What the attempts led to",
-            "Best die of each attempt, by its number: how far the surface was moved, and how far "
-            "its probabilities are from the target, all other rests included. Marks say what is "
-            "worst of it.",
+            "Displacement and error of the attempts",
+            "Best die of each attempt, by number: how far the surface was moved, and how far its "
+            "probabilities are from the target, all other rests included. The mark shows its worst "
+            "flaw.",
         ),
         _figure(
             "convergence",
@@ -223,9 +221,9 @@ FIGURES: Final = Registry(
             "crossings",
             "surface_figures:crossings",
             lambda die: die.quality is not None and len(die.quality.intersections) > 0,
-            "where the surface meets itself",
-            "Where the surface meets itself",
-            "In red the triangles that meet and should not.",
+            "where the surface intersects itself",
+            "Where the surface intersects itself",
+            "Intersecting triangles are red.",
         ),
         _figure(
             "energy",
@@ -242,9 +240,8 @@ FIGURES: Final = Registry(
             _is_convex,
             "directions of the die by the facet that it comes to rest on",
             "Where the die ends up",
-            "Every point is a direction of the die that points down when it is let go; its "
-            "color tells on which facet the die comes to rest if it rolls there without "
-            "momentum.",
+            "Every point is a direction of the die that points down at release. Its color is that "
+            "of the facet on which the die comes to rest, rolling without momentum.",
         ),
         _figure(
             "views",
@@ -252,15 +249,15 @@ FIGURES: Final = Registry(
             _is_convex,
             "the die from several sides",
             "The die from several sides",
-            "All views have the same scale.",
+            "All views have one scale.",
         ),
         _figure(
             "reading",
             "solid_figures:reading",
             lambda die: die.engraved is not None and die.reading is not None,
-            "the die at rest, and the label that is read then",
+            "the die at rest, and the label to read",
             "How to read the die",
-            "The die as it lies after one of its outcomes, and the label to read.",
+            "The die at rest after one of its outcomes, and the label to read.",
         ),
         _figure(
             "faces",
@@ -268,17 +265,17 @@ FIGURES: Final = Registry(
             lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
             "every face flat and true to scale, with its label as it is cut",
             "Every face",
-            "Each face seen straight from outside, all on one scale, with its label as it is "
-            "cut. Above it is what it says, and how often that comes up; around a corner on top "
-            "each face says several things. Rounded edges are left out.",
+            "Each face seen straight from outside, all on one scale, with its label as cut. Above "
+            "it are the outcome and its probability; a face read around a top corner has several "
+            "outcomes. Rounded edges are omitted.",
         ),
         _figure(
             "print_orientation",
             "solid_figures:print_orientation",
             lambda die: die.result.printability is not None,
-            "the die as it is best printed, and what needs supports",
-            "How to lay it on the print bed",
-            "Blue lies on the bed, red needs supports.",
+            "the die in its best print orientation, and the parts that need supports",
+            "Best orientation on the print bed",
+            "Blue is on the bed, red needs supports.",
         ),
     ],
     group="dicedesign.figures",
@@ -314,7 +311,7 @@ class Subject:
     ----------
     upward: (3,) direction that is upward in pictures.
     make: reads or designs the body.
-    make_before: makes what the body was made from, in the same place and scale.
+    make_before: makes the body's original, in its place and scale.
     make_ablations: designs the recipe's die with all terms, and without each of them.
     down: direction that points down when the body is let go, or None to let the figure choose.
 
@@ -381,7 +378,7 @@ BODY_FIGURES: Final = Registry(
             ),
             (
                 "paths",
-                "ways of rolling bodies over the Gauss map, from many orientations or one (--down)",
+                "paths of bodies that roll, over the Gauss map, from many orientations or one",
                 lambda it: _drawing("gauss_map:paths_figure", it.poses, _down(it)),
             ),
             (
@@ -392,7 +389,7 @@ BODY_FIGURES: Final = Registry(
             ),
             (
                 "drop",
-                "a body that rolls to rest, moment by moment (from --down), and its path",
+                "a body that rolls to rest, step by step (from --down), and its path",
                 lambda it: _drawing("motion_pictures:drop_figure", it.surface, it.poses, it.down),
             ),
             (
@@ -408,7 +405,7 @@ BODY_FIGURES: Final = Registry(
             ),
             (
                 "ablation",
-                "a recipe's die by the paper's method, and without one regularizer after the other",
+                "a recipe's die by the paper's method, and without each of the regularizers",
                 lambda it: _drawing("solid_figures:ablation_figure", it.make_ablations()),
             ),
         )
