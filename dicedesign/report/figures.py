@@ -108,8 +108,8 @@ FIGURES: Final = Registry(
             "the die at rest after each outcome",
             "The die at rest after each outcome",
             "Above, the die on a table, with the outcome and its probability; below, its "
-            "underside, as seen when the die is tipped backward. Facets of its convex hull on "
-            "which it rests have the color of their outcome.",
+            "underside, as seen when the die is tipped backward. The facets of its convex hull "
+            "on which it rests have the color of their outcome.",
         ),
         _figure(
             "table",
@@ -185,8 +185,8 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die within its convex hull",
             "The die within its convex hull",
-            "A body rolls like its convex hull, which touches the table. Facets on which the die "
-            "rests are colored by outcome; those on the far side are paler.",
+            "A body rolls like its convex hull, which touches the table. The facets on which "
+            "the die rests are colored by outcome; those on the far side are paler.",
         ),
         _figure(
             "trade_off",
@@ -313,7 +313,7 @@ class Subject:
     make: reads or designs the body.
     make_before: makes the body's original, in its place and scale.
     make_ablations: designs the recipe's die with all terms, and without each of them.
-    down: direction that points down when the body is let go, or None to let the figure choose.
+    down: direction that points down at release, or None to let the figure choose.
 
     The makers raise InputError if the subject has no such part.
     """

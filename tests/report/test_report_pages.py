@@ -69,7 +69,7 @@ def test_a_convex_die() -> None:
         "max |p - q| is 0.1 & more",
         *(FIGURES[name].title for name in images),
         *(FIGURES[name].caption for name in images),
-        "held during the stage,",
+        "whole program during the stage,",
         "its other 0",
         "(0.000, 1.500, -2.000) mm",
         "die_plain: die_plain.stl",
