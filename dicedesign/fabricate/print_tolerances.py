@@ -292,8 +292,8 @@ def print_tolerances(
         )
     elif allowed == 0.0:
         answer = (
-            f"This die is not exact, however well it is printed: after {ROLLS:,} rolls a chi-square "
-            f"test at {level} rejects more than {noticed} of perfect prints."
+            f"This die is not exact, however well it is printed: after {ROLLS:,} rolls a "
+            f"chi-square test at {level} rejects more than {noticed} of perfect prints."
         )
     else:
         answer = (
