@@ -54,7 +54,10 @@ class OutsideHullError(InputError):
 
 
 class NoStartError(InputError):
-    """No starting shape has one rest for each outcome and no other."""
+    """No starting shape has one rest for each outcome and no other.
+
+    Remove the extra rests of the start, use `method: paper`, or take another start.
+    """
 
 
 class RecipeError(InputError):

@@ -1,5 +1,9 @@
-"""Classes that declare extensions, and their registries."""
+"""Classes that declare extensions, their registries, and what extensions need."""
 
+from dicedesign.fabricate.file_formats import FILE_FORMATS as FILE_FORMATS
+from dicedesign.fabricate.file_formats import Contents as Contents
+from dicedesign.fabricate.file_formats import FileFormat as FileFormat
+from dicedesign.fabricate.file_formats import join_parts as join_parts
 from dicedesign.fabricate.printers import PRINTERS as PRINTERS
 from dicedesign.fabricate.printers import Printer as Printer
 from dicedesign.optimize.preferences import PREFERENCES as PREFERENCES
@@ -7,6 +11,7 @@ from dicedesign.optimize.preferences import OutcomeFacets as OutcomeFacets
 from dicedesign.optimize.preferences import Preference as Preference
 from dicedesign.optimize.starts.start import STARTS as STARTS
 from dicedesign.optimize.starts.start import StartKind as StartKind
+from dicedesign.optimize.starts.start import StartSurface as StartSurface
 from dicedesign.optimize.starts.start import Task as Task
 from dicedesign.optimize.terms import TERMS as TERMS
 from dicedesign.optimize.terms import Term as Term
@@ -20,6 +25,11 @@ from dicedesign.report.figures import BodyFigure as BodyFigure
 from dicedesign.report.figures import Figure as Figure
 from dicedesign.rest.prior import PRIORS as PRIORS
 from dicedesign.rest.prior import PriorKind as PriorKind
+from dicedesign.runtime.registry import STRICT as STRICT
 from dicedesign.runtime.registry import Extension as Extension
 from dicedesign.throws.engines import ENGINES as ENGINES
+from dicedesign.throws.engines import GRAVITY as GRAVITY
 from dicedesign.throws.engines import Engine as Engine
+from dicedesign.throws.engines import longest_throw as longest_throw
+from dicedesign.throws.mujoco_engine import final_rest as final_rest
+from dicedesign.throws.rigid_body import RigidBody as RigidBody

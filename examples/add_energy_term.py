@@ -1,16 +1,20 @@
 """Add an energy term to the paper's method: it draws all corners to one distance.
 
 A term is a function of the current shape and of all weights. It returns a scalar tensor that
-autograd differentiates in `state.rests.vertices`. Its weight is the recipe key
-`method.paper.weights.evenness`. `options=` of `Term` declares further numbers, which `evaluate`
-reads from `weights`. A term that is undefined for some shapes should charge a constant there,
-never nothing: otherwise losing an outcome would pay.
+autograd differentiates in `state.rests.vertices`. Terms should not depend on the size of the
+shape: divide lengths by their mean, as here. Where the term is undefined, return a positive
+constant. With zero, the descent could lower the energy by losing an outcome.
+
+The weight is the recipe key `method.paper.weights.evenness`. `options=` of `Term` declares further
+numbers, which `evaluate` reads from `weights`. Only the descent has energy terms. With
+`finish: exact`, the default, the exact method follows and optimizes its preferences instead, so
+this example ends with `finish: none`.
 """
 
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.optimize.terms import TERMS, Term
+from dicedesign.extensions import TERMS, Term
 
 
 def evenness(state, weights):

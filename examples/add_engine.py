@@ -10,7 +10,7 @@ one: bullet_engine.py.
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.throws.engines import ENGINES, Engine
+from dicedesign.extensions import ENGINES, Engine
 
 
 def throw_states(body, table, states):

@@ -4,18 +4,23 @@
 function.
 """
 
+import io
+
 import dicedesign as dd
-from dicedesign.report.figures import FIGURES, Figure
+from dicedesign.extensions import FIGURES, Figure
 
 
 def strip(die):
-    from dicedesign.report.sheet import Sheet
+    from matplotlib.figure import Figure as Chart
 
-    sheet, left = Sheet(1000, 60), 0.0
+    chart, left, file = Chart(figsize=(10.0, 0.6)), 0.0, io.BytesIO()
+    axes = chart.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
     for number, share in enumerate(die.result.probabilities):
-        sheet.drawing.barh(30, share * 1000, 60, left, color=("#4477aa", "#ccddee")[number % 2])
-        left += share * 1000
-    return sheet.png()
+        axes.barh(0.0, share, left=left, color=("#4477aa", "#ccddee")[number % 2])
+        left += share
+    chart.savefig(file, format="png")
+    return file.getvalue()
 
 
 FIGURES.register(
@@ -23,7 +28,7 @@ FIGURES.register(
         name="strip",
         line="a strip with a piece for each outcome",
         title="Shares",
-        caption="As long as they are probable.",
+        caption="The length of each piece is the probability of its outcome.",
         wanted=lambda die: True,
         draw=strip,
     )

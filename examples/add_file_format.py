@@ -1,8 +1,8 @@
 """Add a file format: JSON.
 
-`write` turns parts in millimeters and facts in words into bytes. A file of a run is read back, by
-`read_body` unless `read` is given, and must have the probabilities of the die: to 1e-9, or to
-1e-6 if `precision` is `float32`.
+`write` gets `Contents`, the parts in millimeters and facts as texts, and returns bytes. Each file
+of a run is read back, by `dd.read_body` unless `read` is given. Its probabilities must be those of
+the die to 1e-9, or to 1e-6 if `precision` is `float32`.
 """
 
 import json
@@ -10,7 +10,7 @@ import json
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.fabricate.file_formats import FILE_FORMATS, FileFormat, join_parts
+from dicedesign.extensions import FILE_FORMATS, FileFormat, join_parts
 
 
 def write(contents):

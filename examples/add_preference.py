@@ -1,13 +1,13 @@
 """Add a preference: a level face on top when the die rests.
 
-Residuals are a tensor that is differentiable in the vertices; its sum of squares is about 1 for
+Residuals are a tensor that is differentiable in the vertices. Their sum of squares is about 1 for
 an ordinary die of any size. `die.rests` are the rests, `die.facets` (k,) the facet of each
 outcome. A preference that does not apply returns None. Its weight is the recipe key
 `method.exact.prefer.level`.
 """
 
 import dicedesign as dd
-from dicedesign.optimize.preferences import PREFERENCES, Preference
+from dicedesign.extensions import PREFERENCES, Preference
 
 
 def level(die):

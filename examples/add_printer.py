@@ -1,9 +1,9 @@
-"""Add a printer: limits of one's own, with their source."""
+"""Add a printer: your own limits, with their source."""
 
 from dataclasses import replace
 
 import dicedesign as dd
-from dicedesign.fabricate.printers import PRINTERS
+from dicedesign.extensions import PRINTERS
 
 mine = PRINTERS["fdm"].with_nozzle(0.25)
 PRINTERS.register(

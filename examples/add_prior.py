@@ -1,12 +1,12 @@
-"""Add a prior of start directions: an axis near level, as of a bottle that rolls.
+"""Add a prior of start directions: an axis close to horizontal, as of a bottle that rolls.
 
-The name is what stands before the first colon in `--prior` and in a recipe's `prior`; `read` gets
-the rest.
+`--prior` and a recipe's `prior` are the name, a colon and a text, which `read` turns into a prior.
 """
 
 import numpy as np
 
 import dicedesign as dd
+from dicedesign.extensions import PRIORS, PriorKind
 
 
 def belt(text):
@@ -15,8 +15,8 @@ def belt(text):
     return dd.DensityFunction(lambda directions: np.exp(-20.0 * (directions @ axis) ** 2))
 
 
-dd.extensions.PRIORS.register(
-    dd.extensions.PriorKind(name="belt", line="the axis near level", form="belt:x,y,z", read=belt)
+PRIORS.register(
+    PriorKind(name="belt", line="the axis close to horizontal", form="belt:x,y,z", read=belt)
 )
 
 box = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1.2)])

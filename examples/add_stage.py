@@ -1,12 +1,13 @@
 """Add a stage to a run: it writes the probabilities as a CSV file.
 
 A stage reads what earlier stages left in `work` and adds its own: `work.files` (bytes by file
-name), `work.notes` (sentences) or `work.extra` (plain data for result.json). `wanted` says
-whether a run needs it, `after` which stage it follows; without `after` it comes last.
+name), `work.notes` (sentences) or `work.extra` (plain data for result.json). `wanted`
+returns whether a run needs it; `after` names the stage that it follows. Without `after` it is the
+last.
 """
 
 import dicedesign as dd
-from dicedesign.recipe.pipeline import STAGES, Stage
+from dicedesign.extensions import STAGES, Stage
 
 
 def probabilities_table(work):

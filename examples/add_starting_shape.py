@@ -1,9 +1,11 @@
 """Add a starting shape: two pyramids, base to base.
 
-`options` is a dataclass whose fields a recipe may give, `check` refuses impossible options while
-the recipe is read, and `make` returns points and the outward unit normals (k, 3) of the facets
-that bear the outcomes, in the order of a recipe's `assignment`. `search` instead of `make` yields
-one shape after another; `surface` gives a closed surface for a concave die.
+`options` is a dataclass with the keys that a recipe may give. `check` refuses impossible options
+while the recipe is read. `make` returns a `dd.starts.Start`, which `normalize_start` makes of
+points (n, 3) in any unit and of the outward unit normals (k, 3) of the facets with outcomes, in the
+order of a recipe's `assignment`. The shape must rest on these facets and on no other. `search`
+instead of `make` yields one shape after another; `surface` returns the closed surface of a concave
+die.
 """
 
 from dataclasses import dataclass
@@ -11,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.optimize.starts.start import STARTS, StartKind, normalize_start
-from dicedesign.runtime.registry import STRICT
+from dicedesign.extensions import STARTS, STRICT, StartKind
+from dicedesign.starts import normalize_start
 
 
 @dataclass(frozen=True)

@@ -11,21 +11,13 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import dicedesign as dd
-from dicedesign.geometry.sphere import angle_between
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.engines import ENGINES, GRAVITY, Engine, longest_throw
-from dicedesign.throws.mujoco_engine import final_rest
-from dicedesign.tolerances import STANDING_ANGLE
-
-if TYPE_CHECKING:
-    from dicedesign.throws.rigid_body import RigidBody
-    from dicedesign.throws.tables import Table
+from dicedesign.extensions import ENGINES, GRAVITY, Engine, RigidBody, final_rest, longest_throw
 
 STEP: Final = 1.0 / 128.0
 """Time step. Half of it changes probabilities by less than the noise of 6,000 throws."""
@@ -38,6 +30,9 @@ distance over the step before it bounces. Bullet's default of 0.02 would stop sl
 
 MARGIN: Final = 1e-5
 """Radius of the rounded edges of the hull."""
+
+STANDING_COSINE: Final = math.cos(math.radians(1.0))
+"""A body that stands still rests on a facet whose normal is within one degree of down."""
 
 STANDING_SPEED: Final = 1e-2
 """A body below this speed stands still; drag lowers the limit like the falling speed."""
@@ -59,11 +54,11 @@ def require() -> ModuleType:
     return module
 
 
-def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
-    """Final rests (n,) of throws from states (n, 13), see `ThrowStates`; -1 without a rest.
+def throw_states(body: RigidBody, table: dd.Table, states: np.ndarray) -> np.ndarray:
+    """Final rests (n,) of throws from states (n, 13), see add_engine.py; -1 without a rest.
 
     A body that stands still with enough energy to leave its basin ends at the rest whose normal is
-    within `STANDING_ANGLE` of down, if there is one.
+    within one degree of down, if there is one.
 
     Raises InputError: PyBullet is not installed.
     """
@@ -83,7 +78,7 @@ def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
 
 
 @contextmanager
-def _scene(body: RigidBody, table: Table) -> Iterator[_Scene]:
+def _scene(body: RigidBody, table: dd.Table) -> Iterator[_Scene]:
     """Create and close a Bullet world with a table and a die."""
     pybullet = require()
     client = pybullet.connect(pybullet.DIRECT)
@@ -96,7 +91,7 @@ def _scene(body: RigidBody, table: Table) -> Iterator[_Scene]:
 class _Scene:
     """Table and die in the world of a Bullet client."""
 
-    def __init__(self, bullet: Any, client: int, body: RigidBody, table: Table) -> None:
+    def __init__(self, bullet: Any, client: int, body: RigidBody, table: dd.Table) -> None:
         self._bullet, self._body = bullet, body
         drag_factor = 1.0 + table.drag * math.sqrt(table.size / 2.0 / GRAVITY)
         self._slow, self._patience = STANDING_SPEED / drag_factor, STANDING_TIME * drag_factor
@@ -148,14 +143,16 @@ class _Scene:
         )
         return identifier
 
-    def release(self, position: Floats, turn: Floats, velocity: Floats, spin: Floats) -> None:
+    def release(
+        self, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray, spin: np.ndarray
+    ) -> None:
         """Release the die. turn: quaternion w, x, y, z; spin: (3,) about the axes of the die."""
         bullet = self._bullet
         turn = np.roll(turn, -1)
         bullet.resetBasePositionAndOrientation(self._die, position, turn, **self._client)
         bullet.resetBaseVelocity(self._die, velocity, _axes(turn) @ spin, **self._client)
 
-    def outcome(self, steps: int, damping: Floats | None) -> int:
+    def outcome(self, steps: int, damping: np.ndarray | None) -> int:
         """Rest of the die after at most a number of steps, or -1. damping: as in `advance`."""
         standing_steps = 0
         for _ in range(0, steps, STEPS_PER_CHECK):
@@ -166,12 +163,12 @@ class _Scene:
                 return rest
             standing_steps = standing_steps + STEPS_PER_CHECK if speed < self._slow else 0
             if standing_steps * STEP > self._patience:
-                angles = angle_between(self._body.rest_normals, down)
-                nearest = int(angles.argmin())
-                return nearest if angles[nearest] < STANDING_ANGLE else -1
+                cosines = self._body.rest_normals @ down
+                nearest = int(cosines.argmax())
+                return nearest if cosines[nearest] > STANDING_COSINE else -1
         return -1
 
-    def advance(self, steps: int, damping: Floats | None) -> None:
+    def advance(self, steps: int, damping: np.ndarray | None) -> None:
         """Advance by a number of steps.
 
         damping: (3,) factor per step on the angular velocity about each axis of the die, or None.
@@ -186,12 +183,12 @@ class _Scene:
             damped = axes @ (damping * (spin @ axes))
             bullet.resetBaseVelocity(self._die, velocity, damped, **self._client)
 
-    def turn(self) -> Floats:
+    def turn(self) -> np.ndarray:
         """Axes of the die in the world, as columns (3, 3)."""
         _, quaternion = self._bullet.getBasePositionAndOrientation(self._die, **self._client)
         return _axes(quaternion)
 
-    def state(self) -> tuple[Floats, float, float]:
+    def state(self) -> tuple[np.ndarray, float, float]:
         """Direction down (3,) in the frame of the die, energy as a height, and speed.
 
         The speed combines the velocity of the center with the velocity of the surface.
@@ -205,7 +202,7 @@ class _Scene:
         return -axes[2], energy, math.sqrt(squared + float(spin @ spin))
 
 
-def _axes(turn: Any) -> Floats:
+def _axes(turn: Any) -> np.ndarray:
     """Rotation matrix (3, 3) of a quaternion x, y, z, w."""
     return np.asarray(Rotation.from_quat(turn).as_matrix())
 

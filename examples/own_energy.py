@@ -33,7 +33,10 @@ START = prism(3)
 
 
 def run_paper(weight: float) -> None:
-    """Run the paper's method; in a recipe: method: {paper: {weights: {firm_rests: 0.3}}}."""
+    """Run the paper's method; in a recipe: method: {paper: {weights: {firm_rests: 0.3}}}.
+
+    `finish="none"`, as the exact finish drops the energy terms.
+    """
     weights = PaperWeights(firm_rests=weight)
     die = solve_paper(START, TARGET, PaperOptions(weights=weights, finish="none"))
     print(
@@ -43,7 +46,11 @@ def run_paper(weight: float) -> None:
 
 
 def run_adam(weight: float) -> None:
-    """Run any optimizer: autograd differentiates the energy with respect to the vertices."""
+    """Run any optimizer: autograd differentiates the energy with respect to the vertices.
+
+    `EnergyWeights` are in the unit of eq. 12. A weight of a recipe or of `PaperWeights` is
+    (4 pi)^2, about 158, times as large: 0.3 there is 0.002 here.
+    """
     vertices = torch.tensor(START.points, requires_grad=True)
     weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
     adam = torch.optim.Adam([vertices], lr=8e-3)

@@ -188,7 +188,7 @@ def table_format(path: Path | None) -> TableFormat:
     if ending not in _FORMATS:
         raise InputError(
             f"--out: expected the path of a table that ends in {' or '.join(_FORMATS)}, got "
-            f"{path}; a folder needs one, such as --out rests.csv"
+            f"{path or 'none'}; a folder needs one, such as --out rests.csv"
         )
     if ending == ".parquet":
         try:

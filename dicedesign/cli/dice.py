@@ -186,8 +186,8 @@ def _print_result(result: Result) -> None:
         print(
             f"displacement: mean {100.0 * moved.mean:.3g} %, largest "
             f"{100.0 * moved.largest:.3g} % of the diagonal\n"
-            f"outcomes: {result.least_angle_deg:.3g} degrees apart or more, tipping over at "
-            f"{result.least_margin_deg:.3g} degrees or more"
+            f"least angle between outcomes: {result.least_angle_deg:.3g} degrees; least tilt that "
+            f"leaves an outcome: {result.least_margin_deg:.3g} degrees"
         )
     engraved = result.engraved
     if engraved is not None and engraved.max_abs_error is not None and result.thrown is None:

@@ -287,19 +287,19 @@ def print_tolerances(
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         answer = (
-            f"{ROLLS:,} rolls show nothing, however far each {what} is off: nearly all shapes of "
-            "this die have its probabilities."
+            f"{ROLLS:,} rolls reveal no print error, however far each {what} is off: nearly all "
+            "shapes of this die have its probabilities."
         )
     elif allowed == 0.0:
         answer = (
-            f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: a "
-            f"chi-square test at {level} finds more than {noticed} of perfect prints."
+            f"This die is not exact, however well it is printed: after {ROLLS:,} rolls a "
+            f"chi-square test at {level} rejects more than {noticed} of perfect prints."
         )
     else:
         answer = (
-            f"Printed to within ±{allowed:.2g} mm (standard deviation of each {what}), {ROLLS:,} "
-            f"rolls show nothing: a chi-square test at {level} finds {noticed} of such prints, and "
-            f"{level} of perfect ones."
+            f"Print errors of ±{allowed:.2g} mm (standard deviation of each {what}): after "
+            f"{ROLLS:,} rolls a chi-square test at {level} rejects {noticed} of such prints "
+            f"({level} of perfect dice)."
         )
     return PrintTolerances(
         answer=answer,

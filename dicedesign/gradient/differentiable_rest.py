@@ -209,13 +209,13 @@ def differentiable_rest(
     """Rests of the convex hull of points, differentiable in the points and the center of mass.
 
     Autograd and the transforms of `torch.func` differentiate it, forward and backward and more than
-    once. If `torch.func.vmap` maps over bodies with different numbers of rests, a body has zeros in
-    the rows it does not need.
+    once. Under `torch.func.vmap`, zeros pad bodies with fewer rests than the others. The most
+    probable rest is first, so a row may change its facet during a descent: match rests by normal.
 
     Parameters
     ----------
     vertices: (n, 3) float32 or float64 tensor, any length unit; points inside the hull have zero
-        gradient. All is computed in float64 on the CPU; results have the type and device of the
+        gradient. All is computed in float64 on the CPU; results have the dtype and device of the
         vertices. float32 points count as rounded, see `convex_hull`.
     center_of_mass: (3,) tensor, strictly inside the hull, or None for that of the uniform solid
         hull, which moves with the vertices.
@@ -271,8 +271,8 @@ def differentiable_rest_batch(
 
     Returns
     -------
-    normals: (b, k, 3) for the k rests of the body with most. A body with fewer has zeros in the
-        other rows.
+    normals: (b, k, 3), most probable first, for the k rests of the body with most. Zeros pad
+        bodies with fewer rests.
     probabilities: (b, k), 0 in those rows and nowhere else.
 
     Raises

@@ -285,7 +285,7 @@ def evaluate_rests(
     hull_of: HullMaker | None = None,
     offset: Floats | None = None,
 ) -> RestEvaluation:
-    """Hull and rests of points, computed in float64 on the CPU.
+    """Hull and rests of points, computed in float64 on the CPU. Rests are in the order of facets.
 
     Parameters
     ----------

@@ -196,8 +196,9 @@ probabilities (eq. 12)."""
 
 
 class PaperWeights(EnergyWeights):
-    """Weights relative to a dice energy in solid angles, `sum_i (A_i - 4 pi q_i)^2`, like published
-    weights; see `TERMS` for the terms.
+    """Weights of recipes and of the paper, relative to a dice energy in solid angles,
+    `sum_i (A_i - 4 pi q_i)^2`; see `TERMS` for the terms. `of_probabilities` has them in the unit
+    of eq. 12.
 
     With the defaults, every published target is reached from most starts; "apart" is not in the
     paper. Raises InputError for a number out of range.
@@ -239,8 +240,8 @@ class PaperOptions:
         continues from the best for as many, at most 300.
     perturbation: standard deviation of the seeded noise on the vertices of the start, whose half
         extent is 1; from 0 on and below 1.
-    finish: "exact" replaces each outcome's facets by one and continues with the exact method;
-        "none" ends as in the paper.
+    finish: "exact" replaces each outcome's facets by one and continues with the exact method, where
+        the terms no longer act; "none" ends as in the paper.
     tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1; None for 1e-12 with
         an exact finish and 2e-2 without.
     prefer: weights of secondary objectives after an exact finish; see `ExactOptions`. Robustness

@@ -74,7 +74,7 @@ class ClusteredRests:
     ----------
     rests: hull and rests; tensors are functions of its `vertices` (n, 3), such as
         `rests.center` (3,), `rests.probabilities` (r,), `rests.rest_normals` (r, 3),
-        `rests.facet_depths` (m,) and `rests.facet_normals(facets)`.
+        `rests.facet_depths` (m,), `rests.facet_areas` (m,) and `rests.facet_normals(facets)`.
     clusters: which outcome each rest counts for, and the outcomes' directions.
     target: (k,) target probabilities of the outcomes.
     """
@@ -122,8 +122,10 @@ class TermOption(Number):
 class Term(Extension):
     """One term of the energy.
 
-    Attributes ---------- evaluate: the term without its weight, as a scalar tensor that is
-        differentiable in the vertices, from the current shape and all weights and options, such as
+    Attributes
+    ----------
+    evaluate: the term without its weight, as a scalar tensor that is differentiable in the
+        vertices, from the current shape and all weights and options, such as
         `weights.neighbor_radius`.
     value_and_gradient: faster alternative for a term of the depths of facets
         (`RestEvaluation.depths`) or of the unit normals of rests: its value and its derivatives in
@@ -378,6 +380,9 @@ TERMS: Final = Registry(
 class EnergyWeights(Numbers):
     """Weights of the terms (eq. 16) and their other options; see `TERMS`. A term of weight 0 is not
     evaluated.
+
+    Weights are relative to the dice energy in probabilities, `sum_i (p_i - q_i)^2` (eq. 12). A
+    weight of a recipe or of `PaperWeights` is (4 pi)^2, about 158, times as large.
 
     Raises InputError for a number out of range.
     """

@@ -24,8 +24,9 @@ class Die:
     """Designed die, and the assessment of its file.
 
     Lengths are in millimeters, with the center of mass at the origin. Probabilities are without
-    momentum, in the order of the labels: here of the plain solid in double precision, in `file` of
-    its file, and in `result.engraved` of the solid with labels.
+    momentum, in the order of the labels: `probabilities` describes the plain solid in double
+    precision, `file.probabilities` its STL file, and `result.engraved.probabilities` the STL file
+    with labels. `result.facets` has the outcome, normal and area of each resting facet.
     """
 
     def __init__(self, plain: Work) -> None:
@@ -211,7 +212,8 @@ def design(
     ------
     InputError: an argument is invalid, the start does not suit the target, or a label does not fit
         a die that converged. A die that did not converge is returned, see `Die.status`.
-    NoStartError: no shape has a rest for each outcome.
+    NoStartError: the start has rests that are no outcome, or lacks one; or a search finds no shape
+        with one rest for each outcome and no other. Not with the methods "paper" and "concave".
     """
     given: dict[str, Any] = {
         "name": "die",

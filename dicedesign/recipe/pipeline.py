@@ -173,15 +173,17 @@ class Work:
         thrown = self.recipe.method.is_thrown
         subject = "By the momentum model the die" if thrown else "The file"
         error = self.design_error if thrown else self.final.max_abs_error
-        # In percent, rounded up to one digit, without an exponent.
-        percent = Context(prec=1, rounding=ROUND_CEILING).create_decimal(100.0 * error)
+        # Rounded up to two digits, without an exponent.
+        rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(100.0 * error)
+        off = f"{rounded.normalize():f} percentage points"
+        has = "nearly has" if error > NEARLY else "has"
         flaw, _, _ = self.status.value.partition(";")
         if self.status is Status.CONVERGED:
-            verdict = f"{subject} has your probabilities: off by at most {percent:f} %."
+            verdict = f"{subject} {has} your probabilities: off by at most {off}."
         elif error <= self.recipe.method.tolerance:
-            verdict = f"{subject} has your probabilities, but {flaw}."
+            verdict = f"{subject} {has} your probabilities, but {flaw}."
         else:
-            verdict = f"{subject} does not have your probabilities: off by up to {percent:f} %."
+            verdict = f"{subject} does not have your probabilities: off by up to {off}."
         return f"{verdict} ({self.status.name.lower()}: {'; '.join(self.remarks)})"
 
     def fail(self, status: Status) -> None:
@@ -267,6 +269,9 @@ class Stage(Extension):
     wanted: Callable[[Work], bool] = lambda work: True
     after: str | None = None
 
+
+NEARLY: Final = 1e-3
+"""Largest |p - q| at which the verdict says "has your probabilities", not "nearly has"."""
 
 METHODS: Final = {
     "exact": "dicedesign.recipe.convex:design_exact",

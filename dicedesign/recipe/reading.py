@@ -214,7 +214,7 @@ def _explain(error: ValidationError) -> str:
 
 
 def _hint(key: str) -> str:
-    """Suggest a known key for an unknown dotted key."""
+    """Suggest what to do about an unknown dotted key."""
     parent, _, name = key.rpartition(".")
     schema = Recipe.model_json_schema()
     places: dict[str, list[str]] = {}
@@ -227,6 +227,8 @@ def _hint(key: str) -> str:
         return f"it belongs at {' or '.join(places[name])}"
     if close := difflib.get_close_matches(name, list(places), n=1):
         return f"did you mean {' or '.join(places[close[0]])}?"
+    if parent.rpartition(".")[2] in ("start", "weights", "prefer"):
+        return "remove it, or register or install the extension that adds it"
     return "remove it"
 
 

@@ -63,7 +63,9 @@ class Step:
     Attributes
     ----------
     step: number of the step; 0 is the start. seconds: time since the start; None without a clock.
-    energy: minimized energy; terms: its weighted terms, by name.
+    energy: minimized energy; terms: its terms by name, each times its weight. For convex dice they
+        are in the unit of eq. 12, so weights of a recipe are divided by (4 pi)^2 first. The exact
+        method has "dice", and "preferences" while it improves the die.
     max_abs_error: largest |p - q|, or None if unknown.
     stage, attempt: of a concave die: "hull", "fill" or "balance", each with its own energy, and the
         number of the attempt.

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Final, Generic, TypeVar
 from dicedesign.errors import InputError
 
 STRICT: Final = {"extra": "forbid", "strict": True}
-"""Class attribute `__pydantic_config__` of every option dataclass: recipes with unknown keys or
-wrong types are refused. It is the only use of pydantic in those classes."""
+"""Value of the class attribute `__pydantic_config__` of an option dataclass: recipes with unknown
+keys or wrong types are refused."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,14 @@ class Registry(Generic[Kind]):
     group: str
     _entries: dict[str, Kind] | None = field(default=None, init=False)
 
-    def register(self, entry: Kind) -> Kind:
-        """Add an extension in this process and return it. Raises InputError if its name is taken or
-        its class is wrong."""
-        return self._add(self._read(), entry)
+    def register(self, entry: Kind, *, replace: bool = False) -> Kind:
+        """Add an extension in this process and return it.
+
+        replace: whether it replaces an extension with its name, as when a notebook cell runs again.
+
+        Raises InputError if its name is taken and `replace` is false, or its class is wrong.
+        """
+        return self._add(self._read(), entry, replace)
 
     def unregister(self, name: str) -> None:
         """Remove an extension. Raises InputError if it does not exist."""
@@ -101,16 +105,16 @@ class Registry(Generic[Kind]):
         self._entries = entries
         return entries
 
-    def _add(self, entries: dict[str, Kind], entry: Kind) -> Kind:
+    def _add(self, entries: dict[str, Kind], entry: Kind, replace: bool = False) -> Kind:
         if not isinstance(entry, self.entry_type):
             raise InputError(
                 f"{self.kind}: expected a {self.entry_type.__name__}, got {entry!r}; register "
                 "it with the others of its kind"
             )
-        if entries.get(entry.name, entry) != entry:
+        if not replace and entries.get(entry.name, entry) != entry:
             raise InputError(
                 f"{self.kind} {entry.name!r}: expected a name of its own, got one in use; "
-                "choose another"
+                "choose another, or register it with replace=True"
             )
         entries[entry.name] = entry
         return entry

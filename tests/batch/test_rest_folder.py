@@ -138,7 +138,7 @@ def test_a_table_has_one_set_of_options(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "--out: expected the path of a table that ends in .csv or .parquet, got None"),
+        ([], "--out: expected the path of a table that ends in .csv or .parquet, got none; a"),
         (["--out", "t.xlsx"], "--out: expected the path of a table that ends in .csv or .parquet,"),
         (
             ["--out", "t.csv", "--coplanar-tolerance", "nan"],

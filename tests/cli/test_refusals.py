@@ -322,7 +322,10 @@ def test_wrong_values_are_refused_by_their_key(
 
 @pytest.mark.parametrize("command", cli_commands.COMMANDS)
 def test_help_fits_a_screen_and_its_example_is_valid(
-    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
     monkeypatch.setenv("COLUMNS", "90")
     with pytest.raises(SystemExit):
@@ -332,6 +335,13 @@ def test_help_fits_a_screen_and_its_example_is_valid(
     program, *words = shlex.split(" ".join(lines).rpartition("Example: ")[2])
     assert program == "dicedesign"
     assert make_parser(command).parse_args(words).command == command
+    if command in ("rest", "drop", "pose", "scatter", "figure"):
+        monkeypatch.chdir(tmp_path)
+        box = trimesh.creation.box((1.0, 2.0, 3.0))
+        Path("meshes").mkdir()
+        for name in ("die.stl", "bunny.obj", "meshes/box.stl"):
+            box.export(name)
+        assert main(words) == 0
 
 
 @pytest.mark.parametrize(

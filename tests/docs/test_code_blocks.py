@@ -4,6 +4,7 @@ of the README's first command."""
 from __future__ import annotations
 
 import argparse
+import re
 import shlex
 import shutil
 from importlib.util import find_spec
@@ -79,6 +80,13 @@ def test_commands_examples_and_code_run(tmp_path: Path) -> None:
     printed = run_parts(parts, tmp_path)
     assert list(printed) == list(parts)
     assert {name for name, text in printed.items() if not text} == set()
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.stem)
+def test_examples_import_public_modules(path: Path) -> None:
+    modules = set(re.findall(r"^\s*(?:from|import) (dicedesign[\w.]*)", path.read_text(), re.M))
+    names = ("compat", "energies", "extensions", "methods", "starts")
+    assert modules <= {"dicedesign", *(f"dicedesign.{name}" for name in names)}
 
 
 @pytest.mark.parametrize("line", [line for line in TYPED if line.startswith(PROGRAMS)])

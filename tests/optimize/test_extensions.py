@@ -42,11 +42,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dicedesign.optimize.terms import TERMS, Term, TermOption
-from dicedesign.optimize.preferences import PREFERENCES, Preference
-from dicedesign.optimize.starts.start import STARTS, StartKind, normalize_start
-from dicedesign.runtime.registry import STRICT
-from dicedesign.throws.engines import ENGINES, Engine
+from dicedesign.extensions import ENGINES, PREFERENCES, STARTS, STRICT, TERMS
+from dicedesign.extensions import Engine, Preference, StartKind, Term, TermOption
+from dicedesign.starts import normalize_start
 
 TERMS.register(
     Term(
@@ -133,7 +131,10 @@ def descent(**weights: float) -> dict[str, object]:
 def test_unregistered_extensions_are_unknown(tmp_path: Path) -> None:
     for entries, text in (
         ({"start": {"wedge": {}}}, "start.wedge: unknown key"),
-        ({"start": {"prism": {}}, "method": descent(low_peaks=1.0)}, "low_peaks: unknown key"),
+        (
+            {"start": {"prism": {}}, "method": descent(low_peaks=1.0)},
+            "low_peaks: unknown key; remove it, or register or install the extension that adds it",
+        ),
         ({"method": {"exact": {"prefer": {"flat": 1}}}}, "method.exact.prefer.flat: unknown key"),
         (
             {"method": {"exact": {"probabilities": "thrown", "refine": {"engine": "set_down"}}}},

@@ -48,6 +48,8 @@ def test_a_registered_extension_is_like_the_others(toys: Registry[Extension]) ->
     top = toys.register(Extension(name="top", line="It spins."))
     assert toys.names == ("kite", "ball", "top")
     assert toys.register(top) is toys["top"]
+    faster = Extension(name="top", line="It spins faster.")
+    assert toys.register(faster, replace=True) is toys["top"] is faster
     toys.unregister("top")
     assert "top" not in toys
 

@@ -301,13 +301,14 @@ class ExactSearch:
         self.log.record(terms, candidate.error(self.target), candidate)
 
     def _no_start(self) -> NoStartError:
-        first = "none"
+        first, remedy = "got none", "take another start"
         if self.first is not None:
             center = self.maker.center_of_mass
             with suppress(DiceError):
                 poses = rest_poses(self.first.points, "hull" if center is None else center)
-                first = f"{len(poses.normals)} rests at first"
-        remedy = "take another start"
+                first = f"but the start has {len(poses.normals)} rests"
+                if len(poses.normals) > len(self.target):
+                    remedy = "remove the extra rests, use method: paper, or take another start"
         if self.is_spent():
             limit = "seconds" if self.is_out_of_time() else "evaluations"
             remedy = f"allow more with method.exact.{limit}"
@@ -315,7 +316,7 @@ class ExactSearch:
             remedy += ", or take a smaller symmetry or none"
         return NoStartError(
             f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
-            f"and no other, got {first}; {remedy}"
+            f"and no other, {first}; {remedy}"
         )
 
 

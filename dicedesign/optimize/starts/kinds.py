@@ -203,8 +203,8 @@ REPULSION: Final = StartKind(
 
 MESH: Final = StartKind(
     name="mesh",
-    line="the convex hull of a mesh file, its most probable rests for the outcomes; or its "
-    "surface, with method concave",
+    line="the convex hull of a mesh file, with outcomes on its most probable rests; "
+    "`method: concave` uses the surface itself",
     options=MeshOptions,
     make=_make_mesh,
     surface=_mesh_surface,

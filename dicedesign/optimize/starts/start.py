@@ -48,7 +48,11 @@ class Start:
 
 
 def normalize_start(points: Floats, directions: Floats, notes: tuple[str, ...] = ()) -> Start:
-    """Start in normalized coordinates, from points (n, 3) and unit directions (k, 3)."""
+    """`Start` of half extent 1, from points (n, 3) in any unit and directions (k, 3).
+
+    directions: outward unit normals of the facets with outcomes, in the order of an assignment.
+    notes: repairs and assumptions, one sentence each.
+    """
     origin = (points.min(axis=0) + points.max(axis=0)) / 2.0
     centered = points - origin
     scale = float(np.abs(centered).max())
@@ -93,10 +97,12 @@ class StartKind(Extension):
 
     Attributes
     ----------
-    options: type of its options in recipes: a dataclass with `STRICT`, or a choice of texts.
+    options: type of its options in recipes: a dataclass with `__pydantic_config__ = STRICT`, or a
+        choice of texts.
     check: raises ValueError, naming the key, if a shape with these options cannot have a number of
         outcomes.
-    make: makes the shape from options and a task; None if there is no single shape.
+    make: returns the `Start` for options and a task, most easily by `normalize_start`; None if
+        there is no single shape.
     search: yields shapes with one rest for each outcome and no other, without end, from options,
         target probabilities (k,), a point group (g, 3, 3) or None, and a seed. It yields None for a
         turn without a shape. None if shapes are not searched.
