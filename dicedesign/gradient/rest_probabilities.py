@@ -247,7 +247,11 @@ class RestEvaluation:
     @property
     def depths(self) -> Floats:
         """(m,) facet depths as numbers."""
-        return self.facet_depths.detach().numpy()
+        hull, center = self.hull, self.equilibria.center_of_mass
+        depths = kernels.facet_depths(hull, center)
+        if depths is not kernels.UNDECIDED:
+            return depths
+        return facet_depths(hull, *map(torch.from_numpy, (hull.vertices, center))).numpy()
 
     @property
     def facets(self) -> Integers:

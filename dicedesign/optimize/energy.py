@@ -99,14 +99,14 @@ class Energy:
     @cached_property
     def _parts(self) -> dict[str, tuple[float, Tensor | Floats | None]]:
         """Value of each weighted term by name, and the source of its gradient: a tensor,
-        derivatives in depths or normals (`Term.value_and_gradient`), or None for the kernels."""
+        derivatives in depths or normals (`Term.value_and_slopes`), or None for the kernels."""
         together = None if self._compiled is None else self._compiled.values()
         parts: dict[str, tuple[float, Tensor | Floats | None]] = {}
         for term, weight in self.weights.active:
             if together is not None and term.name in COMPILED:
                 parts[term.name] = weight * together[COMPILED.index(term.name)], None
-            elif together is not None and term.value_and_gradient is not None:
-                value, slopes = term.value_and_gradient(self.state, self.weights)
+            elif together is not None and term.value_and_slopes is not None:
+                value, slopes = term.value_and_slopes(self.state, self.weights)
                 parts[term.name] = weight * value, weight * slopes
             else:
                 tensor = _tensor(term, weight, self.state, self.weights)
@@ -249,6 +249,10 @@ class Evaluation:
         if not self.objective.weights.single_rests:
             return empty
         return empty + len(self.clusters.of_rest) - (outcomes - empty)
+
+    def weighted(self, weights: EnergyWeights) -> Evaluation:
+        """Evaluation of the same shape with other weights."""
+        return replace(self, objective=replace(self.objective, weights=weights))
 
     def refresh(self) -> Evaluation:
         """Evaluation with the direction of each outcome moved to the mean normal of its rests."""

@@ -213,6 +213,8 @@ class PaperWeights(EnergyWeights):
         "neighbor_radius": 0.1,
         "stability": 0.0,
         "apart": 0.15,
+        "hold": 0.5,
+        "clear": 0.1,
     }
 
     @property
@@ -231,13 +233,13 @@ class PaperOptions:
 
     Attributes
     ----------
-    weights: fixed weights of the terms beside the dice energy, in the paper's unit
-        (`PaperWeights`).
+    weights: weights of the terms beside the dice energy, in the paper's unit (`PaperWeights`).
+        They are fixed with a line search; with momentum, the terms beside the dice energy fade.
     sobolev: preconditioning of the gradient, or None.
-    step: "momentum", with steps of decreasing length that cross jumps of the energy; or
-        "line_search", the paper's, which stops at a jump.
-    steps: most steps, at least 0, rejected ones included with momentum; then a line search
-        continues from the best for as many, at most 300.
+    step: "momentum", with steps of decreasing length that cross jumps of the energy, a line search
+        from the best of them, and new tries from there; or "line_search", the paper's, which stops
+        at a jump and ignores the terms "hold" and "clear".
+    steps: limit on the steps of the first try, rejected ones included with momentum, at least 0.
     perturbation: standard deviation of the seeded noise on the vertices of the start, whose half
         extent is 1; from 0 on and below 1.
     finish: "exact" replaces each outcome's facets by one and continues with the exact method, where
@@ -253,7 +255,7 @@ class PaperOptions:
     weights: PaperWeights = field(default_factory=PaperWeights)
     sobolev: SobolevOptions | None = None
     step: Literal["momentum", "line_search"] = "momentum"
-    steps: int = 600
+    steps: int = 900
     perturbation: float = 1e-3
     finish: Literal["exact", "none"] = "exact"
     tolerance: float | None = None
@@ -263,7 +265,7 @@ class PaperOptions:
         require_choice("step", self.step, "momentum", "line_search")
         require_choice("finish", self.finish, "exact", "none")
         if self.steps < 0:
-            raise refuse("steps", "a whole number not below 0", self.steps, "600")
+            raise refuse("steps", "a whole number not below 0", self.steps, "900")
         if not 0.0 <= self.perturbation < 1.0:
             raise refuse("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
         if self.tolerance is not None and not FINEST_TOLERANCE <= self.tolerance < 1.0:

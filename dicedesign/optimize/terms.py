@@ -1,5 +1,5 @@
-"""Terms of the energy that a descent minimizes, and their weights: the terms of the paper, one that
-keeps facets stable or unstable by a margin, and one that keeps outcomes apart.
+"""Terms of the energy that a descent minimizes, and their weights: the terms of the paper, terms
+that keep facets stable or unstable by a margin, and one that keeps outcomes apart.
 
 Rests are clustered to outcomes by direction (section 3.2). An outcome without a rest, or without a
 facet, always has a cost: the dice energy misses its whole target, and the barycenter, neighbor and
@@ -109,7 +109,7 @@ class ClusteredRests:
         return self.rests.maxima
 
 
-ValueAndGradient: TypeAlias = "Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]]"
+ValueAndSlopes: TypeAlias = "Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]]"
 """See `Term`."""
 
 
@@ -127,16 +127,16 @@ class Term(Extension):
     evaluate: the term without its weight, as a scalar tensor that is differentiable in the
         vertices, from the current shape and all weights and options, such as
         `weights.neighbor_radius`.
-    value_and_gradient: faster alternative for a term of the depths of facets
+    value_and_slopes: faster alternative for a term of the depths of facets
         (`RestEvaluation.depths`) or of the unit normals of rests: its value and its derivatives in
-        the depths (m,) or normals (r, 3), as numbers.
+        the depths (m,) or normals (r, 3), as numbers. Kernels do the rest of the chain rule.
     weight: default weight in recipes; None for a term that always has weight 1.
     options: other options in recipes, with names that no other term uses.
     single_rests: whether steps are refused that give an outcome a second rest.
     """
 
     evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
-    value_and_gradient: ValueAndGradient | None = None
+    value_and_slopes: ValueAndSlopes | None = None
     weight: float | None = 0.0
     options: tuple[TermOption, ...] = ()
     single_rests: bool = False
@@ -210,22 +210,6 @@ def neighbor_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     return (offset**2).sum() + alone * radius**2
 
 
-def differentiable(
-    value_and_gradient: ValueAndGradient,
-) -> Callable[[ClusteredRests, EnergyWeights], Tensor]:
-    """Make `Term.evaluate` from `Term.value_and_gradient`."""
-
-    def evaluate(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-        import torch
-
-        value, gradient = value_and_gradient(state, weights)
-        rests = state.rests
-        varying = rests.facet_depths if gradient.ndim == 1 else rests.rest_normals
-        return value + (torch.as_tensor(gradient) * (varying - varying.detach())).sum()
-
-    return evaluate
-
-
 def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integers:
     """Assign distinct facets (k,), with normals (m, 3), to the outcomes of directions (k, 3).
 
@@ -243,56 +227,164 @@ def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integ
     return np.asarray(linear_sum_assignment(-gain)[1], dtype=np.int64)
 
 
-def stability_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
-    """Energy that keeps one facet for each outcome stable and all others unstable by a margin, and
-    its derivatives (m,) in the depths of the facets.
+def stability_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """Energy that keeps one facet for each outcome stable and all others unstable by a margin.
 
     A facet of depth s (`RestEvaluation.facet_depths`) costs `max(0, 1 - s / margin)^2` with an
     outcome, and `max(0, 1 + s / margin)^2` without. An outcome without a facet costs the most.
     Probabilities jump where a depth crosses zero; this barrier lets a smooth method move along the
     jump. Not in the paper.
     """
-    normals, directions = state.hull.normals, state.clusters.directions
-    depths, margin = state.rests.depths, weights.stability_margin
-    wanted = outcome_facets(normals, directions, depths)
-    signs = np.full(len(normals), -1.0)
+    import torch
+
+    signs, constant = _stability_signs(state, weights)
+    depths = state.rests.facet_depths / weights.stability_margin
+    return ((1.0 - torch.as_tensor(signs) * depths).clamp_min(0.0) ** 2).sum() + constant
+
+
+def stability_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
+    """Value and derivatives (m,) of the stability energy in the depths of the facets."""
+    signs, constant = _stability_signs(state, weights)
+    lack = np.maximum(1.0 - signs * state.rests.depths / weights.stability_margin, 0.0)
+    return float(lack @ lack) + constant, -2.0 / weights.stability_margin * signs * lack
+
+
+def _stability_signs(state: ClusteredRests, weights: EnergyWeights) -> tuple[Floats, float]:
+    """(m,) 1 for facets with an outcome, else -1; and the cost of outcomes without a facet."""
+    directions = state.clusters.directions
+    wanted = outcome_facets(state.hull.normals, directions, state.rests.depths)
+    signs = np.full(len(state.hull.normals), -1.0)
     signs[wanted] = 1.0
-    lacking = np.maximum(1.0 - signs * depths / margin, 0.0)
-    least = (len(directions) - len(wanted)) * (1.0 + 1.0 / margin) ** 2
-    return float(lacking @ lacking) + least, -2.0 / margin * signs * lacking
+    return signs, (len(directions) - len(wanted)) * (1.0 + 1.0 / weights.stability_margin) ** 2
 
 
 CLOSEST: Final = 1e-6
 """Squared distance of two directions below which the energy is constant, so that it is finite."""
 
 
-def apart_energy(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
-    """Energy that keeps the mean normals m_i of outcomes a chord length d = `apart_distance` apart,
-    and its derivatives (r, 3) in the unit normals of the rests.
+def apart_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """Energy that keeps the mean normals m_i of outcomes a chord length d = `apart_distance` apart.
 
     Each pair costs `-(1 - x)^2 ln x` for `x = |m_i - m_j|^2 / d^2` below 1. The value and two
     derivatives vanish at x = 1; below a distance of 1e-3 the energy is constant. Not in the paper,
     whose energy allows two outcomes to become one facet.
     """
-    clusters, reach = state.clusters, weights.apart_distance**2
-    normals = state.hull.normals[state.rests.paths.rests]
-    means, lengths = clusters.means(normals)
-    first, second = np.triu_indices(len(means), 1)
+    import torch
+
+    means, lengths, first, second = _near_means(state, weights)
+    # An empty cluster keeps its direction.
+    fixed = torch.as_tensor(np.where(lengths > 0.0, 0.0, means))
+    of_rest = torch.as_tensor(state.clusters.of_rest)
+    sums = fixed.index_add(0, of_rest, state.rests.rest_normals)
+    unit = sums / torch.linalg.vector_norm(sums, dim=1, keepdim=True)
+    squared = ((unit[first] - unit[second]) ** 2).sum(1)
+    part = squared.clamp_min(CLOSEST) / weights.apart_distance**2
+    return -((1.0 - part) ** 2 * part.log()).sum()
+
+
+def apart_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
+    """Value and derivatives (r, 3) of the apart energy in the unit normals of the rests."""
+    means, lengths, first, second = _near_means(state, weights)
+    reach, of_rest = weights.apart_distance**2, state.clusters.of_rest
     offset = means[first] - means[second]
     squared = (offset * offset).sum(1)
-    near = squared < reach
-    first, second, squared = first[near], second[near], squared[near]
     part = np.maximum(squared, CLOSEST) / reach
     value = float((-((1.0 - part) ** 2) * np.log(part)).sum())
     steepness = 2.0 * (1.0 - part) * np.log(part) - (1.0 - part) ** 2 / part
     steepness = np.where(squared > CLOSEST, steepness, 0.0) / reach
-    pull = (2.0 * steepness)[:, None] * offset[near]
+    pull = (2.0 * steepness)[:, None] * offset
     by_mean = np.zeros_like(means)
     np.add.at(by_mean, first, pull)
     np.add.at(by_mean, second, -pull)
     # Derivative of the normalization of each cluster's sum of normals.
     across = by_mean - means * (by_mean * means).sum(1)[:, None]
-    return value, (across / np.where(lengths > 0.0, lengths, 1.0))[clusters.of_rest]
+    return value, (across / np.where(lengths > 0.0, lengths, 1.0))[of_rest]
+
+
+def _near_means(
+    state: ClusteredRests, weights: EnergyWeights
+) -> tuple[Floats, Floats, Integers, Integers]:
+    """Mean normals (k, 3) of the outcomes, the lengths (k, 1) of their sums, and the pairs of
+    outcomes within `apart_distance`."""
+    means, lengths = state.clusters.means(state.hull.normals[state.rests.facets])
+    first, second = np.triu_indices(len(means), 1)
+    near = ((means[first] - means[second]) ** 2).sum(1) < weights.apart_distance**2
+    return means, lengths, first[near], second[near]
+
+
+def bearing_facets(state: ClusteredRests) -> Integers:
+    """(b,) facets that bear the outcomes, at most one for each: the deepest rest of its cluster.
+
+    For an outcome without a rest it is, of the unstable facets nearer to its direction than to any
+    other, the one with the largest sum of cosine and depth, if there is any.
+    """
+    normals, directions, depths = state.hull.normals, state.clusters.directions, state.rests.depths
+    rests, of_rest = state.rests.facets, state.clusters.of_rest
+    bearing = np.full(len(directions), -1)
+    deepest_last = np.argsort(depths[rests])
+    bearing[of_rest[deepest_last]] = rests[deepest_last]
+    for outcome in np.flatnonzero(bearing < 0):
+        cosines = normals @ directions.T
+        is_candidate = np.argmax(cosines, axis=1) == outcome
+        is_candidate[rests] = False
+        candidates = np.flatnonzero(is_candidate)
+        if len(candidates) > 0:
+            worth = cosines[candidates, outcome] + np.clip(depths[candidates], -1.0, 1.0)
+            bearing[outcome] = candidates[np.argmax(worth)]
+    return bearing[bearing >= 0]
+
+
+LINEAR_FROM: Final = 2.0
+"""Lack of depth, in units of the margin, from which the hold energy grows linearly."""
+
+
+def hold_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """Energy that holds the facet of each outcome stable by a margin.
+
+    A facet of depth s costs x^2 for x = `max(0, 1 - s / hold_margin)`, and 4 x - 4 beyond x = 2.
+    The dice energy does not see an outcome about to lose its last rest, whose basin still has an
+    area; this barrier turns the descent in time. Not in the paper.
+    """
+    depths = state.rests.facet_depths[bearing_facets(state)]
+    lack = (1.0 - depths / weights.hold_margin).clamp_min(0.0)
+    near = lack.clamp_max(LINEAR_FROM)
+    return (near * (2.0 * lack - near)).sum()
+
+
+def hold_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
+    """Value and derivatives (m,) of the hold energy in the depths of the facets."""
+    depths, bearing = state.rests.depths, bearing_facets(state)
+    lack = np.maximum(1.0 - depths[bearing] / weights.hold_margin, 0.0)
+    near = np.minimum(lack, LINEAR_FROM)
+    slopes = np.zeros(len(depths))
+    slopes[bearing] = -2.0 / weights.hold_margin * near
+    return float(near @ (2.0 * lack - near)), slopes
+
+
+def clear_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
+    """Energy that keeps facets without an outcome unstable by a margin: a facet of depth s costs
+    `max(0, 1 + s / clear_margin)^2`. Not in the paper."""
+    others = np.delete(np.arange(len(state.hull.normals)), bearing_facets(state))
+    excess = (1.0 + state.rests.facet_depths[others] / weights.clear_margin).clamp_min(0.0)
+    return (excess**2).sum()
+
+
+def clear_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
+    """Value and derivatives (m,) of the clear energy in the depths of the facets."""
+    excess = np.maximum(1.0 + state.rests.depths / weights.clear_margin, 0.0)
+    excess[bearing_facets(state)] = 0.0
+    return float(excess @ excess), 2.0 / weights.clear_margin * excess
+
+
+def _margin(name: str, default: float) -> TermOption:
+    return TermOption(
+        name=name,
+        default=default,
+        line="depth over the circumscribed radius up to which the term acts, above 0 and at most 1",
+        expected="a number above 0 and at most 1",
+        remedy=f"leave it out for {default:g}",
+        allows=lambda margin: 0.0 < margin <= 1.0,
+    )
 
 
 TERMS: Final = Registry(
@@ -339,20 +431,10 @@ TERMS: Final = Registry(
             line="keeps one facet for each outcome stable and all others unstable; 0 is the "
             "paper's energy",
             weight=0.1,
-            options=(
-                TermOption(
-                    name="stability_margin",
-                    default=0.05,
-                    line="distance of a facet from the edge of (in)stability, over the "
-                    "circumscribed radius, below which the term acts; above 0 and at most 1",
-                    expected="a fraction above 0 and at most 1",
-                    remedy="leave it out for 0.05",
-                    allows=lambda margin: 0.0 < margin <= 1.0,
-                ),
-            ),
+            options=(_margin("stability_margin", 0.05),),
             single_rests=True,
-            evaluate=differentiable(stability_energy),
-            value_and_gradient=stability_energy,
+            evaluate=stability_energy,
+            value_and_slopes=stability_slopes,
         ),
         Term(
             name="apart",
@@ -369,8 +451,24 @@ TERMS: Final = Registry(
                     allows=lambda distance: 0.01 <= distance <= 2.0,
                 ),
             ),
-            evaluate=differentiable(apart_energy),
-            value_and_gradient=apart_energy,
+            evaluate=apart_energy,
+            value_and_slopes=apart_slopes,
+        ),
+        Term(
+            name="hold",
+            line="holds the facet of each outcome stable; 0 is the paper's energy",
+            weight=0.0,
+            options=(_margin("hold_margin", 0.05),),
+            evaluate=hold_energy,
+            value_and_slopes=hold_slopes,
+        ),
+        Term(
+            name="clear",
+            line="keeps facets without an outcome unstable; 0 is the paper's energy",
+            weight=0.0,
+            options=(_margin("clear_margin", 0.03),),
+            evaluate=clear_energy,
+            value_and_slopes=clear_slopes,
         ),
     ),
     group="dicedesign.terms",

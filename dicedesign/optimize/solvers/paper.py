@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError, NoStartError
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.coordinates import FacetCoordinates, ShapeEvaluator, VertexCoordinates
 from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import ExactOptions, PaperOptions
@@ -34,8 +35,8 @@ from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 
-POLISH: Final = 300
-"""Limit on the steps of the line search after the steps with momentum."""
+MAX_LINE_SEARCH_STEPS: Final = 300
+"""Limit on the steps of a line search after steps with momentum."""
 
 STALL: Final = (60, 0.02)
 """A line search stalls when, of this number of steps, the second half lowers the energy by less
@@ -85,30 +86,89 @@ def solve_paper(
         evaluator.center_of_mass = classify(hull, center_of_mass).center_of_mass
     coordinates, parameters = VertexCoordinates.of(start.points, hull.centroid)
     weights = options.weights.of_probabilities
+    if options.step == "line_search":
+        weights = weights.replace(hold=0.0, clear=0.0)
     objective = Objective(coordinates, target, weights, evaluator)
     first = objective.first(parameters, start.directions, options.perturbation, seed)
-    result = _Descent(first, SobolevGradient(options.sobolev, drift), log).run(options)
+    descent = _Descent(first, SobolevGradient(options.sobolev, drift), log)
+    result = descent.run(options, seed)
     if options.finish == "none":
         return result
     log.on_shape = on_candidate
     return finish_exactly(result, target, options, evaluator.center_of_mass, log)
 
 
+FADES: Final = {
+    "barycenter": (0.4, 0.9, 0.0),
+    "neighbor": (0.4, 0.9, 0.0),
+    "hold": (0.4, 0.9, 0.2),
+    "hold_margin": (0.4, 0.9, 0.1),
+    "clear": (0.5, 1.0, 0.0),
+}
+"""For weights and options that fade: the parts of the steps with momentum at which they begin and
+cease to fall, along half a cosine, and the factor that remains."""
+
+FADE_STEPS: Final = 5
+"""Steps with momentum between two changes of the weights."""
+
+GOOD_ERROR: Final = 2e-3
+"""Largest |p - q| of a shape that is not improved any further."""
+
+GOOD_ANGLE: Final = np.radians(12.0)
+"""Least angle between two outcomes of such a shape."""
+
+MAX_HOPS: Final = 4
+"""Limit on the tries from the best shape so far, with noise on its vertices."""
+
+HOP_STEPS: Final = 4 / 9
+"""Steps with momentum of such a try, as a part of those of the first try."""
+
+HOP_NOISE: Final = 0.03
+"""Standard deviation of the noise of the first hop; the half extent of the start is 1."""
+
+HOP_GROWTH: Final = 1.6
+"""Factor on the noise from one hop to the next."""
+
+
+def fade_weights(weights: EnergyWeights, part: float) -> EnergyWeights:
+    """Weights after a part, 0 to 1, of the steps with momentum."""
+    faded = {}
+    for name, (first, last, end) in FADES.items():
+        progress = min(max((part - first) / (last - first), 0.0), 1.0)
+        faded[name] = getattr(weights, name) * float(
+            end + (1.0 - end) * 0.5 * (1.0 + np.cos(np.pi * progress))
+        )
+    return weights.replace(**faded)
+
+
+def assign_facets(evaluation: Evaluation) -> Evaluation:
+    """Give the outcomes distinct facets, whose normals become their directions: those with the
+    largest sum of cosines and depths, where rests have an advantage."""
+    # Imported late, as few descents use it.
+    from scipy.optimize import linear_sum_assignment
+
+    rests, directions = evaluation.rests, evaluation.directions.copy()
+    gain = directions @ rests.hull.normals.T + 0.5 * np.clip(rests.depths, -0.5, 0.5)
+    gain[:, rests.facets] += 0.5
+    outcomes, facets = linear_sum_assignment(-gain)
+    directions[outcomes] = rests.hull.normals[facets]
+    return replace(evaluation, directions=directions)
+
+
 class _Descent:
     """Loop over steps: direction, step, new hull, new directions of the outcomes."""
 
     def __init__(self, first: Evaluation, sobolev: SobolevGradient, log: StepLog) -> None:
-        self.sobolev, self.log = sobolev, log
+        self.sobolev, self.log, self.best = sobolev, log, first
+        self.weights = first.objective.weights
         self._record(first)
 
-    def run(self, options: PaperOptions) -> DesignResult:
-        """Take steps with momentum, if wanted, and a line search from the best of these."""
-        steps, polish = options.steps, options.step == "momentum"
-        if polish:
-            self._go_with_momentum(steps)
-        status = self._go_by_line_search(min(steps, POLISH) if polish else steps)
-        if polish and status is Status.STEP_LIMIT and steps >= POLISH:
-            # More steps would not help.
+    def run(self, options: PaperOptions, seed: int) -> DesignResult:
+        """Take steps of the wanted kind."""
+        if options.step == "line_search":
+            status = self._go_by_line_search(options.steps)
+        else:
+            self._go_with_tries(options, seed)
             status = Status.NO_PROGRESS
         current, evaluator = self.current, self.current.objective.evaluator
         if current.error <= options.effective_tolerance:
@@ -125,16 +185,52 @@ class _Descent:
             evaluator.hulls_reused,
         )
 
+    def _go_with_tries(self, options: PaperOptions, seed: int) -> None:
+        """Take steps with momentum and a line search from the best, and hop from there if need
+        be."""
+        random, steps = np.random.default_rng([seed, 1]), options.steps
+        self._go_with_momentum(steps)
+        self._improve_best(steps)
+        for hop in range(MAX_HOPS):
+            if self._is_good:
+                break
+            best, size = self.best, HOP_NOISE * HOP_GROWTH**hop
+            noise = size * random.normal(size=best.parameters.shape)
+            shaken = best.objective.attempt(best.parameters + noise, best.directions)
+            if shaken is not None:
+                self._record(shaken.refresh())
+                self._go_with_momentum(round(HOP_STEPS * steps))
+                self._improve_best(steps)
+
+    @property
+    def _is_good(self) -> bool:
+        best = self.best
+        angles = angle_between(best.directions[:, None], best.directions)
+        least = angles[np.triu_indices(len(angles), 1)].min(initial=np.pi)
+        return best.clusters.empty == 0 and best.error <= GOOD_ERROR and least >= GOOD_ANGLE
+
+    def _improve_best(self, steps: int) -> None:
+        """Go to the best evaluation, and on from there by a line search unless it is good."""
+        if not self._is_good:
+            self.current = self.best.weighted(fade_weights(self.weights, 1.0))
+            self._go_by_line_search(min(steps, MAX_LINE_SEARCH_STEPS))
+        if self.current is not self.best:
+            self._record(self.best)
+
     def _go_with_momentum(self, steps: int) -> None:
-        rule, best = Momentum(steps), self.current
-        while rule.evaluations < steps:
+        rule, number = Momentum(steps), 0
+        while number < steps and not self._is_good:
+            if number % FADE_STEPS == 0:
+                if self.current.clusters.empty > 0:
+                    assigned = assign_facets(self.current)
+                    if assigned.clusters.empty <= self.current.clusters.empty:
+                        self.current = assigned
+                self.current = self.current.weighted(fade_weights(self.weights, number / steps))
             following = rule.search(self.current, self._ascent())
             if following is None:
                 break
             self._record(following.refresh())
-            if self.current.value < best.value:
-                best = self.current
-        self._end(best)
+            number = rule.evaluations
 
     def _go_by_line_search(self, steps: int) -> Status:
         rule, best, energies = LineSearch(), self.current, [self.current.value]
@@ -162,20 +258,18 @@ class _Descent:
             if len(energies) >= window and min(earlier) - min(later) < part * min(earlier):
                 status = Status.NO_PROGRESS
                 break
-        self._end(best)
+        if self.current is not best:
+            self._record(best)
         return status
 
     def _ascent(self) -> Floats:
         return self.sobolev.of(self.current.gradient, self.current.rests.hull)
 
-    def _end(self, best: Evaluation) -> None:
-        """Return to the best evaluation."""
-        if self.current is not best:
-            self._record(best)
-
     def _record(self, current: Evaluation) -> None:
         """Continue from an evaluation, which is a step."""
         self.current = current
+        if (current.clusters.empty, current.error) < (self.best.clusters.empty, self.best.error):
+            self.best = current
         self.log.record(current.energy.terms, current.error, current)
 
 

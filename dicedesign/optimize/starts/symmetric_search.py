@@ -62,8 +62,10 @@ def symmetric_shapes_near(
     seed: random seed.
     helpers: least number of facets without an outcome.
 
-    Raises ------ InputError: equal probabilities do not fill whole orbits of the group; raised by
-    the call itself.
+    Raises
+    ------
+    InputError: equal probabilities do not fill whole orbits of the group; raised by the call
+        itself.
     """
     layouts, rng = OrbitLayouts(target, group), np.random.default_rng(seed)
     # A stretch along an axis that all elements keep or reverse keeps the symmetry.
