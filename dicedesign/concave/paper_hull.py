@@ -103,6 +103,7 @@ def descend_hull(
             sobolev=options.sobolev,
             step=options.step,
             steps=options.steps,
+            hops=0,
             perturbation=0.0,
             finish="none",
         ),

@@ -10,7 +10,8 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import wraps
+from typing import Any, Final, ParamSpec, TypeVar
 
 import numpy as np
 import torch
@@ -29,6 +30,24 @@ formula."""
 
 ONLY: Final = torch.zeros((), dtype=torch.int64)
 """Number of a single body."""
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def uncompiled(function: Callable[P, T]) -> Callable[P, T]:
+    """Make `torch.compile` call a function as it is, between two compiled parts: its integers are
+    found from numbers, which a compiled graph does not have."""
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        # The compiler is loaded only by programs that compile: it takes as long as all of torch.
+        if torch.compiler.is_compiling():
+            return torch.compiler.disable(function)(*args, **kwargs)
+        return function(*args, **kwargs)
+
+    return call
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,12 @@ from torch import Tensor
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
-from dicedesign.gradient.body_function import BodyFunction, double_tensor, take_constant
+from dicedesign.gradient.body_function import (
+    BodyFunction,
+    double_tensor,
+    take_constant,
+    uncompiled,
+)
 from dicedesign.gradient.probability_model import RESTING, ProbabilityModel, probability_model
 from dicedesign.gradient.rest_probabilities import RestEvaluation, hull_centroid
 from dicedesign.kernels import ops as kernels
@@ -199,6 +204,7 @@ class _RestedBodies:
         return tuple(by_inputs)
 
 
+@uncompiled
 def differentiable_rest(
     vertices: Tensor,
     center_of_mass: Tensor | None = None,
@@ -247,6 +253,7 @@ def differentiable_rest(
     return _find_rests(points, center, None, vertices, probability_model(table, prior))
 
 
+@uncompiled
 def differentiable_rest_batch(
     bodies: Tensor | Sequence[Tensor],
     centers_of_mass: Tensor | None = None,

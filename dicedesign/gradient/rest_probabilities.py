@@ -20,7 +20,12 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
 from dicedesign.geometry.sphere import foot_on_line
 from dicedesign.geometry.triangles import second_moments, stretch_matrix, volume_and_centroid
-from dicedesign.gradient.body_function import adjoint_function, double_tensor, take_constant
+from dicedesign.gradient.body_function import (
+    adjoint_function,
+    double_tensor,
+    take_constant,
+    uncompiled,
+)
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins, basin_areas, close_areas, tie_distance
 from dicedesign.rest.equilibria import Equilibria, classify
@@ -283,6 +288,7 @@ class RestEvaluation:
         return radii / torch.linalg.vector_norm(radii, dim=1, keepdim=True)
 
 
+@uncompiled
 def evaluate_rests(
     points: Tensor,
     center_of_mass: Tensor | None = None,

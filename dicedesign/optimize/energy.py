@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import DiceError, InputError
+from dicedesign.gradient.body_function import uncompiled
 from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.coordinates import Coordinates, Shape, ShapeEvaluator
@@ -26,6 +27,7 @@ from dicedesign.optimize.terms import (
 from dicedesign.runtime.arrays import Floats
 
 
+@uncompiled
 def energy_terms(state: ClusteredRests, weights: EnergyWeights) -> dict[str, Tensor]:
     """Weighted terms by name, by operations of torch, without the terms of weight 0.
 

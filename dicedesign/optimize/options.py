@@ -240,6 +240,8 @@ class PaperOptions:
         from the best of them, and new tries from there; or "line_search", the paper's, which stops
         at a jump and ignores the terms "hold" and "clear".
     steps: limit on the steps of the first try, rejected ones included with momentum, at least 0.
+    hops: limit on the new tries with momentum, from the best shape with noise on its vertices, each
+        with 4/9 of the steps; 0 to 100.
     perturbation: standard deviation of the seeded noise on the vertices of the start, whose half
         extent is 1; from 0 on and below 1.
     finish: "exact" replaces each outcome's facets by one and continues with the exact method, where
@@ -256,6 +258,7 @@ class PaperOptions:
     sobolev: SobolevOptions | None = None
     step: Literal["momentum", "line_search"] = "momentum"
     steps: int = 900
+    hops: int = 4
     perturbation: float = 1e-3
     finish: Literal["exact", "none"] = "exact"
     tolerance: float | None = None
@@ -266,6 +269,8 @@ class PaperOptions:
         require_choice("finish", self.finish, "exact", "none")
         if self.steps < 0:
             raise refuse("steps", "a whole number not below 0", self.steps, "900")
+        if not 0 <= self.hops <= 100:
+            raise refuse("hops", "a whole number from 0 to 100", self.hops, "4")
         if not 0.0 <= self.perturbation < 1.0:
             raise refuse("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
         if self.tolerance is not None and not FINEST_TOLERANCE <= self.tolerance < 1.0:

@@ -506,7 +506,7 @@ class EnergyWeights(Numbers):
                 allows=lambda value: 0.0 <= value < np.inf,
             )
             for number in (*(() if term.weight is None else (weight,)), *term.options):
-                if number.name in declared:
+                if number.name in declared or hasattr(cls, number.name):
                     raise InputError(
                         f"energy term {term.name!r}: expected names of its own for its weight and "
                         f"its options, got {number.name!r}, which is taken; choose another"

@@ -15,8 +15,11 @@ from torch import Tensor
 from torch.func import grad, hessian, jacfwd, jacrev, jvp, vmap
 
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.gradient.differentiable_rest import differentiable_rest
+from dicedesign.gradient.differentiable_rest import differentiable_rest, differentiable_rest_batch
+from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates, SymmetricCoordinates
+from dicedesign.optimize.energy import energy_terms
+from dicedesign.optimize.terms import ClusteredRests, EnergyWeights
 from tests.reference import solids
 
 # Torch itself warns where it is first asked for tangents.
@@ -148,6 +151,29 @@ def make_coordinates(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates
     # No more than three planes meet anywhere.
     moved = 0.03 * torch.randn(len(numbers), generator=torch.manual_seed(1))
     return facets, torch.tensor(numbers) + moved
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_compiled_code_calls_the_functions_as_they_are() -> None:
+    """In a program that compiles, with breaks between its graphs."""
+    points = die(5, 14)
+    normals, target = (tensor.numpy() for tensor in differentiable_rest(points))
+    weights = EnergyWeights()
+
+    def loss(vertices: Tensor) -> Tensor:
+        moved = 1.5 * vertices
+        alone = differentiable_rest(moved)[1]
+        many = differentiable_rest_batch(torch.stack([moved, 2.0 * moved]))[1]
+        terms = energy_terms(ClusteredRests.of(evaluate_rests(moved), normals, target), weights)
+        return (alone**2).sum() + many.amax() + sum(terms.values())
+
+    slopes = []
+    for function in (loss, torch.compile(loss, backend="eager")):
+        vertices = points.clone().requires_grad_()
+        value = function(vertices)
+        value.backward()
+        slopes.append((value.detach(), vertices.grad))
+    torch.testing.assert_close(slopes[1], slopes[0])
 
 
 @pytest.mark.parametrize("name", ["facets", "C2v", "D2d"])

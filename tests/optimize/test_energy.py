@@ -23,7 +23,7 @@ from dicedesign.optimize.terms import (
     outcome_facets,
 )
 
-REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
+REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart", "hold", "clear")
 ROUND = (1.0, 0.9, 1.15)
 
 
@@ -145,6 +145,28 @@ def test_stability_energy_charges_depths_below_the_margin(clustered, margin: flo
     assert float(value) == pytest.approx(expected, rel=1e-11)
 
 
+@pytest.mark.parametrize("margin", [0.05, 0.3, 1.0])
+def test_hold_and_clear_charge_the_deepest_rest_and_all_other_facets(
+    clustered, margin: float
+) -> None:
+    rests, clusters = clustered
+    depths, facets = rests.facet_depths.detach().numpy(), rests.paths.rests
+    bearing = {
+        max(facets[clusters.of_rest == i], key=depths.__getitem__)
+        for i in range(len(clusters.directions))
+    }
+    hold = clear = 0.0
+    for facet, depth in enumerate(depths):
+        if facet in bearing:
+            hold += max(0.0, 1.0 - depth / margin) ** 2
+        else:
+            clear += max(0.0, 1.0 + depth / margin) ** 2
+    held = term("hold", rests, clusters, hold_margin=margin)
+    cleared = term("clear", rests, clusters, clear_margin=margin)
+    assert float(held) == pytest.approx(hold, rel=1e-11, abs=1e-14)
+    assert float(cleared) == pytest.approx(clear, rel=1e-11, abs=1e-14)
+
+
 @pytest.mark.parametrize("distance", [0.4, 1.2, 2.0])
 def test_apart_energy_charges_pairs_of_outcomes_that_are_near(clustered, distance: float) -> None:
     rests, clusters = clustered
@@ -180,19 +202,32 @@ def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
     _, clusters = case(points, 3, seed)
     weights = {**dict.fromkeys(REGULARIZERS, 0.0), **({} if name == "dice" else {name: 0.7})}
     options = EnergyWeights(
-        neighbor_radius=0.9, stability_margin=0.4, apart_distance=2.0, **weights
+        neighbor_radius=0.9,
+        stability_margin=0.4,
+        apart_distance=2.0,
+        hold_margin=1.0,
+        clear_margin=0.4,
+        **weights,
     )
 
     def value(vertices: torch.Tensor) -> torch.Tensor:
         rests = evaluate_rests(vertices)
-        normals = rests.hull.normals[rests.paths.rests]
-        moved = cluster(normals, clusters.directions)
-        state = ClusteredRests(rests, moved, np.full(3, 1 / 3))
+        state = ClusteredRests.of(rests, clusters.directions, np.full(3, 1 / 3))
         return energy_terms(state, options)[name]
 
     vertices = torch.tensor(points, requires_grad=True)
     assert float(value(vertices).detach()) > 1e-3
     assert torch.autograd.gradcheck(value, (vertices,), eps=1e-6, atol=1e-6, rtol=1e-5)
+
+    plain, slope = vertices.detach(), torch.func.grad(value)
+    (expected,) = torch.autograd.grad(value(vertices), vertices)
+    torch.testing.assert_close(slope(plain), expected)
+    torch.testing.assert_close(torch.func.jacrev(value)(plain), expected)
+    along = torch.tensor(np.random.default_rng(seed).normal(size=points.shape))
+    second = torch.func.hessian(value)(plain).reshape(points.size, points.size)
+    torch.testing.assert_close(second, second.T, atol=1e-9, rtol=1e-9)
+    change = (slope(plain + 1e-6 * along) - slope(plain - 1e-6 * along)) / 2e-6
+    torch.testing.assert_close(second @ along.ravel(), change.ravel(), atol=1e-5, rtol=1e-5)
 
 
 def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -> None:

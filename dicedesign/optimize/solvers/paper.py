@@ -117,9 +117,6 @@ GOOD_ERROR: Final = 2e-3
 GOOD_ANGLE: Final = np.radians(12.0)
 """Least angle between two outcomes of such a shape."""
 
-MAX_HOPS: Final = 4
-"""Limit on the tries from the best shape so far, with noise on its vertices."""
-
 HOP_STEPS: Final = 4 / 9
 """Steps with momentum of such a try, as a part of those of the first try."""
 
@@ -191,7 +188,7 @@ class _Descent:
         random, steps = np.random.default_rng([seed, 1]), options.steps
         self._go_with_momentum(steps)
         self._improve_best(steps)
-        for hop in range(MAX_HOPS):
+        for hop in range(options.hops):
             if self._is_good:
                 break
             best, size = self.best, HOP_NOISE * HOP_GROWTH**hop
