@@ -282,7 +282,6 @@ class FigureArguments(WithRests):
     out (FILE.png): picture to write (default: INPUT_KIND.png in this folder)
     down (x,y,z): for paths and drop: direction in the body's frame that points down at release
     before (MESH): for before_after: the mesh from which the body was made
-    steps (N): for ablation: maximum steps of each descent
 
     Example: dicedesign figure gauss_map bunny.obj --out gauss_map.png"""
 
@@ -292,7 +291,6 @@ class FigureArguments(WithRests):
     out: Path | None = None
     down: str | None = None
     before: Path | None = None
-    steps: int | None = None
     extensions = "dicedesign.report.figures:BODY_FIGURES"
 
 

@@ -380,14 +380,11 @@ def draw_figure(options: FigureArguments) -> int:
     for name, kinds in (
         ("down", ("paths", "drop")),
         ("before", ("before_after",)),
-        ("steps", ("ablation",)),
     ):
         if getattr(options, name) is not None and options.kind not in kinds:
             raise InputError(
                 f"--{name}: expected with {' or '.join(kinds)}, got {options.kind}; leave it out"
             )
-    if options.steps is not None:
-        check_whole("--steps", options.steps)
     out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
     require_ending("--out", out, ".png")
     down = None if options.down is None else numbers("--down", options.down)
@@ -398,7 +395,6 @@ def draw_figure(options: FigureArguments) -> int:
             coplanar_tolerance=options.coplanar_tolerance,
             down=down,
             before=options.before,
-            steps=options.steps,
             on_step=lambda: bar.update(1),
         )
         data = figure.draw(subject).png()

@@ -257,7 +257,7 @@ def make_finished_die(work: Work) -> FinishedDie:
         plain=work.plain,
         engraved=work.engraved,
         tolerance=work.recipe.method.tolerance,
-        upward=np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path)),
+        upward=upward_of(mesh and mesh.path),
         reshaped=work.die.reshaped,
         quality=work.quality,
         repaired=work.repaired,

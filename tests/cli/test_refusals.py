@@ -118,8 +118,6 @@ COMMANDS = {
     "figure heights box.stl --down 1,0,0": "--down: expected with paths or drop",
     "figure drop box.stl --down 0,0,0": "down: expected three finite numbers",
     "figure before_after box.stl": "--before",
-    "figure ablation box.stl": "recipe by the paper's method",
-    "figure ablation few.yaml --steps 0": "--steps",
     "figure complex .": "recipe.yaml",
     "figure complex few.yaml --com hull": "--com",
     "throw box.stl --drops 0": "drops: expected a whole number above 0, got 0; raise it",
