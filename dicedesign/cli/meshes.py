@@ -158,7 +158,6 @@ MAX_BODIES: Final = 20_000
 def scatter(options: ScatterArguments) -> int:
     """Write a scene of meshes on a floor."""
     from dicedesign.batch.batch import list_folder
-    from dicedesign.geometry.meshes.reading import without_solids
     from dicedesign.runtime.workers import progress_bar
     from dicedesign.scenes.room import room_glb, scatter_bodies
 
@@ -177,7 +176,7 @@ def scatter(options: ScatterArguments) -> int:
                 f"got {length:g}; change it, or the unit"
             )
     files = list_folder(options.folder)
-    with without_solids(), progress_bar("meshes", min(options.count, len(files.meshes))) as bar:
+    with progress_bar("meshes", min(options.count, len(files.meshes))) as bar:
 
         def on_mesh(error: str) -> None:
             if error:

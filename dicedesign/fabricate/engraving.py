@@ -148,7 +148,7 @@ def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingO
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
     cuts = _cuts(convex_hull(plain.points), placements, options)
-    return cut_out(solid(plain.points, plain.triangles), cuts, options)
+    return cut_out(solid(plain), cuts, options)
 
 
 def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
@@ -158,7 +158,7 @@ def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOpt
     """
     cuts = _cuts(convex_hull(plain.points), placements, options)
     cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
-    return Surface(*mesh_of(solid(plain.points, plain.triangles) ^ cutters))
+    return mesh_of(solid(plain) ^ cutters)
 
 
 def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions) -> Surface:
@@ -169,7 +169,7 @@ def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions
     body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
     failure = _find_failed_check(plain, body, sum(cut.volume for cut in cuts))
     if not failure:
-        return Surface(*mesh_of(body))
+        return mesh_of(body)
     # Pockets that break through or overlap.
     at_fault = {
         cut.where for cut in cuts if _find_failed_check(plain, plain - cut.cutter, cut.volume)

@@ -33,7 +33,6 @@ from dicedesign.geometry.triangles import (
     doubled_area_vectors,
     is_closed,
     second_moments,
-    solid_properties,
 )
 from dicedesign.gradient.facet_measures import offset_derivatives
 from dicedesign.gradient.probability_model import ProbabilityModel
@@ -341,17 +340,17 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
     if depths.min() <= walls_mm:
         return 0.0, middle
     inner = convex_hull(middle + polyhedron_corners(hull.normals, depths - walls_mm))
-    points, triangles = inner.vertices, inner.triangles
+    core = inner.surface
     if pockets:
         from manifold3d import Manifold, OpType
 
         from dicedesign.geometry.meshes.manifold import mesh_of, solid
 
-        left = Manifold.batch_boolean([solid(points, triangles), *pockets], OpType.Subtract)
+        left = Manifold.batch_boolean([solid(core), *pockets], OpType.Subtract)
         if not left.volume() > 0.0:
             return 0.0, middle
-        points, triangles = mesh_of(left)
-    return solid_properties(points, triangles)
+        core = mesh_of(left)
+    return core.volume, core.centroid
 
 
 def pocket_walls(

@@ -188,7 +188,7 @@ def export(work: Work) -> None:
 
         work.solid = solid_of_surface(work.die, work.die.reshaped, work.recipe.size_mm)
     work.notes += work.solid.changes
-    work.files["die_plain.stl"] = stl_bytes(work.solid.points, work.solid.triangles)
+    work.files["die_plain.stl"] = stl_bytes(work.solid)
 
 
 def check(work: Work) -> None:

@@ -66,19 +66,13 @@ BARS_MM: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Lengths of a scale bar; the longest one that is not longer than a face is drawn."""
 
 
-def mesh_to_print(die: FinishedDie) -> tuple[Floats, Integers]:
-    """Points (n, 3) and triangles (t, 3) of a die, with its labels if it has any."""
-    solid = die.plain.body if die.engraved is None else die.engraved
-    assert solid.triangles is not None
-    return solid.points, solid.triangles
-
-
 def views(die: FinishedDie) -> Sheet:
     """Die from six sides and two corners, all at one scale.
 
     The body's z points upward; in the views from +z and -z, y does.
     """
-    surface = RenderMesh(*mesh_to_print(die), smooth=False)
+    solid = die.engraved or die.plain.body.surface
+    surface = RenderMesh(solid.points, solid.triangles, smooth=False)
     cameras = [
         Camera(np.array(side, float), np.eye(3)[1 if side[:2] == (0, 0) else 2])
         for side in SIDES.values()
@@ -96,7 +90,8 @@ def print_orientation(die: FinishedDie) -> Sheet:
 
     print_facts = die.result.printability
     assert print_facts is not None
-    points, triangles = mesh_to_print(die)
+    whole = die.engraved or die.plain.body.surface
+    points, triangles = whole.points, whole.triangles
     verdict = die.plain if die.engraved is None else die.engraved.assessment or die.plain
     hull = verdict.poses.hull if die.reshaped is None else None
     solid = PrintedSolid(points, triangles, hull, (), np.zeros((0, 3)))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.body import body_of, make_body
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
@@ -420,7 +420,7 @@ class NewDiePanel:
         """Show the die with its labels."""
         target, solid = die.work.target, die.solid
         self._panel_body = ViewedBody.of(
-            make_body(solid.points, solid.triangles, name=die.work.recipe.name),
+            body_of(solid, die.work.recipe.name),
             outcomes=Outcomes(target.labels, die.work.die.directions, target.probabilities),
             poses=die.verdict.poses,
         )

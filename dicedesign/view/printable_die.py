@@ -13,7 +13,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import Assessment, Design, Solid
 from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes, mesh_bytes
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.starts.shapes import mesh_start
 from dicedesign.recipe.output import die_contents
@@ -136,7 +136,7 @@ def _shape_entries(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
     Raises InputError: the rests of the outcomes are not the most probable ones.
     """
     labels, hull = recipe.target.target().labels, shape.hull
-    start = mesh_start(make_body(hull.vertices, hull.triangles), len(labels))
+    start = mesh_start(body_of(hull.surface), len(labels))
     angles = angle_between(start.directions[:, None], shape.directions[None])
     nearest = angles.argmin(axis=1)
     is_permutation = np.array_equal(np.sort(nearest), np.arange(len(labels)))

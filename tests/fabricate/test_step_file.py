@@ -108,6 +108,6 @@ def test_hollows_are_voids(occ, box, tmp_path: Path) -> None:
 def test_open_surfaces_are_refused(occ, box) -> None:
     body = box(1.0, 1.0, 1.0)
     points, triangles = body.vertices.astype(float), body.triangles
-    opened = Contents("box", [Part("box", "#ffffff", points, triangles[1:])])
+    opened = Contents("box", [Part(points, triangles[1:], "box", "#ffffff")])
     with pytest.raises(InputError, match="expected closed surfaces, got one of 1 shells with 3 op"):
         file_bytes(opened, STEP)
