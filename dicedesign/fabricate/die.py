@@ -222,6 +222,16 @@ class FinishedDie:
     thrown: ThrownDie | None = None
     reading: Reading | None = None
 
+    @property
+    def printed(self) -> Surface:
+        """Solid of die.stl, else of die_plain.stl."""
+        return self.engraved or self.plain.body.surface
+
+    @property
+    def final(self) -> Assessment:
+        """Assessment of die.stl if its probabilities are known, else of die_plain.stl."""
+        return (self.engraved and self.engraved.assessment) or self.plain
+
 
 def make_solid(die: Design, size_mm: float) -> Solid:
     """Make the plain solid of a convex die.

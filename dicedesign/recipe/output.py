@@ -229,8 +229,8 @@ def write_data_sheet(work: Work) -> None:
     from dicedesign.report.renderer import RenderMesh
 
     die = make_finished_die(work)
-    solid = die.engraved or die.plain.body.surface
-    surface = RenderMesh(solid.points, solid.triangles, smooth=die.reshaped is not None)
+    solid, smooth = die.printed, die.reshaped is not None
+    surface = RenderMesh(solid.points, solid.triangles, smooth=smooth)
     file = f"{work.stem}.stl"
     checksum = hashlib.sha256(work.files[file]).hexdigest()
     facts = sheet_facts(die, file, checksum)

@@ -140,8 +140,7 @@ def _reading(result: Result) -> str:
 
 def _size(die: FinishedDie) -> str:
     """Extents, volume and, if known, weight."""
-    verdict = (die.engraved and die.engraved.assessment) or die.plain
-    body, size = verdict.body, verdict.poses.hull.diameter
+    body, size = die.final.body, die.final.poses.hull.diameter
     extents = " × ".join(f"{extent:.1f}" for extent in np.ptp(body.points, axis=0))
     text = (
         f"{extents} mm along x, y and z; {size:.1f} mm from corner to corner; "

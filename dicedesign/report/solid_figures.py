@@ -13,7 +13,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.report.palette import ACCENT, DARK, FAINT, rgb
 from dicedesign.report.raster import UP, Camera, frame_cameras, tilt_up
 from dicedesign.report.renderer import (
@@ -25,7 +25,7 @@ from dicedesign.report.renderer import (
     with_shadow,
 )
 from dicedesign.report.sheet import NOTE, Sheet, picture_grid, with_style
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
@@ -71,8 +71,7 @@ def views(die: FinishedDie) -> Sheet:
 
     The body's z points upward; in the views from +z and -z, y does.
     """
-    solid = die.engraved or die.plain.body.surface
-    surface = RenderMesh(solid.points, solid.triangles, smooth=False)
+    surface = RenderMesh(die.printed.points, die.printed.triangles, smooth=False)
     cameras = [
         Camera(np.array(side, float), np.eye(3)[1 if side[:2] == (0, 0) else 2])
         for side in SIDES.values()
@@ -90,10 +89,8 @@ def print_orientation(die: FinishedDie) -> Sheet:
 
     print_facts = die.result.printability
     assert print_facts is not None
-    whole = die.engraved or die.plain.body.surface
-    points, triangles = whole.points, whole.triangles
-    verdict = die.plain if die.engraved is None else die.engraved.assessment or die.plain
-    hull = verdict.poses.hull if die.reshaped is None else None
+    points, triangles = die.printed.points, die.printed.triangles
+    hull = die.final.poses.hull if die.reshaped is None else None
     solid = PrintedSolid(points, triangles, hull, (), np.zeros((0, 3)))
     printer = replace(PRINTERS[print_facts.printer], layer_mm=print_facts.layer_mm)
     hanging = solid.overhanging(np.array([print_facts.best.normal]), printer)[:, 0]
@@ -111,11 +108,12 @@ def print_orientation(die: FinishedDie) -> Sheet:
     return picture_grid(pictures, ["on the bed", "from beneath"], 2)
 
 
-def paint_labels(points: Floats, triangles: Integers, labels: Sequence[Placement]) -> RenderMesh:
-    """Solid of points (n, 3) and triangles (t, 3) with labels and their facets in color.
+def paint_labels(solid: Surface, labels: Sequence[Placement]) -> RenderMesh:
+    """Solid with labels and their facets in color.
 
     Three or more labels around a corner are colored alone, as their facets bear others too.
     """
+    points, triangles = solid.points, solid.triangles
     areas, middles = doubled_area_vectors(points, triangles), points[triangles].mean(axis=1)
     colors = np.tile(MATERIAL, (len(triangles), 1))
     facet_color, label_color = rgb([READ_COLOR, ACCENT])
@@ -147,7 +145,7 @@ def reading(die: FinishedDie) -> Sheet:
     pairs = zip(die.reading.places, die.engraved.placements, strict=True)
     labels = [placement for place, placement in pairs if place.outcome == outcome]
     if labels:
-        surface = paint_labels(die.engraved.points, die.engraved.triangles, labels)
+        surface = paint_labels(die.engraved, labels)
         ups = [placement.frame[:3, 1] for placement in labels]
     else:
         surface = RenderMesh(die.engraved.points, die.engraved.triangles)

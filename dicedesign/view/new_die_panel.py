@@ -418,11 +418,11 @@ class NewDiePanel:
 
     def _show_printable(self, die: PrintableDie) -> None:
         """Show the die with its labels."""
-        target, solid = die.work.target, die.solid
+        target = die.work.target
         self._panel_body = ViewedBody.of(
-            body_of(solid, die.work.recipe.name),
+            body_of(die.work.finished, die.work.recipe.name),
             outcomes=Outcomes(target.labels, die.work.die.directions, target.probabilities),
-            poses=die.verdict.poses,
+            poses=die.work.final.poses,
         )
         self._viewport.show(self._panel_body)
 

@@ -26,7 +26,7 @@ from scipy.spatial import KDTree
 
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
-from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.report import pages
 from dicedesign.report.pages import facet_parts, rests_of_triangles, three_script
 from dicedesign.report.palette import BASINS
@@ -59,7 +59,7 @@ def test_what_is_cut_in_belongs_to_the_facet_around_it() -> None:
         for side in (-1, 1):
             points, triangles = with_pocket(side, axis)
             die = engraved_with(points, triangles)
-            rests = rests_of_triangles(points, triangles, die)
+            rests = rests_of_triangles(Surface(points, triangles), die)
             normals = die.plain.poses.normals[rests]
             middles = points[triangles].mean(axis=1)
             inside = (np.abs(middles) < EXTENTS / 2.0 - 1e-6).all(axis=1)
@@ -111,7 +111,7 @@ def test_of_a_shape_only_what_touches_the_table_belongs_to_a_rest() -> None:
     triangles = np.array([side for side in sides if side not in top] + fan)
     shape: Any = object()
     die = replace(engraved_with(points, triangles), reshaped=shape)
-    rests = rests_of_triangles(points, triangles, die)
+    rests = rests_of_triangles(Surface(points, triangles), die)
     assert (rests[-4:] == -1).all()
     assert len(set(rests[:-4].tolist())) == 5
     colors = {

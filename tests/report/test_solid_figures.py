@@ -153,7 +153,7 @@ def test_the_label_to_read_is_in_color(points: Floats, read: str, places: int, s
     for outcome in range(len(work.target.labels)):
         mine = labels_of(work, outcome)
         assert len(mine) == places
-        surface = paint_labels(work.engraved.points, work.engraved.triangles, mine)
+        surface = paint_labels(work.engraved, mine)
         area = sum(placement.section().area() for placement in mine)
         label_color, facet_color = rgb([ACCENT, "#f2dd6e"])
         assert area_of_color(surface, label_color) == pytest.approx(area, rel=1e-3)
