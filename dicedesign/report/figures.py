@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -34,8 +34,7 @@ MAX_FLAT_TRIANGLES: Final = 400
 
 def _drawing(address: str, *arguments: Any) -> Any:
     """Call a function of this package, "module:name"."""
-    module, _, name = address.partition(":")
-    return getattr(import_module(f"dicedesign.report.{module}"), name)(*arguments)
+    return resolve_name(f"dicedesign.report.{address}")(*arguments)
 
 
 @dataclass(frozen=True, kw_only=True)
