@@ -89,7 +89,7 @@ def _is_good(surface: Surface) -> bool:
     """Whether it is as every model is."""
     points, triangles = surface.points, surface.triangles
     hull = convex_hull(points)
-    fill = surface.volume / Surface(hull.vertices, hull.triangles).volume
+    fill = surface.volume / hull.surface.volume
     tunnels = 1 - (len(points) - len(triangles) // 2) // 2
     if not (POINTS[0] <= len(points) <= POINTS[1] and FILL[0] <= fill <= FILL[1]):
         return False
