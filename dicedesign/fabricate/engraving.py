@@ -18,6 +18,7 @@ from manifold3d import CrossSection, Error, Manifold, OpType
 from scipy.spatial import KDTree
 
 from dicedesign.errors import EngravingError
+from dicedesign.fabricate.die import Solid
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import (
     Placement,
@@ -31,7 +32,6 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, edge_neighbors, find_parts
-from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
@@ -202,20 +202,15 @@ def _find_failed_check(plain: Manifold, body: Manifold, expected: float) -> str 
 
 
 def place_on_facets(
-    poses: RestPoses,
-    main: Integers,
-    hull: ConvexHull,
-    labels: Sequence[str],
-    options: EngravingOptions,
+    die: Solid, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
 ) -> tuple[Reading, list[Placement]]:
     """Choose the reading of a die, and place its labels on the facets of its hull or core
     (`core_of`), in the order of the reading's places.
 
-    poses: rests of the die in mm; main: (k,) the rest of each outcome, or -1.
-
     Raises EngravingError if an outcome has no facet to rest on, the die cannot be read as the
     options say, or a label does not fit.
     """
+    main, poses = die.outcomes.main, die.poses
     require_rests(labels, main, "a facet")
     *better, last = die_readings(hull, poses.facets[main], labels, options.read)
 

@@ -83,9 +83,7 @@ def _finish_convex(work: Work) -> None:
     core = core_of(solid.poses, edges)
     placements: list[Placement] = []
     if options is not None:
-        work.reading, placements = place_on_facets(
-            solid.poses, solid.outcomes.main, core, work.target.labels, options
-        )
+        work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
     finish = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or is_thrown):
         # Labels do not change the hull.

@@ -163,7 +163,7 @@ def enlarge(work: Work) -> None:
     try:
         solid = make_solid(work.die, recipe.size_mm)
         core = core_of(solid.poses, recipe.edges)
-        place_on_facets(solid.poses, solid.outcomes.main, core, work.target.labels, recipe.engrave)
+        place_on_facets(solid, core, work.target.labels, recipe.engrave)
     except LabelRoomError as error:
         size_mm = float(math.ceil(error.size_mm))
         if size_mm > MOST_MM:

@@ -160,8 +160,7 @@ def fits(work: Work, size_mm: float) -> bool:
     try:
         solid = make_solid(work.die, size_mm)
         place_on_facets(
-            solid.poses,
-            solid.outcomes.main,
+            solid,
             solid.poses.hull,
             work.target.labels,
             work.recipe.engrave,
