@@ -10,12 +10,13 @@ import json
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.fabricate.file_formats import FILE_FORMATS, FileFormat, join_parts
+from dicedesign.fabricate.file_formats import FILE_FORMATS, FileFormat
+from dicedesign.geometry.triangles import join_surfaces
 
 
 def write(contents):
-    points, triangles = join_parts(contents.parts)
-    mesh = {"points": points.tolist(), "triangles": triangles.tolist()}
+    whole = join_surfaces(*contents.parts)
+    mesh = {"points": whole.points.tolist(), "triangles": whole.triangles.tolist()}
     return json.dumps({"title": contents.title, **contents.facts, **mesh}).encode()
 
 
