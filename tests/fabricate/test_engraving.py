@@ -109,9 +109,9 @@ def test_open_inward_and_malformed_meshes_are_refused(box):
         solid(Surface(body.vertices, body.triangles[:, ::-1]))
     with pytest.raises(InputError, match="NonFiniteVertex"):
         solid(Surface(np.where(body.vertices > 0, np.nan, body.vertices), body.triangles))
-    with pytest.raises(InputError, match="indices from 1 to 8"):
+    with pytest.raises(InputError, match="VertexOutOfBounds"):
         solid(Surface(body.vertices, body.triangles + 1))
-    with pytest.raises(InputError, match=r"got \(8, 2\) and"):
+    with pytest.raises(InputError, match="MissingPositionProperties"):
         solid(Surface(body.vertices[:, :2], body.triangles))
     with pytest.raises(InputError, match="positive volume, got 0;"):
         solid(Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=int)))
