@@ -163,7 +163,7 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
                 name = case.model
                 surface = shape(name) if name in SHAPES else random_model(name)
                 path = Path(folder) / "model.stl"
-                path.write_bytes(stl_bytes(surface.points, surface.triangles))
+                path.write_bytes(stl_bytes(surface))
             work = make_die(parse_recipe(entries_of(case, path)), "start")
         if case.most_points is not None and len(work.surface.points) > case.most_points:
             work.surface, _ = decimate(work.surface, case.most_points)

@@ -29,7 +29,6 @@ from dicedesign import (
     Body,
     InputError,
     load_table,
-    make_body,
     read_body,
     rest_poses,
     rigid_body,
@@ -37,6 +36,7 @@ from dicedesign import (
 )
 from dicedesign.concave.shapes import shape
 from dicedesign.extensions import ENGINES
+from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.surfaces.closed_surface import make_surface
@@ -147,7 +147,7 @@ def cut_shapes(models: Mapping[str, Surface], seed: int = 0) -> list[Body]:
     wholes = {f"box {a:g}:{b:g}:{c:g}": Manifold.cube((a, b, c), True) for a, b, c in BOXES}
     spheres = [Manifold.sphere(1.0, segments) for segments in SEGMENTS]
     wholes |= {f"sphere of {whole.num_vert()} points": whole for whole in spheres}
-    wholes |= {name: solid(one.points, one.triangles) for name, one in models.items()}
+    wholes |= {name: solid(one) for name, one in models.items()}
     return [
         body
         for number, (name, whole) in enumerate(wholes.items())
@@ -158,7 +158,7 @@ def cut_shapes(models: Mapping[str, Surface], seed: int = 0) -> list[Body]:
 
 def cuts(whole: Manifold, rng: np.random.Generator) -> Iterator[tuple[str, list[Manifold]]]:
     """All pieces of each cut, with what the cut is called."""
-    corners, _ = mesh_of(whole)
+    corners = mesh_of(whole).points
     for count in PLANES:
         normals = unit_vectors(rng.normal(size=(count, 3)))
         along = corners @ normals.T
@@ -192,10 +192,10 @@ def thick_pieces(name: str, pieces: Iterable[Manifold]) -> Iterator[Body]:
     thick = (
         part
         for part in parts
-        if part.volume() >= LEAST_THICKNESS * float(pdist(mesh_of(part.hull())[0]).max()) ** 3
+        if part.volume() >= LEAST_THICKNESS * float(pdist(mesh_of(part.hull()).points).max()) ** 3
     )
     for number, part in enumerate(islice(thick, PIECES), 1):
-        yield make_body(*mesh_of(part), name=f"{name}, piece {number}")
+        yield body_of(mesh_of(part), name=f"{name}, piece {number}")
 
 
 def compare_shape(

@@ -89,7 +89,7 @@ def _is_good(surface: Surface) -> bool:
     """Whether it is as every model is."""
     points, triangles = surface.points, surface.triangles
     hull = convex_hull(points)
-    fill = surface.volume / Surface(hull.vertices, hull.triangles).volume
+    fill = surface.volume / hull.surface.volume
     tunnels = 1 - (len(points) - len(triangles) // 2) // 2
     if not (POINTS[0] <= len(points) <= POINTS[1] and FILL[0] <= fill <= FILL[1]):
         return False
@@ -125,7 +125,7 @@ def blocks(rng: np.random.Generator, count: int) -> Surface:
         bore = Manifold.cylinder(6.0, rng.uniform(0.12, 0.25), -1.0, 8, True)
         angles = 90.0 * rng.integers(0, 2, size=3)
         body -= bore.rotate(tuple(angles)).translate(tuple(rng.uniform(0.6 * low, 0.6 * high)))
-    return refine(Surface(*mesh_of(body)), count)[0]
+    return refine(mesh_of(body), count)[0]
 
 
 CELLS = 48

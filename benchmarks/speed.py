@@ -243,7 +243,7 @@ def write_meshes(folder: Path, count: int) -> None:
     for number in range(count):
         corners = int(np.random.default_rng(number).integers(8, 100))
         hull = convex_hull(random_directions(corners, number) * [1.0, 0.8, 0.7])
-        (folder / f"{number}.stl").write_bytes(stl_bytes(hull.vertices, hull.triangles))
+        (folder / f"{number}.stl").write_bytes(stl_bytes(hull.surface))
 
 
 def wall_seconds(arguments: tuple[str, ...], folder: Path) -> float:

@@ -3,9 +3,9 @@
 from dicedesign.fabricate.file_formats import FILE_FORMATS as FILE_FORMATS
 from dicedesign.fabricate.file_formats import Contents as Contents
 from dicedesign.fabricate.file_formats import FileFormat as FileFormat
-from dicedesign.fabricate.file_formats import join_parts as join_parts
 from dicedesign.fabricate.printers import PRINTERS as PRINTERS
 from dicedesign.fabricate.printers import Printer as Printer
+from dicedesign.geometry.triangles import join_surfaces as join_surfaces
 from dicedesign.optimize.preferences import PREFERENCES as PREFERENCES
 from dicedesign.optimize.preferences import OutcomeFacets as OutcomeFacets
 from dicedesign.optimize.preferences import Preference as Preference

@@ -10,12 +10,12 @@ import json
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.extensions import FILE_FORMATS, FileFormat, join_parts
+from dicedesign.extensions import FILE_FORMATS, FileFormat, join_surfaces
 
 
 def write(contents):
-    points, triangles = join_parts(contents.parts)
-    mesh = {"points": points.tolist(), "triangles": triangles.tolist()}
+    whole = join_surfaces(*contents.parts)
+    mesh = {"points": whole.points.tolist(), "triangles": whole.triangles.tolist()}
     return json.dumps({"title": contents.title, **contents.facts, **mesh}).encode()
 
 

@@ -15,7 +15,7 @@ from dicedesign.balance.regions import Halfspaces
 from dicedesign.balance.ways import MovedCenter, move_center, reachable_shifts
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.body import Body, body_of
 from dicedesign.geometry.surfaces.repair import FINEST, input_surface
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import facet_of_rest
@@ -107,7 +107,7 @@ def balance_body(
     """
     options = options or BalanceOptions()
     surface, notes = size_surface(body, options.size_mm)
-    poses = rest_poses(make_body(surface.points, surface.triangles, body.name))
+    poses = rest_poses(body_of(surface, body.name))
     if not isinstance(goal, FewestRests):
         # Raises early if the body has no such pose.
         objective_of(goal, poses)

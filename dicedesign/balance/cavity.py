@@ -15,7 +15,7 @@ from manifold3d import Manifold, OpType
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, shells_of
+from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.sphere import even_directions, norms
 from dicedesign.geometry.surfaces.grid_surface import (
@@ -24,7 +24,7 @@ from dicedesign.geometry.surfaces.grid_surface import (
     surface_nets,
     without_double_cuts,
 )
-from dicedesign.geometry.triangles import Surface, join_surfaces, solid_properties, surface_of
+from dicedesign.geometry.triangles import Surface, join_surfaces, surface_of
 from dicedesign.results.parts import Cavities
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -96,7 +96,7 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
             f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from the "
             f"uniform solid's, too far for walls of {wall:g}; reduce wall_mm"
         )
-    return Surface(*mesh_of(cut.part))
+    return mesh_of(cut.part)
 
 
 def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePart | None:
@@ -112,7 +112,7 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
     unit = float(norms(high - low) + norms(0.5 * (low + high) - center))
     room, moment = room.translate(tuple(-center)).scale((1.0 / unit,) * 3), moment / unit**4
     toward = moment / norms(moment)
-    farthest = float((mesh_of(room)[0] @ toward).max())
+    farthest = float((mesh_of(room).points @ toward).max())
     if farthest <= 0.0:
         return None
 
@@ -121,12 +121,11 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
 
     def at(plane: Floats) -> tuple[float, Floats]:
         """Value and gradient of the function."""
-        points, triangles = mesh_of(beyond(plane))
-        if len(triangles) == 0:
+        part = mesh_of(beyond(plane))
+        if len(part.triangles) == 0:
             return -float(plane @ moment), -moment
-        volume, middle = solid_properties(points, triangles)
-        slope = volume * middle - moment
-        return float(plane @ slope) - volume, slope
+        slope = part.volume * part.centroid - moment
+        return float(plane @ slope) - part.volume, slope
 
     def curvature(plane: Floats) -> Floats:
         """(3, 3) second derivatives by finite differences."""
@@ -186,7 +185,7 @@ def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
 def least_wall(surface: Surface, cavity: Surface) -> float:
     """Least distance between the surfaces of a solid and of a cavity, both oriented outward."""
     most = surface.diagonal
-    inner = solid(cavity.points, cavity.triangles)
+    inner = solid(cavity)
     return float(_outside(surface, most).min_gap(inner, most))
 
 
@@ -194,7 +193,7 @@ def _outside(surface: Surface, margin: float) -> Manifold:
     """Complement of a solid in a box that is larger by a margin."""
     lower = surface.points.min(axis=0) - margin
     size = np.ptp(surface.points, axis=0) + 2.0 * margin
-    body = solid(surface.points, surface.triangles)
+    body = solid(surface)
     return Manifold.cube(tuple(size)).translate(tuple(lower)) - body
 
 
@@ -215,7 +214,7 @@ def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
         part = np.where(leaves, inner, -outer) / (inner - outer)
         return grid.places(nodes + part[:, None] * (ahead - nodes))
 
-    parts = solid(*surface_nets(inside, crossing)).decompose()
+    parts = solid(Surface(*surface_nets(inside, crossing))).decompose()
     most = max(part.volume() for part in parts)
     large_parts = [part for part in parts if part.volume() >= LEAST_PART * most]
     return Manifold.batch_boolean(large_parts, OpType.Add)
@@ -275,28 +274,26 @@ def reach(
 
 def with_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
     """Surface of a solid with its `balancing_cavity`; parameters and errors are as there."""
-    return join_surfaces(surface, _reverse(balancing_cavity(surface, wall, center)))
+    return join_surfaces(surface, balancing_cavity(surface, wall, center).reverse())
 
 
-def measure_cavities(body: Body) -> Cavities:
+def measure_cavities(whole: Surface) -> Cavities:
     """Measure the cavities of a body in mm.
 
-    body: one surface oriented outward, with others inside of it, oriented inward. Raises InputError
-    otherwise.
+    whole: one surface oriented outward, with others inside of it, oriented inward. Raises
+    InputError otherwise.
     """
-    assert body.triangles is not None
-    shell = shells_of(body.triangles)
+    shell = shells_of(whole.triangles)
     shells = [
-        surface_of(body.points, body.triangles[shell == k]) for k in range(int(shell.max()) + 1)
+        surface_of(whole.points, whole.triangles[shell == k]) for k in range(int(shell.max()) + 1)
     ]
     outer = [each for each in shells if each.volume > 0.0]
-    inner = [_reverse(each) for each in shells if each.volume < 0.0]
+    inner = [each.reverse() for each in shells if each.volume < 0.0]
     if len(outer) != 1 or not inner:
         raise InputError(
-            f"{body.name}: expected one surface with cavities inside, got {len(outer)} oriented "
+            f"cavities: expected one surface with others inside, got {len(outer)} oriented "
             f"outward and {len(inner)} inward; make the die again"
         )
-    whole = Surface(body.points, body.triangles)
     volume = sum(each.volume for each in inner)
     return Cavities(
         number=len(inner),
@@ -305,7 +302,3 @@ def measure_cavities(body: Body) -> Cavities:
         part=volume / outer[0].volume,
         shift_mm=float(np.linalg.norm(whole.centroid - outer[0].centroid)),
     )
-
-
-def _reverse(surface: Surface) -> Surface:
-    return Surface(surface.points, surface.triangles[:, ::-1])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -27,12 +26,12 @@ from dicedesign.balance.options import BodyMaterial
 from dicedesign.balance.regions import is_shifted
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import Body, make_body, shells_of
+from dicedesign.geometry.meshes.body import Body, shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
-from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
+from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
 from dicedesign.geometry.sphere import norms, rotation_between, unit_vectors
 from dicedesign.geometry.surfaces.grid_surface import closest_points
-from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.runtime.arrays import Floats
 
 PLACES: Final = 3000
@@ -103,7 +102,7 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
     facets = np.zeros(0, dtype=np.int64) if rests is None else rests.facets
     is_on_rest = (hull.depths(places)[:, facets] < 0.1 * radius).any(axis=1)
     order = np.lexsort((lengths, is_on_rest))
-    body = solid(surface.points, surface.triangles)
+    body = solid(surface)
     whole = body.hull().volume()
     for place in order[fits[order]][:MAX_TRIED]:
         hole = Hole(places[place], inward[place], float(lengths[place]), radius)
@@ -151,12 +150,6 @@ class MovedCenter:
     sparse: Body | None = None
 
 
-def read_back(data: bytes) -> Body:
-    """Body of an STL file."""
-    points, triangles = parse_stl(data, Path("body.stl"))
-    return make_body(points, triangles, "body.stl", single_precision=True)
-
-
 def reachable_shifts(surface: Surface, by: str, material: BodyMaterial) -> ConvexHull:
     """Possible shifts of the center of mass by a way; see `reach`. Raises InputError if the walls
     leave no room."""
@@ -170,14 +163,13 @@ def move_center(surface: Surface, center: Floats, by: str, material: BodyMateria
     if by == "infill":
         return _with_two_infills(surface, center, material)
     if not is_shifted(surface, center):
-        data = stl_bytes(surface.points, surface.triangles)
+        data = stl_bytes(surface)
         notes = ("the center of mass is there already",)
-        return MovedCenter({"": data}, read_back(data), surface.centroid, None, {}, notes)
+        return MovedCenter({"": data}, read_stl(data), surface.centroid, None, {}, notes)
     if material.drain_mm is not None:
         return _drain(surface, center, material.wall_mm, 0.5 * material.drain_mm)
-    whole = with_cavity(surface, material.wall_mm, center)
-    data = stl_bytes(whole.points, whole.triangles)
-    cavities = measure_cavities(read_back(data))
+    data = stl_bytes(with_cavity(surface, material.wall_mm, center))
+    cavities = measure_cavities(read_stl(data).surface)
     return _make_with_cavity(
         data, cavities.wall_mm, cavities.number, cavities.volume_mm3, cavities.part
     )
@@ -191,8 +183,7 @@ def _make_with_cavity(
     part: float,
     holes: tuple[Hole, ...] = (),
 ) -> MovedCenter:
-    body = read_back(data)
-    assert body.triangles is not None
+    body = read_stl(data)
     facts: dict[str, Any] = {"cavities": number, "cavity_mm3": volume, "part": part}
     several = f"{number} cavities" if number > 1 else "a cavity"
     notes = [f"{several} of {volume:.4g} mm3, {100.0 * part:.3g} % of the body"]
@@ -213,20 +204,19 @@ def _make_with_cavity(
         notes.append(
             "the cavity is closed: filament leaves it empty, but powder and resin would stay in it"
         )
-    center = solid_properties(body.points, body.triangles)[1]
-    return MovedCenter({"": data}, body, center, wall, facts, tuple(notes))
+    return MovedCenter({"": data}, body, body.surface.centroid, wall, facts, tuple(notes))
 
 
 def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> MovedCenter:
     """Make a cavity with a hole to each of its parts; it is recomputed with each hole."""
-    body = solid(surface.points, surface.triangles)
+    body = solid(surface)
     room, _ = within_walls(surface, wall)
     holes: tuple[Hole, ...] = ()
     for _ in range(MAX_HOLES):
         tubes = [hole.tube() for hole in holes]
         rest, free = _without(body, tubes), _without(room, tubes)
-        volume, middle = solid_properties(*mesh_of(rest))
-        cut = beyond_plane(free, center, volume * (middle - center))
+        outer = mesh_of(rest)
+        cut = beyond_plane(free, center, outer.volume * (outer.centroid - center))
         if cut is None:
             raise InputError(
                 f"drain_mm: expected a hole of {2.0 * radius:g} mm that leaves a cavity, got none "
@@ -241,15 +231,14 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Move
             # Everything beyond the plane; the holes are already cut.
             cavity = rest - room.trim_by_plane(tuple(cut.normal), cut.offset)
             break
-        holes += (drain_hole(surface, Surface(*mesh_of(closed[0])), center, radius),)
+        holes += (drain_hole(surface, mesh_of(closed[0]), center, radius),)
     else:
         raise InputError(
             f"drain_mm: expected a cavity of at most {MAX_HOLES} parts to drain, got more; leave "
             "drain_mm out, or reduce wall_mm"
         )
-    data = stl_bytes(*mesh_of(cavity))
-    file = read_back(data)
-    assert file.triangles is not None
+    data = stl_bytes(mesh_of(cavity))
+    file = read_stl(data).surface
     shells = int(shells_of(file.triangles).max()) + 1
     if shells > 1:
         raise InputError(
@@ -257,11 +246,11 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Move
             "drain_mm"
         )
     # What the file lacks, without the holes.
-    missing = body - solid(file.points, file.triangles)
+    missing = body - solid(file)
     pieces = _without(missing, [hole.tube(1.05) for hole in holes]).decompose()
     largest = max(piece.volume() for piece in pieces)
     parts = [piece for piece in pieces if piece.volume() > LEAST_PIECE * largest]
-    least = min(least_wall(surface, Surface(*mesh_of(part))) for part in parts)
+    least = min(least_wall(surface, mesh_of(part)) for part in parts)
     if least < 0.9 * wall:
         raise InputError(
             f"drain_mm: expected walls of {wall:g} beside the holes, got {least:.3g}; reduce "
@@ -281,7 +270,7 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
     less, more = material.infill
     room, _ = within_walls(surface, material.wall_mm)
     mass, middle = _weigh(surface, [(room, more - 1.0)])
-    files = {"": stl_bytes(surface.points, surface.triangles)}
+    files = {"": stl_bytes(surface)}
     if is_shifted(surface, surface.centroid + center - middle):
         cut = beyond_plane(room, center, mass * (middle - center) / (more - less))
         if cut is None:
@@ -289,12 +278,11 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
                 f"infill: expected two infills that lead {np.linalg.norm(center - middle):.3g} mm "
                 f"away, got {less:g} and {more:g}; take others"
             )
-        part = solid(surface.points, surface.triangles).trim_by_plane(tuple(cut.normal), cut.offset)
-        files[MODIFIER] = stl_bytes(*mesh_of(part))
+        part = solid(surface).trim_by_plane(tuple(cut.normal), cut.offset)
+        files[MODIFIER] = stl_bytes(mesh_of(part))
     # From here on by the files.
-    body = read_back(files[""])
-    assert body.triangles is not None
-    surface = Surface(body.points, body.triangles)
+    body = read_stl(files[""])
+    surface = body.surface
     room, wall = within_walls(surface, material.wall_mm)
     densities = [(room, more - 1.0)]
     notes = [
@@ -303,9 +291,8 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
     ]
     modifier = None
     if MODIFIER in files:
-        modifier = read_back(files[MODIFIER])
-        assert modifier.triangles is not None
-        sparse = room ^ solid(modifier.points, modifier.triangles)
+        modifier = read_stl(files[MODIFIER])
+        sparse = room ^ solid(modifier.surface)
         densities.append((sparse, less - more))
         notes.append(
             f"the part in NAME{MODIFIER} is no body but the place of {100.0 * less:g} % infill: a "
@@ -322,6 +309,7 @@ def _weigh(surface: Surface, densities: list[tuple[Manifold, float]]) -> tuple[f
     for part, density in densities:
         if part.is_empty():
             continue
-        volume, middle = solid_properties(*mesh_of(part))
-        mass, moment = mass + density * volume, moment + density * volume * middle
+        filled = mesh_of(part)
+        added = density * filled.volume
+        mass, moment = mass + added, moment + added * filled.centroid
     return mass, moment / mass

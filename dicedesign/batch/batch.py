@@ -89,15 +89,14 @@ def analyze_files(
     center_of_mass, coplanar_tolerance: see `rest_poses`.
     """
     # Only the workers need these.
-    from dicedesign.geometry.meshes.reading import read_body, without_solids
+    from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.poses import rest_poses
 
     entries = {}
     for file, stamp in stamps.items():
         path, started = Path(folder, file), time.perf_counter()
         try:
-            with without_solids():
-                body = read_body(path)
+            body = read_body(path)
             poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
             seconds = time.perf_counter() - started
             entries[file] = make_entry(file, stamp, poses, seconds)

@@ -175,9 +175,8 @@ class RestArguments(WithBody, WithWorkers):
     table (NAME|FILE.json): of a mesh: add probabilities for throws onto this table by the momentum
         model: board-game, hard-wood, paper, carpet or a table file; a throw distribution follows a
         colon, as in board-game:cup
-    prior (PRIOR): of a mesh: distribution of the direction that points down at release:
-        vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv (default:
-        uniform)
+    prior (PRIOR): of a mesh: distribution of the direction down at release (default: uniform):
+        vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv
     figure (FILE.png): draw the Morse-Smale complex
     out (TABLE): of a folder: table to write or resume, .csv or .parquet (needs the extra 'parquet')
     jobs (J): of a folder: parallel processes (default: one per core, or per cluster thread)
@@ -280,7 +279,6 @@ class FigureArguments(WithRests):
     out (FILE.png): picture to write (default: INPUT_KIND.png in this folder)
     down (x,y,z): for paths and drop: direction in the body's frame that points down at release
     before (MESH): for before_after: the mesh from which the body was made
-    steps (N): for ablation: maximum steps of each descent
 
     Example: dicedesign figure complex bunny.obj --out complex.png"""
 
@@ -290,7 +288,6 @@ class FigureArguments(WithRests):
     out: Path | None = None
     down: str | None = None
     before: Path | None = None
-    steps: int | None = None
     extensions = "dicedesign.report.figures:BODY_FIGURES"
 
 
@@ -438,8 +435,7 @@ class TableArguments(WithJson, WithWorkers):
     evaluations (N): parameter sets to simulate (default: 256)
     drops (N): drops per die and parameter set (default: 2000); the test takes a twelfth of all
     seed (S): random seed (default: 0)
-    jobs (J): parallel tasks (default: one per core, or per thread of the cluster); does not change
-        the results
+    jobs (J): parallel tasks (default: one per core or cluster thread); does not change the results
     out (TABLE.json): table file to write
 
     Example: dicedesign table fit --throws throws.csv --out my_table.json"""

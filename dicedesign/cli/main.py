@@ -17,7 +17,7 @@ import re
 import sys
 from collections.abc import Sequence
 from dataclasses import MISSING, fields
-from importlib import import_module
+from pkgutil import resolve_name
 from types import UnionType
 from typing import Any, Final, get_args, get_origin, get_type_hints
 
@@ -80,8 +80,7 @@ def _run(words: list[str]) -> int:
     given = vars(make_parser(words[0] if words else "").parse_args(joined))
     options = {name: value for name, value in given.items() if value is not None}
     kind, address = COMMANDS[options.pop("command")]
-    module, _, function = address.partition(":")
-    code: int = getattr(import_module(f"dicedesign.cli.{module}"), function)(kind(**options))
+    code: int = resolve_name(f"dicedesign.cli.{address}")(kind(**options))
     return code
 
 
@@ -151,8 +150,7 @@ def make_parser(word: str) -> argparse.ArgumentParser:
         description, _, rest = inspect.cleandoc(kind.help_text).partition("Options:\n")
         summary = description.partition("\n")[0].rstrip(".")
         if kind.extensions and name == word:
-            module, _, registry = kind.extensions.partition(":")
-            extensions = getattr(import_module(module), registry)
+            extensions = resolve_name(kind.extensions)
             lines = "; ".join(f"{each.name}: {each.line}" for each in extensions)
             description += f"\n{extensions.kind.capitalize()}: {lines}."
         command = commands.add_parser(

@@ -158,7 +158,6 @@ MAX_BODIES: Final = 20_000
 def scatter(options: ScatterArguments) -> int:
     """Write a scene of meshes on a floor."""
     from dicedesign.batch.batch import list_folder
-    from dicedesign.geometry.meshes.reading import without_solids
     from dicedesign.runtime.workers import progress_bar
     from dicedesign.scenes.room import room_glb, scatter_bodies
 
@@ -177,7 +176,7 @@ def scatter(options: ScatterArguments) -> int:
                 f"got {length:g}; change it, or the unit"
             )
     files = list_folder(options.folder)
-    with without_solids(), progress_bar("meshes", min(options.count, len(files.meshes))) as bar:
+    with progress_bar("meshes", min(options.count, len(files.meshes))) as bar:
 
         def on_mesh(error: str) -> None:
             if error:
@@ -380,14 +379,11 @@ def draw_figure(options: FigureArguments) -> int:
     for name, kinds in (
         ("down", ("paths", "drop")),
         ("before", ("before_after",)),
-        ("steps", ("ablation",)),
     ):
         if getattr(options, name) is not None and options.kind not in kinds:
             raise InputError(
                 f"--{name}: expected with {' or '.join(kinds)}, got {options.kind}; leave it out"
             )
-    if options.steps is not None:
-        check_whole("--steps", options.steps)
     out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
     require_ending("--out", out, ".png")
     down = None if options.down is None else numbers("--down", options.down)
@@ -398,7 +394,6 @@ def draw_figure(options: FigureArguments) -> int:
             coplanar_tolerance=options.coplanar_tolerance,
             down=down,
             before=options.before,
-            steps=options.steps,
             on_step=lambda: bar.update(1),
         )
         data = figure.draw(subject).png()

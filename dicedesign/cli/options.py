@@ -154,12 +154,11 @@ def read_poses(
     com, coplanar_tolerance, parts: values of options; center: center of mass without `--com`.
     """
     # Commands about designed dice do not need these imports.
-    from dicedesign.geometry.meshes.reading import read_body, without_solids
+    from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.poses import rest_poses
 
-    with without_solids():
-        body = read_body(path)
-        others = [(read_body(file), density) for file, density in map(_parse_part, parts)]
+    body = read_body(path)
+    others = [(read_body(file), density) for file, density in map(_parse_part, parts)]
     if others:
         from dicedesign.geometry.meshes.manifold import weighted_body
 

@@ -171,7 +171,6 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck]) -> dict[str, Any]:
         "evaluations": fit.evaluations,
         "drops": fit.drops,
         "log_likelihood": fit.log_likelihood,
-        "surprise": fit.surprise,
         "effective_points": fit.effective_points,
         "unexplained": [
             die.die.name for die in fit.dice if die.whole and die.whole.p_value <= IMPOSSIBLE
@@ -339,7 +338,6 @@ def _sentences(answer: dict[str, Any]) -> list[str]:
         f"{answer['evaluations']} sets of parameters, {answer['drops']} drops of each die for "
         f"each; log likelihood {answer['log_likelihood']:.2f}, of probabilities equal to all "
         "frequencies 0",
-        f"the surrogate's predictions were {answer['surprise']:.2f} of its standard deviations off",
         f"with {drops} new drops {verdict} the fitted set at the level {LEVEL:g}",
     ]
     unexplained = [die for die in dice if die["die"] in answer["unexplained"]]

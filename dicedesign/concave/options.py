@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from dataclasses import dataclass, field
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from dicedesign.optimize.options import (
     require_choice,
 )
 from dicedesign.optimize.starts.start import StartKind, StartSurface
-from dicedesign.runtime.registry import STRICT, Number
+from dicedesign.runtime.registry import STRICT
 
 
 class HullWeights(PaperWeights):
@@ -31,14 +30,7 @@ class HullWeights(PaperWeights):
 
     __slots__ = ()
 
-    @classmethod
-    def list_numbers(cls) -> Mapping[str, Number]:
-        """Weights and options of all terms, with defaults for hulls."""
-        defaults = {"coplanar": 1.0, "barycenter": 0.1, "neighbor": 0.05, "apart": 0.3}
-        return {
-            name: replace(number, default=defaults.get(name, number.default))
-            for name, number in super().list_numbers().items()
-        }
+    defaults: ClassVar = {**PaperWeights.defaults, "coplanar": 1.0, "neighbor": 0.05, "apart": 0.3}
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, c
 from dicedesign.fabricate.label_layout import Placement
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.polygons import centroid, facet_inradius
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.meshes.manifold import mesh_of
 from dicedesign.geometry.sphere import foot_on_line, norms, rotation_between, unit_vectors
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
-from dicedesign.geometry.triangles import Surface, join_surfaces, solid_properties
+from dicedesign.geometry.triangles import Surface, join_surfaces
 from dicedesign.optimize.solvers.reshaping import Measured
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
@@ -58,7 +58,7 @@ class ConvexObject:
         if self.edges is not None:
             center = core.centroid if self.offset is None else core.centroid + self.offset
             hull = round_edges(core, center, self.edges)
-        return Surface(hull.vertices, hull.triangles)
+        return hull.surface
 
     def make_balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """Make the solid that has the object's probabilities: engraved, or whole if labels are
@@ -154,7 +154,7 @@ def measure_resting(
 
     def measure(surface: Surface, directions: Floats) -> Measured:
         if offset is None:
-            poses = rest_poses(make_body(surface.points, surface.triangles))
+            poses = rest_poses(surface)
         else:
             hull = convex_hull(surface.points)
             poses = analyze(hull, hull.centroid + offset)
@@ -170,8 +170,7 @@ def measure_thrown(
     """Measure of a solid's probabilities by the momentum model of a table."""
 
     def measure(surface: Surface, directions: Floats) -> Measured:
-        body = make_body(surface.points, surface.triangles)
-        die = DieOnTable.of(body, None, directions, table)
+        die = DieOnTable.of(body_of(surface), None, directions, table)
         return Measured(np.asarray(die.poses.center_of_mass), die.momentum(model))
 
     return measure
@@ -208,8 +207,8 @@ def hollow_out(surface: Surface, center: Floats) -> Surface:
     if size <= SHIFT * volume * surface.diagonal:
         return surface
     toward = moment / size
-    points, triangles = mesh_of(Manifold.sphere(1.0, SEGMENTS))
-    unit_volume, middle = solid_properties(points, triangles)
+    sphere = mesh_of(Manifold.sphere(1.0, SEGMENTS))
+    unit_volume, middle = sphere.volume, sphere.centroid
     farthest = min(0.5 * surface.diagonal, size / (unit_volume * LEAST_RADIUS**3))
     distances = farthest * np.arange(PLACES, 0, -1) / PLACES
     radii = np.cbrt(size / (unit_volume * distances))
@@ -223,8 +222,8 @@ def hollow_out(surface: Surface, center: Floats) -> Surface:
             f"{WALL:g} mm, got none; reduce depth_mm, or take balance: shape"
         )
     best = int(np.argmax(fits))
-    ball = middles[best] + radii[best] * (points - middle)
-    return join_surfaces(surface, Surface(ball, triangles[:, ::-1]))
+    ball = sphere.with_points(middles[best] + radii[best] * (sphere.points - middle))
+    return join_surfaces(surface, ball.reverse())
 
 
 TURN: Final = math.radians(11.0)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.hulls.polygons import facet_inradius
-from dicedesign.geometry.meshes.body import Body, make_body
-from dicedesign.geometry.meshes.reading import parse_stl
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.reading import read_stl
 from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.targets import Target
 from dicedesign.rest.outcomes import (
@@ -165,7 +164,7 @@ class Assessment:
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class Solid(Surface):
     """Die in mm, plain or with labels and rounded edges, with its center of mass at the origin,
     before its coordinates are rounded for a file.
 
@@ -184,8 +183,6 @@ class Solid:
     core: hull of a convex die inside its rounded edges, with the flat facets of the die.
     """
 
-    points: Floats
-    triangles: Integers
     poses: RestPoses
     outcomes: OutcomeProbabilities
     center_of_mass: Floats | None
@@ -224,6 +221,16 @@ class FinishedDie:
     repaired: RepairedMesh | None = None
     thrown: ThrownDie | None = None
     reading: Reading | None = None
+
+    @property
+    def printed(self) -> Surface:
+        """Solid of die.stl, else of die_plain.stl."""
+        return self.engraved or self.plain.body.surface
+
+    @property
+    def final(self) -> Assessment:
+        """Assessment of die.stl if its probabilities are known, else of die_plain.stl."""
+        return (self.engraved and self.engraved.assessment) or self.plain
 
 
 def make_solid(die: Design, size_mm: float) -> Solid:
@@ -270,7 +277,6 @@ def assess_file(
     ------
     DegenerateBodyError, OutsideHullError: as `rest_poses`.
     """
-    points, triangles = parse_stl(data, Path("die.stl"))
-    body = make_body(points, triangles, "die.stl", single_precision=True)
+    body = read_stl(data)
     poses = rest_poses(body, center_of_mass).under(prior)
     return Assessment(body, poses, outcome_probabilities(poses, directions), target)

@@ -18,6 +18,7 @@ from manifold3d import CrossSection, Error, Manifold, OpType
 from scipy.spatial import KDTree
 
 from dicedesign.errors import EngravingError
+from dicedesign.fabricate.die import Solid
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import (
     Placement,
@@ -31,7 +32,6 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, edge_neighbors, find_parts
-from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
@@ -148,7 +148,7 @@ def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingO
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
     cuts = _cuts(convex_hull(plain.points), placements, options)
-    return cut_out(solid(plain.points, plain.triangles), cuts, options)
+    return cut_out(solid(plain), cuts, options)
 
 
 def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
@@ -158,7 +158,7 @@ def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOpt
     """
     cuts = _cuts(convex_hull(plain.points), placements, options)
     cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
-    return Surface(*mesh_of(solid(plain.points, plain.triangles) ^ cutters))
+    return mesh_of(solid(plain) ^ cutters)
 
 
 def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions) -> Surface:
@@ -169,7 +169,7 @@ def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions
     body = Manifold.batch_boolean([plain, *(cut.cutter for cut in cuts)], OpType.Subtract)
     failure = _find_failed_check(plain, body, sum(cut.volume for cut in cuts))
     if not failure:
-        return Surface(*mesh_of(body))
+        return mesh_of(body)
     # Pockets that break through or overlap.
     at_fault = {
         cut.where for cut in cuts if _find_failed_check(plain, plain - cut.cutter, cut.volume)
@@ -202,20 +202,15 @@ def _find_failed_check(plain: Manifold, body: Manifold, expected: float) -> str 
 
 
 def place_on_facets(
-    poses: RestPoses,
-    main: Integers,
-    hull: ConvexHull,
-    labels: Sequence[str],
-    options: EngravingOptions,
+    die: Solid, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
 ) -> tuple[Reading, list[Placement]]:
     """Choose the reading of a die, and place its labels on the facets of its hull or core
     (`core_of`), in the order of the reading's places.
 
-    poses: rests of the die in mm; main: (k,) the rest of each outcome, or -1.
-
     Raises EngravingError if an outcome has no facet to rest on, the die cannot be read as the
     options say, or a label does not fit.
     """
+    main, poses = die.outcomes.main, die.poses
     require_rests(labels, main, "a facet")
     *better, last = die_readings(hull, poses.facets[main], labels, options.read)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import stl_bytes
+from dicedesign.geometry.triangles import Surface, join_surfaces
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.registry import Extension, Registry
@@ -36,20 +37,18 @@ def _read(path: Path) -> tuple[Floats, Integers]:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Part(Surface):
     """Body in one material, with or without labels in another color.
 
     Attributes
     ----------
-    name: such as "die"; color: "#rrggbb".
     points: (n, 3) in mm, z upward; triangles: (t, 3) counter-clockwise seen from outside.
+    name: such as "die"; color: "#rrggbb".
     labels: (t,) whether a triangle belongs to a label, or None without labels.
     """
 
     name: str
     color: str
-    points: Floats
-    triangles: Integers
     labels: Booleans | None = None
 
     def groups(self) -> list[tuple[str, str, Integers]]:
@@ -126,13 +125,6 @@ class FileFormat(Extension):
         return points @ np.linalg.inv(self.frame).T, triangles
 
 
-def join_parts(parts: Sequence[Part]) -> tuple[Floats, Integers]:
-    """Join parts to one mesh: points (n, 3) and triangles (t, 3)."""
-    starts = np.cumsum([0, *(len(part.points) for part in parts)])
-    triangles = [part.triangles + start for part, start in zip(parts, starts, strict=False)]
-    return np.concatenate([part.points for part in parts]), np.concatenate(triangles)
-
-
 def rows(form: str, values: Floats | Integers) -> str:
     """Format each row (n, k) of numbers, with all digits.
 
@@ -145,7 +137,7 @@ STL: Final = FileFormat(
     name="stl",
     line="binary STL, which every printing program takes",
     precision="float32",
-    write=lambda contents: stl_bytes(*join_parts(contents.parts)),
+    write=lambda contents: stl_bytes(join_surfaces(*contents.parts)),
 )
 
 
@@ -339,7 +331,8 @@ OBJ: Final = FileFormat(
 
 def ply(contents: Contents) -> bytes:
     """Write little-endian binary PLY."""
-    points, triangles = join_parts(contents.parts)
+    whole = join_surfaces(*contents.parts)
+    points, triangles = whole.points, whole.triangles
     header = f"ply\nformat binary_little_endian 1.0\ncomment lengths in {contents.unit}\n"
     header += f"element vertex {len(points)}\n"
     header += "".join(f"property double {axis}\n" for axis in "xyz")
@@ -358,9 +351,9 @@ PLY: Final = FileFormat(
 
 def off(contents: Contents) -> bytes:
     """Write ASCII OFF."""
-    points, triangles = join_parts(contents.parts)
-    text = rows("{!r} {!r} {!r}\n", points) + rows("3 {} {} {}\n", triangles)
-    return f"OFF\n{len(points)} {len(triangles)} 0\n{text}".encode()
+    whole = join_surfaces(*contents.parts)
+    text = rows("{!r} {!r} {!r}\n", whole.points) + rows("3 {} {} {}\n", whole.triangles)
+    return f"OFF\n{len(whole.points)} {len(whole.triangles)} 0\n{text}".encode()
 
 
 OFF: Final = FileFormat(
@@ -406,7 +399,7 @@ def mesh_bytes(points: Floats, triangles: Integers, ending: str, name: str = "me
     InputError: an unknown ending; a coordinate that is not finite in the format's precision; a
         missing library.
     """
-    contents = Contents("die", [Part("die", BODY_COLOR, points, triangles)])
+    contents = Contents("die", [Part(points, triangles, "die", BODY_COLOR)])
     return file_bytes(contents, format_of_ending(ending, name), name)
 
 

@@ -22,7 +22,7 @@ from dicedesign.fabricate.label_layout import Placement, require_room
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
 from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 STEEPEST: Final = 1.0
@@ -109,8 +109,7 @@ def relief(body: Manifold) -> Relief:
 
 
 def engrave_marks(
-    vertices: Floats,
-    triangles: Integers,
+    surface: Surface,
     downs: Floats,
     texts: Sequence[str],
     options: EngravingOptions,
@@ -124,8 +123,7 @@ def engrave_marks(
 
     Parameters
     ----------
-    vertices: (n, 3) of the plain solid.
-    triangles: (t, 3) counter-clockwise seen from outside; closed.
+    surface: of the plain solid.
     downs: (k, 3) directions in the body that point to the table, of any length above 0.
     texts: k labels.
     options: look, depth, sizes and margin; `upright` does not apply.
@@ -141,7 +139,7 @@ def engrave_marks(
     LabelRoomError: a label is too small to read; at the size it gives all are large enough.
     EngravingError: there is no place for a label at any size, or a check failed.
     """
-    plain = solid(vertices, triangles)
+    plain, vertices = solid(surface), surface.points
     marks: list[Placement] = []
     cuts: list[LabelCut] = []
     for text, down in zip(texts, downs, strict=True):

@@ -33,10 +33,9 @@ from dicedesign.geometry.triangles import (
     doubled_area_vectors,
     is_closed,
     second_moments,
-    solid_properties,
 )
 from dicedesign.gradient.facet_measures import offset_derivatives
-from dicedesign.gradient.probability_model import ProbabilityModel
+from dicedesign.gradient.probability_model import RESTING, ProbabilityModel
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.rest.outcomes import OutcomeProbabilities, assign_rests, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze
@@ -84,7 +83,7 @@ class ProbabilitySpread:
     ----------
     poses: the rests of the body; directions: (k, 3) down in the outcomes.
     errors: standard deviations of print errors.
-    model: of the probabilities, or None without momentum and under uniform start orientations.
+    model: of the probabilities.
     has_planes: whether whole facets are off; else corners are off in all directions, independently,
         as on a concave die, whose hull spans unrelated corners.
     axes: (3, 3) orthonormal axes of the printer in the die's coordinates, one per row, the last up.
@@ -97,7 +96,7 @@ class ProbabilitySpread:
     poses: RestPoses
     directions: Floats
     errors: PrintErrors
-    model: ProbabilityModel | None
+    model: ProbabilityModel
     has_planes: bool
     axes: Floats
     volume: float
@@ -112,7 +111,7 @@ class ProbabilitySpread:
         poses: RestPoses,
         directions: Floats,
         errors: PrintErrors,
-        model: ProbabilityModel | None = None,
+        model: ProbabilityModel = RESTING,
         *,
         has_planes: bool = True,
         axes: Floats = AXES,
@@ -125,7 +124,7 @@ class ProbabilitySpread:
             center = torch.from_numpy(side.equilibria.center_of_mass)
             vertices = torch.from_numpy(side.equilibria.hull.vertices)
             rests = RestEvaluation(side.equilibria, vertices, center, side)
-            jacobian = rests.jacobian if model is None else model.jacobian(rests)
+            jacobian = model.jacobian(rests)
             of_outcomes = np.zeros((len(directions), jacobian.shape[1]))
             of_rests = place[side.paths.rests]
             np.add.at(of_outcomes, of_rests[of_rests >= 0], jacobian[of_rests >= 0])
@@ -254,12 +253,8 @@ class ProbabilitySpread:
             # The offset that labels cause stays.
             center = center + convex_hull(corners).centroid - self.poses.hull.centroid
         rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
-        probabilities = (
-            rests.probability_values if self.model is None else self.model.probabilities(rests)
-        )
-        return assign_rests(
-            rests.hull.normals[rests.facets], probabilities, self.directions
-        ).probabilities
+        normals, probabilities = rests.hull.normals[rests.facets], self.model.probabilities(rests)
+        return assign_rests(normals, probabilities, self.directions).probabilities
 
 
 def print_tolerances(
@@ -341,17 +336,17 @@ def inside_walls(hull: ConvexHull, walls_mm: float, pockets: Sequence[Manifold] 
     if depths.min() <= walls_mm:
         return 0.0, middle
     inner = convex_hull(middle + polyhedron_corners(hull.normals, depths - walls_mm))
-    points, triangles = inner.vertices, inner.triangles
+    core = inner.surface
     if pockets:
         from manifold3d import Manifold, OpType
 
         from dicedesign.geometry.meshes.manifold import mesh_of, solid
 
-        left = Manifold.batch_boolean([solid(points, triangles), *pockets], OpType.Subtract)
+        left = Manifold.batch_boolean([solid(core), *pockets], OpType.Subtract)
         if not left.volume() > 0.0:
             return 0.0, middle
-        points, triangles = mesh_of(left)
-    return solid_properties(points, triangles)
+        core = mesh_of(left)
+    return core.volume, core.centroid
 
 
 def pocket_walls(

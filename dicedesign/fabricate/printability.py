@@ -291,7 +291,7 @@ def thin_parts(surface: Surface, wall: float) -> ThinParts | None:
 
     from dicedesign.geometry.meshes.manifold import solid
 
-    body = solid(surface.points, surface.triangles)
+    body = solid(surface)
     doubled = doubled_area_vectors(surface.points, surface.triangles)
     lengths = norms(doubled)
     area = float(lengths.sum()) / 2.0

@@ -15,7 +15,6 @@ from dicedesign.concave.result import ConcaveDie
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import Assessment, Design, Solid
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.sphere import angle_between, norms
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
@@ -60,7 +59,7 @@ def solid_of_surface(die: Design, design_result: ConcaveDie, size_mm: float) -> 
     except InputError as error:
         # Then the die is written as it is, and says so.
         is_printable, changes = False, (str(error),)
-    poses = rest_poses(make_body(surface.points, surface.triangles))
+    poses = rest_poses(surface)
     return Solid(
         points=surface.points,
         triangles=surface.triangles,
@@ -88,7 +87,7 @@ def printable_solid(surface: Surface) -> tuple[Surface, tuple[str, ...]]:
     ------
     InputError: the surface bounds no solid of positive volume, or falls apart when it is cleaned.
     """
-    body = solid(surface.points, surface.triangles)
+    body = solid(surface)
     cleaned = body.simplify(PRINT_TOLERANCE * surface.diagonal)
     pieces = len(cleaned.decompose()) if cleaned.status() == Error.NoError else 0
     if pieces != 1 or not cleaned.volume() > 0.0:
@@ -97,7 +96,7 @@ def printable_solid(surface: Surface) -> tuple[Surface, tuple[str, ...]]:
             f"{cleaned.volume():.3g} from {body.num_tri()} triangles; remesh the surface or deform "
             "it less"
         )
-    clean, notes = Surface(*mesh_of(cleaned)), []
+    clean, notes = mesh_of(cleaned), []
     if cleaned.num_tri() != body.num_tri():
         notes.append(
             f"edges and slivers were taken out: {cleaned.num_tri()} triangles are left of "
@@ -127,9 +126,7 @@ def assess_surface(
     plain: rests and outcomes of the file; repaired: the mesh that the surface was made from, if it
     was repaired.
     """
-    body = plain.body
-    assert body.triangles is not None
-    surface = Surface(body.points, body.triangles)
+    surface = plain.body.surface
     # Distance of corners of the designed hull from the surface, and of the surface outside of it.
     designed = convex_hull(solid.hull_points)
     outside = -float(designed.least_depths(plain.poses.hull.vertices).min())
@@ -137,9 +134,7 @@ def assess_surface(
     gap = max(inside, outside, 0.0) / surface.diagonal
     crossings = len(intersecting_triangles(surface.points, surface.triangles))
     start, after = design_result.before, design_result.after
-    before = outcome_probabilities(
-        rest_poses(make_body(start.points, start.triangles)), design_result.directions
-    )
+    before = outcome_probabilities(rest_poses(start), design_result.directions)
     moved = norms(after.points - start.points) / start.diagonal
     quality = surface_quality(after, start)
     sentences = list(quality.sentences()) or [
@@ -155,7 +150,7 @@ def assess_surface(
         )
     cavities = None
     if design_result.hollow is not None and solid.is_printable:
-        cavities = measure_cavities(body)
+        cavities = measure_cavities(surface)
     record = Concave(
         probabilities_before=tuple(before.probabilities.tolist()),
         elsewhere_before=before.elsewhere,

@@ -244,6 +244,10 @@ class Surface:
         sums = sums_by_index(self.triangles.ravel(), by_corner, len(self.points))
         return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()
 
+    def reverse(self) -> Surface:
+        """Surface with the other side outward."""
+        return Surface(self.points, self.triangles[:, ::-1])
+
     def with_points(self, points: Floats) -> Surface:
         """Surface with these triangles between other points (n, 3)."""
         return Surface(points, self.triangles)
@@ -255,9 +259,8 @@ def surface_of(points: Floats, triangles: Integers) -> Surface:
     return Surface(points[used], renumbered.reshape(-1, 3))
 
 
-def join_surfaces(first: Surface, second: Surface) -> Surface:
-    """Two surfaces as one."""
-    return Surface(
-        np.concatenate([first.points, second.points]),
-        np.concatenate([first.triangles, second.triangles + len(first.points)]),
-    )
+def join_surfaces(*surfaces: Surface) -> Surface:
+    """Several surfaces as one."""
+    starts = np.cumsum([0, *(len(each.points) for each in surfaces)])
+    triangles = [each.triangles + start for each, start in zip(surfaces, starts, strict=False)]
+    return Surface(np.concatenate([each.points for each in surfaces]), np.concatenate(triangles))

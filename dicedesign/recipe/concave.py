@@ -14,7 +14,6 @@ from dicedesign.concave.result import ConcaveDie, ConcaveProgress
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die, read_checkpoint
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work
@@ -83,7 +82,7 @@ def design_concave(work: Work) -> Design:
         die = _keep_surface(surface, target, progress)
     progress, best = die.progress, die.progress.best
     center = None if die.hollow is None else die.hollow.center_of_mass
-    poses = rest_poses(make_body(die.after.points, die.after.triangles), center)
+    poses = rest_poses(die.after, center)
     work.search = Search(
         attempts=progress.attempts,
         seconds=progress.seconds,
@@ -103,7 +102,7 @@ def design_concave(work: Work) -> Design:
 def _keep_surface(surface: Surface, target: Floats, progress: ConcaveProgress) -> ConcaveDie:
     """Die of the unchanged surface, after a failed search. Its most probable rests are the
     outcomes, matched by rank; if there are too few, the last outcomes have none."""
-    poses = rest_poses(make_body(surface.points, surface.triangles))
+    poses = rest_poses(surface)
     downs: list[Floats] = []
     for normal in poses.normals[np.argsort(-poses.probabilities, kind="stable")]:
         if all(angle_between(normal, other) > SAME_REST_ANGLE for other in downs):

@@ -19,7 +19,7 @@ from dicedesign.fabricate.die import Assessment, assess_file
 from dicedesign.fabricate.engraving import place_on_facets, require_rests
 from dicedesign.fabricate.label_layout import Placement, Reading
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.reading import stl_bytes
+from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, join_surfaces
 from dicedesign.gradient.probability_model import (
@@ -82,9 +82,7 @@ def _finish_convex(work: Work) -> None:
     core = core_of(solid.poses, edges)
     placements: list[Placement] = []
     if options is not None:
-        work.reading, placements = place_on_facets(
-            solid.poses, solid.outcomes.main, core, work.target.labels, options
-        )
+        work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
     finish = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or is_thrown):
         # Labels do not change the hull.
@@ -102,7 +100,7 @@ def _finish_convex(work: Work) -> None:
         # Keep the probabilities that the plain shape has in the momentum model.
         measure = measure_thrown(load_table(table), momentum_model(table))
         model = ThrowProbabilities.on(table)
-        target = measure(Surface(solid.points, solid.triangles), directions).probabilities
+        target = measure(solid, directions).probabilities
     end = reshape(core, directions, placements, target, finish, measure, rounds=rounds, model=model)
     work.balance = Balance(
         by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
@@ -131,7 +129,7 @@ def _mark_surface(work: Work) -> None:
     require_rests(labels, main, "a side")
     downs = work.plain.poses.normals[main]
     work.reading = Reading("marks")
-    marked, _ = engrave_marks(solid.points, solid.triangles, downs, labels, options)
+    marked, _ = engrave_marks(solid, downs, labels, options)
     if options.balance == "none" or work.status is not Status.CONVERGED:
         _finish(work, marked)
     else:
@@ -181,11 +179,10 @@ def _finish(
         placements = [placement.shift(-center) for placement in placements]
         inlay = None if inlay is None else inlay.with_points(inlay.points - center)
         core = None if core is None else convex_hull(core.vertices - center)
-    data = work.files["die.stl"] = stl_bytes(surface.points, surface.triangles)
+    data = work.files["die.stl"] = stl_bytes(surface)
     if inlay is not None:
-        work.files["die_inlay.stl"] = stl_bytes(inlay.points, inlay.triangles)
-        whole = join_surfaces(surface, inlay)
-        data = stl_bytes(whole.points, whole.triangles)
+        work.files["die_inlay.stl"] = stl_bytes(inlay)
+        data = stl_bytes(join_surfaces(surface, inlay))
     verdict = None
     if work.solid.center_of_mass is None:
         verdict = assess_file(data, work.die.directions, work.target, prior=work.die.prior)
@@ -240,11 +237,11 @@ def fill_inside(work: Work) -> None:
 
     Raises InputError if that is impossible for a die that converged; otherwise adds a remark.
     """
-    from dicedesign.balance.ways import move_center, read_back
+    from dicedesign.balance.ways import move_center
 
     options, method = work.recipe.inside, work.recipe.method
     assert options is not None
-    surface = read_back(work.files[f"{work.stem}.stl"]).surface
+    surface = read_stl(work.files[f"{work.stem}.stl"]).surface
     try:
         # The given center is at the origin.
         filled = move_center(surface, np.zeros(3), options.by, options)

@@ -21,7 +21,6 @@ from dicedesign.fabricate.file_formats import (
     Contents,
     Part,
     file_bytes,
-    join_parts,
 )
 from dicedesign.fabricate.print_tolerances import (
     ProbabilitySpread,
@@ -32,9 +31,9 @@ from dicedesign.fabricate.print_tolerances import (
 )
 from dicedesign.fabricate.printability import PrintedSolid, printability
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.reading import parse_stl, stl_bytes
-from dicedesign.geometry.triangles import Surface
+from dicedesign.geometry.meshes.body import body_of
+from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
+from dicedesign.geometry.triangles import Surface, join_surfaces
 from dicedesign.gradient.probability_model import probability_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
@@ -43,7 +42,7 @@ from dicedesign.report.raster import upward_of
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.results.parts import Status
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
 
 def prepare_print(work: Work) -> None:
@@ -52,8 +51,7 @@ def prepare_print(work: Work) -> None:
     assert options is not None
     plain, body, poses, solid = work.plain, work.plain.body, work.plain.poses, work.finished
     if engraved is not None:
-        points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
-        body = make_body(points, triangles, "die.stl", single_precision=True)
+        body = read_stl(work.files["die.stl"])
         # A given center of mass holds for the rounded body too.
         given = work.solid.center_of_mass
         poses = (
@@ -86,7 +84,7 @@ def prepare_print(work: Work) -> None:
     if options.oriented:
         placement = np.array(work.printability.placement)
         points = surface.points @ placement[:3, :3].T + placement[:3, 3]
-        work.files["die_oriented.stl"] = stl_bytes(points, surface.triangles)
+        work.files["die_oriented.stl"] = stl_bytes(surface.with_points(points))
 
 
 def find_tolerances(work: Work) -> None:
@@ -101,7 +99,7 @@ def find_tolerances(work: Work) -> None:
     if work.recipe.edges is not None and core is not None:
         # Rounded edges move with the facets beside them, so the core stands for the die, with the
         # center of mass of the finished die.
-        body = make_body(core.vertices, core.triangles)
+        body = body_of(core.surface)
         poses = analyze(core, poses.center_of_mass, poses.center_of_mass_source)
         poses = poses.under(work.die.prior)
     # Axes of the printer, for the best orientation.
@@ -153,7 +151,7 @@ def write_files(work: Work) -> None:
     """Make the die's files in other formats, and read each back. A file with other probabilities,
     or a format that cannot hold the die, is skipped, and the die fails."""
     contents = die_contents(work)
-    probabilities = _compute_probabilities(work, *join_parts(contents.parts))
+    probabilities = _compute_probabilities(work, join_surfaces(*contents.parts))
     for kind in (FILE_FORMATS[name] for name in work.recipe.files if name != "stl"):
         name = f"{work.stem}.{kind.name}"
         try:
@@ -161,7 +159,9 @@ def write_files(work: Work) -> None:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder, name)
                 path.write_bytes(data)
-                changes = _compute_probabilities(work, *kind.read_back(path)) - probabilities
+                changes = (
+                    _compute_probabilities(work, Surface(*kind.read_back(path))) - probabilities
+                )
             off = float(np.abs(changes).max())
             if not off <= kind.same_probabilities:
                 raise InputError(
@@ -191,25 +191,24 @@ def die_contents(work: Work) -> Contents:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
     plain, solid, options = work.solid, work.finished, work.recipe.engrave
-    parts = [Part("die", BODY_COLOR, solid.points, solid.triangles)]
+    parts = [Part(solid.points, solid.triangles, "die", BODY_COLOR)]
     if solid.inlay is not None:
-        parts.append(Part("labels", LABEL_COLOR, solid.inlay.points, solid.inlay.triangles))
+        parts.append(Part(solid.inlay.points, solid.inlay.triangles, "labels", LABEL_COLOR))
     elif work.engraved is not None and options is not None:
         # It imports manifold3d.
         from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
 
-        surface, whole = (Surface(each.points, each.triangles) for each in (solid, plain))
         if work.die.reshaped is None:
-            triangles = labels_below_hull(surface, options.depth_mm)
+            triangles = labels_below_hull(solid, options.depth_mm)
         else:
-            triangles = labels_off_surface(surface, whole, options.depth_mm)
+            triangles = labels_off_surface(solid, plain, options.depth_mm)
         parts = [replace(parts[0], labels=triangles)]
     return Contents(work.recipe.name, parts, facts)
 
 
-def _compute_probabilities(work: Work, points: Floats, triangles: Integers) -> Floats:
+def _compute_probabilities(work: Work, solid: Surface) -> Floats:
     """(k,) probabilities of the outcomes of a solid in the die's coordinates."""
-    poses = rest_poses(make_body(points, triangles), work.solid.center_of_mass)
+    poses = rest_poses(solid, work.solid.center_of_mass)
     return outcome_probabilities(poses, work.die.directions).probabilities
 
 
@@ -230,8 +229,8 @@ def write_data_sheet(work: Work) -> None:
     from dicedesign.report.renderer import RenderMesh
 
     die = make_finished_die(work)
-    solid = die.engraved or die.plain.body.surface
-    surface = RenderMesh(solid.points, solid.triangles, smooth=die.reshaped is not None)
+    solid, smooth = die.printed, die.reshaped is not None
+    surface = RenderMesh(solid.points, solid.triangles, smooth=smooth)
     file = f"{work.stem}.stl"
     checksum = hashlib.sha256(work.files[file]).hexdigest()
     facts = sheet_facts(die, file, checksum)
@@ -257,7 +256,7 @@ def make_finished_die(work: Work) -> FinishedDie:
         plain=work.plain,
         engraved=work.engraved,
         tolerance=work.recipe.method.tolerance,
-        upward=np.array([0.0, 0.0, 1.0]) if mesh is None else upward_of(Path(mesh.path)),
+        upward=upward_of(mesh and mesh.path),
         reshaped=work.die.reshaped,
         quality=work.quality,
         repaired=work.repaired,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from decimal import ROUND_CEILING, Context
 from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import InputError
@@ -287,7 +288,10 @@ def _load_method(work: Work) -> Callable[[Work], Any]:
     # Some hulls need it; import it outside the time of the design.
     import_module("dicedesign.geometry.hulls.numpy_hull")
     method = work.recipe.method
-    return _load(METHODS["thrown" if method.is_thrown else method.name])
+    solve: Callable[[Work], Any] = resolve_name(
+        METHODS["thrown" if method.is_thrown else method.name]
+    )
+    return solve
 
 
 def _run_method(work: Work) -> None:
@@ -424,13 +428,7 @@ def run_stages(work: Work, *, after: str | None = None, last: str | None = None)
     for stage in stages[first:end]:
         if stage.wanted(work):
             with work.clock.stage(stage.name):
-                (_load(stage.run) if isinstance(stage.run, str) else stage.run)(work)
-
-
-def _load(address: str) -> Callable[[Work], Any]:
-    module, _, name = address.partition(":")
-    function: Callable[[Work], Any] = getattr(import_module(module), name)
-    return function
+                (resolve_name(stage.run) if isinstance(stage.run, str) else stage.run)(work)
 
 
 def run(

@@ -163,7 +163,7 @@ def enlarge(work: Work) -> None:
     try:
         solid = make_solid(work.die, recipe.size_mm)
         core = core_of(solid.poses, recipe.edges)
-        place_on_facets(solid.poses, solid.outcomes.main, core, work.target.labels, recipe.engrave)
+        place_on_facets(solid, core, work.target.labels, recipe.engrave)
     except LabelRoomError as error:
         size_mm = float(math.ceil(error.size_mm))
         if size_mm > MOST_MM:
@@ -188,7 +188,7 @@ def export(work: Work) -> None:
 
         work.solid = solid_of_surface(work.die, work.die.reshaped, work.recipe.size_mm)
     work.notes += work.solid.changes
-    work.files["die_plain.stl"] = stl_bytes(work.solid.points, work.solid.triangles)
+    work.files["die_plain.stl"] = stl_bytes(work.solid)
 
 
 def check(work: Work) -> None:

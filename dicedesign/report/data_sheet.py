@@ -14,7 +14,6 @@ import numpy as np
 from matplotlib.patches import Rectangle
 
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS
-from dicedesign.geometry.triangles import solid_properties
 from dicedesign.report.pages import throwing_advice
 from dicedesign.report.palette import ACCENT, FAINT, GRID
 from dicedesign.report.raster import Camera, Picture, frame_cameras, three_cameras
@@ -141,14 +140,11 @@ def _reading(result: Result) -> str:
 
 def _size(die: FinishedDie) -> str:
     """Extents, volume and, if known, weight."""
-    verdict = (die.engraved and die.engraved.assessment) or die.plain
-    body, size = verdict.body, verdict.poses.hull.diameter
-    assert body.triangles is not None
+    body, size = die.final.body, die.final.poses.hull.diameter
     extents = " × ".join(f"{extent:.1f}" for extent in np.ptp(body.points, axis=0))
-    volume, _ = solid_properties(body.points, body.triangles)
     text = (
         f"{extents} mm along x, y and z; {size:.1f} mm from corner to corner; "
-        f"{volume / 1000.0:.2f} cm³"
+        f"{body.surface.volume / 1000.0:.2f} cm³"
     )
     printed, infill = die.result.printability, die.result.infill
     if printed is not None:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.report.renderer import RenderMesh
     from dicedesign.report.sheet import Sheet
-    from dicedesign.report.solid_figures import Ablation
     from dicedesign.rest.poses import RestPoses
 
 MAX_TRIANGLES: Final = 1_000_000
@@ -36,8 +34,7 @@ MAX_FLAT_TRIANGLES: Final = 400
 
 def _drawing(address: str, *arguments: Any) -> Any:
     """Call a function of this package, "module:name"."""
-    module, _, name = address.partition(":")
-    return getattr(import_module(f"dicedesign.report.{module}"), name)(*arguments)
+    return resolve_name(f"dicedesign.report.{address}")(*arguments)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -289,55 +286,30 @@ def figure_files(die: FinishedDie) -> dict[str, bytes]:
 
 
 @dataclass(frozen=True, eq=False)
-class Lain:
-    """Body with its rests.
+class Subject:
+    """Subject of a figure.
 
     Attributes
     ----------
     body, poses: the solid and its rests.
     labels: labels of the rests, empty texts for rests without one, or None.
+    upward: (3,) direction that is upward in pictures.
+    make_before: makes what the body was made from, in the same place and scale; raises InputError
+        if that is unknown.
+    down: direction that points down when the body is let go, or None to let the figure choose.
     """
 
     body: Body
     poses: RestPoses
-    labels: Sequence[str] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Subject:
-    """Subject of a figure; its parts are made on demand.
-
-    Attributes
-    ----------
-    upward: (3,) direction that is upward in pictures.
-    make: reads or designs the body.
-    make_before: makes the body's original, in its place and scale.
-    make_ablations: designs the recipe's die with all terms, and without each of them.
-    down: direction that points down at release, or None to let the figure choose.
-
-    The makers raise InputError if the subject has no such part.
-    """
-
+    labels: Sequence[str] | None
     upward: Floats
-    make: Callable[[], Lain]
-    make_before: Callable[[Lain], RenderMesh]
-    make_ablations: Callable[[], Sequence[Ablation]]
+    make_before: Callable[[], RenderMesh]
     down: tuple[float, float, float] | None = None
-
-    @cached_property
-    def lain(self) -> Lain:
-        """Body with its rests."""
-        return self.make()
-
-    @property
-    def poses(self) -> RestPoses:
-        """Rests of the body."""
-        return self.lain.poses
 
     @property
     def surface(self) -> RenderMesh:
         """Mesh of the body to draw."""
-        return surface_to_draw(self.lain.body.points, self.lain.body.triangles, self.poses.hull)
+        return surface_to_draw(self.body.points, self.body.triangles, self.poses.hull)
 
 
 def surface_to_draw(points: Floats, triangles: Integers | None, hull: ConvexHull) -> RenderMesh:
@@ -385,7 +357,7 @@ BODY_FIGURES: Final = Registry(
                 "complex",
                 "Morse-Smale complex over the Gauss map: basins, separatrices, rests, saddles, "
                 "maxima",
-                lambda it: _drawing("gauss_map:gauss_map_figure", it.poses, it.lain.labels),
+                lambda it: _drawing("gauss_map:gauss_map_figure", it.poses, it.labels),
             ),
             (
                 "drop",
@@ -398,15 +370,10 @@ BODY_FIGURES: Final = Registry(
                 "(--before)",
                 lambda it: _drawing(
                     "surface_figures:before_after_figure",
-                    it.make_before(it.lain),
+                    it.make_before(),
                     it.surface,
                     it.upward,
                 ),
-            ),
-            (
-                "ablation",
-                "a recipe's die by the paper's method, and without each of the regularizers",
-                lambda it: _drawing("solid_figures:ablation_figure", it.make_ablations()),
             ),
         )
     ],

@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image
 
 from dicedesign.geometry.sphere import angle_between, even_directions, norms, unit_vectors
+from dicedesign.geometry.triangles import Surface
 from dicedesign.report.gauss_map import path_of, paths_figure
 from dicedesign.report.raster import UP, Camera, frame_cameras, tilt_up, trim
 from dicedesign.report.renderer import (
@@ -24,7 +25,7 @@ from dicedesign.report.renderer import (
 from dicedesign.report.sheet import Sheet, picture_grid
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.roll import roll_steps
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.simulation import FRAMES_PER_SECOND, Film, throw_film
 
 if TYPE_CHECKING:
@@ -63,15 +64,11 @@ def throw(die: FinishedDie) -> bytes:
     """Typical throw of a die, which is thrown as a mesh, as a GIF."""
     assert die.thrown is not None
     thrown = die.thrown.die
-    assert thrown.solid.triangles is not None
     film = throw_film(thrown.body, thrown.table)
-    center = thrown.poses.center_of_mass
-    return moving_picture(film, thrown.solid.points, thrown.solid.triangles, center)
+    return moving_picture(film, thrown.solid.surface, thrown.poses.center_of_mass)
 
 
-def moving_picture(
-    film: Film, points: Floats, triangles: Integers, center_of_mass: Floats
-) -> bytes:
+def moving_picture(film: Film, surface: Surface, center_of_mass: Floats) -> bytes:
     """Looping GIF of a throw, four times slower than real; faster if it had more than 150 frames.
 
     Deterministic. The throw runs to the right.
@@ -79,8 +76,7 @@ def moving_picture(
     Parameters
     ----------
     film: the throw.
-    points, triangles: (n, 3) and (t, 3), the solid to draw, in the frame and the unit of length of
-        the body that was filmed.
+    surface: the solid to draw, in the frame and the unit of length of the body that was filmed.
     center_of_mass: (3,) center of mass of that body.
     """
     radius, ways = film.table.size / 2.0, film.positions
@@ -106,11 +102,11 @@ def moving_picture(
     last = len(film.seconds) - 1
     pictures = []
     for frame in np.linspace(0, last, min(last + 1, MAX_FRAMES)).round().astype(int).tolist():
-        placed = film.place_points(points, center_of_mass, frame)
+        placed = film.place_points(surface.points, center_of_mass, frame)
         above = placed[:, 2].clip(0.0)
-        shadow = render_shadow(placed, triangles, above, UP, camera, GIF_PIXELS, radius)
-        surface = RenderMesh(placed, triangles, smooth=False)
-        pictures.append(render(surface, camera, GIF_PIXELS, backdrop=paper[:, None] * shadow))
+        shadow = render_shadow(placed, surface.triangles, above, UP, camera, GIF_PIXELS, radius)
+        moved = RenderMesh(placed, surface.triangles, smooth=False)
+        pictures.append(render(moved, camera, GIF_PIXELS, backdrop=paper[:, None] * shadow))
     pictures = trim(pictures)
     # All frames share 64 colors, which are taken from eight of them.
     samples = np.concatenate(pictures[:: math.ceil(len(pictures) / 8)])

@@ -55,9 +55,8 @@ def result_html(result: Result, solid: tuple[Floats, Integers] | None = None) ->
     of_facets = [colors.get(facet.outcome or "", PALE) for facet in result.facets]
     name = result.files.get("die", result.files.get("plain"))
     if solid is None and result.folder is not None and name and (result.folder / name).is_file():
-        body = read_body(result.folder / name)
-        assert body.triangles is not None
-        solid = (body.points, body.triangles)
+        surface = read_body(result.folder / name).surface
+        solid = (surface.points, surface.triangles)
     rows = [
         (label, f"{p:.4%}", f"{q:.4%}")
         for label, p, q in zip(result.labels, result.probabilities, result.target, strict=True)

@@ -23,7 +23,7 @@ from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part, glb
 from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.palette import BASINS
@@ -89,7 +89,7 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
     colors, facets = rest_colors(die), []
     for part in parts:
         is_body = part is parts[0]
-        rests = rests_of_triangles(part.points, part.triangles, die)
+        rests = rests_of_triangles(part, die)
         for rest in np.unique(rests).tolist():
             own = rests == rest
             color, labels = part.color, None if part.labels is None else part.labels[own]
@@ -106,24 +106,24 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
     return facets
 
 
-def rests_of_triangles(points: Floats, triangles: Integers, die: FinishedDie) -> Integers:
+def rests_of_triangles(part: Surface, die: FinishedDie) -> Integers:
     """Rest (t,) of each triangle of a printed die, or -1.
 
     On a convex die it is the one of the nearest facet, also for labels and rounded edges. On a
     concave die it is the rest in which the triangle touches the table.
     """
-    poses, middles = die.plain.poses, points[triangles].mean(axis=1)
-    whole = die.plain.body.points if die.engraved is None else die.engraved.points
+    poses, middles = die.plain.poses, part.points[part.triangles].mean(axis=1)
+    whole = die.printed.points
     normals = poses.hull.normals if die.reshaped is None else poses.normals
     support = np.array([(whole @ normal).max() for normal in normals])
     count = 1 + len(middles) * len(normals) // PAIRS_AT_ONCE
     parts = np.array_split(middles, count)
-    nearest = np.concatenate([np.argmin(support - part @ normals.T, axis=1) for part in parts])
+    nearest = np.concatenate([np.argmin(support - each @ normals.T, axis=1) for each in parts])
     if die.reshaped is None:
         of_facet = np.full(len(normals), -1, dtype=np.int64)
         of_facet[poses.facets] = np.arange(len(poses.facets))
         return of_facet[nearest]
-    down, areas = normals[nearest], doubled_area_vectors(points, triangles)
+    down, areas = normals[nearest], doubled_area_vectors(part.points, part.triangles)
     heights = support[nearest] - (middles * down).sum(axis=1)
     flat = (areas * down).sum(axis=1) >= TOUCHING_COSINE * norms(areas)
     touches = flat & (heights <= TOUCHING_HEIGHT * np.ptp(whole, axis=0).max())

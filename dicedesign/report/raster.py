@@ -106,9 +106,9 @@ def three_cameras(
     return frame_cameras(cameras, [points] * len(cameras))
 
 
-def upward_of(path: Path) -> Floats:
-    """Direction (3,) that is upward in a mesh file, by its ending."""
-    return np.eye(3)[2 if path.suffix.lower() in UPRIGHT else 1]
+def upward_of(path: Path | str | None) -> Floats:
+    """Direction (3,) that is upward in a mesh file, by its ending; z for a body without one."""
+    return UP if path is None or Path(path).suffix.lower() in UPRIGHT else np.array([0.0, 1.0, 0.0])
 
 
 def frame_cameras(cameras: Sequence[Camera], points: Sequence[Floats]) -> list[Camera]:

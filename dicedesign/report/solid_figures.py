@@ -1,34 +1,31 @@
-"""Figures of dice with flat faces: views, faces, how the die is read and printed, and the dice of
-the paper's ablation study."""
+"""Figures of dice with flat faces: views, faces, how the die is read and printed."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
-from dicedesign.geometry.sphere import angle_between, norms, unit_vectors
-from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.report.palette import ACCENT, BASINS, DARK, FAINT, rgb
+from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
+from dicedesign.report.palette import ACCENT, DARK, FAINT, rgb
 from dicedesign.report.raster import UP, Camera, frame_cameras, tilt_up
 from dicedesign.report.renderer import (
     MATERIAL,
     RenderMesh,
-    color_facets,
     color_triangles,
     render,
     render_on_table,
     with_shadow,
 )
 from dicedesign.report.sheet import NOTE, Sheet, picture_grid, with_style
-from dicedesign.rest.poses import RestPoses
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
@@ -69,19 +66,12 @@ BARS_MM: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Lengths of a scale bar; the longest one that is not longer than a face is drawn."""
 
 
-def mesh_to_print(die: FinishedDie) -> tuple[Floats, Integers]:
-    """Points (n, 3) and triangles (t, 3) of a die, with its labels if it has any."""
-    solid = die.plain.body if die.engraved is None else die.engraved
-    assert solid.triangles is not None
-    return solid.points, solid.triangles
-
-
 def views(die: FinishedDie) -> Sheet:
     """Die from six sides and two corners, all at one scale.
 
     The body's z points upward; in the views from +z and -z, y does.
     """
-    surface = RenderMesh(*mesh_to_print(die), smooth=False)
+    surface = RenderMesh(die.printed.points, die.printed.triangles, smooth=False)
     cameras = [
         Camera(np.array(side, float), np.eye(3)[1 if side[:2] == (0, 0) else 2])
         for side in SIDES.values()
@@ -99,9 +89,8 @@ def print_orientation(die: FinishedDie) -> Sheet:
 
     print_facts = die.result.printability
     assert print_facts is not None
-    points, triangles = mesh_to_print(die)
-    verdict = die.plain if die.engraved is None else die.engraved.assessment or die.plain
-    hull = verdict.poses.hull if die.reshaped is None else None
+    points, triangles = die.printed.points, die.printed.triangles
+    hull = die.final.poses.hull if die.reshaped is None else None
     solid = PrintedSolid(points, triangles, hull, (), np.zeros((0, 3)))
     printer = replace(PRINTERS[print_facts.printer], layer_mm=print_facts.layer_mm)
     hanging = solid.overhanging(np.array([print_facts.best.normal]), printer)[:, 0]
@@ -119,11 +108,12 @@ def print_orientation(die: FinishedDie) -> Sheet:
     return picture_grid(pictures, ["on the bed", "from beneath"], 2)
 
 
-def paint_labels(points: Floats, triangles: Integers, labels: Sequence[Placement]) -> RenderMesh:
-    """Solid of points (n, 3) and triangles (t, 3) with labels and their facets in color.
+def paint_labels(solid: Surface, labels: Sequence[Placement]) -> RenderMesh:
+    """Solid with labels and their facets in color.
 
     Three or more labels around a corner are colored alone, as their facets bear others too.
     """
+    points, triangles = solid.points, solid.triangles
     areas, middles = doubled_area_vectors(points, triangles), points[triangles].mean(axis=1)
     colors = np.tile(MATERIAL, (len(triangles), 1))
     facet_color, label_color = rgb([READ_COLOR, ACCENT])
@@ -155,7 +145,7 @@ def reading(die: FinishedDie) -> Sheet:
     pairs = zip(die.reading.places, die.engraved.placements, strict=True)
     labels = [placement for place, placement in pairs if place.outcome == outcome]
     if labels:
-        surface = paint_labels(die.engraved.points, die.engraved.triangles, labels)
+        surface = paint_labels(die.engraved, labels)
         ups = [placement.frame[:3, 1] for placement in labels]
     else:
         surface = RenderMesh(die.engraved.points, die.engraved.triangles)
@@ -268,56 +258,3 @@ def _percent(share: float) -> str:
     """Percentage of two digits."""
     digits = 1 if share <= 0.0 else max(0, min(3, 1 - math.floor(math.log10(100.0 * share))))
     return f"{100.0 * share:.{digits}f} %"
-
-
-@dataclass(frozen=True, eq=False)
-class Ablation:
-    """Die that was designed without some terms of the energy.
-
-    Attributes
-    ----------
-    name: the omitted terms.
-    error: largest |p - q| of the outcomes.
-    poses: its rests; outcomes: (k,) outcome of each rest.
-    """
-
-    name: str
-    error: float
-    poses: RestPoses
-    outcomes: Integers
-
-
-def ablation_figure(ablations: Sequence[Ablation]) -> Sheet:
-    """Dice of an ablation study, each from two opposite sides, with their errors and the angles by
-    which rests deviate from the most probable rest of their outcome.
-
-    Source: figure 9 of the paper.
-    """
-    pictures, titles = [], []
-    for ablation in ablations:
-        normals, hull, outcomes = ablation.poses.normals, ablation.poses.hull, ablation.outcomes
-        # Rests are sorted by probability, so that the first rest of an outcome is its main one.
-        _, first, which = np.unique(outcomes, return_index=True, return_inverse=True)
-        main = first[which]
-        colors = np.tile(MATERIAL, (len(hull.normals), 1))
-        colors[ablation.poses.facets] = rgb([ACCENT])
-        pale = 0.35 + 0.65 * rgb(BASINS)
-        colors[ablation.poses.facets[main]] = pale[outcomes[main] % len(BASINS)]
-        surface = color_facets(hull, colors)
-        cameras = [Camera(side * np.array([1.0, -0.7, 0.5]), UP) for side in (1.0, -1.0)]
-        cameras = frame_cameras(cameras, [surface.points] * 2)
-        pictures += [render(surface, camera, PIXELS) for camera in cameras]
-        one, other = np.triu_indices(len(first), 1)
-        apart = angle_between(normals[first[one]], normals[first[other]]).min(initial=np.pi)
-        stray = np.degrees(angle_between(normals, normals[main]).max())
-        rests = f"{len(normals)} rests for {len(first)} of them"
-        rests += f", up to {stray:.1f}° off" if len(normals) > len(first) else ""
-        titles.append(f"{ablation.name}\n|p − q| up to {ablation.error:.1e}")
-        titles.append(f"outcomes {np.degrees(apart):.0f}° apart\n{rests}")
-    sheet = picture_grid(pictures, titles, 4, below=40.0)
-    note = (
-        "Each die from two opposite sides. In pale colors the facets of the outcomes, in a strong "
-        "one further rests that count for one of them."
-    )
-    sheet.text(note, (sheet.width / 2.0, sheet.height - 22.0), size=NOTE)
-    return sheet

@@ -59,9 +59,8 @@ REST_COLUMNS: Final = 4
 @lru_cache(maxsize=1)
 def surface_of(die: FinishedDie) -> RenderMesh:
     """Surface of a die as read back from its file."""
-    body = die.plain.body
-    assert body.triangles is not None
-    return RenderMesh(body.points, body.triangles)
+    surface = die.plain.body.surface
+    return RenderMesh(surface.points, surface.triangles)
 
 
 @lru_cache(maxsize=1)
@@ -236,8 +235,7 @@ def _level_view(points: Floats, up: Floats, front: Floats) -> Floats:
 def balance_figure(result: Balanced) -> Sheet:
     """Balanced body in its most probable poses before and now, and cut open through its center of
     mass, below bars of the probabilities of the poses of the goal, at most ten."""
-    body = result.made.body
-    assert body.triangles is not None
+    body = result.made.body.surface
     moves = [poses.transforms[0] for poses in (result.poses_before, result.poses)]
     placed = [body.points @ move[:3, :3].T + move[:3, 3] for move in moves]
     cameras = frame_cameras([Camera(np.array([1.0, -0.7, 0.5]), UP)] * 2, placed)
@@ -262,15 +260,13 @@ def _cut_open(result: Balanced) -> Picture:
     from dicedesign.geometry.meshes.manifold import solid
 
     balanced_solid, shift = result.made, result.center - result.center_before
-    assert balanced_solid.body.triangles is not None
     across = np.cross(UP, shift)
     # Any vertical cut is through both if one is above the other.
     across = unit_vectors(across) if norms(across) > 1e-3 * norms(shift) else np.array([0, -1.0, 0])
-    body = solid(balanced_solid.body.points, balanced_solid.body.triangles)
+    body = solid(balanced_solid.body.surface)
     parts = [(body, MATERIAL)]
     if balanced_solid.sparse is not None:
-        assert balanced_solid.sparse.triangles is not None
-        sparse = solid(balanced_solid.sparse.points, balanced_solid.sparse.triangles)
+        sparse = solid(balanced_solid.sparse.surface)
         parts = [(body - sparse, MATERIAL), (body ^ sparse, rgb([PALE])[0])]
     corners, colors = [], []
     for part, color in parts:

@@ -16,6 +16,7 @@ from dicedesign.errors import MOST_COUNT, DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
@@ -278,7 +279,7 @@ def standing_transform(normal: Floats, height: float, center_of_mass: Floats) ->
 
 
 def rest_poses(
-    points_or_mesh: ArrayLike | Body,
+    points_or_mesh: ArrayLike | Body | Surface,
     center_of_mass: ArrayLike | Literal["hull"] | None = None,
     *,
     coplanar_tolerance: float | None = None,
@@ -287,8 +288,8 @@ def rest_poses(
 
     Parameters
     ----------
-    points_or_mesh: (n, 3) points in any length unit, a `Body`, or any mesh object with `vertices`
-        (n, 3) and triangular `faces` (t, 3), such as a `trimesh.Trimesh`.
+    points_or_mesh: (n, 3) points in any length unit, a `Body` or `Surface`, or any mesh object with
+        `vertices` (n, 3) and triangular `faces` (t, 3), such as a `trimesh.Trimesh`.
     center_of_mass: (3,) in the unit of the points, strictly inside the convex hull; "hull" for the
         center of the uniform solid hull; None for the center of a body of several densities, of the
         uniform solid bounded by a closed mesh, or of the hull for points and open meshes.

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any, ClassVar, Final, Generic, TypeVar
 
 from dicedesign.errors import InputError
@@ -89,10 +89,7 @@ class Registry(Generic[Kind]):
             return self._entries
         entries: dict[str, Kind] = {}
         for each in self.builtin:
-            if isinstance(each, str):
-                module, _, name = each.partition(":")
-                each = getattr(import_module(module), name)
-            self._add(entries, each)
+            self._add(entries, resolve_name(each) if isinstance(each, str) else each)
         for point in _entry_points().select(group=self.group):
             try:
                 self._add(entries, point.load())

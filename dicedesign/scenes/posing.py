@@ -22,7 +22,7 @@ from dicedesign.fabricate.file_formats import (
     rows,
 )
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.reading import OWN_ENDINGS, quiet_trimesh, read_body, without_solids
+from dicedesign.geometry.meshes.reading import OWN_ENDINGS, quiet_trimesh, read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
@@ -88,7 +88,7 @@ def pose_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
         mesh: Any = load_scene(path, body).to_geometry()
         if mesh.visual.kind in ("vertex", "face"):
             return cast("bytes", mesh.apply_transform(transform).export(file_type="ply"))
-    part = Part(path.stem, BODY_COLOR, points, body.triangles)
+    part = Part(points, body.triangles, path.stem, BODY_COLOR)
     contents = Contents(path.stem, [part], unit="the unit of the mesh that was posed")
     return file_bytes(contents, FILE_FORMATS[kind], str(path))
 
@@ -192,13 +192,10 @@ def write_pose(job: PoseJob, choice: PoseChoice) -> PoseResult:
 
     Raises as `read_body`, `rest_poses`, `PoseChoice.choose`, `pose_bytes` and `atomic_write`.
     """
-    with without_solids():
-        body = read_body(job.source)
-        poses = rest_poses(
-            body, choice.center_of_mass, coplanar_tolerance=choice.coplanar_tolerance
-        )
-        rest, transform = choice.choose(poses, job.name)
-        data = pose_bytes(job.source, body, transform, job.target.suffix)
+    body = read_body(job.source)
+    poses = rest_poses(body, choice.center_of_mass, coplanar_tolerance=choice.coplanar_tolerance)
+    rest, transform = choice.choose(poses, job.name)
+    data = pose_bytes(job.source, body, transform, job.target.suffix)
     atomic_write(job.target, data)
     return PoseResult(
         job,

@@ -92,11 +92,6 @@ class LogProbabilityProcess:
         solved = solve_triangular(self._factor[0], self._covariance(points).T, lower=True)
         return np.asarray(self.variance + LEVEL - np.square(solved).sum(axis=0))
 
-    def surprises(self) -> Floats:
-        """(n,) errors of the leave-one-out predictions, in standard deviations."""
-        inverse = cho_solve(self._factor, np.eye(len(self.points)))
-        return np.asarray(self._weights / np.sqrt(np.diag(inverse)))
-
 
 BLOCK: Final = 2**13
 """Sets whose probabilities are computed at a time, to bound the memory."""

@@ -220,8 +220,6 @@ class TableFit:
     dice: the fitted dice, then the others.
     evaluations: number of simulated sets of parameters; drops: of each die for each set.
     log_likelihood: of all counts at `table` by the surrogates, minus its largest possible value.
-    surprise: root mean square error of the surrogates' leave-one-out predictions of simulated log
-        probabilities, in standard deviations; near 1 if their uncertainty is right.
     effective_points: effective sample size of the posterior's points.
     """
 
@@ -233,7 +231,6 @@ class TableFit:
     evaluations: int
     drops: int
     log_likelihood: float
-    surprise: float
     effective_points: float
 
 
@@ -350,7 +347,6 @@ def fit_table(
 
     logarithms = posterior.log_priors + SHARPNESS * heights(posterior.points)
     best = np.exp(logarithms - logsumexp(logarithms)) @ posterior.points
-    surprises = [process.surprises() for one in surrogates for process in one.processes]
     values = shared_values(best)
     parameters, correlations = _summary(posterior, values)
     drawn = _resample(posterior.points, posterior.weights(), TABLES, rng)
@@ -367,7 +363,6 @@ def fit_table(
         evaluations=evaluations,
         drops=drops,
         log_likelihood=float(heights(best[None])[0]),
-        surprise=float(np.sqrt(np.square(np.concatenate(surprises)).mean())),
         effective_points=effective(posterior.weights()),
     )
 

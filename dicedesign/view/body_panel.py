@@ -209,6 +209,5 @@ class BodyPanel:
                 "The file is a solid of one density. Its center of mass is the centroid of the "
                 "hull, not where you dragged it; a cavity or weights can put it there."
             )
-        hull = viewed.hull
         name = "".join(c if c.isalnum() or c in "-_" else "_" for c in viewed.name)
-        page.download(client, f"{name}_hull.stl", stl_bytes(hull.vertices, hull.triangles))
+        page.download(client, f"{name}_hull.stl", stl_bytes(viewed.hull.surface))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.body import body_of, make_body
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
@@ -418,11 +418,11 @@ class NewDiePanel:
 
     def _show_printable(self, die: PrintableDie) -> None:
         """Show the die with its labels."""
-        target, solid = die.work.target, die.solid
+        target = die.work.target
         self._panel_body = ViewedBody.of(
-            make_body(solid.points, solid.triangles, name=die.work.recipe.name),
+            body_of(die.work.finished, die.work.recipe.name),
             outcomes=Outcomes(target.labels, die.work.die.directions, target.probabilities),
-            poses=die.verdict.poses,
+            poses=die.work.final.poses,
         )
         self._viewport.show(self._panel_body)
 

@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.die import Assessment, Design, Solid
+from dicedesign.fabricate.die import Design
 from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes, mesh_bytes
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.optimize.starts.shapes import mesh_start
 from dicedesign.recipe.output import die_contents
@@ -45,21 +45,10 @@ class PrintableDie:
     shape: DesignedShape
     needs_shape: bool
 
-    @property
-    def solid(self) -> Solid:
-        """Solid in mm, with labels if the recipe engraves them."""
-        return self.work.solid if self.work.engraved is None else self.work.engraved
-
-    @property
-    def verdict(self) -> Assessment:
-        """Assessment of the STL file."""
-        engraved = self.work.engraved
-        return (engraved and engraved.assessment) or self.work.plain
-
     def rows(self) -> Iterator[tuple[str, float, float]]:
         """Yield the label, the target and the probability in the file of each outcome."""
         target = self.work.target
-        probabilities = self.verdict.outcomes.probabilities
+        probabilities = self.work.final.outcomes.probabilities
         yield from zip(
             target.labels, target.probabilities.tolist(), probabilities.tolist(), strict=True
         )
@@ -68,9 +57,7 @@ class PrintableDie:
         """Name and content in one of `FILE_FORMATS`. Raises InputError as the format does."""
         name = f"{self.work.recipe.name}.{ending}"
         if ending == "stl":
-            return name, self.work.files[
-                "die_plain.stl" if self.work.engraved is None else "die.stl"
-            ]
+            return name, self.work.files[f"{self.work.stem}.stl"]
         return name, file_bytes(die_contents(self.work), FILE_FORMATS[ending], name)
 
     def recipe_file(self) -> tuple[str, bytes]:
@@ -136,7 +123,7 @@ def _shape_entries(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
     Raises InputError: the rests of the outcomes are not the most probable ones.
     """
     labels, hull = recipe.target.target().labels, shape.hull
-    start = mesh_start(make_body(hull.vertices, hull.triangles), len(labels))
+    start = mesh_start(body_of(hull.surface), len(labels))
     angles = angle_between(start.directions[:, None], shape.directions[None])
     nearest = angles.argmin(axis=1)
     is_permutation = np.array_equal(np.sort(nearest), np.arange(len(labels)))

@@ -11,8 +11,8 @@ import numpy as np
 
 from dicedesign.batch.batch import list_folder
 from dicedesign.errors import printable
-from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.reading import read_body, without_solids
+from dicedesign.geometry.meshes.body import body_of
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Callbacks
 from dicedesign.recipe.reading import read_recipe
@@ -64,8 +64,7 @@ def open_source(path: Path) -> Source:
 def _load_mesh(path: Path, name: str, on_progress: OnProgress) -> ViewedBody:
     name = printable(name)
     on_progress(f"reading {name}")
-    with without_solids():
-        body = read_body(path)
+    body = read_body(path)
     on_progress(f"rests of {len(body.points):,} points")
     return ViewedBody.of(body, name=name)
 
@@ -104,7 +103,7 @@ def _design(recipe: Recipe, on_progress: OnProgress) -> ViewedBody:
     solid = work.solid
     if work.engraved is not None and work.engraved.assessment is not None:
         solid = work.engraved
-    body = make_body(solid.points, solid.triangles, name=recipe.name)
+    body = body_of(solid, recipe.name)
     outcomes = Outcomes(
         work.target.labels, work.die.directions, work.target.probabilities, work.die.prior
     )

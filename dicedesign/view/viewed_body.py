@@ -12,7 +12,6 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
@@ -140,9 +139,8 @@ class ViewedShape:
         """Whether the mesh is indistinguishable from its hull."""
         if self.body.triangles is None:
             return False
-        hull = self.poses.hull
-        volume = abs(solid_properties(self.body.points, self.body.triangles)[0])
-        return volume >= (1.0 - VISIBLE_PART) * solid_properties(hull.vertices, hull.triangles)[0]
+        hull = self.poses.hull.surface
+        return abs(self.body.surface.volume) >= (1.0 - VISIBLE_PART) * hull.volume
 
     @cached_property
     def inertia(self) -> Floats:

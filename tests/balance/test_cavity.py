@@ -13,7 +13,6 @@ from dicedesign.balance.cavity import (
     reach,
 )
 from dicedesign.errors import InputError
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface, join_surfaces
@@ -33,7 +32,7 @@ def test_a_surface_with_dents_has_walls_of_the_thickness() -> None:
     surface, wall = dented_cube(), 0.2
     center = surface.centroid + np.array([0.03, 0.04, 0.0])
     cavity = balancing_cavity(surface, wall, center)
-    whole = join_surfaces(surface, Surface(cavity.points, cavity.triangles[:, ::-1]))
+    whole = join_surfaces(surface, cavity.reverse())
     np.testing.assert_allclose(whole.centroid, center, atol=1e-12)
     assert len(intersecting_triangles(whole.points, whole.triangles)) == 0
     nearest = distances_from_surface(surface, cavity.points).min()
@@ -72,9 +71,8 @@ def inward(size: float, middle: tuple[float, float, float]) -> Surface:
 
 
 def test_two_cavities_in_a_cube() -> None:
-    whole = join_surfaces(dented_cube(0.0), inward(0.2, (0.5, 0.0, 0.0)))
-    whole = join_surfaces(whole, inward(0.1, (-0.5, 0.0, 0.0)))
-    cavities = measure_cavities(make_body(whole.points, whole.triangles))
+    inner = inward(0.2, (0.5, 0.0, 0.0)), inward(0.1, (-0.5, 0.0, 0.0))
+    cavities = measure_cavities(join_surfaces(dented_cube(0.0), *inner))
     assert cavities.number == 2
     assert cavities.wall_mm == pytest.approx(0.3, rel=1e-12)
     assert cavities.volume_mm3 == pytest.approx(0.072, rel=1e-12)
@@ -85,4 +83,4 @@ def test_two_cavities_in_a_cube() -> None:
 def test_a_body_without_any() -> None:
     cube = dented_cube(0.0)
     with pytest.raises(InputError, match="expected one surface with cavities inside, got 1 orient"):
-        measure_cavities(make_body(cube.points, cube.triangles))
+        measure_cavities(cube)

@@ -35,7 +35,6 @@ def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ["before_after", "box.stl", "--before", "rod.obj"],
         ["before_after", "few.yaml"],
         ["complex", "few.yaml"],
-        ["ablation", "few.yaml", "--steps", "3"],
     ],
 )
 def test_a_picture_is_written(

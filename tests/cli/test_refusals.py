@@ -118,8 +118,6 @@ COMMANDS = {
     "figure heights box.stl --down 1,0,0": "--down: expected with paths or drop",
     "figure drop box.stl --down 0,0,0": "down: expected three finite numbers",
     "figure before_after box.stl": "--before",
-    "figure ablation box.stl": "recipe by the paper's method",
-    "figure ablation few.yaml --steps 0": "--steps",
     "figure complex .": "recipe.yaml",
     "figure complex few.yaml --com hull": "--com",
     "throw box.stl --drops 0": "drops: expected a whole number above 0, got 0; raise it",
@@ -223,7 +221,7 @@ ENTRIES = {
     "{engrave: {icons: {3: script.svg}}}": "expected no scripts",
     "{engrave: {icons: {3: text.svg}}}": "expected paths and shapes only, got <text>",
     "{engrave: {icons: {3: broken.svg}}}": "expected an SVG file, got no XML",
-    "{engrave: {depth_mm: -0.6}}": "engrave: depth_mm: expected a number above 0, got -0.6",
+    "{engrave: {depth_mm: -0.6}}": "depth_mm: expected a number above 0 and at most 1000, got -0.6",
     "{engrave: {depth_mm: 1.0e-12}}": "engrave.depth_mm: expected at least 3e-05",
     "{engrave: {depth_mm: 25}}": "reduce depth_mm",
     "{engrave: {min_height_mm: 40, max_height_mm: 50}}": "expected room on facet ",
@@ -232,7 +230,7 @@ ENTRIES = {
     "{engrave: {stroke_mm: 50.0}}": "for digits of at least min_height_mm",
     "{edges: {radius_mm: 6.1}}": "edges.radius_mm: expected at most 6",
     "{edges: {radius_mm: 0.29}}": "edges.radius_mm: expected at least 0.3",
-    "{edges: {radius_mm: 5.9}}": "circle that is left flat on facet",
+    "{edges: {radius_mm: 5.9}}": "radius of the flat circle on facet",
     "{files: [stl, dxf]}": "files: expected formats out of",
 }
 """Changes of a recipe for a fair d4, and the error."""

@@ -16,4 +16,4 @@ def box(sizes: Sequence[float], lean: Sequence[float] = (0.0, 0.0, 0.0)) -> Surf
     """Box with a corner at the origin. sizes: (3,); lean: (3,) shift of the top."""
     points = CORNERS * sizes + CORNERS[:, 2:] * np.array(lean)
     hull = convex_hull(points)
-    return Surface(hull.vertices, hull.triangles)
+    return hull.surface

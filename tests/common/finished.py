@@ -40,7 +40,7 @@ def finished_box(**changes: Any) -> FinishedDie:
     hull = convex_hull(np.array(corners, dtype=np.float64))
     directions = np.concatenate([np.eye(3), -np.eye(3)])
     target = Target(LABELS, np.full(6, 1.0 / 6.0))
-    verdict = assess_file(stl_bytes(hull.vertices, hull.triangles), directions, target)
+    verdict = assess_file(stl_bytes(hull.surface), directions, target)
     result = Result(
         name="a < box",
         status="off_target",
@@ -78,4 +78,4 @@ def page_text(die: FinishedDie, images: dict[str, bytes] | None = None) -> str:
     """HTML of the report of a die whose printed solid is the plain one."""
     body = die.plain.body
     assert body.triangles is not None
-    return die_page(die, images or {}, [Part("die", BODY_COLOR, body.points, body.triangles)])
+    return die_page(die, images or {}, [Part(body.points, body.triangles, "die", BODY_COLOR)])

@@ -50,7 +50,7 @@ def read_back(die: ConcaveDie, target: Floats, folder: Path) -> tuple[float, flo
     """Error, angle between outcomes and margin in degrees of a die's file by the forward model.
 
     The error is the largest |p - q|, or the total probability of all other rests."""
-    (folder / "die.stl").write_bytes(stl_bytes(die.after.points, die.after.triangles))
+    (folder / "die.stl").write_bytes(stl_bytes(die.after))
     poses = rest_poses(read_body(folder / "die.stl"))
     assert poses.center_of_mass_source == "uniform solid"
     cosine = np.cos(np.radians(5.0))

@@ -85,7 +85,7 @@ def contents(box, placements) -> Contents:
     body, options = box(14.0, 16.0, 20.0), EngravingOptions()
     marked = engrave(body.surface, placements, options)
     labels = labels_below_hull(marked, options.depth_mm)
-    part = Part("die", BODY_COLOR, marked.points, marked.triangles, labels)
+    part = Part(marked.points, marked.triangles, "die", BODY_COLOR, labels)
     return Contents("box & co", [part], FACTS)
 
 
@@ -94,7 +94,7 @@ def inlaid(box) -> Contents:
     """A box of 10 mm with a pit of 4 mm in its top, and a block that fills the pit."""
     outer, pit = box(10.0, 10.0, 10.0), box(4.0, 4.0, 4.0)
     places = pit.vertices + np.array([0.0, 0.0, 3.0])
-    whole = solid(outer.vertices, outer.triangles) - solid(places, pit.triangles)
-    body = Part("die", BODY_COLOR, *mesh_of(whole))
-    inlay = Part("inlay", LABEL_COLOR, places, pit.triangles)
+    whole = mesh_of(solid(outer.surface) - solid(Surface(places, pit.triangles)))
+    body = Part(whole.points, whole.triangles, "die", BODY_COLOR)
+    inlay = Part(places, pit.triangles, "inlay", LABEL_COLOR)
     return Contents("inlaid", [body, inlay], {})

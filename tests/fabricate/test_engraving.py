@@ -16,7 +16,7 @@ from dicedesign.fabricate.label_art import BAR_THICKNESS, reads_upside_down, tex
 from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.reading import stl_bytes
-from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 
 OPTIONS = EngravingOptions()
 
@@ -37,7 +37,7 @@ def outline_area(text: str) -> float:
 
 
 def volume(die) -> float:
-    return solid_properties(die.points, die.triangles)[0]
+    return die.volume
 
 
 def test_a_cube_loses_outline_area_times_depth(box):
@@ -45,7 +45,7 @@ def test_a_cube_loses_outline_area_times_depth(box):
     die, placements = engraved(body, list("123456"))
     removed = sum(outline_area(p.text) * p.height**2 * OPTIONS.depth_mm for p in placements)
     assert volume(die) == pytest.approx(8000.0 - removed, rel=1e-9)
-    mesh = trimesh.load(io.BytesIO(stl_bytes(die.points, die.triangles)), file_type="stl")
+    mesh = trimesh.load(io.BytesIO(stl_bytes(die)), file_type="stl")
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
@@ -62,7 +62,7 @@ def empty_at(section: CrossSection, x: float, y: float) -> bool:
 def test_pockets_have_the_depth(box):
     die, placements = engraved(box(20.0, 12.0, 10.0), ["8"])
     area = outline_area("8") * placements[0].height ** 2
-    body = solid(die.points, die.triangles)
+    body = solid(die)
     for below, missing in ((0.001, area), (0.599, area), (0.601, 0.0)):
         assert 240.0 - body.slice(5.0 - below).area() == pytest.approx(missing, abs=1e-6)
 
@@ -71,7 +71,7 @@ def test_an_l_stands_upright_and_is_not_mirrored(box):
     # Seen from +z with x to the right, the 20 mm edges run along x: up is +y or -y, and the frame
     # of the first edge (its lower left corner first) makes it +y.
     die, _ = engraved(box(20.0, 12.0, 10.0), ["L"])
-    section = solid(die.points, die.triangles).slice(4.7)
+    section = solid(die).slice(4.7)
     cut = CrossSection.square((20.0, 12.0), center=True) - section
     left, bottom, right, top = cut.bounds()
     assert top - bottom > right - left
@@ -104,17 +104,17 @@ def test_labels_that_pierce_a_thin_plate_are_reported(box, text, expected):
 def test_open_inward_and_malformed_meshes_are_refused(box):
     body = box(20.0, 20.0, 20.0)
     with pytest.raises(InputError, match="got NotManifold for 11 triangles; repair"):
-        solid(body.vertices, body.triangles[1:])
+        solid(Surface(body.vertices, body.triangles[1:]))
     with pytest.raises(InputError, match="reverse their corners"):
-        solid(body.vertices, body.triangles[:, ::-1])
+        solid(Surface(body.vertices, body.triangles[:, ::-1]))
     with pytest.raises(InputError, match="NonFiniteVertex"):
-        solid(np.where(body.vertices > 0, np.nan, body.vertices), body.triangles)
-    with pytest.raises(InputError, match="indices from 1 to 8"):
-        solid(body.vertices, body.triangles + 1)
-    with pytest.raises(InputError, match=r"got \(8, 2\) and"):
-        solid(body.vertices[:, :2], body.triangles)
+        solid(Surface(np.where(body.vertices > 0, np.nan, body.vertices), body.triangles))
+    with pytest.raises(InputError, match="VertexOutOfBounds"):
+        solid(Surface(body.vertices, body.triangles + 1))
+    with pytest.raises(InputError, match="MissingPositionProperties"):
+        solid(Surface(body.vertices[:, :2], body.triangles))
     with pytest.raises(InputError, match="positive volume, got 0;"):
-        solid(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+        solid(Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=int)))
 
 
 DEPTH = EngravingOptions().depth_mm
@@ -153,7 +153,7 @@ def test_labels_have_the_areas_of_their_floors_and_walls(mark_surface, placement
 
 def test_a_hollow_inside_is_no_label(mark_surface, placements) -> None:
     hollow = Manifold.sphere(3.0, 24)
-    with_hollow = Surface(*mesh_of(solid(mark_surface.points, mark_surface.triangles) - hollow))
+    with_hollow = mesh_of(solid(mark_surface) - hollow)
     labels = labels_below_hull(with_hollow, DEPTH)
     assert area(with_hollow, labels) == pytest.approx(sum(floors_and_walls(placements)), rel=1e-6)
 
@@ -162,8 +162,8 @@ def test_labels_of_a_stretched_surface(box, mark_surface, placements) -> None:
     """A stretch does not change which triangles belong to labels."""
     body = box(14.0, 16.0, 20.0)
     ball = Manifold.sphere(30.0, 60).translate((0.0, -34.0, 0.0))
-    dented = solid(body.vertices, body.triangles) - ball
-    plain = Surface(*mesh_of(dented))
+    dented = solid(body.surface) - ball
+    plain = mesh_of(dented)
     engraved = engrave(plain, placements, EngravingOptions())
     expected = labels_off_surface(engraved, plain, DEPTH)
     assert area(engraved, expected) == pytest.approx(sum(floors_and_walls(placements)), rel=1e-6)

@@ -18,12 +18,11 @@ from dicedesign.fabricate.file_formats import (
     BODY_COLOR,
     FILE_FORMATS,
     LABEL_COLOR,
-    join_parts,
     mesh_bytes,
     save_contents,
 )
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.triangles import Surface, solid_properties
+from dicedesign.geometry.triangles import Surface, join_surfaces, solid_properties
 
 THREE_MF = FILE_FORMATS["3mf"]
 
@@ -104,7 +103,7 @@ def test_parts_are_one_item_to_print(inlaid, tmp_path: Path) -> None:
     volumes = sorted(mesh.volume for mesh in scene.dump())
     assert volumes == pytest.approx([64.0, 936.0])
     points, triangles = THREE_MF.read_back(tmp_path / "inlaid.3mf")
-    expected, _ = join_parts(inlaid.parts)
+    expected = join_surfaces(*inlaid.parts).points
     np.testing.assert_array_equal(np.unique(points, axis=0), np.unique(expected, axis=0))
     volume, center = solid_properties(points, triangles)
     assert volume == pytest.approx(1000.0)

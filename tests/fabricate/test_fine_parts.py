@@ -71,7 +71,7 @@ SPREAD = 0.01
 
 def hull_of(points: Floats) -> Surface:
     hull = convex_hull(points)
-    return Surface(hull.vertices, hull.triangles)
+    return hull.surface
 
 
 def revolve(profile: Sequence[tuple[float, float]]) -> Surface:

@@ -19,8 +19,8 @@ def cube_with_pocket(box):
     def make(size: float, side: float, depth: float) -> Surface:
         plain, tool = box(size, size, size), box(side, side, side)
         shift = np.array([0.0, 0.0, size / 2.0 + side / 2.0 - depth])
-        body = solid(plain.vertices, plain.triangles) - solid(tool.vertices + shift, tool.triangles)
-        return Surface(*mesh_of(body))
+        body = solid(plain.surface) - solid(tool.surface.with_points(tool.vertices + shift))
+        return mesh_of(body)
 
     return make
 

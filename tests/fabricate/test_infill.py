@@ -17,7 +17,7 @@ from dicedesign.fabricate.print_tolerances import (
     weigh_print,
 )
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.triangles import Surface, solid_properties
+from dicedesign.geometry.triangles import solid_properties
 
 PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.0, 70.0]])
 
@@ -67,7 +67,7 @@ def test_pockets_have_walls(text: str, style: str) -> None:
     places = die_readings(hull, np.array([facet]), [text], "down")[0].places
     margins = [edge_margins(hull, facet, options)]
     placements = place_labels(places, options, hull.diameter, margins)
-    surface = engrave(Surface(hull.vertices, hull.triangles), placements, options)
+    surface = engrave(hull.surface, placements, options)
     sections = cut_sections(hull, placements, options)
     inside = inside_walls(hull, walls, pocket_walls(sections, options.depth_mm, walls))
     plain = inside_walls(hull, walls)

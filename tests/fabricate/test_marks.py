@@ -9,9 +9,9 @@ import trimesh
 from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.marks import engrave_marks, relief
-from dicedesign.geometry.meshes.manifold import solid
+from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.reading import stl_bytes
-from dicedesign.geometry.triangles import solid_properties
+from dicedesign.geometry.triangles import Surface
 
 OPTIONS = EngravingOptions()
 DOWNS = np.array([(0, 0, -1), (0, 0, 1), (1, 0, 0), (-0.3, -1, 0.2)], dtype=float)
@@ -19,35 +19,33 @@ DOWNS = np.array([(0, 0, -1), (0, 0, 1), (1, 0, 0), (-0.3, -1, 0.2)], dtype=floa
 
 def sphere(diameter: float):
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.5 * diameter)
-    return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+    return Surface(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64))
 
 
 def ellipsoid(x: float, y: float, z: float):
-    points, triangles = sphere(1.0)
-    return points * (x, y, z), triangles
+    unit = sphere(1.0)
+    return unit.with_points(unit.points * (x, y, z))
 
 
 def torus(outer: float, tube: float):
     mesh = trimesh.creation.torus(0.5 * outer - 0.5 * tube, 0.5 * tube, 96, 40)
-    return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+    return Surface(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64))
 
 
 def test_marks_of_a_ring_are_visible_and_have_the_given_depth():
-    points, triangles = torus(45.0, 15.0)
-    die, marks = engrave_marks(points, triangles, DOWNS, list("1269"), OPTIONS)
-    body = solid(points, triangles)
+    body = torus(45.0, 15.0)
+    die, marks = engrave_marks(body, DOWNS, list("1269"), OPTIONS)
+    ring = solid(body)
     for mark, down in zip(marks, DOWNS, strict=True):
         up = -down / np.linalg.norm(down)
         assert mark.frame[:3, 2] == pytest.approx(up, abs=1e-12)
         assert mark.frame[:3, :3].T @ mark.frame[:3, :3] == pytest.approx(np.eye(3), abs=1e-12)
         assert np.linalg.det(mark.frame[:3, :3]) == pytest.approx(1.0)
         start = mark.frame[:3, 3] + 1e-3 * mark.frame[:3, 2]
-        assert not body.ray_cast(start, start + 100.0 * mark.frame[:3, 2])
+        assert not ring.ray_cast(start, start + 100.0 * mark.frame[:3, 2])
     expected = sum(mark.art.section.area() * mark.height**2 * OPTIONS.depth_mm for mark in marks)
-    plain, _ = solid_properties(points, triangles)
-    engraved, _ = solid_properties(die.points, die.triangles)
-    assert plain - engraved == pytest.approx(expected, rel=1e-4)
-    mesh = trimesh.load(io.BytesIO(stl_bytes(die.points, die.triangles)), file_type="stl")
+    assert body.volume - die.volume == pytest.approx(expected, rel=1e-4)
+    mesh = trimesh.load(io.BytesIO(stl_bytes(die)), file_type="stl")
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
@@ -55,11 +53,11 @@ def test_marks_of_a_ring_are_visible_and_have_the_given_depth():
 
 
 def test_an_l_is_cut_straight_down_by_the_depth_upright_and_not_mirrored():
-    points, triangles = ellipsoid(40.0, 25.0, 16.0)
-    die, (mark,) = engrave_marks(points, triangles, DOWNS[:1], ["L"], OPTIONS)
+    body = ellipsoid(40.0, 25.0, 16.0)
+    die, (mark,) = engrave_marks(body, DOWNS[:1], ["L"], OPTIONS)
     to_mark = np.linalg.inv(mark.frame)
-    cut = relief(solid(die.points, die.triangles).transform(to_mark[:3]))
-    plain = relief(solid(points, triangles).transform(to_mark[:3]))
+    cut = relief(solid(die).transform(to_mark[:3]))
+    plain = relief(solid(body).transform(to_mark[:3]))
     inside = np.argwhere(np.isfinite(plain.height))
     fall = plain.height[tuple(inside.T)] - cut.height[tuple(inside.T)]
     is_cut = fall > 0.5 * OPTIONS.depth_mm
@@ -77,8 +75,8 @@ def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
     ring = '<path fill-rule="evenodd" d="M0 0h10v10h-10zM2 2h6v6h-6z"/>'
     icon.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{ring}</svg>')
     options = EngravingOptions(content="pips", icons={"x": str(icon)}, stroke_mm=2.0)
-    points, triangles = ellipsoid(40.0, 38.0, 36.0)
-    die, marks = engrave_marks(points, triangles, DOWNS[:2], ["5", "x"], options)
+    body = ellipsoid(40.0, 38.0, 36.0)
+    die, marks = engrave_marks(body, DOWNS[:2], ["5", "x"], options)
     dots, square = marks
     assert len(dots.art.section.decompose()) == 5
     assert square.art.section.area() == pytest.approx(0.64)
@@ -86,7 +84,7 @@ def test_pips_icons_and_wide_strokes_are_cut_as_on_flat_faces(tmp_path):
     lacking = 2.0 - 0.2 * square.height
     assert square.growth == pytest.approx(0.5 * lacking, abs=0.15)
     expected = sum(mark.section().area() for mark in marks)
-    removed = solid(points, triangles).volume() - solid(die.points, die.triangles).volume()
+    removed = solid(body).volume() - solid(die).volume()
     assert removed == pytest.approx(expected * options.depth_mm, rel=1e-4)
 
 
@@ -95,11 +93,9 @@ def test_marks_are_on_the_visible_surface():
     block = trimesh.creation.box((30, 30, 10))
     post = trimesh.creation.box((4, 30, 20), trimesh.transformations.translation_matrix((13, 0, 5)))
     lid = trimesh.creation.box((18, 30, 4), trimesh.transformations.translation_matrix((6, 0, 13)))
-    pieces = [solid(np.array(m.vertices), np.array(m.faces)) for m in (block, post, lid)]
-    whole = (pieces[0] + pieces[1] + pieces[2]).to_mesh64()
-    points = np.array(whole.vert_properties[:, :3])
-    triangles = np.array(whole.tri_verts, dtype=np.int64)
-    _, marks = engrave_marks(points, triangles, np.tile(DOWNS[:1], (3, 1)), list("123"), OPTIONS)
+    pieces = [solid(Surface(m.vertices, m.faces)) for m in (block, post, lid)]
+    whole = mesh_of(pieces[0] + pieces[1] + pieces[2])
+    _, marks = engrave_marks(whole, np.tile(DOWNS[:1], (3, 1)), list("123"), OPTIONS)
     for mark in marks:
         x, _, z = mark.frame[:3, 3]
         assert z == pytest.approx(15.0 if x > -3.0 else 5.0)
@@ -110,24 +106,24 @@ def test_marks_are_on_the_visible_surface():
 
 
 def test_a_small_body_is_refused_with_a_sufficient_size():
-    points, triangles = torus(12.0, 4.0)
+    body = torus(12.0, 4.0)
     with pytest.raises(LabelRoomError, match=r"label '16': .* min_height_mm = 2.5, got") as caught:
-        engrave_marks(points, triangles, DOWNS[2:], ["7", "16"], OPTIONS)
+        engrave_marks(body, DOWNS[2:], ["7", "16"], OPTIONS)
     assert f"use size_mm = {caught.value.size_mm:.1f} or more" in str(caught.value)
-    grown = points * caught.value.size_mm / 12.0
-    _, marks = engrave_marks(grown, triangles, DOWNS[2:], ["7", "16"], OPTIONS)
+    grown = body.with_points(body.points * caught.value.size_mm / 12.0)
+    _, marks = engrave_marks(grown, DOWNS[2:], ["7", "16"], OPTIONS)
     assert len(marks) == 2
 
 
 def test_a_sheet_too_thin_to_cut_is_refused():
-    points, triangles = ellipsoid(20.0, 20.0, 1.0)
+    body = ellipsoid(20.0, 20.0, 1.0)
     with pytest.raises(EngravingError, match=r"mark '1': .* solid to 1.2 mm, got none"):
-        engrave_marks(points, triangles, DOWNS[:1], ["1"], OPTIONS)
+        engrave_marks(body, DOWNS[:1], ["1"], OPTIONS)
 
 
 def test_the_relief_of_a_torus_has_its_closed_form():
-    points, triangles = torus(45.0, 15.0)
-    view = relief(solid(points, triangles))
+    body = torus(45.0, 15.0)
+    view = relief(solid(body))
     nodes = np.stack(np.indices(view.height.shape), axis=-1)
     radius = np.linalg.norm(view.corner + view.spacing * nodes, axis=-1)
     half = np.sqrt((7.5**2 - (radius - 15.0) ** 2).clip(0.0))

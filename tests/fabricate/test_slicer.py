@@ -16,7 +16,6 @@ from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
 from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.triangles import solid_properties
 from dicedesign.recipe.pipeline import run, run_stages
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.results.result import Result
@@ -43,7 +42,7 @@ def check(result: Result) -> None:
     assert float(facts["min_z"]) == pytest.approx(0.0, abs=1e-4)
     body = read_body(file)
     assert body.triangles is not None
-    volume = solid_properties(body.points, body.triangles)[0]
+    volume = body.surface.volume
     assert float(facts["volume"]) == pytest.approx(volume, rel=1e-4)
     assert result.printability.file.volume_mm3 == pytest.approx(volume, rel=1e-5)
     sliced = slice_file(file, LAYER)

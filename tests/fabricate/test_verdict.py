@@ -28,7 +28,7 @@ def roofed_cube(degrees: float) -> np.ndarray:
 def verdict_on(corners: np.ndarray, directions: np.ndarray, target: np.ndarray) -> Assessment:
     hull = convex_hull(corners)
     wanted = Target(tuple("abcdefghijkl"[: len(target)]), target)
-    return assess_file(stl_bytes(hull.vertices, hull.triangles), directions, wanted)
+    return assess_file(stl_bytes(hull.surface), directions, wanted)
 
 
 def test_a_cube_is_a_fair_die_in_its_file() -> None:
@@ -128,7 +128,7 @@ def test_rests_of_no_outcome_are_elsewhere() -> None:
 
 def test_a_given_center_of_mass() -> None:
     hull = convex_hull(CUBE)
-    data = stl_bytes(hull.vertices, hull.triangles)
+    data = stl_bytes(hull.surface)
     low = assess_file(data, AXES, fair(6), np.array([0.0, 0.0, -8.0]))
     assert low.outcomes.probabilities[5] > 0.3
     assert low.poses.center_of_mass_source == "given"

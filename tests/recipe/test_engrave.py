@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from dicedesign.fabricate.engraving import place_on_facets
 from dicedesign.fabricate.label_art import text_section
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
-from dicedesign.geometry.meshes.reading import parse_stl
+from dicedesign.geometry.meshes.reading import read_stl
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
@@ -73,15 +72,15 @@ def test_large_changes_by_labels_are_noted(depth_mm: float) -> None:
 def test_the_file_has_each_label_where_it_is_read(read: str, sign: float) -> None:
     """Each label takes its volume from the facet on top, or from the one that is down."""
     work = engrave_box(read=read)
-    points, triangles = parse_stl(work.files["die.stl"], Path("die.stl"))
-    engraved_solid, depth = solid(points.astype(np.float64), triangles), 0.6
+    surface = read_stl(work.files["die.stl"]).surface
+    engraved_solid, depth = solid(surface), 0.6
     # The hull is the box, as labels are pockets.
-    hull = convex_hull(points.astype(np.float64), single_precision=True)
-    plain = solid(hull.vertices, hull.triangles)
+    hull = convex_hull(surface.points, single_precision=True)
+    plain = solid(hull.surface)
     for label, side, placement in zip("abcdef", SIDES, work.engraved.placements, strict=True):
         assert placement.text == label
         outward = sign * side
-        height = float((points @ outward).max()) - 1.01 * depth
+        height = float((surface.points @ outward).max()) - 1.01 * depth
         taken = (
             plain.trim_by_plane(outward.tolist(), height).volume()
             - engraved_solid.trim_by_plane(outward.tolist(), height).volume()
@@ -163,8 +162,7 @@ def fits(work: Work, size_mm: float) -> bool:
     try:
         solid = make_solid(work.die, size_mm)
         place_on_facets(
-            solid.poses,
-            solid.outcomes.main,
+            solid,
             solid.poses.hull,
             work.target.labels,
             work.recipe.engrave,

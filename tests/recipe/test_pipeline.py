@@ -15,7 +15,6 @@ from common.made_up_die import SIDES, box, run_to_check
 
 from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
-from dicedesign.geometry.triangles import solid_properties
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import STAGES, Callbacks, Stage, Work, run
 from dicedesign.recipe.reading import parse_recipe, read_recipe
@@ -176,7 +175,7 @@ RECIPE = {"name": "x", "target": {"fair": 3}, "engrave": False, "start": {"prism
 
 def weigh(work: Work) -> None:
     """Note the weight of a die of 1.2 g/cm3."""
-    volume, _ = solid_properties(work.solid.points, work.solid.triangles)
+    volume = work.solid.volume
     work.notes.append(f"it weighs {1.2e-3 * volume:.1f} g")
 
 

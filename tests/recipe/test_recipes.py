@@ -55,7 +55,7 @@ def test_a_recipe_gives_its_die_with_little_work(path: Path, tmp_path: Path) -> 
     assert work.plain.outcomes.elsewhere == 0.0
     assert work.die.evaluations <= MOST_EVALUATIONS
     stl, obj = tmp_path / "die.stl", tmp_path / "die.obj"
-    stl.write_bytes(stl_bytes(solid.points, solid.triangles))
+    stl.write_bytes(stl_bytes(solid))
     obj.write_text(obj_text(solid.points, solid.triangles))
     assert error_of_file(stl, work) <= SINGLE
     assert error_of_file(obj, work) <= DOUBLE

@@ -32,13 +32,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_recipe_and_its_folder_are_the_same_die(folder: Path) -> None:
     finished, designed = subject_of(folder), subject_of(folder / "recipe.yaml")
-    assert finished.lain.labels == designed.lain.labels
-    assert set(finished.lain.labels or ()) >= {"0", "1", "2"}
+    assert finished.labels == designed.labels
+    assert set(finished.labels or ()) >= {"0", "1", "2"}
     np.testing.assert_allclose(
         finished.poses.probabilities, designed.poses.probabilities, atol=1e-7
     )
     for subject in (finished, designed):
-        before = subject.make_before(subject.lain)
+        before = subject.make_before()
         hulls = convex_hull(before.points), subject.poses.hull
         assert hulls[0].diameter == pytest.approx(hulls[1].diameter)
         np.testing.assert_allclose(hulls[0].centroid, hulls[1].centroid, atol=1e-9)
@@ -52,36 +52,14 @@ def test_a_die_under_a_prior_has_its_probabilities_and_labels_under_it(tmp_path:
     del recipe["start"], recipe["method"]
     out = tmp_path / "die"
     result = run({**recipe, "engrave": False, "print": False}, out=out)
-    lain = subject_of(out).lain
-    probabilities = dict(zip(lain.labels or (), lain.poses.probabilities, strict=True))
+    subject = subject_of(out)
+    probabilities = dict(zip(subject.labels or (), subject.poses.probabilities, strict=True))
     for label, wanted in zip(result.labels, result.target, strict=True):
         assert probabilities[label] == pytest.approx(wanted, abs=1e-6)
     for facet in result.facets:
         if facet.label is not None:
-            apart = np.linalg.norm(lain.poses.normals - facet.normal, axis=1)
-            assert (lain.labels or ())[int(apart.argmin())] == facet.label
-
-
-def test_ablations_leave_out_one_weight_after_the_other(folder: Path) -> None:
-    steps = []
-    subject = subject_of(folder, steps=6, on_step=lambda: steps.append(1))
-    dice = subject.make_ablations()
-    assert [die.name for die in dice] == [
-        "all terms",
-        "without coplanar",
-        "without barycenter",
-        "without neighbor",
-        "without apart",
-        "probabilities alone",
-    ]
-    # Momentum is followed by a line search with as many steps.
-    assert len(dice) < len(steps) <= len(dice) * 2 * (6 + 1)
-    for die in dice:
-        assert die.poses.probabilities.sum() == pytest.approx(1.0)
-        probabilities = np.bincount(die.outcomes, die.poses.probabilities, minlength=3)
-        assert np.abs(np.sort(probabilities) - [0.25, 0.25, 0.5]).max() == pytest.approx(
-            die.error, abs=1e-9
-        )
+            apart = np.linalg.norm(subject.poses.normals - facet.normal, axis=1)
+            assert (subject.labels or ())[int(apart.argmin())] == facet.label
 
 
 def test_a_recipe_that_searches_has_no_start(tmp_path: Path) -> None:
@@ -89,6 +67,4 @@ def test_a_recipe_that_searches_has_no_start(tmp_path: Path) -> None:
     recipe.write_text("name: d4\ntarget: {fair: 4}\n")
     subject = subject_of(recipe)
     with pytest.raises(InputError, match="searches for shapes"):
-        subject.make_before(subject.lain)
-    with pytest.raises(InputError, match=r"got .*d4\.yaml by method exact"):
-        subject.make_ablations()
+        subject.make_before()

@@ -23,4 +23,4 @@ def gear() -> Surface:
     ]
     face = CrossSection([rim]) - CrossSection.circle(0.33, 24)
     wheel = Manifold.extrude(face, 0.5).translate((0.0, 0.0, -0.25)).refine_to_length(SPACING)
-    return Surface(*mesh_of(wheel))
+    return mesh_of(wheel)

@@ -11,7 +11,6 @@ import numpy as np
 
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.triangles import solid_properties
 from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
@@ -133,7 +132,7 @@ def step_faults(
     faults = [f"{name} energy {value}" for name, value in terms.items() if not np.isfinite(value)]
     if not np.isfinite(derivatives).all():
         faults.append("derivatives not finite")
-    volume = solid_properties(hull.vertices, hull.triangles)[0]
+    volume = hull.surface.volume
     if not volume > 0.0:
         faults.append(f"volume {volume:.1e}")
     if not (hull.heights(rests.center.detach().numpy()) > 0.0).all():

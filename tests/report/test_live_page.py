@@ -26,7 +26,7 @@ from scipy.spatial import KDTree
 
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
-from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.report import pages
 from dicedesign.report.pages import facet_parts, rests_of_triangles, three_script
 from dicedesign.report.palette import BASINS
@@ -59,7 +59,7 @@ def test_an_engraving_belongs_to_the_facet_around_it() -> None:
         for side in (-1, 1):
             points, triangles = with_pocket(side, axis)
             die = engrave_mesh(points, triangles)
-            rests = rests_of_triangles(points, triangles, die)
+            rests = rests_of_triangles(Surface(points, triangles), die)
             normals = die.plain.poses.normals[rests]
             middles = points[triangles].mean(axis=1)
             inside = (np.abs(middles) < EXTENTS / 2.0 - 1e-6).all(axis=1)
@@ -75,7 +75,7 @@ def test_parts_hold_each_triangle_once_in_the_color_of_its_basin() -> None:
     die = engrave_mesh(points, triangles)
     middles = points[triangles].mean(axis=1)
     labels = (np.abs(middles) < EXTENTS / 2.0 - 1e-6).all(axis=1)
-    parts = facet_parts([Part("die", "#123456", points, triangles, labels)], die)
+    parts = facet_parts([Part(points, triangles, "die", "#123456", labels)], die)
     assert [part.name for part in parts] == [f"facet-{k}" for k in range(6)]
     assert [part.color for part in parts] == list(BASINS[:6])
     whole = np.concatenate([part.triangles for part in parts])
@@ -91,8 +91,8 @@ def test_an_inlay_belongs_to_the_facet_that_it_fills() -> None:
     die = engrave_mesh(points, triangles)
     filling = Manifold.cube([DEPTH, 4.0, 4.0], True).translate([-7.0 + DEPTH / 2.0, 0.0, 0.0])
     mesh = filling.to_mesh()
-    inlay = Part("labels", "#222222", mesh.vert_properties[:, :3], np.asarray(mesh.tri_verts))
-    parts = facet_parts([Part("die", "#eeeeee", points, triangles), inlay], die)
+    inlay = Part(mesh.vert_properties[:, :3], np.asarray(mesh.tri_verts), "labels", "#222222")
+    parts = facet_parts([Part(points, triangles, "die", "#eeeeee"), inlay], die)
     rest = int(np.argmin(die.plain.poses.normals[:, 0]))
     assert [part.name for part in parts[6:]] == [f"labels-{rest}"]
     assert parts[6].color == "#222222"
@@ -111,11 +111,11 @@ def test_only_parts_of_a_shape_that_touch_the_table_belong_to_a_rest() -> None:
     triangles = np.array([side for side in sides if side not in top] + fan)
     shape: Any = object()
     die = replace(engrave_mesh(points, triangles), reshaped=shape)
-    rests = rests_of_triangles(points, triangles, die)
+    rests = rests_of_triangles(Surface(points, triangles), die)
     assert (rests[-4:] == -1).all()
     assert len(set(rests[:-4].tolist())) == 5
     colors = {
-        part.name: part.color for part in facet_parts([Part("a", "", points, triangles)], die)
+        part.name: part.color for part in facet_parts([Part(points, triangles, "a", "")], die)
     }
     assert colors.pop("body") == BODY_COLOR
     outcomes = plain.outcomes.outcome_of_rest.tolist()

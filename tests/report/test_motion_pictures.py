@@ -37,7 +37,7 @@ def film_of(positions: np.ndarray, spin: float) -> Film:
 
 
 def gif_of(film: Film) -> bytes:
-    return moving_picture(film, CUBE, convex_hull(CUBE).triangles, CENTER)
+    return moving_picture(film, convex_hull(CUBE).surface, CENTER)
 
 
 def falling(frames: int) -> Film:

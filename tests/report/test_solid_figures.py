@@ -23,15 +23,12 @@ from dicedesign.report import solid_figures
 from dicedesign.report.palette import ACCENT, DARK, rgb
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.solid_figures import (
-    Ablation,
-    ablation_figure,
     faces,
     paint_labels,
     print_orientation,
     reading,
     views,
 )
-from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
 from tests.reference.solids import PLATONIC
 
@@ -156,7 +153,7 @@ def test_the_label_to_read_is_in_color(points: Floats, read: str, places: int, s
     for outcome in range(len(work.target.labels)):
         mine = labels_of(work, outcome)
         assert len(mine) == places
-        surface = paint_labels(work.engraved.points, work.engraved.triangles, mine)
+        surface = paint_labels(work.engraved, mine)
         area = sum(placement.section().area() for placement in mine)
         label_color, facet_color = rgb([ACCENT, "#f2dd6e"])
         assert area_of_color(surface, label_color) == pytest.approx(area, rel=1e-3)
@@ -179,31 +176,3 @@ def test_the_straight_view_shows_the_label() -> None:
     area = placement.section().area()
     assert part == pytest.approx(area / work.solid.poses.hull.areas[placement.facet], rel=0.1)
     assert (blue[drawn] < red[drawn]).all()
-
-
-def share_like_accent(picture: np.ndarray) -> float:
-    """Part of the drawn pixels whose red, green and blue are in the proportions of the accent."""
-    pixels = picture.reshape(-1, 3).astype(float)
-    pixels = pixels[(pixels < 255).any(axis=1)]
-    accent = rgb([ACCENT])[0]
-    cosines = pixels @ accent / (np.linalg.norm(pixels, axis=1) * np.linalg.norm(accent))
-    return float((cosines > 0.995).mean())
-
-
-def test_further_rests_are_counted_and_shown() -> None:
-    poses = rest_poses(box(1.0, 1.0, 1.0))
-    clean = Ablation("all terms", 1e-3, poses, np.arange(6))
-    # Opposite facets for one outcome: three of the six rests are further ones.
-    opposite = np.abs(poses.normals).argmax(axis=1)
-    doubled = Ablation("without coplanar", 0.25, poses, opposite)
-    figure = ablation_figure([clean, doubled])
-    assert is_whole(figure)
-    text = " ".join(figure.texts)
-    assert "6 rests for 6 of them" in text
-    assert "6 rests for 3 of them, up to 180.0° off" in text
-    assert "2.5e-01" in text
-    assert text.count("outcomes 90° apart") == 2
-    shares = [share_like_accent(picture) for picture in figure.pictures]
-    assert len(shares) == 4
-    assert max(shares[:2]) < 0.02
-    assert sum(shares[2:]) > 0.3

@@ -97,7 +97,7 @@ def reshaped_die(points: Any, triangles: Any, downs: np.ndarray, before: Any = N
     surface = Surface(np.asarray(points, float), np.asarray(triangles, np.int64))
     start = surface if before is None else Surface(np.asarray(before), surface.triangles)
     target = Target([f"${k}$" for k in range(len(downs))], np.full(len(downs), 1.0 / len(downs)))
-    data = stl_bytes(surface.points, surface.triangles)
+    data = stl_bytes(surface)
     die = finished_box(labels=target.labels)
     concave: Any = SimpleNamespace(before=start, after=surface, directions=downs)
     plain = assess_file(data, downs / norms(downs)[:, None], target)

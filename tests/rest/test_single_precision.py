@@ -66,5 +66,5 @@ def test_an_stl_rests_as_its_source(
     place = offset * radius * np.array([0.3, -0.5, 0.81])
     points = radius * hull.vertices @ matrix.T + place
     path = tmp_path / "body.stl"
-    path.write_bytes(stl_bytes(points, hull.triangles))
+    path.write_bytes(stl_bytes(hull.surface.with_points(points)))
     compare(path, rest_poses(points), RESTS[name])

@@ -47,9 +47,7 @@ def test_a_search_and_a_run_of_its_best_recipe(
         trials = {trial["number"]: trial for trial in study.finished()}
     assert len(trials) == 3
     die = convex_hull(np.array(trials[board[0]["number"]]["vertices"]))
-    assert (tmp_path / "die" / "die_plain.stl").read_bytes() == stl_bytes(
-        die.vertices, die.triangles
-    )
+    assert (tmp_path / "die" / "die_plain.stl").read_bytes() == stl_bytes(die.surface)
 
 
 def test_no_die_in_reach(

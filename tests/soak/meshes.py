@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from dicedesign.batch.rest_table import COLUMNS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from tests.reference.oracle import hull_probabilities
 from tests.reference.random_hulls import random_hull
@@ -60,7 +61,7 @@ def mesh_file(ending: str, points: Floats, triangles: Integers) -> bytes:
     ending: .stl, .text.stl, .obj, .off, .ply, .xyz, .glb or .3mf.
     """
     if ending == ".stl":
-        return stl_bytes(points, triangles)
+        return stl_bytes(Surface(points, triangles))
     if ending in (".glb", ".3mf"):
         return trimesh.Trimesh(points, triangles, process=False).export(file_type=ending[1:])
     rows = [" ".join(map(repr, point)) for point in points.tolist()]

@@ -149,8 +149,8 @@ def test_labels_determine_the_size() -> None:
     with pytest.raises(InputError, match=r"use size_mm = \d+"):
         make_printable(session, size_mm=size - 1.0)
     plain = make_printable(session, size_mm=20.0, engrave=False)
-    assert pdist(plain.solid.points).max() == pytest.approx(20.0, rel=1e-6)
-    assert len(plain.solid.triangles) < len(labeled.solid.triangles)
+    assert pdist(plain.work.finished.points).max() == pytest.approx(20.0, rel=1e-6)
+    assert len(plain.work.finished.triangles) < len(labeled.work.finished.triangles)
 
 
 @pytest.mark.parametrize("size", [0.0, float("nan"), 1e9])

@@ -20,7 +20,7 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import as_numbers
 from dicedesign.geometry.predicates import IntegerPoints
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.geometry.triangles import doubled_area_vectors, solid_properties
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
@@ -186,6 +186,11 @@ class ConvexHull(kernels.Handled):
         first = self.facet_start[:-1][self.facet]
         inner = np.flatnonzero((self.next != first) & (np.arange(len(self.tail)) != first))
         return np.stack([self.tail[first[inner]], self.tail[inner], self.head[inner]], axis=1)
+
+    @property
+    def surface(self) -> Surface:
+        """Surface of the hull."""
+        return Surface(self.vertices, self.triangles)
 
     @cached_property
     def centroid(self) -> Floats:

@@ -140,11 +140,13 @@ def make_body(
 
 
 def body_of(mesh: Any, name: str = "mesh") -> Body:
-    """`Body` of a mesh object with `vertices` (n, 3) and perhaps triangular `faces` (t, 3), or of
-    points (n, 3); a `Body` is returned unchanged. name: of any other body. Raises as
+    """`Body` of a `Surface`, of a mesh object with `vertices` (n, 3) and perhaps triangular `faces`
+    (t, 3), or of points (n, 3); a `Body` is returned unchanged. name: of any other body. Raises as
     `make_body`."""
     if isinstance(mesh, Body):
         return mesh
+    if isinstance(mesh, Surface):
+        return make_body(mesh.points, mesh.triangles, name)
     if not hasattr(mesh, "vertices"):
         return make_body(mesh, name=name)
     vertices = as_numbers(mesh.vertices, name)

@@ -20,29 +20,18 @@ from dicedesign.geometry.meshes.body import (
     make_body,
     solid_triangles,
 )
-from dicedesign.geometry.triangles import second_moments, solid_properties
+from dicedesign.geometry.triangles import Surface, second_moments
 from dicedesign.runtime.arrays import Floats, Integers
 
 
-def solid(vertices: Floats, triangles: Integers) -> Manifold:
-    """A closed triangle mesh as a solid, in double precision.
+def solid(surface: Surface) -> Manifold:
+    """Solid of positive volume that a surface bounds, in double precision.
 
-    Parameters
-    ----------
-    vertices: (n, 3) in any length unit, each point once.
-    triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
-
-    Returns
-    -------
-    Manifold of positive volume.
-
-    Raises
-    ------
-    InputError: indices out of range, not finite, not closed, not oriented, or without positive
-        volume.
+    surface: each point once. Raises InputError for indices out of range, and for a surface that is
+    not finite, not closed, not oriented, or without positive volume.
     """
-    points = np.ascontiguousarray(vertices, dtype=np.float64)
-    corners = np.ascontiguousarray(triangles, dtype=np.int64)
+    points = np.ascontiguousarray(surface.points, dtype=np.float64)
+    corners = np.ascontiguousarray(surface.triangles, dtype=np.int64)
     body = Manifold(Mesh64(points, corners.astype(np.uint64)))
     if body.status() != Error.NoError:
         raise InputError(
@@ -58,11 +47,11 @@ def solid(vertices: Floats, triangles: Integers) -> Manifold:
     return body
 
 
-def mesh_of(body: Manifold) -> tuple[Floats, Integers]:
-    """Vertices (n, 3) and triangles (t, 3) of a solid, counter-clockwise seen from outside."""
+def mesh_of(body: Manifold) -> Surface:
+    """Surface of a solid."""
     mesh = body.to_mesh64()
     vertices = np.array(mesh.vert_properties[:, :3], dtype=np.float64)
-    return vertices, np.array(mesh.tri_verts, dtype=np.int64)
+    return Surface(vertices, np.array(mesh.tri_verts, dtype=np.int64))
 
 
 SOURCE: Final = "densities of its parts"
@@ -117,10 +106,10 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
         for later in solids[number + 1 :]:
             rest -= later
         if density > 0.0 and not rest.is_empty():
-            points, triangles = mesh_of(rest)
-            volume, center = solid_properties(points, triangles)
-            moments, own = second_moments(points - center, triangles, np)
-            pieces.append((density * volume, center, moments / own))
+            piece = mesh_of(rest)
+            center = piece.centroid
+            moments, own = second_moments(piece.points - center, piece.triangles, np)
+            pieces.append((density * piece.volume, center, moments / own))
     weights, centers, spreads = (
         np.array(column) for column in zip(*(pieces or [(0.0, origin, np.eye(3))]), strict=True)
     )
@@ -158,10 +147,8 @@ def _solid(body: Body, origin: Floats, size: float) -> Manifold:
             "repair it, for example with `dicedesign repair`"
         )
     triangles: Integers = triangle_arrays[0]
-    points = (body.points - origin) / size
-    if solid_properties(points, triangles)[0] < 0.0:
-        triangles = triangles[:, ::-1]
+    surface = Surface((body.points - origin) / size, triangles)
     try:
-        return solid(points, triangles)
+        return solid(surface.reverse() if surface.volume < 0.0 else surface)
     except InputError as error:
         raise InputError(f"{body.name}: {error}") from error

@@ -14,7 +14,6 @@ import sys
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +23,7 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
 from dicedesign.geometry.meshes.body import Body, is_rounded, make_body, merge_positions
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
 
@@ -240,34 +240,30 @@ def parse_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
     return points[first], place.reshape(-1, 3)
 
 
-def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
+def read_stl(data: bytes, name: str = "die.stl") -> Body:
+    """Body in single precision from the content of an STL file. Raises as `read_body`."""
+    points, triangles = parse_stl(data, Path(name))
+    return make_body(points, triangles, name, single_precision=True)
+
+
+def stl_bytes(surface: Surface) -> bytes:
     """A triangle mesh as binary STL.
 
     STL holds float32. Triangles with two corners that round to one float32 point are left out:
     their two other edges then coincide, so a closed mesh stays closed.
 
-    Parameters
-    ----------
-    vertices: (n, 3) in mm.
-    triangles: (t, 3) in [0, n), counter-clockwise seen from outside.
-
-    Returns
-    -------
-    bytes, which depend on the mesh alone. Normals of triangles that round to no area are zero.
-
-    Raises
-    ------
-    InputError: a coordinate is not finite in float32.
+    surface: in mm. Returns bytes, the same for the same mesh. Normals of triangles that round to no
+    area are zero. Raises InputError if a coordinate is not finite in float32.
     """
     with np.errstate(over="ignore"):
-        points = np.asarray(vertices, dtype=np.float64).astype(np.float32)
+        points = np.asarray(surface.points, dtype=np.float64).astype(np.float32)
     if not np.isfinite(points).all():
         bad = int(np.argmin(np.isfinite(points).all(axis=1)))
         raise InputError(
             f"STL: expected vertices that are finite in float32, got {points[bad].tolist()} in "
             f"row {bad}; repair or scale the solid"
         )
-    corners = points[np.asarray(triangles, dtype=np.int64)]
+    corners = points[np.asarray(surface.triangles, dtype=np.int64)]
     following = np.roll(corners, -1, axis=1)
     corners = corners[(corners != following).any(axis=2).all(axis=1)]
 
@@ -294,24 +290,10 @@ OWN_ENDINGS: Final = frozenset(OWN_READERS)
 @cache
 def mesh_endings() -> frozenset[str]:
     """File endings such as ".stl", in lower case, that `read_body` takes. Imports trimesh."""
-    with without_solids():
+    with quiet_trimesh():
         from trimesh.exchange.load import mesh_formats
 
         return frozenset(f".{name}" for name in mesh_formats()) | OWN_ENDINGS
-
-
-@contextmanager
-def without_solids() -> Iterator[None]:
-    """Keep trimesh from importing manifold3d, which no query needs."""
-    hidden = "manifold3d" not in sys.modules
-    if hidden:
-        sys.modules["manifold3d"] = None  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        # Another thread may have ended first.
-        if hidden and sys.modules.get("manifold3d", hidden) is None:
-            sys.modules.pop("manifold3d", None)
 
 
 MOST_INFLATED: Final = 1 << 31
@@ -420,9 +402,12 @@ def _read_scene(
 
 @contextlib.contextmanager
 def quiet_trimesh() -> Iterator[None]:
-    """Silence the log and the warnings of trimesh."""
-    logger = logging.getLogger("trimesh")
+    """Silence the log and the warnings of trimesh, and keep it from importing manifold3d, which no
+    query needs."""
+    logger, hidden = logging.getLogger("trimesh"), "manifold3d" not in sys.modules
     level = logger.level
+    if hidden:
+        sys.modules["manifold3d"] = None  # type: ignore[assignment]
     logger.setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
@@ -430,3 +415,6 @@ def quiet_trimesh() -> Iterator[None]:
             yield
     finally:
         logger.setLevel(level)
+        # Another thread may have ended first.
+        if hidden and sys.modules.get("manifold3d", hidden) is None:
+            sys.modules.pop("manifold3d", None)

@@ -170,7 +170,7 @@ def require_dents(surface: Surface) -> None:
             f"sphere, whose hull is at least {roundness:.3g} of its radius away from its center of "
             "mass: no fair die is near; take another model"
         )
-    if surface.volume >= (1.0 - CONVEX) * Surface(hull.vertices, hull.triangles).volume:
+    if surface.volume >= (1.0 - CONVEX) * hull.surface.volume:
         raise InputError(
             "start: expected a surface with dents for method concave, got a convex one; take "
             "method: {exact: {}}, which makes convex dice"
@@ -272,12 +272,12 @@ def refine(surface: Surface, points: int) -> tuple[Surface, str]:
     # Imported late, with manifold3d: few surfaces are too coarse.
     from dicedesign.geometry.meshes.manifold import mesh_of, solid
 
-    body = solid(surface.points, surface.triangles)
+    body = solid(surface)
     # Of equilateral triangles, two for each point, edges would be half as long.
     length = 2.0 * np.sqrt(4.0 / np.sqrt(3.0) * body.surface_area() / (2.0 * points))
     finer = surface
     while len(finer.points) < points:
-        finer = Surface(*mesh_of(body.refine_to_length(length)))
+        finer = mesh_of(body.refine_to_length(length))
         length *= SHORTER
     if not _is_good(finer, len(surface.triangles) - 2 * (before - 2)):
         raise InputError(

@@ -17,7 +17,6 @@ import torch
 
 from dicedesign.errors import DiceError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.triangles import Surface
 from dicedesign.gradient.probability_model import RESTING, ProbabilityModel
@@ -275,7 +274,7 @@ def stretch(
     uniform. The best stretch is returned, and the identity if none is better. Raises DiceError if
     the body has no rests.
     """
-    poses = rest_poses(make_body(surface.points, surface.triangles))
+    poses = rest_poses(surface)
     corners = poses.hull.vertices - poses.center_of_mass
 
     def probabilities_of(parameters: Floats, in_file: bool = False) -> Floats:

@@ -8,7 +8,6 @@ from scipy.spatial import HalfspaceIntersection
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull, deepest_point, polyhedron_corners
-from dicedesign.geometry.triangles import solid_properties
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3)
@@ -16,7 +15,7 @@ DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 
 
 def volume(corners: np.ndarray) -> float:
     hull = convex_hull(corners)
-    return solid_properties(hull.vertices, hull.triangles)[0]
+    return hull.surface.volume
 
 
 def sorted_rows(points: np.ndarray) -> np.ndarray:

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.geometry.triangles import solid_properties
 from dicedesign.rest.poses import rest_poses
 from tests.reference import solids
 
@@ -26,7 +25,7 @@ def turn(points: np.ndarray, seed: int) -> np.ndarray:
 
 
 def volume(hull: ConvexHull) -> float:
-    return solid_properties(hull.vertices, hull.triangles)[0]
+    return hull.surface.volume
 
 
 def sizes(hull: ConvexHull) -> list[int]:

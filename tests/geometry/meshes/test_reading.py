@@ -14,7 +14,7 @@ import trimesh
 
 from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
 from dicedesign.geometry.meshes.reading import read_body, stl_bytes
-from dicedesign.geometry.triangles import is_closed, solid_properties
+from dicedesign.geometry.triangles import Surface, is_closed, solid_properties
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
 CUBE_FACES = "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
@@ -249,7 +249,7 @@ def test_a_signalling_nan_is_refused_without_a_warning(tmp_path: Path, ending: s
 
 def test_stl_layout():
     box = trimesh.creation.box((4.0, 2.0, 1.0))
-    data = stl_bytes(box.vertices, box.faces)
+    data = stl_bytes(Surface(box.vertices, box.faces))
     assert not data.startswith(b"solid")
     assert struct.unpack("<I", data[80:84]) == (12,)
     assert len(data) == 84 + 50 * 12
@@ -263,7 +263,7 @@ def test_triangles_that_vanish_in_float32_leave_the_solid_closed():
     inside = corners[0] + 1e-9 * (corners[1] + corners[2] - 2 * corners[0])
     vertices = np.vstack([corners, inside])
     triangles = np.array([(0, 2, 4), (2, 1, 4), (1, 0, 4), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
-    data = stl_bytes(vertices, triangles)
+    data = stl_bytes(Surface(vertices, triangles))
     assert struct.unpack("<I", data[80:84]) == (4,)
     mesh = trimesh.load(io.BytesIO(data), file_type="stl")
     assert mesh.is_watertight
@@ -279,4 +279,4 @@ def test_coordinates_beyond_float32_are_refused(value):
     with pytest.raises(
         InputError, match=r"^STL: expected vertices that are finite in float32, got \[.* in row 3; "
     ):
-        stl_bytes(vertices, box.faces)
+        stl_bytes(Surface(vertices, box.faces))

@@ -102,7 +102,7 @@ def test_a_self_intersecting_surface_is_untangled() -> None:
 
 def test_cavities_are_filled_and_small_pieces_dropped() -> None:
     inner = scale(ball(3), 0.5)
-    cavity = Surface(inner.points, inner.triangles[:, ::-1])
+    cavity = inner.reverse()
     pebble = shift(scale(ball(3), 0.3), 1.6)
     repaired = repair(join(ball(4), cavity, pebble))
     assert repaired.surface.volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.01)

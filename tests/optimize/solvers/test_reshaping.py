@@ -14,7 +14,6 @@ from dicedesign.fabricate.convex_object import ConvexObject, measure_resting
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import Placement, die_readings, place_labels
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.solvers.reshaping import reshape, stretch
@@ -148,11 +147,11 @@ def test_a_given_center_of_mass_refuses_filled_labels() -> None:
 def box(*sizes: float) -> Surface:
     corners = np.array(np.meshgrid(*[[-s / 2, s / 2] for s in sizes])).reshape(3, -1).T
     hull = convex_hull(corners)
-    return Surface(hull.vertices, hull.triangles)
+    return hull.surface
 
 
 def probabilities_of(surface: Surface, directions: np.ndarray) -> np.ndarray:
-    poses = rest_poses(make_body(surface.points, surface.triangles))
+    poses = rest_poses(surface)
     return outcome_probabilities(poses, directions).probabilities
 
 
