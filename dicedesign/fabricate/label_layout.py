@@ -76,7 +76,7 @@ class Reading:
 
 
 SENTENCES: Final = {
-    "down": "Lift the die: the label on the facet that lay on the table counts.",
+    "down": "Lift the die: the label on the face that lay on the table counts.",
     "up": "Read the label on top.",
     "both": "Read the label on top; the one that lies on the table is the same.",
     "corner": "Read the label that stands upright around the top corner.",

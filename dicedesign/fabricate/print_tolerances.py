@@ -283,23 +283,24 @@ def print_tolerances(
         # A die at the verge of tipping gets the smallest one.
         allowed = least or most
     deviations = np.sqrt(np.diag(spread.covariance))
-    what = "facet's place" if spread.has_planes else "corner's place, in every direction"
+    what = "face" if spread.has_planes else "corner"
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         answer = (
-            f"{ROLLS:,} rolls show nothing, however far each {what} is off: nearly all shapes of "
-            "this die have its probabilities."
+            f"{ROLLS:,} rolls rarely reveal how far each {what} is off: nearly all shapes of this "
+            "die have its probabilities."
         )
     elif allowed == 0.0:
         answer = (
-            f"{ROLLS:,} rolls notice that this die is not exact, however well it is printed: a "
-            f"chi-square test at {level} finds more than {noticed} of perfect prints."
+            f"{ROLLS:,} rolls reveal that this die is not exact, however well it is printed: a "
+            f"chi-square test at {level} rejects more than {noticed} of perfect prints."
         )
     else:
         answer = (
-            f"Printed to within ±{allowed:.2g} mm (standard deviation of each {what}), {ROLLS:,} "
-            f"rolls show nothing: a chi-square test at {level} finds {noticed} of such prints, and "
-            f"{level} of perfect ones."
+            f"If your printer places each {what} within about {allowed:.2g} mm, {ROLLS:,} rolls "
+            f"rarely reveal an error. Yours: {spread.errors.dimensional_mm:.2g} mm is assumed. "
+            f"Both are standard deviations. A chi-square test at {level} rejects {noticed} of "
+            f"prints that are off by the first, and {level} of perfect dice."
         )
     return PrintTolerances(
         answer=answer,

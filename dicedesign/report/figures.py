@@ -51,6 +51,7 @@ class Figure(Extension):
     draw: makes the content of the file.
     suffix: ending of the file, ".png" or ".gif".
     instead_of: name of a figure that this one replaces on the page, or empty.
+    part: part of the page: "reading", "research", or empty for the figures of the die.
     """
 
     title: str
@@ -59,6 +60,7 @@ class Figure(Extension):
     draw: Callable[[FinishedDie], bytes]
     suffix: str = ".png"
     instead_of: str = ""
+    part: str = ""
 
 
 def _figure(
@@ -107,9 +109,10 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die as it lies after each outcome",
             "How the die lies after each outcome",
-            "Above, the die on a table, with the outcome and its probability; below, its "
-            "underside, as seen when the die is tipped backward. Colored are the facets of its "
-            "convex hull that it rests on, in the color of their outcome.",
+            "Above, the die on a table, with the outcome and its probability. Below, its underside, "
+            "seen when the die is tipped backward. The colored places touch the table: facets of "
+            "its convex hull, in the color of their outcome.",
+            part="reading",
         ),
         _figure(
             "table",
@@ -117,10 +120,9 @@ FIGURES: Final = Registry(
             lambda die: die.result.thrown is not None,
             "probabilities on the table by each model beside the target",
             "Probabilities on the table",
-            "The wide bar behind each outcome is its target. In front of it is how often the die "
-            "would show it if it rolled without momentum, how often the momentum model expects "
-            "it of it and of its prints, and, where throws were simulated, how often it came up, "
-            "with the interval that chance allows.",
+            "The wide bar behind each outcome is its target. The narrow bars show how often the "
+            "outcome comes up: without momentum, by the momentum model (with the range for 95 of "
+            "100 prints), and in simulated throws, if any, with a 95 % interval.",
             instead_of="bars",
         ),
         _figure(
@@ -129,8 +131,8 @@ FIGURES: Final = Registry(
             lambda die: die.repaired is not None,
             "a mesh before and after it was repaired",
             "Repair",
-            "The mesh as it came, above, red at edges that are not of two triangles, and the "
-            "surface that was made of it, below; all views have the same scale.",
+            "Above, the original mesh; edges that do not join two triangles are red. Below, the "
+            "repaired surface. All views have the same scale.",
         ),
         _figure(
             "rounds",
@@ -138,11 +140,12 @@ FIGURES: Final = Registry(
             lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
             "deviation from the target after each round of simulated throws",
             "Round by round",
-            "After each round of simulated throws the die was designed again, to make up for what "
-            "was seen. A round's own throws show its die with as much of chance in it as a "
-            "perfect die would show, the dashed line. What is expected of each die rests on the "
-            "throws of all rounds; that with the least is kept. Triangles, if any, are what is "
-            "expected on nine of ten tables that the table may be instead.",
+            "After each round of simulated throws the die was designed again, to correct its "
+            "deviation. The throws of one round contain as much chance as those of a perfect die, "
+            "the dashed line. The expected deviation of each die comes from the throws of all "
+            "rounds; the die with the least is the result. Triangles, if any, are the deviation "
+            "expected on nine of ten other tables that explain real throws as well.",
+            part="research",
         ),
         _figure(
             "throw",
@@ -159,8 +162,7 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the surface before and after it was made into a die",
             "Before and after",
-            "The surface as it came, above, and as it was made into a die, below; all views have "
-            "the same scale.",
+            "Above, the original surface. Below, the die. All views have the same scale.",
         ),
         _figure(
             "bars",
@@ -168,8 +170,8 @@ FIGURES: Final = Registry(
             _is_convex,
             "target probabilities beside the achieved ones",
             "Target and achieved probabilities",
-            "Probability that the die comes to rest on the facet with each label; the lines hold "
-            "that of 95 % of its prints.",
+            "The probability of each label: your target, and the die as designed (achieved, "
+            "die_plain.stl). The thin lines show the range for 95 of 100 prints.",
         ),
         _figure(
             "probabilities",
@@ -187,8 +189,8 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die within its convex hull",
             "The die within its convex hull",
-            "A body rolls like its convex hull, which touches the table. Colored are the facets "
-            "that the die rests on, by outcome; those on the far side are paler.",
+            "A body rolls like its convex hull. The die rests on the colored facets, one color for "
+            "each outcome; those on the far side are paler.",
         ),
         _figure(
             "trade_off",
@@ -198,9 +200,9 @@ FIGURES: Final = Registry(
             ),
             "displacement against probabilities of each attempt at a concave die",
             "What the attempts led to",
-            "Best die of each attempt, by its number: how far the surface was moved, and how far "
-            "its probabilities are from the target, all other rests included. Marks say what is "
-            "worst of it.",
+            "The best die of each attempt, by number: how far the surface was moved, and the error "
+            "of its probabilities, rests elsewhere included. The mark shows its main flaw.",
+            part="research",
         ),
         _figure(
             "convergence",
@@ -209,6 +211,7 @@ FIGURES: Final = Registry(
             "error and energy of the design against run time, or steps",
             "Course of the design",
             "Largest difference of a probability from its target, and the energy, after each step.",
+            part="research",
         ),
         _figure(
             "displacement",
@@ -216,8 +219,8 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "how far each part of the surface was moved",
             "How far the surface was moved",
-            "Distance of each point of the surface from where it was before, relative to the "
-            "diagonal of the box that held the surface.",
+            "Distance of each point from its place on the original surface, relative to the "
+            "diagonal of that surface's bounding box.",
         ),
         _figure(
             "crossings",
@@ -225,7 +228,7 @@ FIGURES: Final = Registry(
             lambda die: die.quality is not None and len(die.quality.intersections) > 0,
             "where the surface meets itself",
             "Where the surface meets itself",
-            "In red the triangles that meet and should not.",
+            "Red triangles meet and should not.",
         ),
         _figure(
             "energy",
@@ -235,6 +238,7 @@ FIGURES: Final = Registry(
             "Energy of each stage",
             "Each stage lowers an energy of its own. The error, the largest difference of a "
             "probability from its target, is drawn where it was computed.",
+            part="research",
         ),
         _figure(
             "gauss_map",
@@ -242,9 +246,10 @@ FIGURES: Final = Registry(
             _is_convex,
             "directions of the die by the facet that it comes to rest on",
             "Where the die ends up",
-            "Every point is a direction of the die that points down when it is let go; its "
-            "color tells on which facet the die comes to rest if it rolls there without "
-            "momentum.",
+            "Each colored area belongs to one face. A larger area means a more likely face. Each "
+            "point is a direction of the die that points down when it is let go without momentum. "
+            "The thick lines (separatrices) divide the areas. At a saddle the die can fall to "
+            "either side of an edge; at a maximum it balances on a corner.",
         ),
         _figure(
             "views",
@@ -260,7 +265,8 @@ FIGURES: Final = Registry(
             lambda die: die.engraved is not None and die.reading is not None,
             "the die at rest, and the label that is read then",
             "How to read the die",
-            "The die as it lies after one of its outcomes, and the label to read.",
+            "The die at rest after one outcome, and the label to read.",
+            part="reading",
         ),
         _figure(
             "faces",
@@ -268,9 +274,9 @@ FIGURES: Final = Registry(
             lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
             "every face flat and true to scale, with its label as it is cut",
             "Every face",
-            "Each face seen straight from outside, all on one scale, with its label as it is "
-            "cut. Above it is what it says, and how often that comes up; around a corner on top "
-            "each face says several things. Rounded edges are left out.",
+            "The line above each face gives its label and how often that comes up. On a die that "
+            "is read around its top corner each face has several labels. All faces have one scale; "
+            "rounded edges are left out.",
         ),
         _figure(
             "print_orientation",
