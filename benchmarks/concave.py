@@ -223,7 +223,7 @@ def shortfalls(measures: dict[str, Any], tolerance: float) -> Iterator[str]:
     if measures["apart"] < LEAST_APART - ANGLE_SLACK:
         yield f"outcomes {measures['apart']:.1f} degrees apart"
     if measures["margin"] < LEAST_MARGIN - ANGLE_SLACK:
-        yield f"an outcome is left at {measures['margin']:.1f} degrees"
+        yield f"an outcome tips over at {measures['margin']:.1f} degrees"
     if measures["s"] > LONGEST:
         yield f"took {measures['s']:.0f} s"
 

@@ -47,7 +47,7 @@ def compute_stable_poses(
     Returns
     -------
     (n, 4, 4) transforms that stand the mesh on the plane z = 0, the most probable first, with the
-    mesh's origin on the z axis and the same headings as trimesh's, and (n,) probabilities.
+    mesh's origin on the z axis and trimesh's headings, and (n,) probabilities.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _inside(poses: RestPoses, scatter: float, count: int, chance: np.random.Gene
 
 
 def _facets_in(hull: ConvexHull, sample: RestPoses) -> Integers:
-    """Facets (k,) of a hull for a sample's rests, whose hull may have been rebuilt from the same
+    """Facets (k,) of a hull for a sample's rests. The sample's hull may have been rebuilt from its
     corners if facets are uneven."""
     if sample.hull is hull:
         return sample.facets

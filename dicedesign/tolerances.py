@@ -142,8 +142,8 @@ and a shell of it no body and no cavity; at this size rounding leaves the centro
 digits."""
 
 SAME_REST_ANGLE: Final = math.radians(5.0)
-"""Two rests are one outcome to the eye when their normals differ by at most this, in radians:
-the facets are then one to the eye."""
+"""Two rests count as one outcome if their normals differ by at most this, in radians: the facets
+then look like one."""
 
 ROUNDING: Final = 32.0 * 2.0**-53
 """Relative bound on the rounding error of the sums of products that decide about a body (at most a

@@ -47,7 +47,7 @@ center of mass, which is what trimesh computes."""
 
 @pytest.mark.parametrize("name", ALL_FACETS_HOLD)
 @pytest.mark.parametrize("seed", [0, 1])
-def test_where_all_facets_hold_the_two_agree(name: str, seed: int) -> None:
+def test_results_agree_with_trimesh_if_all_facets_are_stable(name: str, seed: int) -> None:
     mesh = turn_mesh(ALL_FACETS_HOLD[name], seed)
     ours, theirs = compute_stable_poses(mesh), trimesh.poses.compute_stable_poses(mesh)
     mine, other = by_normal(*ours), by_normal(*theirs)
@@ -68,7 +68,7 @@ def test_transforms_are_those_of_trimesh(seed: int) -> None:
         np.testing.assert_allclose(transform, nearest, atol=1e-9)
 
 
-def test_where_facets_topple_trimesh_is_wrong() -> None:
+def test_trimesh_is_wrong_if_facets_topple() -> None:
     """A facet that does not hold is left to several neighbors; trimesh gives one of them all."""
     mesh = blob(3, 12)
     ours, other = compute_stable_poses(mesh), by_normal(*trimesh.poses.compute_stable_poses(mesh))
@@ -77,7 +77,7 @@ def test_where_facets_topple_trimesh_is_wrong() -> None:
     assert max(abs(other[normal] - p) for normal, p in by_normal(*ours).items()) > 0.015
 
 
-def test_a_threshold_leaves_poses_out_and_scales_none() -> None:
+def test_a_threshold_omits_poses_and_scales_none() -> None:
     mesh = blob(4)
     transforms, probabilities = compute_stable_poses(mesh)
     limit = float(probabilities[2])
@@ -90,7 +90,7 @@ def test_a_threshold_leaves_poses_out_and_scales_none() -> None:
 
 
 def test_sigma_is_the_mean_over_centers_of_mass() -> None:
-    """The same draws, each analyzed alone."""
+    """Identical draws, each analyzed alone."""
     mesh, sigma, count = blob(6), 4e-3, 12
     transforms, probabilities = compute_stable_poses(mesh, sigma=sigma, n_samples=count, seed=3)
     rng = np.random.default_rng(3)

@@ -31,7 +31,7 @@ def test_an_extra_that_is_missing_is_named_with_the_way_to_it() -> None:
         assert part in str(error)
 
 
-def test_labels_without_room_tell_the_size_that_gives_it() -> None:
+def test_labels_without_room_name_a_sufficient_size() -> None:
     error = LabelRoomError("too small", 31.5)
     assert (str(error), error.size_mm) == ("too small", 31.5)
 

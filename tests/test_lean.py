@@ -145,7 +145,7 @@ def test_a_figure_of_a_mesh_and_a_room_load_no_torch(tmp_path: Path) -> None:
     assert modules_after(room, tmp_path) & {"torch", "manifold3d", "pydantic"} == set()
 
 
-def test_the_figure_of_a_query_loads_what_draws_it_and_no_more(tmp_path: Path) -> None:
+def test_the_figure_of_a_query_loads_only_its_libraries(tmp_path: Path) -> None:
     trimesh.creation.box().export(tmp_path / "box.stl")
     loaded = modules_after(["rest", "box.stl", "--figure", "map.png"], tmp_path)
     assert {"matplotlib", "dicedesign.report.gauss_map"} <= loaded
@@ -158,7 +158,7 @@ def test_saddles_that_divide_nothing_are_not_traced(
     monkeypatch: pytest.MonkeyPatch,
     count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
-    """Which do is told by bodies that are let go on both sides of each saddle and rolled."""
+    """Bodies released on both sides of each saddle show which saddles divide basins."""
     hull = blade(40, 100)
     equilibria = classify(hull, np.zeros(3))
     saddles = np.flatnonzero(equilibria.saddle & (np.arange(len(hull.tail)) < hull.twin))
@@ -186,7 +186,7 @@ def test_probabilities_make_no_transforms_and_no_polylines(
     assert len(answer.morse.polylines) == len(answer.morse.saddles)
 
 
-def test_exact_arithmetic_is_for_what_rounding_leaves_open(
+def test_exact_arithmetic_decides_signs_that_rounding_leaves_open(
     count_calls: Callable[[Any, str], list[tuple[Any, ...]]],
 ) -> None:
     calls = [count_calls(ExactSigns, name) for name in ("growth", "side", "ascend", "descend")]

@@ -32,7 +32,7 @@ def test_of_another_kind():
 
 @pytest.fixture
 def checkout(repository: Path, tmp_path: Path) -> Path:
-    """A checkout that has these tests only, with one file of public data beside it."""
+    """Checkout with only these tests, next to one file of public data."""
     folder = tmp_path / "checkout"
     (folder / "tests" / "common").mkdir(parents=True)
     for name in ("conftest", "common/paths", "common/slicer", "common/headless"):
@@ -60,14 +60,14 @@ SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
         (["--require-browser"], (BROWSER,)),
     ],
 )
-def test_what_is_missing(
+def test_missing_public_data_is_named(
     checkout: Path, option: list[str], required: tuple[tuple[str, str], ...]
 ) -> None:
-    """Told and counted at the end of a run, also of one in several processes, or a failure."""
+    """Listed and counted at the end of a run, also with several processes; or a failure, if required."""
     command = [sys.executable, "-m", "pytest", "-n", "1", *option]
-    # Options of the run that this test is part of are not those of the run it starts.
+    # The started run does not inherit options of the run that this test is part of.
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
-    # No program is found there.
+    # A path without programs.
     own["PATH"] = str(checkout)
     done = subprocess.run(
         command, cwd=checkout, env=own, capture_output=True, text=True, check=False

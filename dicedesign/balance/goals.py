@@ -230,7 +230,7 @@ def objective_of(
                 raise InputError(
                     f"poses: expected poses more than 5 degrees apart, got {goal.poses[first]} and "
                     f"{goal.poses[second]}, {np.degrees(angles[first, second]):.2g} degrees apart, "
-                    "which are one to the eye; leave one out"
+                    "which is too near to tell apart; leave one out"
                 )
 
     def serve(rests: Rests, share: float) -> ServedGoal:

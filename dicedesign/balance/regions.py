@@ -153,8 +153,8 @@ class Stability:
         return float(np.abs(self.outermost(center)[1]).min())
 
     def cell(self, center: Floats, clearance: float = 0.0) -> Halfspaces:
-        """Convex region of centers of mass around one (3,) with the same rests; for facets that are
-        no rests, beyond the farthest side. Planes are moved inward by a clearance."""
+        """Convex region of centers of mass around one (3,) that have its rests. A facet that is no
+        rest bounds it by its farthest side. Planes are moved inward by a clearance."""
         edges, least = self.outermost(center)
         inner = (least > 0.0)[self.hull.facet]
         inside = Halfspaces(self.sides.normals[inner], self.sides.offsets[inner] - clearance)

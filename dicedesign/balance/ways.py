@@ -138,7 +138,7 @@ class MovedCenter:
     body: the body.
     center: (3,) center of mass, by the files with their densities.
     wall_mm: measured least thickness of the walls; None without anything inside.
-    facts: plain data about the inside; notes: the same in sentences.
+    facts: plain data about the inside; notes: these facts in sentences.
     sparse: the part with less infill, or None.
     """
 

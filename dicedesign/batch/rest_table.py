@@ -52,7 +52,7 @@ COLUMNS: dict[str, ColumnType] = {
     **STAMPED,
 }
 """Columns of the table. Lengths are in the mesh's unit; rests are numbered from 1, the most
-probable first; columns from "rests" on are the same in all rows of a file."""
+probable first; columns from "rests" on are equal in all rows of a file."""
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,8 @@ class WithWorkers(Command):
 @dataclass(kw_only=True)
 class WithRests(Command):
     help_text = """Options:
-    com (x,y,z|hull): center of mass in the mesh's unit, or hull for that of the uniform convex hull
-        (default: uniform solid; hull for point clouds and open meshes)
+    com (x,y,z|hull): center of mass in the mesh's unit, or hull: the center of the uniform convex
+        hull (default: the center of the uniform solid; hull for point clouds and open meshes)
     coplanar_tolerance (T): merge hull triangles within this distance of one plane, relative to the
         body's half extent (default: 1e-11; 2e-6 for rounded coordinates such as STL)"""
     com: str | None = None
@@ -181,7 +181,7 @@ class RestArguments(WithBody, WithWorkers):
     figure (FILE.png): draw the Morse-Smale complex
     out (TABLE): of a folder: table to write or resume, .csv or .parquet (needs the extra 'parquet')
     jobs (J): of a folder: parallel processes (default: one per core, or per thread of the cluster,
-        whose workers need the same files)
+        whose workers must see the files)
 
     Example: dicedesign rest die.stl --table board-game"""
 
@@ -226,8 +226,8 @@ class PoseArguments(WithRests, WithJson, WithWorkers):
     pose (N): the N-th most probable pose (default: 1)
     random: draw the pose by its probability, and a random angle about the vertical
     seed (S): random seed of --random (default: 0)
-    format (NAME): format of files in a folder: stl, obj, ply, off, glb, 3mf, ... (default: that of
-        each mesh)
+    format (NAME): format of files in a folder: stl, obj, ply, off, glb, 3mf, ... (default: the
+        format of each mesh)
     up: vertical axis; y suits viewers of GLB files (default: z)
 
     Example: dicedesign pose bunny.obj --pose 2 --out bunny.glb"""
@@ -284,7 +284,7 @@ class FigureArguments(WithRests):
     before (MESH): for before_after: the mesh from which the body was made
     steps (N): for ablation: maximum steps of each descent
 
-    Example: dicedesign figure gauss_map bunny.obj --out gauss_map.png"""
+    Example: dicedesign figure complex bunny.obj --out complex.png"""
 
     kind: str
     subject: Path
@@ -369,13 +369,13 @@ class ThrowArguments(WithJson, WithWorkers):
     engine (NAME): simulator from the list above (default: native)
     table (NAME|FILE.json): board-game, hard-wood, carpet (no momentum), paper (as in the paper) or
         a table file (default: board-game)
-    hand (NAME): throw distribution cup, hand or tower (default: that of the table)
+    hand (NAME): throw distribution: cup, hand or tower (default: the table's own)
     orientations (KIND): at release: uniform, or icosahedron as in the paper (default: uniform; on
         paper icosahedron)
     size (MM): diameter of the die, twice its largest radius about the center of mass (default: the
-        die's own size; for a mesh that of the table, 25)
-    com (x,y,z|hull): center of mass, as for `dicedesign rest` (default: uniform solid, or that of
-        the design)
+        die's own size; 25 for a mesh)
+    com (x,y,z|hull): center of mass, as for `dicedesign rest` (default: the design's own,
+        or the uniform solid)
     seed (S): random seed (default: 0)
     jobs (J): parallel tasks (default: one per core); does not change the results
 
@@ -438,7 +438,7 @@ class TableArguments(WithJson, WithWorkers):
         rolls`; may be repeated
     dice (NAME,...): fit to these dice of the file (default: all)
     check (NAME,...): predict these dice of the file without fitting to them
-    die (FOLDER): predict this die, and what more throws of it would tell
+    die (FOLDER): predict this die, and how much more throws of it would improve the fit
     evaluations (N): parameter sets to simulate (default: 256)
     drops (N): drops per die and parameter set (default: 2000); the test takes a twelfth of all
     seed (S): random seed (default: 0)

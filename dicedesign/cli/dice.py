@@ -153,8 +153,8 @@ def _apply_options(recipe: Recipe, options: WithResults) -> Recipe:
 def _print_result(result: Result) -> None:
     """Print the verdict, a table of target and probabilities in each file, and the files.
 
-    The table of a thrown die has the probabilities by model and by throws; that of a concave die
-    has a row for all rests without an outcome.
+    For a thrown die the table also has the probabilities by model and by throws, for a concave die
+    a row for all rests without an outcome.
     """
     print(f"{result.name}: {result.message}")
     probabilities: dict[str, Sequence[float]] = {
@@ -189,7 +189,7 @@ def _print_result(result: Result) -> None:
         print(
             f"displacement: mean {100.0 * moved.mean:.3g} %, largest "
             f"{100.0 * moved.largest:.3g} % of the diagonal\n"
-            f"outcomes: {result.least_angle_deg:.3g} degrees apart or more, left at "
+            f"outcomes: {result.least_angle_deg:.3g} degrees apart or more, tipping over at "
             f"{result.least_margin_deg:.3g} degrees or more"
         )
     balance = None if engraved is None or result.thrown is not None else engraved.balance

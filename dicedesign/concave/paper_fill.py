@@ -68,7 +68,7 @@ def centering_gradient(surface: Surface) -> Floats:
 def hull_keeping_moves(
     sobolev: SobolevSolver, depths: Floats, gradients: Floats
 ) -> tuple[Floats, Floats]:
-    """Smoothed moves `D (I + gamma L)^-p D g` of gradients g (n, 3, ...), and the same over D.
+    """Smoothed moves `D (I + gamma L)^-p D g` of gradients g (n, 3, ...), and these over D.
 
     sobolev: applies `(I + gamma L)^-p`; depths: (n,) diagonal of D, distances from the hull.
 
@@ -96,7 +96,8 @@ def balance(
     Parameters
     ----------
     reference: reference of the elastic energy.
-    filled: the same triangles inside the hull, as from `fill_by_quadratic_programs`.
+    filled: the triangles of the reference inside the hull, as from
+        `fill_by_quadratic_programs`.
     hull: hull of `filled`.
     center_of_mass: (3,) required center of mass of the uniform solid, strictly inside the hull.
     options: lambda_CoM, lambda_m, lambda_b, growth of lambda_CoM, gamma and p.

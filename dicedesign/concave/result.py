@@ -30,7 +30,7 @@ class FilledHull:
     ----------
     draft: error, displacement and angles; the search sets its number and time.
     points: (n, 3) points of the surface, aligned with the original by a similarity.
-    hull_points: (v, 3) vertices of the designed hull, aligned in the same way.
+    hull_points: (v, 3) vertices of the designed hull, aligned by this similarity.
     center_of_mass: (3,) center of mass to which the probabilities belong: of the uniform solid, or
         where cavities are to move it.
     directions: (k, 3) unit down directions of the outcomes.
@@ -83,7 +83,7 @@ class ConcaveDie:
     Attributes
     ----------
     before: original surface, remeshed if the options say so.
-    after: surface of the die, with the same triangles and about the same place and size.
+    after: surface of the die, with the triangles of `before` and about its place and size.
     hull: designed hull.
     directions: (k, 3) down directions of the outcomes, in the order of the target.
     hull_corners: numbers of vertices of the hulls before and after.

@@ -92,8 +92,8 @@ def make_concave_die(
     options: see `ConcaveOptions`.
     wall: minimum thickness of walls around cavities, over the largest distance of two points of the
         die, positive; None for a solid die.
-    seed: seed of the attempts' slopes and choices. Attempt n is the same in any session, with any
-        number of threads.
+    seed: seed of the attempts' slopes and choices. Attempt n does not depend on the session or
+        the number of threads.
     resume: state of an earlier session.
     on_step: receives every step, numbered from 0 in each attempt.
     on_attempt: receives the state after every attempt.

@@ -67,8 +67,8 @@ def round_cone(start: Vector, end: Vector, start_radius: float, end_radius: floa
 
 
 def tube(line: Sequence[Vector] | Floats, start_radius: float, end_radius: float) -> Distance:
-    """Round cones along a polyline of at least two points, with the radius changing by the same
-    amount from point to point."""
+    """Round cones along a polyline of at least two points, whose radius changes by equal amounts
+    from point to point."""
     radii = np.linspace(start_radius, end_radius, len(line)).tolist()
     ends = pairwise(zip(line, radii, strict=True))
     pieces = [round_cone(a, b, start, end) for (a, start), (b, end) in ends]

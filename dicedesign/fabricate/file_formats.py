@@ -69,7 +69,7 @@ class Contents:
     Attributes
     ----------
     title: name of the die.
-    parts: at least one, all in the same coordinates.
+    parts: at least one, all in one coordinate system.
     facts: texts by name, such as Target, for formats that can hold them.
     unit: of lengths, for formats with comments.
     """
@@ -227,7 +227,7 @@ def three_mf(contents: Contents) -> bytes:
 
 
 def _escape(text: str) -> str:
-    """Escape a text for XML. lib3mf reads no numeric references, such as that of an apostrophe."""
+    """Escape a text for XML. lib3mf reads no numeric references, such as `&#39;`."""
     return escaped(text, quote=False).replace('"', "&quot;")
 
 

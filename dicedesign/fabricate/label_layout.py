@@ -76,9 +76,9 @@ class Reading:
 
 
 SENTENCES: Final = {
-    "down": "Lift the die: the label on the face that lay on the table counts.",
+    "down": "Lift the die and read the label on the face that was on the table.",
     "up": "Read the label on top.",
-    "both": "Read the label on top; the one that lies on the table is the same.",
+    "both": "Read the label on top; the face on the table has this label too.",
     "corner": "Read the label that stands upright around the top corner.",
     "marks": "Read the label on the side that is up.",
 }

@@ -1,8 +1,8 @@
 """Assign equally probable outcomes to facets so that sums of numbers are even.
 
-Outcomes whose labels are numbers change places with others of the same probability, so that
-numbers on opposite facets have the same sum, or so that sums over opposite facets and around
-corners are as even as a search finds: swaps from the given order and from random ones.
+Equally probable outcomes whose labels are numbers change places. Then all pairs of opposite facets
+have one sum, or sums over opposite facets and around corners are as even as a search finds. It
+swaps labels from the given order and from random ones.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ def beds(poses: RestPoses) -> Floats:
     are large enough to hold it, or if there are none, of those that it rests on."""
     hull = poses.hull
     tall = np.ptp(hull.vertices @ hull.normals.T, axis=0)
-    # The area of a facet bounds that of its circle, which takes longer.
+    # The area of a facet bounds the area of its circle, which takes longer to compute.
     wide = np.pi * (FOOTING * tall / 2.0) ** 2 <= hull.areas
     large = [
         facet

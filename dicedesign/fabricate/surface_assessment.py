@@ -108,8 +108,8 @@ def printable_solid(surface: Surface) -> tuple[Surface, tuple[str, ...]]:
     crossings = len(intersecting_triangles(clean.points, clean.triangles))
     if crossings:
         notes.append(
-            f"the solid still meets itself in {crossings} pairs of triangles: look at it in the "
-            "slicer before printing"
+            f"the solid still intersects itself in {crossings} pairs of triangles: look at it in "
+            "the slicer before printing"
         )
     return clean, tuple(notes)
 
@@ -214,7 +214,7 @@ def advise_on_surface(
         wanted = max(method.margin_deg, np.degrees(LEAST_MARGIN))
         for outcome in np.flatnonzero(margins < wanted).tolist():
             yield (
-                f"{labels[outcome]} is left at {margins[outcome]:.3g} degrees, wanted are "
+                f"{labels[outcome]} tips over at {margins[outcome]:.3g} degrees, wanted are "
                 f"{wanted:.3g}"
             )
     done, progress = design_result.progress.attempts, design_result.progress

@@ -77,7 +77,7 @@ def point_group(name: str) -> Floats:
     """The matrices of a point group by its Schoenflies name, in the orientation of this module.
 
     Entries that are 0, 1/2 or 1, or minus these, are so to the last bit, and entries of equal size
-    are equal to the last bit. The identity comes first; the order is always the same.
+    are equal to the last bit. The identity comes first; the order is fixed.
 
     name: one of `KNOWN_GROUPS`, such as "Cs", "C5v", "D3h" or "Oh".
 

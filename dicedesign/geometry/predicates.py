@@ -90,8 +90,8 @@ class Orientation:
         return not area_vector(self.integers[[a, b, other]]).any()
 
     def in_space(self, point: Integers, a: Integers, b: Integers, c: Integers) -> Integers:
-        """(m,) 1 where a point lies on the side of a, b, c from which they run counter-clockwise,
-        0 where the four lie in one plane, else -1; all of them (m,) indices of points."""
+        """(m,) 1 where a point is on the side of a, b, c from which they run counter-clockwise,
+        0 where the four are in one plane, else -1; all of them (m,) indices of points."""
         corners = [self._points[index] for index in (a, b, c, point)]
         value, size = _determinant([corner.T - corners[0].T for corner in corners[1:]])
         return self._signs(value, size, (a, b, c, point), (0, 1, 2))

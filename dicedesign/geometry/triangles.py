@@ -245,7 +245,7 @@ class Surface:
         return np.ascontiguousarray(sums.transpose(1, 0, 2)) / volumes.sum()
 
     def with_points(self, points: Floats) -> Surface:
-        """Surface with the same triangles between other points (n, 3)."""
+        """Surface with these triangles between other points (n, 3)."""
         return Surface(points, self.triangles)
 
 

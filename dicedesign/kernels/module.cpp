@@ -11,9 +11,9 @@ void bind_gradients(nb::module_& module);
 void bind_throws(nb::module_& module);
 namespace {
 
-// The allocator of glibc hands large blocks back to the system as soon as they are freed, and pages
-// that come anew from there cost as much as a hull of 1000 points. It holds on to blocks as large
-// as the largest that was ever freed. Elsewhere this does nothing.
+// The allocator of glibc returns large blocks to the system as soon as they are freed, and getting
+// fresh pages costs as much as a hull of 1000 points. It keeps blocks up to the size of the largest
+// that was ever freed, so one is freed here. With other allocators this does nothing.
 void hold_on_to_memory() {
     void* volatile block = std::malloc(std::size_t{16} << 20);
     std::free(block);

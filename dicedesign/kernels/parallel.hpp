@@ -12,8 +12,8 @@
 
 namespace dicedesign {
 
-// Calls `work(i)` for i from 0 to `count`, on at most so many threads. A thread takes a few turns at
-// a time, and is not begun for fewer. What one throws is thrown here, after all have ended.
+// Calls `work(i)` for i from 0 to `count`, on at most `threads` threads. A thread takes a few calls
+// at a time, and starts only if there are that many. Rethrows an exception after all have ended.
 template <class Work>
 void in_parallel(std::size_t count, std::size_t threads, const Work& work) {
     constexpr std::size_t TURNS = 8;

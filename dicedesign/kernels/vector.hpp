@@ -87,7 +87,7 @@ struct Box {
 
     double extent() const { return largest(upper - lower); }
 
-    // Largest difference of a coordinate from that of a point inside.
+    // Largest difference of a coordinate from the coordinate of a point inside.
     double reach(const Vec& middle) const {
         return larger(largest(upper - middle), largest(middle - lower));
     }

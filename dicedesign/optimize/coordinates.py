@@ -212,7 +212,7 @@ class LinkedCoordinates(Coordinates):
     ----------
     facets: coordinates of all m facets.
     expansion: (4 m, r) matrix from parameters (r,) to changes of the parameters of `facets`. Its
-        columns are orthonormal, so that both changes have the same length.
+        columns are orthonormal, so that both changes have equal length.
     base: (4 m,) parameters of `facets` before any change.
     """
 
@@ -432,8 +432,8 @@ class ShapeEvaluator:
 
     Attributes
     ----------
-    center_of_mass: (3,) fixed, or None for that of the uniform solid.
-    offset: (3,) of the center of mass from that of the uniform solid, if it is not fixed.
+    center_of_mass: (3,) fixed, or None for the centroid of the uniform solid.
+    offset: (3,) of the center of mass from that centroid, if it is not fixed.
     evaluations: number of shapes.
     shapes, polars: last hulls of shapes, and of the polar bodies that coordinates require.
     """

@@ -122,8 +122,8 @@ class ExactOptions:
         probabilities but not the recipe's `min_inradius_mm`.
     evaluations: most evaluations of dice, at least 1; the first shape with the wanted rests is
         tried in any case. None for `MOST_WORK` over the number of outcomes, about a minute's.
-    seconds: wall-clock limit with the same effect, positive. None for no limit: with one, the
-        result depends on the speed of the machine.
+    seconds: wall-clock limit on the search, positive, or None. With a limit, the result depends on
+        the speed of the machine.
     """
 
     __pydantic_config__ = STRICT

@@ -1,4 +1,4 @@
-"""Preferences among dice with the same probabilities, as weighted residuals."""
+"""Preferences among dice with equal probabilities, as weighted residuals."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def design_concave(work: Work) -> Design:
     target = work.target.probabilities
     size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
     choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
-    # Searches with equal texts take the same path.
+    # Searches with equal texts are identical.
     identity = {
         "target": json.dumps(target.tolist()),
         "seed": str(recipe.seed),

@@ -412,7 +412,7 @@ def run_stages(work: Work, *, after: str | None = None, last: str | None = None)
     for stage in STAGES:
         place = len(stages)
         if stage.after is not None:
-            # Behind those registered earlier for the same place.
+            # Behind stages that were registered earlier for this place.
             name = STAGES[stage.after].name
             place = 1 + max(k for k, one in enumerate(stages) if name in (one.name, one.after))
         stages.insert(place, stage)

@@ -220,7 +220,7 @@ class Recipe(Strict):
     data_sheet: whether to make a one-page data sheet as PDF and PNG.
     figures: whether to draw figures. report: whether to make the report page.
     clock: whether to record run times and memory; without them, and unless a time limit is reached,
-        a recipe always gives the same files byte for byte.
+        the files of a recipe are always identical byte for byte.
     """
 
     name: Annotated[str, Field(pattern=NAME)]

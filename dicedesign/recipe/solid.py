@@ -264,8 +264,9 @@ def _advice(work: Work, flaws: list[Status]) -> Iterator[str]:
     if Status.UNSTEADY in flaws:
         weakest = int(verdict.margins.argmin())
         yield (
-            f"{work.target.labels[weakest]} is left at {np.degrees(verdict.margins[weakest]):.2g} "
-            "degrees; try another seed, or join rare outcomes"
+            f"{work.target.labels[weakest]} tips over at "
+            f"{np.degrees(verdict.margins[weakest]):.2g} degrees; try another seed, or join rare "
+            "outcomes"
         )
     if method.paper is not None and method.paper.finish == "none":
         yield "finish: exact would improve it"

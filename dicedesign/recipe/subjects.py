@@ -48,7 +48,7 @@ def subject_of(
     path: mesh file, results folder, or recipe to design.
     center_of_mass, coplanar_tolerance: of a mesh, as in `rest_poses`.
     down: see `Subject`.
-    before: original mesh of the body, in the same place and scale; None for a recipe's start.
+    before: original mesh of the body, in its place and scale; None for a recipe's start.
     steps: maximum steps of each descent of an ablation; None for the recipe's.
     on_step: called after every step of a design.
 
@@ -127,7 +127,7 @@ def _read_die(folder: Path, recipe: Recipe) -> Lain:
     # The file does not hold a given center of mass.
     given = None if recipe.center_of_mass is None else result.center_of_mass
     poses = rest_poses(body, given).under(recipe.density_prior())
-    # The order of rests of equal probability may differ from that of the run.
+    # Equally probable rests may have another order than in the run.
     normals = np.array([facet.normal for facet in result.facets]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, normals).tolist()
     labels = ["" if k < 0 else result.facets[k].label or "" for k in facets]

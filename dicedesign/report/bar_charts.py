@@ -20,7 +20,7 @@ from dicedesign.throws.distances import total_variation
 from dicedesign.throws.goodness_of_fit import RollVerdict
 
 MODEL: Final = "#f0b88f"
-"""Color of predictions, a paler one than that of throws."""
+"""Color of predictions, paler than the color of throws."""
 
 MAX_WITH_VALUES: Final = 16
 """Most outcomes for which values are written above the bars."""

@@ -208,7 +208,7 @@ def _draw_groups(
 
 @with_style
 def trade_off_chart(die: FinishedDie) -> Sheet:
-    """Error against displacement of each draft of a concave die, and of the surface as it came.
+    """Error against displacement of each draft of a concave die, and of the original surface.
 
     Drafts are marked by their worst flaw. die: made by a search.
     """
@@ -234,15 +234,15 @@ def trade_off_chart(die: FinishedDie) -> Sheet:
     this = [places[attempt] for attempt in places if attempt == chosen]
     groups: list[tuple[str, Points, dict[str, Any]]] = [
         ("this die", this, {"marker": "o", "ms": 28.0, **hollow}),
-        ("the surface as it came", [(0.0, heights[1])], {"marker": "*", "ms": 20.0, **hollow}),
+        ("the original surface", [(0.0, heights[1])], {"marker": "*", "ms": 20.0, **hollow}),
     ]
     worst = {draft.attempt: next(trade_off.flaws(draft), None) for draft in drafts}
     for status, name, color, marker, size in (
         (None, "as wanted", ACCENT, "o", 13.0),
         (Status.OFF_TARGET, "probabilities off", FAINT, "x", 11.0),
-        (Status.SELF_INTERSECTING, "meets itself", DISTINCT[4], "^", 14.0),
+        (Status.SELF_INTERSECTING, "intersects itself", DISTINCT[4], "^", 14.0),
         (Status.TOO_NEAR, f"outcomes nearer than {trade_off.apart_deg:g}°", DISTINCT[1], "s", 11.0),
-        (Status.TIPPY, f"left at less than {trade_off.margin_deg:g}°", DISTINCT[2], "D", 11.0),
+        (Status.TIPPY, f"tips over below {trade_off.margin_deg:g}°", DISTINCT[2], "D", 11.0),
     ):
         group = [places[attempt] for attempt in worst if worst[attempt] is status]
         style = {"color": color, "marker": marker, "ms": size, "mew": 3.0 if marker == "x" else 1.0}

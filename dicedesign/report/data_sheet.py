@@ -133,10 +133,10 @@ def _reading(result: Result) -> str:
         return "The outcome is the face that the die rests on."
     if "die" in result.files:
         return (
-            "The outcome is the side that the die lies on. Its label is cut into the side that is "
-            "up then."
+            "The outcome is the side that the die rests on. Its label is cut into the side that is "
+            "up."
         )
-    return "The outcome is the side that the die lies on: compare it with the report."
+    return "The outcome is the side that the die rests on: compare it with the report."
 
 
 def _size(die: FinishedDie) -> str:

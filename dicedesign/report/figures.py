@@ -107,8 +107,8 @@ FIGURES: Final = Registry(
             "rests",
             "surface_figures:rests",
             _is_reshaped,
-            "the die as it lies after each outcome",
-            "How the die lies after each outcome",
+            "the die at rest after each outcome",
+            "The die at rest after each outcome",
             "Above, the die on a table, with the outcome and its probability. Below, its underside, "
             "seen when the die is tipped backward. The colored places touch the table: facets of "
             "its convex hull, in the color of their outcome.",
@@ -140,11 +140,11 @@ FIGURES: Final = Registry(
             lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
             "deviation from the target after each round of simulated throws",
             "Round by round",
-            "After each round of simulated throws the die was designed again, to correct its "
-            "deviation. The throws of one round contain as much chance as those of a perfect die, "
-            "the dashed line. The expected deviation of each die comes from the throws of all "
-            "rounds; the die with the least is the result. Triangles, if any, are the deviation "
-            "expected on nine of ten other tables that explain real throws as well.",
+            "After each round of simulated throws the die was designed again, to correct the "
+            "measured deviation. The deviation in a round's own throws includes chance: the dashed "
+            "line is what a perfect die would show. The expected deviation of a die uses the "
+            "throws of all rounds, and the die with the least is kept. Triangles, if any, are "
+            "expected deviations on nine in ten of the posterior tables.",
             part="research",
         ),
         _figure(
@@ -162,7 +162,7 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the surface before and after it was made into a die",
             "Before and after",
-            "Above, the original surface. Below, the die. All views have the same scale.",
+            "Above, the original surface; below, the die made of it. All views have one scale.",
         ),
         _figure(
             "bars",
@@ -199,9 +199,10 @@ FIGURES: Final = Registry(
                 die.result.search is not None and len(die.result.search.trade_off.drafts) > 0
             ),
             "displacement against probabilities of each attempt at a concave die",
-            "What the attempts led to",
-            "The best die of each attempt, by number: how far the surface was moved, and the error "
-            "of its probabilities, rests elsewhere included. The mark shows its main flaw.",
+            "Displacement and error of the attempts",
+            "Best die of each attempt, by number: how far the surface was moved, and how far its "
+            "probabilities are from the target, all other rests included. The mark shows its worst "
+            "flaw.",
             part="research",
         ),
         _figure(
@@ -226,9 +227,9 @@ FIGURES: Final = Registry(
             "crossings",
             "surface_figures:crossings",
             lambda die: die.quality is not None and len(die.quality.intersections) > 0,
-            "where the surface meets itself",
-            "Where the surface meets itself",
-            "Red triangles meet and should not.",
+            "where the surface intersects itself",
+            "Where the surface intersects itself",
+            "Intersecting triangles are red.",
         ),
         _figure(
             "energy",
@@ -257,13 +258,13 @@ FIGURES: Final = Registry(
             _is_convex,
             "the die from several sides",
             "The die from several sides",
-            "All views have the same scale.",
+            "All views have one scale.",
         ),
         _figure(
             "reading",
             "solid_figures:reading",
             lambda die: die.engraved is not None and die.reading is not None,
-            "the die at rest, and the label that is read then",
+            "the die at rest, and the label to read",
             "How to read the die",
             "The die at rest after one outcome, and the label to read.",
             part="reading",
@@ -282,9 +283,9 @@ FIGURES: Final = Registry(
             "print_orientation",
             "solid_figures:print_orientation",
             lambda die: die.result.printability is not None,
-            "the die as it is best printed, and what needs supports",
-            "How to lay it on the print bed",
-            "Blue lies on the bed, red needs supports.",
+            "the die in its best print orientation, and the parts that need supports",
+            "Best orientation on the print bed",
+            "Blue is on the bed, red needs supports.",
         ),
     ],
     group="dicedesign.figures",
@@ -320,7 +321,7 @@ class Subject:
     ----------
     upward: (3,) direction that is upward in pictures.
     make: reads or designs the body.
-    make_before: makes what the body was made from, in the same place and scale.
+    make_before: makes the body's original, in its place and scale.
     make_ablations: designs the recipe's die with all terms, and without each of them.
     down: direction that points down when the body is let go, or None to let the figure choose.
 
@@ -387,7 +388,7 @@ BODY_FIGURES: Final = Registry(
             ),
             (
                 "paths",
-                "ways of rolling bodies over the Gauss map, from many orientations or one (--down)",
+                "paths of bodies that roll, over the Gauss map, from many orientations or one",
                 lambda it: _drawing("gauss_map:paths_figure", it.poses, _down(it)),
             ),
             (
@@ -398,7 +399,7 @@ BODY_FIGURES: Final = Registry(
             ),
             (
                 "drop",
-                "a body that rolls to rest, moment by moment (from --down), and its path",
+                "a body that rolls to rest, step by step (from --down), and its path",
                 lambda it: _drawing("motion_pictures:drop_figure", it.surface, it.poses, it.down),
             ),
             (
@@ -414,7 +415,7 @@ BODY_FIGURES: Final = Registry(
             ),
             (
                 "ablation",
-                "a recipe's die by the paper's method, and without one regularizer after the other",
+                "a recipe's die by the paper's method, and without each of the regularizers",
                 lambda it: _drawing("solid_figures:ablation_figure", it.make_ablations()),
             ),
         )

@@ -43,7 +43,7 @@ MAX_FRAMES: Final = 150
 """Most frames of the moving picture."""
 
 SLOW_MOTION: Final = 4
-"""Factor between the duration of the moving picture and that of the throw."""
+"""Duration of the moving picture over the duration of the throw."""
 
 EDGE: Final = 0.06
 """Thickness of the table on paper, over the radius of the die."""

@@ -44,11 +44,11 @@ POLICY: Final = (
     "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:; "
     "style-src 'unsafe-inline'"
 )
-"""A page loads nothing and runs no other scripts, whatever a name or a label in it says."""
+"""Content security policy: a page loads nothing and runs no other scripts, whatever its text."""
 
 FLAWS: Final = {
     Status.OFF_TARGET: "probabilities",
-    Status.SELF_INTERSECTING: "meets itself",
+    Status.SELF_INTERSECTING: "intersects itself",
     Status.TOO_NEAR: "outcomes near",
     Status.TIPPY: "margin",
 }
@@ -209,7 +209,7 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
     ----------
     die: the finished die.
     images: PNG or GIF bytes of figures by name, see `FIGURES`; others are left out.
-    parts: solids of the printed die, that of the STL first.
+    parts: solids of the printed die, first the one of the STL file.
     """
     result, poses, style = die.result, die.plain.poses, _template_file("page.css")
     script, three = _template_file("viewer.js"), three_script()
@@ -335,15 +335,15 @@ def throwing_advice(thrown: TableResult | None, prior: str | None = None) -> str
     """Instructions to throw a die by hand, depending on its table or its prior."""
     if prior is not None:
         return (
-            f"Let it go gently, turned as the prior {prior} says, whose directions point down in "
-            "the coordinates of die.stl: the probabilities are those under it, without momentum. "
-            "With any side down alike, or thrown, it has others."
+            f"Let it go gently, in orientations drawn from the prior {prior}, whose directions "
+            "point down in the coordinates of die.stl: the probabilities hold for these, without "
+            "momentum. From uniform orientations, or thrown, the die has other probabilities."
         )
     if thrown is None:
         return (
-            "Set it down gently, each time in another orientation: the probabilities are those of "
-            "rolling without momentum. Thrown it has others; the command dicedesign throw shows by "
-            "how much."
+            "Set it down gently, each time in another orientation: the probabilities hold for "
+            "rolling without momentum. A thrown die has other probabilities; the command "
+            "dicedesign throw computes them."
         )
     table = Table(**thrown.table)
     if most_of(table.height) == 0.0:

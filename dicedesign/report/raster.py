@@ -28,7 +28,7 @@ TURNS_DEG: Final = (35.0, 155.0, 275.0)
 """Angles of three cameras around a body, from its front to the right."""
 
 MARGIN: Final = 1.08
-"""Width of a picture over that of the body."""
+"""Width of a picture over the width of the body."""
 
 
 def encode_png(picture: Picture) -> bytes:
@@ -176,7 +176,7 @@ def _spans(corners: Floats, size: int) -> tuple[Integers, Integers, Floats, Floa
     left, right = np.full((len(owner), 2), np.inf), np.full((len(owner), 2), -np.inf)
     for k in range(3):
         a, b = corners[:, k], corners[:, (k + 1) % 3]
-        # Both triangles at an edge compute the same crossings if both start at its upper end.
+        # Both triangles at an edge compute identical crossings if both start at its upper end.
         swap = (a[:, 1] > b[:, 1])[:, None]
         a, b = np.where(swap, b, a), np.where(swap, a, b)
         cut = np.flatnonzero((a[:, 1][owner] <= center) & (b[:, 1][owner] > center))

@@ -58,7 +58,7 @@ class RenderMesh:
     Attributes
     ----------
     points: (n, 3) in any length unit.
-    triangles: (t, 3), consistently oriented if the surface is smooth; both sides look the same.
+    triangles: (t, 3), consistently oriented if the surface is smooth; both sides are drawn.
     colors: (n, 3) red, green and blue of each point from 0 to 1, or None for the material of dice.
     smooth: whether the triangles approximate a smooth surface; if not, edges sharper than 20
         degrees are outlined.

@@ -143,7 +143,7 @@ def paint_labels(points: Floats, triangles: Integers, labels: Sequence[Placement
 
 
 def reading(die: FinishedDie) -> Sheet:
-    """Die at rest on a table, and the label that is read then, seen straight from outside.
+    """Die at rest on a table, and the label to read, seen straight from outside.
 
     The outcome is the most probable one of the target.
     """
@@ -177,7 +177,7 @@ def reading(die: FinishedDie) -> Sheet:
     )
     pictures = [render_on_table(surface, -down, oblique, PIXELS)]
     pictures += [render(surface, camera, PIXELS) for camera in straight]
-    titles = ["as it lies", *(title for title, _ in sides)]
+    titles = ["at rest", *(title for title, _ in sides)]
     sheet = picture_grid(pictures, titles, len(pictures), below=44.0)
     sheet.text(die.reading.sentence, (sheet.width / 2.0, sheet.height - 28.0))
     return sheet
@@ -276,7 +276,7 @@ class Ablation:
 
     Attributes
     ----------
-    name: what was left out.
+    name: the omitted terms.
     error: largest |p - q| of the outcomes.
     poses: its rests; outcomes: (k,) outcome of each rest.
     """

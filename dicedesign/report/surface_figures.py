@@ -93,7 +93,7 @@ def rows_of_views(
 
 
 def before_after_figure(before: RenderMesh, after: RenderMesh, upward: Floats) -> Sheet:
-    """Surface before and after a change, from the same sides; upward: (3,) in the pictures."""
+    """Surface before and after a change, from equal viewpoints; upward: (3,) in the pictures."""
     cameras = three_cameras(np.concatenate([before.points, after.points]), upward)
     return rows_of_views({"before, ": before, "after, ": after}, cameras)
 
@@ -186,7 +186,7 @@ def hull(die: FinishedDie) -> Sheet:
 
 
 def rests(die: FinishedDie) -> Sheet:
-    """Die as it lies on a table after each outcome, with its probability, above its underside.
+    """Die at rest on a table after each outcome, with its probability, above its underside.
 
     The convex hull, with tinted rests, is drawn over the undersides.
     """

@@ -2,8 +2,8 @@
 
 An outcome has a direction that is meant to be down. Its own rest is the most probable one within
 `SAME_REST_ANGLE` of that direction. Every rest within this angle of an outcome's own rest counts
-for it, for the nearest one if there are several: one facet that broke in two is one to the eye. All
-other rests are elsewhere.
+for it, or for the nearest outcome if there are several: a facet that broke in two still looks like
+one. All other rests are elsewhere.
 """
 
 from __future__ import annotations
@@ -198,8 +198,8 @@ def match_by_probability(
     """Groups of outcomes that are known only by their probabilities without momentum.
 
     Rests with the closest normals are joined until there is one for each outcome: a facet that
-    broke in two is one to the eye. The most probable outcome is the most probable rest, and so on.
-    Outcomes whose probabilities differ by no more than the largest mismatch cannot be
+    broke in two still looks like one. The most probable outcome is the most probable rest, and so
+    on. Outcomes whose probabilities differ by no more than the largest mismatch cannot be
     distinguished, and form one group.
 
     Parameters

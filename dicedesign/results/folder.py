@@ -114,7 +114,7 @@ def read_result(folder: Path | str) -> Result:
             old = [name for name, new in RENAMED_KEYS.items() if new == re.sub(r"\.\d+", "", key)]
             reason = f"{key}: {first['msg']}"
             if first["type"] == "missing" and (old or key == "design"):
-                reason = f"that of an older version without the key {key!r}"
+                reason = f"the result of an older version without the key {key!r}"
                 reason += "".join(f", which was called {name!r}" for name in old)
         else:
             reason = getattr(error.__cause__, "strerror", None) or str(error)

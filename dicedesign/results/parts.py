@@ -23,12 +23,12 @@ class Status(Enum):
     CONVERGED = "reached the tolerance"
     OFF_TARGET = "the probabilities of the outcomes are off by more than the tolerance"
     STRAY = "the die also rests elsewhere, more often than the tolerance"
-    CROWDED = "two outcomes are nearer than 5 degrees to each other, which is one to the eye"
-    UNSTEADY = "an outcome is left at a nudge"
+    CROWDED = "two outcomes are nearer than 5 degrees to each other, too near to tell apart"
+    UNSTEADY = "an outcome tips over at less than 0.1 degrees"
     TOO_NEAR = "two outcomes are nearer to each other than method.concave.apart_deg"
-    TIPPY = "an outcome is left when the die is tipped by less than method.concave.margin_deg"
+    TIPPY = "an outcome tips over at less than method.concave.margin_deg"
     LOOSE = "the surface does not fill the designed hull"
-    SELF_INTERSECTING = "the surface meets itself"
+    SELF_INTERSECTING = "the surface intersects itself"
     OPEN = "the surface is not closed, as rounded to the single precision of its file"
     UNPRINTABLE = "the surface cannot be cleaned for printing"
     UNBALANCED = (
@@ -40,22 +40,21 @@ class Status(Enum):
         "method.exact.refine.rounds or .drops"
     )
     FILE_LEFT_OUT = (
-        "a file in another format has not the probabilities of the die, and was left out"
+        "a file in another format does not have the probabilities of the die and was discarded"
     )
     NO_START = (
-        "none of the starting shapes led there; try another seed, or allow more with "
+        "no starting shape led to the target; try another seed, or allow more with "
         "method.exact.starts"
     )
-    UNCHANGED = "no attempt led to a die: this is the surface as it came"
+    UNCHANGED = "no attempt led to a die: this is the original surface"
     NO_PROGRESS = "no step lowers the energy any further; try another start, assignment or seed"
     NO_GRADIENT = (
-        "the energy has no finite gradient at this shape, which balances exactly; raise the "
+        "the energy has no finite gradient at this shape, which is exactly balanced; raise the "
         "method's perturbation, or try another start or seed"
     )
     TOO_SMALL = (
         "reached the probabilities, but with a facet that has no room for a circle of "
-        "min_inradius_mm; "
-        "raise size_mm, lower min_inradius_mm, or try another seed"
+        "min_inradius_mm; raise size_mm, lower min_inradius_mm, or try another seed"
     )
     STEP_LIMIT = "reached the number of steps; allow more steps"
     TIME_LIMIT = "ran out of time"

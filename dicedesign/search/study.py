@@ -102,7 +102,7 @@ def _own_weights(recipe: Recipe) -> dict[str, float]:
     exact = recipe.method.exact
     weights = {} if exact is None else exact.prefer.as_dict()
     if not recipe.method.is_thrown:
-        # Probabilities without momentum are the same on every table.
+        # Probabilities without momentum do not depend on the table.
         weights.pop("robustness", None)
     return weights
 

@@ -86,8 +86,8 @@ def run_search(
     """Run trials until the study has a number of finished ones.
 
     Each result is saved before the next trial starts. Trials whose worker is lost, or that an
-    earlier search left unfinished, run again. With one job, the same recipe gives the same trials
-    in spite of interrupts; with several, the order in which they end has an effect.
+    earlier search left unfinished, run again. With one job, a recipe always gives identical
+    trials, also after interrupts; with several, the trials depend on the order in which they end.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ def effective_counts(outcomes: ArrayLike, weights: ArrayLike, kinds: int) -> Flo
     cells of unequal area.
 
     They are proportional to the weighted frequencies. Their sum is the number of equally weighted
-    throws with the same variance: the squared sum of the weights over the sum of their squares.
+    throws with equal variance: the squared sum of the weights over the sum of their squares.
     Evenly spread start directions scatter less than that.
 
     Parameters

@@ -108,8 +108,8 @@ class Contact:
 def contact_of(table: Table, refinement: float = 1.0, stiffness: float = 1.0) -> Contact:
     """Contact parameters of a table: stiff enough for its fastest throw.
 
-    refinement: divisor of the time step. stiffness: factor of the contact's stiffness, at the same
-    number of steps in a bounce.
+    refinement: divisor of the time step. stiffness: factor of the contact's stiffness; a bounce
+    takes equally many steps.
     """
     radius = table.size / 2.0
     height, speed, spin = (most_of(value) for value in (table.height, table.speed, table.spin))

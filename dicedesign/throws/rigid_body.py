@@ -199,7 +199,7 @@ def release_states(
     if down is not None:
         yaw = rng.uniform(-np.pi, np.pi, count)
         turns = _turn_up(np.tile(-down @ body.axes, (count, 1)), yaw)
-        # Drawn again so that throws of earlier versions' seeds stay the same.
+        # A second draw keeps throws identical to those of earlier versions for a seed.
         heights = draw(table.height, count, rng)
     states[:, 3:7] = turns
     # Height of the lowest point relative to the center of mass.

@@ -211,7 +211,7 @@ class TableFit:
 
     Attributes
     ----------
-    table: most likely table with the same throws in all sessions, to three digits (see
+    table: most likely table if all sessions have one throw distribution, to three digits (see
         `SHARPNESS`).
     posterior: equally likely tables, each with the throws of a random session.
     parameters: posteriors of `PARAMETERS`, in that order; height, speed and spin are the centers of
@@ -283,21 +283,23 @@ def fit_table(
 ) -> TableFit:
     """Fit a table to counts of real dice.
 
-    Restitution and friction are the same for all dice, and so is the center of the sessions'
-    throws; each die was thrown in a session with its own height, speed and spin (see `sessions`).
+    All dice share restitution, friction and the center of the sessions' throws. Each die was
+    thrown in a session with its own height, speed and spin (see `sessions`).
     Sets of restitution, friction and a session's throws are simulated, first over the prior and
     then over the posterior. The simulated probabilities of each die are interpolated by a smooth
     surrogate. The likelihood of the real counts is averaged over the surrogate's uncertainty and
     over sessions. Each set has its own random numbers: common ones would not correlate the noise of
-    neighboring sets, since bounces separate equal throws. Of the published 2d6, released alike, 12
-    % end on the same rest if the restitution differs by a thousandth, and 12 % by chance.
+    neighboring sets, since bounces separate equal throws. Of the published 2d6, released
+    identically, 12 % end on one rest if the restitution differs by a thousandth, and 12 % by
+    chance.
 
     Parameters
     ----------
     start: name and source of the table.
     evaluations, drops, seed: see `check_effort`; drops are of each die for each set.
     others: dice that are predicted but not used in the fit.
-    checkpoint: of the same arguments; earlier simulations are read from it, new ones are added.
+    checkpoint: of a fit with these arguments; earlier simulations are read from it, new ones are
+        added.
     progress: called with the number of drops of each die that was thrown.
     """
     saved = checkpoint or Checkpoint()

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 
 Spread: TypeAlias = float | tuple[float, float]
-"""A number, the same in every throw; or a range (least, most), from which each throw draws its own
-uniformly and independently."""
+"""A number for all throws; or a range (least, most), from which each throw draws uniformly and
+independently."""
 
 
 def least_of(spread: Spread) -> float:
@@ -222,7 +222,7 @@ class Table:
 
     @property
     def hand(self) -> Hand | None:
-        """The throw distribution of `HANDS` with the same height, speed and spin, if any."""
+        """The throw distribution of `HANDS` with this height, speed and spin, if any."""
         own = _motion(self)
         return next((way for way in HANDS.values() if _motion(way) == own), None)
 

@@ -114,7 +114,7 @@ class ProbabilityControls:
 
 RELEASE: Final = "Let it go"
 THROW: Final = "Throw it"
-THROW_FROM_POSE: Final = "Throw it as it lies"
+THROW_FROM_POSE: Final = "Throw from this pose"
 
 DEFAULT_TABLE: Final = "board-game"
 
@@ -128,13 +128,14 @@ class MotionControls:
         rng = self._rng = np.random.default_rng()
         page.gui.add_html(
             '<div class="dd"><p class="note">Click a bar to stand the body on that side. Click the '
-            "sphere to let it go with that direction down; the orange dot marks what is down now."
+            "sphere to let it go with that direction down; the orange dot marks the "
+            "current down direction."
             "</p></div>"
         )
         buttons = page.gui.add_button_group(
             "Watch",
             (RELEASE, THROW, THROW_FROM_POSE),
-            hint="It rolls without momentum, or is thrown from a random or its present orientation",
+            hint="It rolls without momentum, or is thrown from a random or its current orientation",
         )
         actions = {
             RELEASE: lambda: self._release(rng.normal(size=3)),
@@ -188,7 +189,7 @@ class BodyPanel:
         probabilities = ProbabilityControls(viewport)
         with page.gui.add_folder("Change it"):
             DragControls(viewport)
-            save = page.gui.add_button("Download STL", hint="The present hull")
+            save = page.gui.add_button("Download STL", hint="Current hull")
         with page.gui.add_folder("Watch it"):
             MotionControls(viewport, probabilities)
         save.on_click(lambda event: page.enqueue(lambda: self._save(event.client)))

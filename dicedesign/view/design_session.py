@@ -145,7 +145,7 @@ class DesignSession:
     message: why the solver stopped or failed; empty before.
     status: result of the last run of the solver; None before it, and after a change.
     final_design: design that the solver ended with, or None.
-    follows_recipe: nothing was undone or changed, so that `dicedesign run` makes the same die.
+    follows_recipe: nothing was undone or changed, so that `dicedesign run` makes this die.
     least_seconds: least duration of a step, except of single steps.
     """
 

@@ -180,7 +180,7 @@ class DownloadControls:
             )
             self._labels = gui.add_checkbox("Cut the labels in", initial_value=True)
             download = gui.add_button_group(
-                "Download", ("STL", "3MF", "Recipe"), hint="the recipe makes the same die again"
+                "Download", ("STL", "3MF", "Recipe"), hint="the recipe makes this die again"
             )
             self._error, self._table = gui.add_html(""), gui.add_html("")
         download.on_click(

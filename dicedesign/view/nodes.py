@@ -132,7 +132,7 @@ class Sphere:
             point_shape="circle",
             precision="float32",
         )
-        # Viser recreates the material of the dots with new colors. A second cloud with the same
+        # Viser recreates the material of the dots with new colors. A second cloud with that
         # material saves the browser from compiling it again.
         scene.add_point_cloud(
             "/sphere/invisible", np.zeros((2, 3)), np.zeros((2, 3), dtype=np.uint8), point_size=1e-3

@@ -147,7 +147,7 @@ MAX_DIGITS: Final = 8
 
 
 class Page:
-    """Served page. All browsers that open it show the same content.
+    """Served page, shared by all browsers that open it.
 
     Viser calls callbacks from several threads in any order, so `enqueue` makes all changes in one
     thread. `close` ends everything.

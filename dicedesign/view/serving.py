@@ -68,7 +68,7 @@ class Gate:
         if not self.token:
             return path
         token, _, rest = path.partition("?")[0].lstrip("/").partition("/")
-        # The comparison takes the same time for every token.
+        # The comparison takes equal time for every token.
         return f"/{rest}" if hmac.compare_digest(token.encode(), self.token.encode()) else None
 
     def admits(self, host: str | None, origin: str | None) -> bool:

@@ -137,7 +137,7 @@ class ViewedShape:
 
     @cached_property
     def is_convex(self) -> bool:
-        """Whether the mesh looks the same as its hull."""
+        """Whether the mesh is indistinguishable from its hull."""
         if self.body.triangles is None:
             return False
         hull = self.poses.hull
@@ -293,7 +293,7 @@ class ViewedBody:
         return replace(changed, shape=ViewedShape(body, changed.poses), is_dragged=True)
 
     def with_numbers_of(self, other: ViewedBody) -> ViewedBody:
-        """Number the rests as in another body of nearly the same shape."""
+        """Number the rests as in another body of nearly equal shape."""
         return replace(self, numbers=_match_numbers(self.poses, other.poses, other.numbers))
 
     def _analyze(self, hull: ConvexHull, center: Floats, *, has_uniform_center: bool) -> ViewedBody:

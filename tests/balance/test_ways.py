@@ -89,7 +89,7 @@ def test_two_infills() -> None:
 
 
 @pytest.mark.parametrize("way", ["cavity", "infill"])
-def test_what_is_within_reach_can_be_made(way: str) -> None:
+def test_a_center_within_reach_can_be_made(way: str) -> None:
     material = BodyMaterial(wall_mm=WALL)
     shifts = reachable_shifts(BLOCK, way, material)
     assert (shifts.heights(np.zeros(3)) > 0.0).all()

@@ -71,7 +71,7 @@ def test_the_number_of_jobs_has_no_effect(
     assert without_seconds(tmp_path / "1.csv") == without_seconds(tmp_path / "2.csv")
 
 
-def test_only_what_is_new_or_changed_is_analyzed(
+def test_only_new_or_changed_files_are_analyzed(
     meshes: Path, tmp_path: Path, analyzed_files: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "t.csv"

@@ -20,7 +20,7 @@ from tests.reference.random_hulls import random_hull
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, list[dict]]:
-    """What a bench that is as it should be prints as JSON."""
+    """JSON output of a bench, which must succeed."""
     assert main([*map(str, arguments), "--json"]) == 0
     record: dict[str, list[dict]] = json.loads(capsys.readouterr().out)
     return record
@@ -47,7 +47,7 @@ def test_bad_input_has_exit_code_2(capsys: pytest.CaptureFixture[str], tmp_path:
     assert "none.yaml" in capsys.readouterr().err
 
 
-def test_what_hangs_is_stopped_and_the_next_call_answered() -> None:
+def test_a_hanging_call_is_stopped_and_the_next_one_answered() -> None:
     with Watched() as process:
         with pytest.raises(NoAnswer):
             process.call(0.2, time.sleep, 60.0)
@@ -125,7 +125,7 @@ def test_a_concave_die_is_not_as_wanted_for_a_reason() -> None:
     assert list(concave.shortfalls(measures, 0.005)) == [
         "probabilities off by 1.0e-01",
         "2 pairs of triangles meet",
-        "an outcome is left at 5.0 degrees",
+        "an outcome tips over at 5.0 degrees",
     ]
 
 

@@ -72,7 +72,7 @@ def test_other_files_and_a_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_the_size_grows_until_the_labels_fit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The size is the smallest whole number of millimeters, and the written recipe makes the same
+    """The size is the smallest whole number of millimeters, and the written recipe makes this
     die."""
     labels = ["10000", "20000", "30000", "40000", "50000", "1000000"]
     target = ["design", "--target", "2/15,2/15,2/15,2/15,2/15,1/3", "--labels", ",".join(labels)]

@@ -41,7 +41,7 @@ def good() -> HullDraft:
 
 
 def drafts() -> list[HullDraft]:
-    """A draft with many rests, and one with those of its outcomes only."""
+    """A draft with many rests, and one with only the rests of its outcomes."""
     first = original_draft(problem())
     assert len(first.of_rest) > len(problem().target)
     assert not first.alone

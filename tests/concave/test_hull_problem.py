@@ -164,7 +164,7 @@ def test_followed_displacements_have_minimum_work() -> None:
     assert np.abs(forces[free]).max() < 1e-8 * np.abs(forces).max()
 
 
-def test_lumped_forces_move_the_center_of_mass_nearly_alike() -> None:
+def test_lumped_and_exact_forces_move_the_center_of_mass_similarly() -> None:
     surface = unit(bumpy_sphere(3))
     assert len(surface.points) > HANDLES
     elasticity = Elasticity(surface)

@@ -51,7 +51,7 @@ def test_surfaces_are_closed_outward_and_of_known_genus(named_shape):
     assert shape(name).points.tobytes() == surface.points.tobytes()
 
 
-def test_a_level_set_lies_on_its_surface_and_holds_its_volume():
+def test_a_level_set_matches_its_surface_and_volume():
     low, high = np.full(3, -1.4), np.full(3, 1.4)
     surface = level_set(ellipsoid((0.1, 0.0, -0.1), (1.2, 0.9, 0.7)), low, high, 0.1)
     offsets = (surface.points - (0.1, 0.0, -0.1)) / (1.2, 0.9, 0.7)

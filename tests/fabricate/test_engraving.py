@@ -159,7 +159,7 @@ def test_a_hollow_inside_is_no_label(mark_surface, placements) -> None:
 
 
 def test_labels_of_a_stretched_surface(box, mark_surface, placements) -> None:
-    """The same triangles as before the stretch."""
+    """A stretch does not change which triangles belong to labels."""
     body = box(14.0, 16.0, 20.0)
     ball = Manifold.sphere(30.0, 60).translate((0.0, -34.0, 0.0))
     dented = solid(body.vertices, body.triangles) - ball

@@ -52,7 +52,7 @@ def test_infill_of_a_pyramid_against_random_points() -> None:
     assert np.linalg.norm(center - hull.centroid) > 5.0 * error.max()
 
 
-def test_walls_that_meet_leave_nothing() -> None:
+def test_walls_that_meet_leave_no_cavity() -> None:
     flat = convex_hull(box(20.0, 20.0, 2.0))
     assert inside_walls(flat, 1.0)[0] == 0.0
     assert inside_walls(flat, 0.9)[0] > 0.0

@@ -115,7 +115,7 @@ def test_both_sides_have_the_label() -> None:
         read_as(prism(5), "both", [int(np.abs(prism(5).normals[:, 2]).argmin())])
 
 
-def test_corners_must_be_seen_from_above() -> None:
+def test_corners_must_be_visible_from_above() -> None:
     """On its base a pyramid has its tip on top, unless that leans over the base's edge."""
     square = np.array([(1.0, 1.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (1.0, -1.0, 0.0)])
     for x, way in ((0.3, "corner"), (1.2, None)):

@@ -32,7 +32,7 @@ def torus(outer: float, tube: float):
     return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
 
 
-def test_marks_of_a_ring_are_visible_and_as_deep_as_asked():
+def test_marks_of_a_ring_are_visible_and_have_the_given_depth():
     points, triangles = torus(45.0, 15.0)
     die, marks = engrave_marks(points, triangles, DOWNS, list("1269"), OPTIONS)
     body = solid(points, triangles)

@@ -81,7 +81,7 @@ def swaps_of_two_dice() -> Iterator[tuple[int, ...]]:
         yield tuple(order)
 
 
-def test_of_unequal_probabilities_only_equal_ones_change_places() -> None:
+def test_only_equally_probable_outcomes_change_places() -> None:
     start = hendecahedron("bisymmetric")
     hull = convex_hull(start.points)
     facets = (start.directions @ hull.normals.T).argmax(axis=1)

@@ -80,7 +80,7 @@ def test_a_prism_stands_on_its_large_facets() -> None:
     assert np.abs(directions @ (0.0, 1.0, 0.0)).min() == pytest.approx(1.0)
 
 
-def test_a_round_die_lies_on_a_rest() -> None:
+def test_a_round_die_stands_on_a_rest() -> None:
     points = np.random.default_rng(2).normal(size=(400, 3))
     ball = rest_poses(points / np.linalg.norm(points, axis=1, keepdims=True))
     np.testing.assert_array_equal(beds(ball), ball.normals)

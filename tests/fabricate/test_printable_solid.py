@@ -34,7 +34,9 @@ def test_self_intersections_are_reported() -> None:
     surface, notes = printable_solid(self_intersecting_sphere())
     pairs = intersecting_triangles(surface.points, surface.triangles)
     assert len(pairs) > 0
-    assert notes[-1].startswith(f"the solid still meets itself in {len(pairs)} pairs of triangles")
+    assert notes[-1].startswith(
+        f"the solid still intersects itself in {len(pairs)} pairs of triangles"
+    )
 
 
 def test_a_surface_whose_cleaned_solid_is_empty_is_refused() -> None:

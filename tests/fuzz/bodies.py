@@ -43,7 +43,7 @@ def globe_with_weight(subdivisions: int, seed: int, depth: float) -> Problem:
 
 
 def with_repeats(problem: Problem, seed: int) -> Problem:
-    """All points, and some of them up to three times more, in random order."""
+    """All points, some of them repeated up to three times, in random order."""
     rng = np.random.default_rng(seed)
     counts = np.maximum(rng.integers(-2, 4, size=len(problem.points)), 0) + 1
     order = rng.permutation(np.repeat(np.arange(len(problem.points)), counts))
@@ -70,7 +70,7 @@ def with_extras(problem: Problem, seed: int, count: int, on: str) -> Problem:
 
 
 def with_noise(problem: Problem, seed: int, power: float) -> Problem:
-    """Every coordinate moved by about 10^power of the extent; what was known is forgotten."""
+    """Every coordinate moved by about 10^power of the extent; known answers are dropped."""
     points = problem.points
     noise = np.random.default_rng(seed).normal(size=points.shape)
     moved = points + 10.0**power * float(np.ptp(points, axis=0).max()) * noise
@@ -95,8 +95,8 @@ def with_random_center(problem: Problem, seed: int) -> Problem:
 
 
 def with_center_near_surface(problem: Problem, seed: int, depth: float, on: str) -> Problem:
-    """With a center of mass on the way from a point on a facet, an edge or a corner of the hull to
-    its middle, after a part `depth` of that way."""
+    """With a center of mass between a point on a facet, edge or corner of the hull and the hull's
+    middle, at a fraction `depth` of the distance."""
     rng = np.random.default_rng(seed)
     triangles = _triangles(problem.points)
     if triangles is None:
@@ -109,8 +109,8 @@ def with_center_near_surface(problem: Problem, seed: int, depth: float, on: str)
 
 
 def overhanging(problem: Problem, seed: int, distance: float, on: str) -> Problem:
-    """With a center of mass above a point that is `distance` extents beside an edge or a corner of
-    a facet, inside of it or beyond: the body nearly balances there."""
+    """With a center of mass above a point that is `distance` extents from an edge or a corner of a
+    facet, inside or outside: the body nearly balances there."""
     rng = np.random.default_rng(seed)
     triangles = _triangles(problem.points)
     if triangles is None:
@@ -136,7 +136,7 @@ def overhanging(problem: Problem, seed: int, distance: float, on: str) -> Proble
 
 def glancing_edge(problem: Problem, seed: int, growth: float) -> Problem:
     """With a center of mass for which a corner p and a hull edge v from it have r_p . v = growth
-    |r_p| |v|: a path that crosses the edge does so at a glance, or the corner is about to be a
+    |r_p| |v|: a path crosses the edge at a grazing angle, or the corner is about to be a
     maximum."""
     rng = np.random.default_rng(seed)
     triangles = _triangles(problem.points)
@@ -157,7 +157,7 @@ def glancing_edge(problem: Problem, seed: int, growth: float) -> Problem:
 
 
 def _with_center(problem: Problem, center: Floats) -> Problem:
-    """With another center of mass, or the same problem where that is not inside."""
+    """With another center of mass, or the unchanged problem if that is not inside."""
     local = problem.points - center
     try:
         planes = Triangulation(local / np.abs(local).max()).equations

@@ -26,6 +26,6 @@ settings.register_profile(
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The profile "fuzz" is what the fuzzing tests run with: quick unless nightly was asked for."""
+    """Register the profile "fuzz" of the fuzzing tests: nightly if requested, else quick."""
     nightly = config.getoption("--hypothesis-profile") == "nightly"
     settings.register_profile("fuzz", settings.get_profile("nightly" if nightly else "quick"))

@@ -1,4 +1,4 @@
-"""Changes of a body that change nothing about its rests, or only their names."""
+"""Changes of a body that keep its rests, or only renumber them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tests.reference.measurement import OK, measure, share_error, verdict
 from tests.reference.problem import Problem
 
 CRAMPED = 1e-12
-"""Depth of a center of mass over the body's extent below which its probabilities are known to few
+"""Depth of a center of mass over the body's extent below which probabilities have few correct
 digits."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """A changed body and what becomes of its rests.
+    """A changed body, and how its rests relate to the original ones.
 
     Attributes
     ----------
-    name: what was done.
+    name: the change.
     problem: the changed body.
     factors: (3,) by which coordinates were multiplied.
     exact: whether the probabilities keep every bit.
@@ -41,8 +41,8 @@ class Law:
 def laws(problem: Problem, center: Floats) -> Iterator[Law]:
     """Changed bodies: permuted, scaled by a power of two, with points inside, mirrored.
 
-    center: (3,) the center of mass in use, which is given in all of them, so that a rounding of the
-    uniform solid's is no part of the comparison.
+    center: (3,) center of mass, given explicitly to all of them, so that rounding of the uniform
+    solid's centroid does not enter the comparison.
     """
     rng = np.random.default_rng(len(problem.points))
     points, same = problem.points, np.ones(3)
@@ -71,8 +71,8 @@ def ask(problem: Problem) -> RestPoses:
 
 
 def difference_from_exact(problem: Problem, poses: RestPoses) -> float:
-    """Largest difference of a probability between a body and its hull at tolerance 0, whose rests
-    count for those with the nearest normals."""
+    """Largest difference of a probability between a body and its hull at tolerance 0, matching rests
+    by the nearest normals."""
     exact = replace(problem, center=poses.center_of_mass, coplanar_tolerance=0.0)
     assert verdict(measure(exact)) == OK
     probabilities = ask(exact)
@@ -91,8 +91,8 @@ def is_tied(poses: RestPoses) -> bool:
 
 
 def difference(law: Law, poses: RestPoses, changed: RestPoses) -> float:
-    """Largest difference of a probability between a body and the changed one, facet by facet; where
-    other points of nearly the same place are their corners, in order of size."""
+    """Largest difference of a probability between a body and the changed one, facet by facet; in
+    order of size if the facets have other corners at nearly equal positions."""
     before, after = _by_corners(poses, law.factors), _by_corners(changed, np.ones(3))
     if before.keys() != after.keys():
         return share_error(poses.probabilities, changed.probabilities)
@@ -100,21 +100,21 @@ def difference(law: Law, poses: RestPoses, changed: RestPoses) -> float:
 
 
 def _by_corners(poses: RestPoses, factors: Floats) -> dict[frozenset[tuple[float, ...]], float]:
-    """Probabilities by the corners of the facets stood on, which are multiplied by factors (3,)."""
+    """Probabilities of rests by the corners of their facets, multiplied by factors (3,)."""
     polygons = [poses.hull.polygon(facet) * factors + 0.0 for facet in poses.facets]
     keys = [frozenset(map(tuple, polygon.tolist())) for polygon in polygons]
     return dict(zip(keys, poses.probabilities.tolist(), strict=True))
 
 
 def other_points_stand(law: Law, poses: RestPoses, changed: RestPoses) -> bool:
-    """Whether the corners of the two hulls are not the same points."""
+    """Whether the two hulls have different corners."""
     before = np.sort((law.factors * poses.hull.vertices).view("f8,f8,f8"), axis=0)
     after = np.sort((changed.hull.vertices + 0.0).view("f8,f8,f8"), axis=0)
     return not np.array_equal(before, after)
 
 
 def is_cramped(poses: RestPoses) -> bool:
-    """Whether the center of mass lies so near to the surface that a tied body's is moved aside by a
-    part of its depth only, of which rounding leaves few digits."""
+    """Whether the center of mass is so near the surface that the moves of a tied body are limited by
+    its depth, which rounding leaves with few digits."""
     extent = float(np.ptp(poses.hull.vertices, axis=0).max())
     return float(poses.hull.heights(poses.center_of_mass).min()) < CRAMPED * extent

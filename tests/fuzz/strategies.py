@@ -1,6 +1,6 @@
 """Hypothesis strategies for bodies of every kind, easy and hard.
 
-Each draws a builder of the benches and a few numbers, and wraps it in steps from `bodies`; a
+Each draws a builder of reference bodies and a few numbers, and applies steps from `bodies`. A
 failing example is printed as the calls that make it.
 """
 
@@ -44,15 +44,15 @@ def powers(least: float, most: float) -> st.SearchStrategy[float]:
 
 
 def rotate(problem: Problem, seed: int) -> Problem:
-    """A problem in a random orientation. Its corners round: at tolerance 0 facets then fall apart,
-    and what was known about the rests is forgotten."""
+    """A problem in a random orientation. Corners are rounded: at tolerance 0 facets then break, and
+    the known number of rests is dropped."""
     exact = problem.coplanar_tolerance == 0.0
     return rotate_problem(replace(problem, rests=None) if exact else problem, seed)
 
 
 def place(problem: Problem, size: float, distance: float) -> Problem:
-    """A problem scaled and moved. Its corners round, and far from the origin what was known about
-    the probabilities is forgotten; see `rotate`."""
+    """A problem scaled and moved. Corners are rounded; far from the origin the known probabilities
+    are dropped. See `rotate`."""
     exact = problem.coplanar_tolerance == 0.0
     moved = stiff.place(replace(problem, rests=None) if exact else problem, size, distance)
     return replace(moved, shares=None) if distance > 0.0 else moved

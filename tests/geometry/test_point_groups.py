@@ -89,7 +89,7 @@ def test_known_solids_keep_their_place(name: str, points: np.ndarray) -> None:
 @pytest.mark.parametrize(
     "name", ["", "c3", "C0", "C13", "D1", "S3", "S26", "S4v", "D3v", "Cd", "Tv", "Ic", "C02", "C3d"]
 )
-def test_other_names_are_refused_in_words(name: str) -> None:
+def test_unknown_names_are_refused_in_words(name: str) -> None:
     text = f"expected one of C1, Cs, Ci, Cn, .* Ih, got {name!r}"
     with pytest.raises(InputError, match=text):
         point_group(name)

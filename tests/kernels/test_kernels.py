@@ -74,7 +74,7 @@ def test_all_sources_are_compiled_and_none_is_installed(repository: Path) -> Non
 
 
 @compiled_only
-def test_a_hull_keeps_its_handle_and_leaves_it_out_of_copies() -> None:
+def test_copies_of_a_hull_do_not_share_its_handle() -> None:
     """Hulls with handles are sent to worker processes."""
     points = np.random.default_rng(0).normal(size=(20, 3))
     poses = rest_poses(points)

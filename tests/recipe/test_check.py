@@ -119,7 +119,7 @@ def test_an_unsteady_outcome_is_named() -> None:
     work = run_to_check(box(1.0, 1.1, 1100.0), target={"fair": 6}, entries={"size_mm": 100})
     weakest = work.plain.margins
     assert Status.UNSTEADY.value in message(work)
-    match = re.search(r"(\d) is left at ([0-9.]+) degrees", message(work))
+    match = re.search(r"(\d) tips over at ([0-9.]+) degrees", message(work))
     assert match[1] == work.target.labels[int(np.argmin(weakest))]
     assert match[1] in "36"
     assert float(match[2]) == pytest.approx(np.degrees(np.arctan(1.0 / 1100.0)), rel=0.05)

@@ -199,8 +199,8 @@ def test_a_self_intersecting_surface_has_not_converged(
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "self_intersecting"
     assert result.concave.self_intersections > 0
-    assert any("meets itself" in sentence for sentence in result.concave.quality)
-    assert any("meets itself" in note for note in result.notes)
+    assert any("intersects itself" in sentence for sentence in result.concave.quality)
+    assert any("intersects itself" in note for note in result.notes)
 
 
 def test_a_die_with_many_flaws_is_written_with_all_figures(

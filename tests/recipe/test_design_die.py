@@ -40,7 +40,7 @@ def test_a_die_of_probabilities(coin: Die) -> None:
 
 
 def test_targets_of_every_kind(coin: Die) -> None:
-    """Lists, mappings and `Target`s give the same die."""
+    """Lists, mappings and `Target`s give identical dice."""
     target = Target(coin.labels, coin.target)
     mapping = {"probabilities": ["1/2", "1/3", "1/6"], "labels": list(coin.labels)}
     for same in (target, mapping):

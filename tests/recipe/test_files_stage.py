@@ -90,7 +90,7 @@ def test_files_of_an_earlier_recipe_are_removed(tmp_path: Path) -> None:
     assert set(result.files) == {"die_plain", "recipe", "result"}
 
 
-def test_a_file_with_other_probabilities_is_left_out(
+def test_a_file_with_other_probabilities_is_discarded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def dent(contents: Contents) -> bytes:
@@ -127,7 +127,7 @@ def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> 
     assert yaml.safe_load(yaml.safe_dump(recipe.as_dict()))["files"] == expected
 
 
-def test_a_data_sheet_describes_the_die_beside_it(tmp_path: Path) -> None:
+def test_a_data_sheet_describes_the_die_in_its_folder(tmp_path: Path) -> None:
     first, second = (
         run({**COIN, **QUICK, "data_sheet": True, "figures": figures}, tmp_path / f"{figures}")
         for figures in (True, False)

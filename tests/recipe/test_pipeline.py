@@ -80,7 +80,7 @@ def test_without_a_clock_the_same_seed_gives_the_same_bytes(
 
 
 def stone_recipe(folder: Path, entries: str, stone: np.ndarray = STONE) -> Recipe:
-    """Recipe that takes a stone as it is."""
+    """Recipe that does not change its start, a stone."""
     lines = ["v " + " ".join(map(repr, corner.tolist())) for corner in stone]
     (folder / "stone.obj").write_text("\n".join(lines))
     path = folder / "stone.yaml"

@@ -116,4 +116,4 @@ def test_outcomes_with_small_angles_are_named(
     left = np.degrees(np.arctan2(0.7, 1.0))
     assert np.degrees(work.plain.margins)[[2, 5]] == pytest.approx(left, abs=1e-4)
     for label in ("3", "6"):
-        assert f"{label} is left at {left:.3g} degrees" in message
+        assert f"{label} tips over at {left:.3g} degrees" in message

@@ -80,7 +80,7 @@ def test_figures_and_report_are_written(folder: Path) -> None:
     assert not (folder / "rounds.png").exists()
     page = (folder / "report.html").read_text()
     assert "On the table" in page
-    assert "On nine in ten of these" in page
+    assert "On nine in ten of them" in page
 
 
 def test_a_die_off_target_on_the_table(

@@ -23,7 +23,7 @@ CYCLES = (np.eye(3)[[1, 2, 0]], np.eye(3)[[2, 0, 1]])
 
 def platonic(name: str) -> Problem:
     """A Platonic solid; all facets are images of each other."""
-    return _alike(PLATONIC[name], PLATONIC_FACETS[name])
+    return _with_equal_facets(PLATONIC[name], PLATONIC_FACETS[name])
 
 
 def archimedean(name: str) -> Problem:
@@ -40,7 +40,7 @@ def catalan(name: str) -> Problem:
     points = ARCHIMEDEAN[name]
     planes = Triangulation(points).equations
     corners = -planes[:, :3] / planes[:, 3:]
-    return _alike(corners, len(points))
+    return _with_equal_facets(corners, len(points))
 
 
 def prism(sides: int, height: float = 1.0) -> Problem:
@@ -66,7 +66,7 @@ def antiprism(sides: int) -> Problem:
 
 def bipyramid(sides: int, height: float = 1.0) -> Problem:
     """Two pyramids of a height on a regular polygon of circumradius 1."""
-    return _alike(
+    return _with_equal_facets(
         np.concatenate([_ring(sides), [[0.0, 0.0, height], [0.0, 0.0, -height]]]), 2 * sides
     )
 
@@ -129,7 +129,7 @@ def _with_probabilities(points: Floats, shares: Floats) -> Problem:
     return Problem(points, np.zeros(3), shares=shares, rests=len(shares))
 
 
-def _alike(points: Floats, facets: int) -> Problem:
+def _with_equal_facets(points: Floats, facets: int) -> Problem:
     return _with_probabilities(points, np.full(facets, 1.0 / facets))
 
 

@@ -41,7 +41,7 @@ def test_two_centers_are_averaged() -> None:
     np.testing.assert_allclose(ask(hull, left, right), both, rtol=0, atol=1e-15)
 
 
-def test_an_exact_balance_has_no_answer() -> None:
+def test_an_exactly_balanced_body_has_no_answer() -> None:
     """A frustum that overhangs its bottom, with the center of mass above an edge of that."""
     square = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
     points = np.concatenate([np.c_[square, np.zeros(4)], np.c_[2.0 * square, np.full(4, 2.0)]])

@@ -55,7 +55,7 @@ def limits(sheet: Sheet) -> list[np.ndarray]:
     return [np.array(lines)[:, :, 1] for lines in ends]
 
 
-def test_bars_stand_beside_each_other_in_front_of_the_target() -> None:
+def test_bars_are_side_by_side_in_front_of_the_target() -> None:
     two = Bars("two", ACCENT, TARGET, INTERVALS, "range", ())
     kinds = [Bars("one", FAINT, PROBABILITIES), two]
     sheet = outcome_chart(["a", "b", "$c$"], kinds, title="title", x_label="x", target=TARGET)
@@ -88,7 +88,7 @@ def test_values_are_written_for_few_outcomes(count: int, values: int) -> None:
 
 
 @pytest.mark.parametrize("labels", [[], ["a", "b"]])
-def test_one_of_each_for_each_outcome(labels: list[str]) -> None:
+def test_one_rest_for_each_outcome(labels: list[str]) -> None:
     kinds = [Bars("p", PALE, PROBABILITIES)]
     with pytest.raises(InputError, match=rf"got {len(labels)} labels and 3, 3 probabilities"):
         outcome_chart(labels, kinds, title="", x_label="", target=TARGET)
@@ -221,7 +221,7 @@ def test_errors_of_zero_are_drawn_on_the_border(start: float) -> None:
     assert is_whole(sheet)
 
 
-def test_of_preferences_the_energy_is_drawn_from_where_they_begin() -> None:
+def test_the_energy_of_preferences_is_drawn_from_their_first_step() -> None:
     steps = history(20)
     steps[12:] = [replace(step, terms={"preferences": 1.0}) for step in steps[12:]]
     sheet = course_of(steps, 1e-3)
@@ -285,7 +285,7 @@ DRAFTS = (
 
 
 def trade_off(drafts: tuple[Draft, ...], attempt: int | None, elsewhere: float) -> Sheet:
-    """Chart of a search; the surface as it came has an error of `elsewhere`."""
+    """Chart of a search; the original surface has an error of `elsewhere`."""
     concave = replace(CONCAVE, probabilities_before=(1 / 6,) * 6, elsewhere_before=elsewhere)
     search = Search(9, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
     return trade_off_chart(finished_box(concave=concave, search=search))
@@ -302,7 +302,7 @@ def test_every_draft_is_drawn_once_by_its_worst_flaw() -> None:
         sorted(np.concatenate(list(drawn.values())).tolist()), sorted(expected)
     )
     np.testing.assert_allclose(curves(axes)["this die"], [(3.0, 1e-3)])
-    np.testing.assert_allclose(curves(axes)["the surface as it came"], [(0.0, 0.42)])
+    np.testing.assert_allclose(curves(axes)["the original surface"], [(0.0, 0.42)])
     assert {"3", "4", "6", "7", "8", "9"} <= set(sheet.texts)
     assert is_whole(sheet)
 

@@ -78,7 +78,7 @@ def test_a_convex_die_has_its_figures() -> None:
     assert files == figure_files(finished_box())
 
 
-def test_figures_are_listed_without_what_draws_them() -> None:
+def test_listing_figures_does_not_import_their_libraries() -> None:
     code = (
         "import sys\n"
         "from dicedesign.report.figures import FIGURES\n"

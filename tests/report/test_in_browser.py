@@ -231,7 +231,7 @@ def test_without_webgl_table_and_map_are_linked(browser: Any, fair_d3: Path) -> 
     page.close()
 
 
-def test_printed_the_view_is_left_out(opened: Opened) -> None:
+def test_the_view_is_omitted_in_print(opened: Opened) -> None:
     opened.page.emulate_media(media="print")
     assert not opened.page.locator("#view").is_visible()
     assert opened.page.locator(".covered img").is_visible()

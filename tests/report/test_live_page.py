@@ -54,7 +54,7 @@ def engrave_mesh(points: np.ndarray, triangles: np.ndarray) -> FinishedDie:
     return replace(die, engraved=replace(die.engraved, points=points, triangles=triangles))
 
 
-def test_what_is_cut_in_belongs_to_the_facet_around_it() -> None:
+def test_an_engraving_belongs_to_the_facet_around_it() -> None:
     for axis in range(3):
         for side in (-1, 1):
             points, triangles = with_pocket(side, axis)
@@ -86,7 +86,7 @@ def test_parts_hold_each_triangle_once_in_the_color_of_its_basin() -> None:
     assert len(marked[0].groups()[1][2]) == labels.sum()
 
 
-def test_an_inlay_goes_with_the_facet_that_it_fills() -> None:
+def test_an_inlay_belongs_to_the_facet_that_it_fills() -> None:
     points, triangles = with_pocket(-1, 0)
     die = engrave_mesh(points, triangles)
     filling = Manifold.cube([DEPTH, 4.0, 4.0], True).translate([-7.0 + DEPTH / 2.0, 0.0, 0.0])
@@ -99,7 +99,7 @@ def test_an_inlay_goes_with_the_facet_that_it_fills() -> None:
     assert len(parts[6].triangles) == len(inlay.triangles)
 
 
-def test_of_a_shape_only_what_touches_the_table_belongs_to_a_rest() -> None:
+def test_only_parts_of_a_shape_that_touch_the_table_belong_to_a_rest() -> None:
     """The box with a deep dent in place of one side rests there too, on its rim."""
     plain = finished_box().plain
     corners = np.asarray(plain.poses.hull.vertices)

@@ -62,7 +62,7 @@ def frames_of(gif: bytes) -> tuple[list[np.ndarray], list[int], Image.Image]:
     return pictures, durations, image
 
 
-def test_a_die_is_where_the_film_says() -> None:
+def test_the_film_shows_the_final_pose_of_the_die() -> None:
     film = falling(31)
     gif = gif_of(film)
     assert gif == gif_of(film)
@@ -86,7 +86,7 @@ def test_a_long_film_is_thinned() -> None:
     assert middle_of_die(pictures[-1])[0] > 420
 
 
-def test_a_die_that_does_not_move_is_seen() -> None:
+def test_a_motionless_die_is_drawn() -> None:
     film = film_of(np.full((3, 3), [0.0, 0.0, 0.015]), 0.0)
     pictures, _, _ = frames_of(gif_of(film))
     assert middle_of_die(pictures[0])[0] == pytest.approx(240.0, abs=1.0)
@@ -133,7 +133,7 @@ def test_a_body_at_rest_is_one_picture() -> None:
     assert is_whole(drop_figure(surface, poses, steps[0].down))
 
 
-def test_what_is_drawn_of_points_and_of_too_many_triangles_is_the_hull() -> None:
+def test_the_hull_is_drawn_for_points_and_for_too_many_triangles() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=2)
     hull = rest_poses(mesh.vertices).hull
     for triangles in (None, np.zeros((MAX_TRIANGLES + 1, 3), dtype=np.int64)):

@@ -135,7 +135,7 @@ def test_colors_of_points_are_interpolated() -> None:
     np.testing.assert_array_equal(picture[20:70, 20], np.broadcast_to(picture[20, 20], (50, 3)))
 
 
-def test_what_is_not_covered_shows_the_backdrop() -> None:
+def test_uncovered_pixels_show_the_backdrop() -> None:
     backdrop = np.linspace(0.0, 1.0, 90)[:, None] * np.ones(90)
     picture = render(RenderMesh(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
     np.testing.assert_array_equal(picture[:, 5, 1], np.rint(255.0 * backdrop[:, 5]))
@@ -171,7 +171,7 @@ def glass(tinted: tuple[int, ...]) -> RenderMesh:
     return color_triangles(np.asarray(box.vertices), np.asarray(box.faces), tints)
 
 
-def test_a_shell_tints_what_is_behind_it() -> None:
+def test_a_shell_tints_the_surface_behind_it() -> None:
     surface = RenderMesh(square(0.0, 0.5), HALVES)
     bare = render(surface, FRONT, 90).astype(int)
     clear, near, far = (

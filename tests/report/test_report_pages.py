@@ -76,7 +76,7 @@ def test_a_convex_die() -> None:
         "100 % infill",
         "the face down",
         "Set it down gently",
-        "Thrown it has others; the command dicedesign throw shows by how much.",
+        "A thrown die has other probabilities; the command dicedesign throw computes them.",
     ):
         assert text in page.text
     for absent in ("On the table", "Measures", "Notes", "Quality of the surface"):
@@ -97,7 +97,7 @@ def test_a_die_that_keeps_a_shape() -> None:
         "6598",
         "No two triangles <cross>.",
         "7 vertices were welded",
-        "the side that the die lies on",
+        "the side that the die rests on",
     ):
         assert text in page.text
     assert "Facets" not in page.text
@@ -127,7 +127,7 @@ def test_a_die_to_be_thrown() -> None:
         'This is the table "my <table>": guessed.',
         "In 100,100 throws that the design had not seen, simulated by MuJoCo, the outcomes'",
         "total variation of 0.0050",
-        "A perfect die would show 0.0011",
+        "a perfect die would show 0.0011",
         "off by 0.0023 to 0.0077",
         "60 throws did not come to rest",
         "40 came to rest on a facet without a label",
@@ -136,20 +136,20 @@ def test_a_die_to_be_thrown() -> None:
         assert text in page.text
 
 
-def test_throws_that_tell_no_difference_and_none_at_all() -> None:
+def test_inconclusive_throws_and_no_throws() -> None:
     assert THROWN.simulated is not None
     even = replace(THROWN.simulated, interval=(0.0, 0.004), unresolved=0, drops=100_000)
     text = page_of(thrown=replace(THROWN, simulated=even)).text
-    assert "do not tell it from a perfect one" in text
+    assert "do not distinguish it from a perfect die" in text
     assert "off by at most 0.0040" in text
     assert "did not come to rest" not in text
     assert "without a label" not in text
     text = page_of(thrown=replace(THROWN, simulated=None)).text
     assert "No throws of it were simulated" in text
     text = page_of(thrown=replace(THROWN, table=load_table("carpet").as_dict())).text
-    assert "it is set down on the table, turned at random. It does not bounce" in text
+    assert "it is set down on the table, in a random orientation. It does not bounce" in text
     assert "honey" in text
-    assert "when it is let go" not in text
+    assert "at release" not in text
 
 
 def test_throws_of_many_heights_and_spins() -> None:
@@ -157,10 +157,10 @@ def test_throws_of_many_heights_and_spins() -> None:
     thrown = replace(THROWN, table=table)
     assert "let it fall from 5 to 20 cm above" in throwing_advice(thrown)
     manner = page_of(thrown=thrown).text
-    assert "falls from 5 to 20 cm above the table, turned at random" in manner
+    assert "falls from 5 to 20 cm above the table, in a random orientation" in manner
     assert "moves sideways at 0 to 1.2 m a second and spins 1 to 4.5 times a second" in manner
-    assert "of a range, each throw has a value of its own" in manner
-    assert "of a range" not in page_of(thrown=THROWN).text
+    assert "from a range, each throw draws its own value" in manner
+    assert "from a range" not in page_of(thrown=THROWN).text
 
 
 @pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])
@@ -193,12 +193,12 @@ def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) 
     return parse_page(page_text(die)).cells
 
 
-def test_what_was_wanted_stands_beside_what_was_reached() -> None:
+def test_goals_are_listed_beside_results() -> None:
     listed = cells((), attempts=4)
     for name, values in (
         ("error of the probabilities, rests elsewhere included", ["at most 0.005", "0.25", "0.05"]),
         ("angle between outcomes", ["at least 45°", "-", "90.0°"]),
-        ("angle at which an outcome is left", ["at least 10°", "-", "45.0°"]),
+        ("angle at which an outcome tips over", ["at least 10°", "-", "45.0°"]),
     ):
         at = listed.index(name)
         assert listed[at + 1 : at + 4] == values
@@ -253,21 +253,21 @@ INFILL = InfillProbabilities(
 )
 
 
-def test_every_error_of_every_outcome_is_told() -> None:
+def test_every_error_of_every_outcome_is_reported() -> None:
     page = page_of(tolerances=TOLERANCES)
     assert TOLERANCES.answer in page.text
     assert {"0.203", "0.224", "0.244", "0.282", "0.276", "0.142"} <= set(page.cells)
     for column in ("0.100", "0.200", "0.300", "0.400"):
         assert page.cells.count(column) == len(LABELS)
-    for part in ("0.07 mm", "0.002 of the length", "1 mm³", "7.9 %", "0.01 on the mean"):
+    for part in ("0.07 mm", "0.002 of the length", "1 mm³", "7.9 %", "variation of 0.01"):
         assert part in page.text
 
 
 def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
     solid = page_of().text
     page = page_of(infill=INFILL)
-    assert "hold for a solid of one material" in solid
-    assert "hold for a solid of one material" not in page.text
+    assert "hold for a solid of uniform density" in solid
+    assert "hold for a solid of uniform density" not in page.text
     assert page.text.count(INFILL.advice) == 2
     assert {"11.000", "35.000"} <= set(page.cells)
     assert "15 % infill" in page.text
@@ -284,8 +284,8 @@ def test_a_page_has_the_measures_of_the_print() -> None:
         "SLA, 0.05 mm, layers of 0.05 mm",
         f"{facts.weight_g:.3g} g of resin, 1.15 g/cm³, solid",
         "17.3 × 17.3 × 17.3 mm",
-        "nothing",
-        "one closed solid without a flaw",
+        "none",
+        "one valid closed solid",
     ):
         assert cell in page.cells
     for label in facts.labels:
@@ -295,7 +295,7 @@ def test_a_page_has_the_measures_of_the_print() -> None:
     assert "Printing" not in parse_page(page_text(bare)).text
 
 
-def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
+def test_missing_values_are_dashes_and_texts_are_escaped() -> None:
     work = run_to_check(box(1.0, 1.1, 1.2), SIDES, entries={"engrave": False})
     run_stages(work, after="check", last="printing")
     die = make_finished_die(work)
@@ -315,4 +315,4 @@ def test_what_is_missing_is_a_dash_and_texts_are_escaped() -> None:
     assert "<7>" in page.cells
     assert "12.3 mm², 3 mm³ beneath" in page.cells
     assert "3 open edges" in page.text
-    assert "Printed as it rests" not in page.text
+    assert "Orientations on the bed" not in page.text

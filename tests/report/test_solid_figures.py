@@ -82,7 +82,7 @@ def test_faces_and_labels_are_true_to_scale() -> None:
         assert ink == pytest.approx(placement.section().area() * scale**2, rel=0.03)
 
 
-def test_of_many_faces_only_those_with_labels_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_labeled_faces_of_many_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solid_figures, "MAX_FACES", 5)
     sheet = faces(labeled_box(["3"], [2]))
     assert len(sheet.drawing.patches) == 2
@@ -90,7 +90,7 @@ def test_of_many_faces_only_those_with_labels_are_drawn(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize(("printer", "ratio"), [("fdm", np.sqrt(5.0)), ("sla", 0.0)])
-def test_colors_cover_what_touches_and_what_hangs(printer: str, ratio: float) -> None:
+def test_colors_cover_touching_and_overhanging_surfaces(printer: str, ratio: float) -> None:
     """From beneath an icosahedron's face on the bed is seen whole, and its neighbors at 41.8
     degrees, which need supports only by filament."""
     points = PLATONIC["icosahedron"]
@@ -166,11 +166,11 @@ def test_the_label_to_read_is_in_color(points: Floats, read: str, places: int, s
 
 
 def test_the_straight_view_shows_the_label() -> None:
-    """The label has the same part of the picture of its facet as of the facet itself."""
+    """The label's share of its facet is equal in the picture and on the die."""
     work = engrave(box(1.0, 1.0, 1.0), SIDES, "up")
     (placement,) = labels_of(work, 0)
     sheet = reading(make_finished_die(work))
-    assert sheet.texts[:2] == ["as it lies", "from above: 1"]
+    assert sheet.texts[:2] == ["at rest", "from above: 1"]
     assert len(sheet.texts) == 3
     picture = sheet.pictures[1].astype(np.int64)
     red, green, blue = np.moveaxis(picture, -1, 0)

@@ -193,7 +193,7 @@ def test_each_outcome_is_shown_lying_and_from_below(
     assert len({picture.shape[0] for picture in figure.pictures[: min(count, 4)]}) == 1
 
 
-def test_triangles_that_meet_are_red() -> None:
+def test_intersecting_triangles_are_red() -> None:
     mesh = dumbbell()
     die = reshaped_die(mesh.vertices, mesh.faces, np.eye(3))
 

@@ -72,7 +72,7 @@ def test_margins_are_the_least_angles_of_points_along_the_border(seed: int) -> N
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_moments_of_basins_are_mean_directions_of_what_rolls_there(seed: int) -> None:
+def test_moments_of_basins_are_mean_start_directions(seed: int) -> None:
     """Within four standard errors, which are at most the root of probabilities over number."""
     poses = random_body(seed)
     hull, count = poses.hull, 1500

@@ -57,8 +57,8 @@ def elements(body: Equilibria) -> Floats:
 
 
 def lines(body: Equilibria) -> Floats:
-    """All uphill lines from saddles that divide basins. Where one crosses the normal of a facet,
-    that facet comes to rest elsewhere too."""
+    """All uphill lines from saddles that divide basins. If one crosses the normal of a facet, bodies
+    released on that facet end on another rest."""
     paths = separatrices(body)
     return np.concatenate([paths.crossings.ravel(), paths.branch_start])
 
@@ -82,8 +82,8 @@ def brink(
     most: float,
     decisions: Callable[[Equilibria], Floats],
 ) -> list[Floats]:
-    """Two centers of mass with no float64 position between them on a way of no more than a length
-    for which some decisions differ; none where these stay the same."""
+    """Two adjacent float64 centers of mass on a line of at most a length whose decisions differ; none
+    if no decision changes."""
 
     def at(reach: float) -> Floats:
         return decisions(classify(hull, start + reach * direction))
@@ -99,8 +99,8 @@ def brink(
 
 @cache
 def bodies_at_the_brink() -> dict[str, list[Body]]:
-    """With centers of mass on both sides of a change, as near to it as float64 positions are, by
-    what changes."""
+    """Bodies with centers of mass on both sides of a change, at adjacent float64 positions, by the
+    kind of change."""
     at_brink: dict[str, list[Body]] = {"elements": [], "lines": []}
     rng = np.random.default_rng(1)
     for hull in bodies(30):

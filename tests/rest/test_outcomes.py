@@ -133,7 +133,7 @@ def test_dice_that_cannot_be_matched(
 
 
 def test_by_normals() -> None:
-    """Rests show what the facet within five degrees shows, and others nothing."""
+    """Rests have the outcome of the counted facet within five degrees; other rests have none."""
     shown = AXES[[0, 1, 3]]
     tilted = np.array([np.cos(np.radians(4.0)), np.sin(np.radians(4.0)), 0.0])
     groups = match_by_normals(np.vstack([AXES, tilted]), shown, [0, 1, 0])

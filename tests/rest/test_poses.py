@@ -92,7 +92,7 @@ def test_margins_are_the_nearest_ways_out(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_polylines_run_from_maximum_to_maximum_with_basins_beside(seed: int) -> None:
+def test_polylines_run_between_maxima_and_separate_their_basins(seed: int) -> None:
     rests = random_rests(seed)
     morse = rests.morse
     assert len(morse.polylines) == len(morse.saddles) == len(morse.saddle_basins)
@@ -159,7 +159,7 @@ DRAWN_FROM = random_rests(2)
 DRAWS = 4000
 
 
-def test_rests_come_up_as_often_as_they_are_probable() -> None:
+def test_sampled_rests_have_their_probabilities() -> None:
     """Each count is inside its exact interval of 99.9 %; of random seeds one in a hundred fails."""
     _, rests = DRAWN_FROM.sample(DRAWS, 11)
     assert len(rests) == DRAWS
@@ -184,6 +184,6 @@ def test_one_seed_is_one_result() -> None:
 
 
 @pytest.mark.parametrize("n", [-1, 1.5, "3", True, 10**12])
-def test_a_number_of_draws_that_cannot_be_meant(n: Any) -> None:
+def test_absurd_numbers_of_draws_are_refused(n: Any) -> None:
     with pytest.raises(InputError, match="n: expected a whole number"):
         DRAWN_FROM.sample(n, 1)

@@ -114,7 +114,7 @@ def test_the_error_of_a_rough_density_is_estimated() -> None:
 
 
 @pytest.mark.parametrize("concentration", [2.0, 30.0])
-def test_drawn_directions_roll_as_often_as_said(concentration: float) -> None:
+def test_sampled_directions_roll_as_often_as_predicted(concentration: float) -> None:
     poses = dd.rest_poses(random_body(4))
     directions = draw_directions(AXES[1], concentration, 40_000)
     by_samples = poses.under(dd.SampledDirections(directions))

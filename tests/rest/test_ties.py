@@ -53,7 +53,7 @@ def test_a_tie_that_matters_is_noted() -> None:
 
 
 @pytest.mark.parametrize("half", HALVES)
-def test_what_could_fall_both_ways_falls_both_ways_equally_often(half: list[list[int]]) -> None:
+def test_balanced_bodies_fall_both_ways_equally_often(half: list[list[int]]) -> None:
     """A centrally symmetric body rests equally often on opposite facets."""
     probabilities = by_normal(rest_poses(np.concatenate([half, -np.array(half)])))
     for normal, p in probabilities.items():
@@ -144,7 +144,7 @@ def cluster_numbers(normals: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("body", NEARLY_TIED)
-def test_what_balances_within_unevenness_is_tied(body: tuple[int, int, float]) -> None:
+def test_bodies_that_balance_within_unevenness_are_tied(body: tuple[int, int, float]) -> None:
     points, center = noisy_lattice(*body), np.zeros(3)
     hull = convex_hull(points)
     sides = find_basins(hull, center)
@@ -154,7 +154,7 @@ def test_what_balances_within_unevenness_is_tied(body: tuple[int, int, float]) -
         assert 0.5 * hull.unevenness < np.abs(moved - center).max() < 4.0 * hull.unevenness + 1e-12
     poses = rest_poses(points, center)
     assert poses.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
-    # The hull at tolerance 0 says the same, but for facets that are one to the eye.
+    # The hull at tolerance 0 gives these probabilities too, except for nearly coplanar facets.
     normals, shares = [poses.normals], [poses.probabilities]
     for moved in centers:
         exact = rest_poses(points, moved, coplanar_tolerance=0.0)

@@ -148,7 +148,7 @@ def test_missing_keys_are_named(tmp_path: Path, missing: str) -> None:
 def test_a_result_of_an_older_layout_is_refused(tmp_path: Path) -> None:
     content = plain()
     content["design_max_abs_error"] = content.pop("design")["max_abs_error"]
-    with pytest.raises(InputError, match=r"that of an older version.* run its recipe.yaml again"):
+    with pytest.raises(InputError, match=r"result of an older version.* run its recipe.yaml again"):
         read_result(write_result(tmp_path, content))
 
 

@@ -52,7 +52,7 @@ def test_published_throws(die: str, model: str, statistic: float, degrees: int) 
     assert result.p_value == pytest.approx(stats.chi2.sf(result.statistic, degrees), rel=1e-12)
 
 
-def test_outcomes_that_cannot_come_up() -> None:
+def test_impossible_outcomes() -> None:
     assert chi_square([4, 6, 0], [0.5, 0.5, 0.0]) == chi_square([4, 6], [0.5, 0.5])
     impossible = chi_square([4, 6, 1], [0.5, 0.5, 0.0])
     assert (impossible.statistic, impossible.p_value) == (math.inf, 0.0)

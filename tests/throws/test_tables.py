@@ -31,7 +31,7 @@ GOOD = {
 
 
 @pytest.mark.parametrize("name", TABLE_NAMES)
-def test_tables_that_come_with_the_package(name: str) -> None:
+def test_shipped_tables(name: str) -> None:
     table = load_table(name)
     assert table.name == name
     assert table.source != "given"
@@ -123,7 +123,7 @@ def test_a_large_die_is_released_from_at_least_its_size(height: Any, lifted: Any
 
 
 @pytest.mark.parametrize("hand", HANDS)
-def test_a_hand_changes_only_the_throw(hand: str) -> None:
+def test_a_throw_distribution_changes_only_the_throw(hand: str) -> None:
     for name in set(TABLE_NAMES) - {"carpet"}:
         own = load_table(name)
         table = own.with_hand(hand)

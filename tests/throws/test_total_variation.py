@@ -112,7 +112,7 @@ def test_against_another_library(count: int, spread: float) -> None:
         assert wasserstein_distance(a, p, a, other) == pytest.approx(expected, abs=1e-8)
 
 
-def test_between_two_rests_it_is_their_angle_times_the_total_variation() -> None:
+def test_distance_between_two_rests_is_their_angle_times_the_total_variation() -> None:
     measured = measure_transport([X, Y], [60, 40], [0.5, 0.5], 0.95)
     assert measured.value == pytest.approx(0.1 * np.pi / 2)
     # The mean of 200 draws, within four standard errors.

@@ -71,7 +71,7 @@ def test_a_thrown_body_ends_on_its_rest(viewed: ViewedBody, has_direction: bool)
     assert abs(lowest(viewed, motion)[-1]) < 0.02 * size
 
 
-def test_a_ray_meets_the_facet_that_it_enters(viewed: ViewedBody) -> None:
+def test_a_ray_hits_the_facet_that_it_enters(viewed: ViewedBody) -> None:
     hull, rng = viewed.hull, np.random.default_rng(1)
     for facet in range(len(hull.normals)):
         point = rng.dirichlet(np.ones(len(hull.polygon(facet)))) @ hull.polygon(facet)
@@ -83,7 +83,7 @@ def test_a_ray_meets_the_facet_that_it_enters(viewed: ViewedBody) -> None:
         assert hull.normals[entry] @ way < 0.0
 
 
-def test_a_ray_meets_the_near_side_of_the_sphere() -> None:
+def test_a_ray_hits_the_near_side_of_the_sphere() -> None:
     hit = direction_on_ray(np.array([0.0, -4.0, 0.5]), np.array([0.0, 2.0, 0.0]))
     np.testing.assert_allclose(hit, [0.0, -np.sqrt(0.75), 0.5])
     # One that misses it passes nearest to its top.

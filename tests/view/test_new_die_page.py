@@ -97,7 +97,7 @@ def test_probabilities_become_files(new_die: NewDie, tmp_path: Path) -> None:
 
 
 def test_steps_undo_pins_and_swaps(new_die: NewDie, tmp_path: Path) -> None:
-    """A parallel session has the same probabilities after each step."""
+    """A parallel session has equal probabilities after each step."""
     parallel = DesignSession(DieRequest({"fair": 5}))
     new_die.field("Probabilities", "fair: 5")
     for number in range(3):

@@ -74,7 +74,7 @@ def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> No
 
 @pytest.mark.parametrize("method", ["exact", "paper"])
 def test_an_unchanged_design_needs_only_its_recipe(tmp_path: Path, method: str) -> None:
-    """`dicedesign run` writes the same bytes."""
+    """`dicedesign run` writes identical bytes."""
     die = make_printable(design(method=method))
     assert not die.needs_shape
     assert die.recipe_file()[0] == "coin.yaml"

@@ -2,7 +2,7 @@
 tolerance of 0, and for all bodies where kernels were not built.
 
 Qhull's triangles are merged where they are coplanar within a tolerance. At a tolerance of 0 the
-hull is that of the points as they are given, to the last bit (`exact_facets`).
+hull is exact for the given floats (`exact_facets`).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def hull_triangles(points: Floats) -> tuple[Integers, Integers]:
     try:
         qhull = QhullHull(points)
     except QhullError:
-        # Clusters of points make a facet wider than rounding explains. With Q12 Qhull goes on all
-        # the same; flat triangles are merged afterwards anyway.
+        # Clusters of points make a facet wider than rounding explains. With Q12 Qhull continues
+        # anyway; flat triangles are merged afterwards.
         qhull = QhullHull(points, qhull_options="Qt Q12 Pp")
     triangles = qhull.simplices.astype(np.int64)
     neighbors = qhull.neighbors.astype(np.int64)
@@ -258,7 +258,7 @@ def exact_facets(points: Floats, scaled: Floats) -> tuple[Integers, Integers, In
     then the triangles that a point sees form a disc, and those put in their place are never
     degenerate. A point that sees no triangle from outside its plane is left out.
 
-    points: (n, 3), finite; scaled: (n, 3) the same moved and scaled along the axes so that
+    points: (n, 3), finite; scaled: (n, 3) these points moved and scaled along the axes so that
     coordinates are at most 1, rounded.
 
     Returns triangles (t, 3), counter-clockwise seen from outside, their neighbors (t, 3) across

@@ -255,7 +255,7 @@ def consistent_winding(triangles: Integers) -> Integers | None:
     share an edge link the nodes that agree. An orientable part of the surface falls into two
     components, one the reverse of the other; the one that reverses fewer triangles is taken.
 
-    triangles: (t, 3) vertex indices, nonnegative. Returns the same triangles in the same order,
+    triangles: (t, 3) vertex indices, nonnegative. Returns the triangles in their order,
     some reversed, or None when no choice closes the surface, because it has a boundary or is
     one-sided.
     """
@@ -272,7 +272,7 @@ def outward_patches(points: Floats, triangles: Integers) -> Integers:
     triangles as needed are reversed; a closed or nearly closed patch is then oriented outward, be
     it a body or a cavity.
 
-    points: (n, 3). Returns the same triangles in the same order, some reversed.
+    points: (n, 3). Returns the triangles in their order, some reversed.
     """
     oriented, patch = _agreeing(triangles)
     vectors = doubled_area_vectors(points, oriented)
@@ -341,7 +341,7 @@ def orient_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:
     body, and is turned where it is outside all of them.
 
     points: (n, 3); triangles: (t, 3) of a closed oriented surface (see `is_closed`). Returns the
-    same triangles in the same order, some reversed, and the number of shells turned.
+    triangles in their order, some reversed, and the number of shells turned.
     """
     shell = shells_of(triangles)
     if not shell.any():
@@ -431,8 +431,8 @@ def resolve_center_of_mass(
     if abs(volume) <= VOLUME_TOLERANCE * extent**3:
         raise DegenerateBodyError(
             f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
-            f"extent of {extent:.3g}; give a center of mass with --com x,y,z or take that of the "
-            "convex hull with --com hull"
+            f"extent of {extent:.3g}; give a center of mass with --com x,y,z, or use the center "
+            "of the convex hull with --com hull"
         )
     if volume < 0 and not notes:
         notes = ("the mesh is oriented inward and was taken as a solid",)

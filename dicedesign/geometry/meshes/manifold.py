@@ -89,8 +89,8 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
 
     Raises
     ------
-    InputError: there are no parts, a mesh is not closed or meets itself, a density is no number
-        from 0 on, or the mass is 0.
+    InputError: there are no parts, a mesh is not closed or intersects itself, a density is not a
+        number from 0 on, or the mass is 0.
     DegenerateBodyError: as `make_body`.
     """
     bodies, densities = [], []

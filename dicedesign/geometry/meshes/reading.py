@@ -253,7 +253,7 @@ def stl_bytes(vertices: Floats, triangles: Integers) -> bytes:
 
     Returns
     -------
-    bytes, the same for the same mesh. Normals of triangles that round to no area are zero.
+    bytes, which depend on the mesh alone. Normals of triangles that round to no area are zero.
 
     Raises
     ------

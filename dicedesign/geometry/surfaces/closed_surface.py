@@ -195,8 +195,8 @@ def decimate(surface: Surface, points: int) -> tuple[Surface, str]:
     """Surface reduced to about a number of points, by fast-simplification.
 
     Edges are collapsed in order of quadric error (Garland and Heckbert, Surface simplification
-    using quadric error metrics, 1997). Where the result is not closed, falls apart or meets itself,
-    this is repeated more slowly, and then with a quarter more points each time.
+    using quadric error metrics, 1997). If the result is not closed, falls apart or intersects
+    itself, the reduction is repeated more slowly, and then with a quarter more points each time.
 
     points: at least 4. Returns the surface, unchanged if it has no more points already, and a
     sentence on what was done.
@@ -253,7 +253,7 @@ def thin(
 
 
 def refine(surface: Surface, points: int) -> tuple[Surface, str]:
-    """Surface of the same shape with at least a number of points, by manifold3d.
+    """Surface of equal shape with at least a number of points, by manifold3d.
 
     Edges longer than a length are cut into pieces of about that length; it is shortened until there
     are enough points. All new points lie on the old triangles.

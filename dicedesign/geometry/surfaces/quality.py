@@ -70,8 +70,8 @@ class SurfaceQuality:
                 "(" + ", ".join(f"{x:.4g}" for x in place) + ")" for place in self.places[:3]
             )
             defects.append(
-                f"the surface meets itself: {count(self.intersections, 'pair')} of triangles in "
-                f"{count(self.places, 'place')}, near {at}"
+                f"the surface intersects itself: {count(self.intersections, 'pair')} of triangles "
+                f"in {count(self.places, 'place')}, near {at}"
             )
         if len(self.folds):
             defects.append(f"the surface is folded sharply at {count(self.folds, 'edge')}")
@@ -113,7 +113,7 @@ class SurfaceQuality:
 def surface_quality(surface: Surface, reference: Surface | None = None) -> SurfaceQuality:
     """Look for defects of a closed surface.
 
-    reference: the surface that it was deformed from, with the same triangles. Folds and inverted
+    reference: the surface that it was deformed from, with its triangles. Folds and inverted
     triangles of the reference do not count; slivers do.
     """
     points, triangles = surface.points, surface.triangles
@@ -145,18 +145,20 @@ def surface_quality(surface: Surface, reference: Surface | None = None) -> Surfa
 
 
 def surface_distortion(surface: Surface, reference: Surface) -> dict[str, float]:
-    """Distortion of a surface's triangles against a reference with the same triangles and some
-    area.
+    """Distortion of a surface's triangles against a reference.
+
+    The reference has the surface's triangles and some area.
 
     A triangle is stretched by factors `a >= b` along two orthogonal directions. It is distorted in
     shape by `a / b`, 1 for a similar triangle (the quasi-conformal error of Sander et al., Texture
-    mapping progressive meshes, 2001). It is distorted in size by its area over that of the
+    mapping progressive meshes, 2001). It is distorted in size by its area over its area in the
     reference, or the inverse if that is larger, apart from the ratio of the whole surfaces' areas.
     Means and shares are weighted by the area of the reference; a triangle that has lost its area is
     distorted infinitely, and one that had none is left out.
 
     Returns `shape_mean`, `shape_most` and `shape_largest`: of the distortion in shape, the mean,
-    the value that 95 % of the area keep to, and the largest; and `size_...` of that in size.
+    the value that 95 % of the area keep to, and the largest; `size_...` likewise of the distortion
+    in size.
 
     Source: Pinkall and Polthier, Computing discrete minimal surfaces, 1993: the sum of squared
     stretches is the Dirichlet energy, a sum over edges with the cotangents of angles.

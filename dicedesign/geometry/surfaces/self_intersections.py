@@ -22,7 +22,7 @@ def intersecting_triangles(points: Floats, triangles: Integers) -> Integers:
     Two triangles that share no corner intersect when they have any point in common: they cross,
     touch, or overlap in one plane. Two that share one corner intersect when they have another
     point in common. Two that share an edge intersect when they are folded flat onto each other, to
-    an angle of `FLAT_FOLD`; two with the same three corners always do. So triangles side by side in
+    an angle of `FLAT_FOLD`; two with equal corners always do. So triangles side by side in
     one plane do not intersect. All but the folding is decided without rounding. Triangles without
     area are left out: what crosses them crosses their neighbors.
 

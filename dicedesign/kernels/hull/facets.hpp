@@ -39,8 +39,8 @@ void pull_back_corners(const Vec* normals, const Vec* polar, const Index* planes
 // the nearest edge, over the circumscribed radius; positive for rests.
 std::vector<double> facet_depths(const Polyhedron& hull, const Vec& center);
 
-// Add the gradient of the weighted sum (m) of depths to that in the vertices and in the center. Of
-// edges that are equally near, and of vertices that are equally far, each counts the same.
+// Add the gradient of the weighted sum (m) of depths to the gradients in the vertices and the center.
+// Equally near edges, and equally far vertices, share it equally.
 void pull_back_depths(const Polyhedron& hull, const Vec& center, const double* weights,
                       Vec* by_vertices, Vec& by_center);
 

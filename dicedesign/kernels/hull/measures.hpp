@@ -18,7 +18,7 @@ struct MeasureTolerances {
     double sliver, thin_volume, rounding;
 };
 
-// The properties of `ConvexHull` of the same names, all of them computed here in one way.
+// The properties of `ConvexHull` with these names, all computed here.
 struct Measures {
     Measures(const Polyhedron& hull, const MeasureTolerances& tolerances);
 

@@ -58,9 +58,9 @@ public:
 
     std::optional<Triangles> run() {
         if (!start()) return std::nullopt;
-        // Facets that keep many points come in turn, so that the hull grows everywhere alike: where
-        // one side were done first, every point of another would see most of it. Of the others the
-        // newest comes first, whose points are near those that were last looked at.
+        // Facets that keep many points take turns, so that the hull grows evenly: if one side were
+        // finished first, every point of another side would see most of it. Of the other facets
+        // the newest comes first, as its points are near those processed last.
         for (std::size_t next = 0; next < crowded_.size() || !pending_.empty();) {
             const bool late = next == crowded_.size();
             const int facet = late ? pending_.back() : crowded_[next];
@@ -312,7 +312,7 @@ private:
     const std::vector<int>& number_;
     const double near_;
     std::vector<Facet> facets_;
-    std::vector<int> following_;  // the next of the points that the same facet keeps
+    std::vector<int> following_;  // next point that the facet of a point keeps
     std::vector<int> made_;       // the new facet whose rim starts at a point,
     std::vector<int> made_round_;  // and when it was made
     std::vector<int> crowded_, pending_;  // facets to come, in turn and the newest first

@@ -32,7 +32,7 @@ Wide<N> difference(double a, double b, const Wide<N>&) {
     return Wide<N>(a) - Wide<N>(b);
 }
 
-// Bound on the rounding of a kind of number, for that of doubles. One operation on twofold numbers
+// Bound on the rounding of a kind of number, from the bound of doubles. One operation on twofold numbers
 // is wrong by less than 2^-103 of its result, one on N limbs by less than 2^-(32 (N - 1)).
 inline double rounding_of(double rounding, double) { return rounding; }
 inline double rounding_of(double rounding, const Twofold&) { return 0x1p-50 * rounding; }

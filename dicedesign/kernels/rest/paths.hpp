@@ -6,7 +6,7 @@
 
 namespace dicedesign {
 
-// Borrows the arrays of a `Separatrices` but that of the saddles.
+// Borrows the arrays of a `Separatrices`, except the saddles.
 class PathsHandle {
 public:
     PathsHandle(Indices rests, IndexPairs basins, IndexPairs saddle_ends, IndexPairs crossings,

@@ -130,7 +130,7 @@ Index steps_of_flight(const Landscape& land, const Vec& moments, const Throw& ho
     return finite ? static_cast<Index>(safe / how.step) : 0;
 }
 
-// Fly for so many steps at once.
+// Free flight for a number of steps at once.
 void fly(const Vec& moments, const Throw& how, Index steps, Motion& motion) {
     const double count = static_cast<double>(steps), seconds = count * how.step;
     motion.position += seconds * motion.velocity;

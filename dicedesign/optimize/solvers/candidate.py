@@ -88,7 +88,7 @@ class DesignResult:
     history: accepted steps; the first is the start.
     evaluations: dice tried, with rejected and pruned ones.
     hulls_built: hulls that were computed from scratch, with polar hulls of facet coordinates.
-    hulls_reused: hulls that have the connectivity of the one before, with the same result.
+    hulls_reused: hulls that kept the connectivity of the previous one; the result is identical.
     starts: starting shapes tried.
     """
 
@@ -234,7 +234,7 @@ DAMPINGS: Final = (1e-14, 1e-3, 1e4)
 """Smallest, first and largest damping mu, in units of the mean square of the Jacobian's rows."""
 
 LEAST_REFUSED: Final = 1e-6
-"""Least damping after a refused step, in the same units."""
+"""Least damping after a refused step, in the units of `DAMPINGS`."""
 
 SAME: Final = 1e-12
 """Largest difference of the cosine of a zero angle from 1."""

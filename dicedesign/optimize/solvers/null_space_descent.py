@@ -1,6 +1,6 @@
 """Improve a die by preferences while its probabilities stay as they are.
 
-A die has more parameters than outcomes, so the dice of the same probabilities form a manifold
+A die has more parameters than outcomes, so the dice with given probabilities form a manifold
 p = q. There BFGS minimizes a sum of squared residuals; it copes with the kinks that a shape has
 where its edges change. A step goes along the tangent space of the manifold, the null space of the
 Jacobian of the probabilities, and Newton's method leads back to the manifold.

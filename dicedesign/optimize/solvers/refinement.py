@@ -11,7 +11,7 @@ The estimate of each die uses all throws, which corrects for its own luck. The t
 least expected deviation is kept. As the throws that chose a die still flatter it, other throws must
 judge it.
 
-After the first round the die is designed to have the same probabilities on all tables. Later rounds
+After the first round the die is designed to have equal probabilities on all tables. Later rounds
 do not improve it by preferences, so that it moves little and stays similar to what was measured.
 """
 
@@ -119,7 +119,7 @@ class Refinement:
     within: total variation that suffices.
     throw: throws a die onto the target table; arguments are the die, the number of throws and the
         number of the series, each with its own random numbers.
-    throw_on_tables: throws a die onto each of the tables (t,), with the same arguments.
+    throw_on_tables: throws a die onto each of the tables (t,); arguments as for `throw`.
     design: designs a die near a given one with probabilities (k,) in the model, or returns None.
         Its third argument are logarithms (t, k) of the probabilities on the tables over those in
         the model; None for the nearest die, without preferences.

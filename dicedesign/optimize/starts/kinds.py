@@ -74,8 +74,8 @@ class SearchOptions:
 
     Attributes
     ----------
-    helpers: least number of facets without an outcome, 0 to `MOST_HELPERS`: they leave more dice of
-        the same probabilities to choose from.
+    helpers: least number of facets without an outcome, 0 to `MOST_HELPERS`: they give more
+        dice with the target's probabilities to choose from.
     """
 
     __pydantic_config__ = STRICT

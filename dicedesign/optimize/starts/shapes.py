@@ -38,7 +38,7 @@ def prism(sides: int, height: float = 1.5, cap: float = 1.3) -> Start:
     sides: 3 to 12.
     height: height of the side faces in units of the base's circumscribed radius, positive and
         finite.
-    cap: height of each pointed cap in the same unit, not negative and finite; steep caps are
+    cap: height of each pointed cap in this unit, not negative and finite; steep caps are
         unstable.
 
     Raises
@@ -154,7 +154,8 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
     ----------
     body: any mesh or point cloud.
     outcomes: number of outcomes.
-    center_of_mass: (3,) in the body's unit, or None for that of the uniform solid hull.
+    center_of_mass: (3,) in the body's unit, or None for the center of the uniform
+        hull.
 
     Raises
     ------

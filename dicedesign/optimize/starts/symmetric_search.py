@@ -158,7 +158,7 @@ def _bowl(
     is_roof = np.arange(len(sites)) < len(roof)
     angles = np.where(is_roof, rng.uniform(140.0, 175.0), rng.uniform(25.0, 75.0))
     angles = np.radians(angles + 3.0 * rng.normal(size=len(sites)))
-    # All facets of an orbit have the same angle to the floor; facets on the axis stay.
+    # All facets of an orbit have one angle to the floor; facets on the axis stay.
     sizes = [site.size for site in sites]
     leaning = np.repeat([site.pole is None for site in sites], sizes)
     sideways = normals[leaning] - np.outer(normals[leaning] @ down, down)

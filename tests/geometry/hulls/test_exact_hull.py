@@ -99,7 +99,7 @@ def test_plates_and_needles(points: list[tuple[int, ...]], seed: int, thin: floa
 
 
 @pytest.mark.parametrize("bend", [1e-13, 1e-15, 2.0**-53])
-def test_a_bend_in_the_last_digit_is_seen(bend: float) -> None:
+def test_a_bend_in_the_last_digit_is_detected(bend: float) -> None:
     ridge = np.concatenate([CUBE, [[0.0, -1.0, 1.0], [0.0, 1.0, 1.0]]])
     ridge[:8, 2] -= np.where(ridge[:8, 2] > 0.0, bend, 0.0)
     for scale in (1.0, 1e-200, 1e200, 3.0):

@@ -110,7 +110,7 @@ def test_clusters_on_which_qhull_gives_up_are_still_hulls() -> None:
         assert len(convex_hull(points).normals) == 6
 
 
-def test_the_tolerance_tells_a_bend_from_rounding() -> None:
+def test_the_tolerance_distinguishes_a_bend_from_rounding() -> None:
     for lift, facets in ((1e-4, 9), (1e-9, 9), (1e-13, 6), (0.0, 6)):
         points = CUBE.copy()
         points[7] *= 1.0 + lift
@@ -178,7 +178,7 @@ def test_a_tolerance_out_of_range_is_refused(tolerance: Any) -> None:
 
 
 def test_slivers_have_normals() -> None:
-    """Points beside the middle of an edge by their last bit: floats see no area there."""
+    """Points that are off the middle of an edge by their last bit: the area is 0 in floats."""
     ends = np.array([[1.1, 1.3, 1.7], [0.3, -0.4, 0.9]])
     middle = ends.mean(axis=0)
     rest = np.array([[0.2, 2.0, -1.0], [3.0, -0.3, -0.5], [-1.0, 0.3, 0.0]])

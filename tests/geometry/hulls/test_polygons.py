@@ -37,7 +37,7 @@ def test_inscribed_circle_of_a_rectangle_is_in_its_middle(width):
     "polygon",
     [np.zeros((3, 2)), np.zeros((2, 2)), np.zeros((3, 3)), np.array([(0, 0), (1, 0), (np.nan, 1)])],
 )
-def test_inscribed_circle_refuses_what_is_no_polygon(polygon):
+def test_inscribed_circle_refuses_invalid_polygons(polygon):
     with pytest.raises(InputError, match=r"^polygon: expected"):
         inscribed_circle(polygon)
 

@@ -96,7 +96,7 @@ def identical(a: ConvexHull | None, b: ConvexHull | None) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
 
 
-def test_what_is_reused_is_what_would_be_built() -> None:
+def test_reused_hulls_equal_rebuilt_ones() -> None:
     rng = np.random.default_rng(0)
     tried = reused = 0
     for points in bodies():
@@ -110,7 +110,7 @@ def test_what_is_reused_is_what_would_be_built() -> None:
     assert 0.3 * tried < reused < 0.7 * tried
 
 
-def test_an_edge_that_flips_is_seen() -> None:
+def test_a_flipped_edge_is_detected() -> None:
     """The fourth point of a bipyramid's equator goes through the diagonal of its neighbors."""
     points = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
     hull = convex_hull(points)
@@ -126,7 +126,7 @@ def test_an_edge_that_flips_is_seen() -> None:
 
 @pytest.mark.parametrize("shape", [prism, bipyramid])
 def test_a_surface_that_winds_around_twice_is_no_hull(shape) -> None:
-    """Every edge of it is convex, and its middle lies below every facet."""
+    """Every edge is convex, and the middle is below every facet."""
     for sides, winding in ((5, 2), (7, 2), (7, 3), (9, 4)):
         for turn in (1, -1):
             hull = convex_hull(shape(sides, turn))
@@ -135,7 +135,7 @@ def test_a_surface_that_winds_around_twice_is_no_hull(shape) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
-def test_what_is_no_hull_is_refused(bad: float) -> None:
+def test_invalid_hulls_are_refused(bad: float) -> None:
     hull = convex_hull(CUBE)
     broken = CUBE.copy()
     broken[2, 1] = bad

@@ -49,7 +49,7 @@ def rows(triangles: np.ndarray) -> set[tuple[int, ...]]:
     return {tuple(int(corner) for corner in row) for row in turned}
 
 
-def test_of_repeated_triangles_one_is_kept_however_it_begins() -> None:
+def test_one_of_repeated_triangles_is_kept_whatever_its_first_corner() -> None:
     rng = np.random.default_rng(0)
     again = np.roll(OUTWARD[rng.integers(0, len(OUTWARD), 500)], 1, axis=1)
     mixed = rng.permutation(np.concatenate([OUTWARD, again]))
@@ -58,7 +58,7 @@ def test_of_repeated_triangles_one_is_kept_however_it_begins() -> None:
     assert rows(distinct) == rows(OUTWARD)
 
 
-def test_a_wall_with_two_sides_goes_and_a_triangle_with_more_on_one_stays() -> None:
+def test_double_walls_are_removed_and_triangles_with_more_copies_on_one_side_stay() -> None:
     wall = np.array([[0, 5, 9]])
     mixed = np.concatenate([wall, OUTWARD, wall[:, ::-1], OUTWARD[:3, ::-1], OUTWARD[:3]])
     assert rows(distinct_triangles(mixed)) == rows(OUTWARD)

@@ -25,7 +25,7 @@ def box_inertia(sides: np.ndarray) -> np.ndarray:
     return (np.diag(np.full(3, (sides**2).sum())) - np.diag(sides**2)) / 12.0
 
 
-def test_a_part_inside_takes_the_place_of_what_is_around_it() -> None:
+def test_an_inner_part_replaces_the_material_around_it() -> None:
     outer, inner = block((4, 2, 2), (0, 0, 0)), block((1, 1, 1), (1.2, 0.1, -0.3))
     body = dd.weighted_body([(outer, 1.0), (inner, 7.8)])
     assert body.mass_properties is not None
@@ -47,7 +47,7 @@ def test_a_part_inside_takes_the_place_of_what_is_around_it() -> None:
     np.testing.assert_allclose(dd.rigid_body(body, poses).inertia, known.inertia, atol=1e-13)
 
 
-def test_a_part_of_no_density_is_a_cavity_and_one_of_the_same_is_nothing() -> None:
+def test_a_part_of_zero_density_is_a_cavity_and_one_of_equal_density_has_no_effect() -> None:
     outer, inner = block((4, 2, 2), (0, 0, 0)), block((1, 1, 1), (1, 0, 0))
     hollow = dd.weighted_body([(outer, 2.0), (inner, 0.0)]).mass_properties
     even = dd.weighted_body([(outer, 2.0), (inner, 2.0)]).mass_properties
@@ -59,7 +59,7 @@ def test_a_part_of_no_density_is_a_cavity_and_one_of_the_same_is_nothing() -> No
     np.testing.assert_allclose(even.inertia, box_inertia(SIDES), atol=1e-13)
 
 
-def test_a_part_beside_is_fixed_and_belongs_to_the_hull() -> None:
+def test_an_adjacent_part_is_joined_and_extends_the_hull() -> None:
     body = dd.weighted_body([(block((2, 2, 2), (0, 0, 0)), 1), (block((2, 2, 2), (0, 0, 2)), 3)])
     assert any("not inside" in note for note in body.notes)
     poses = dd.rest_poses(body)

@@ -60,7 +60,7 @@ def repair(body: Body) -> RepairedMesh:
 
 
 def assert_near(repaired: RepairedMesh, original: Surface) -> None:
-    """The surface encloses nearly the same solid."""
+    """The surface encloses nearly the original solid."""
     assert repaired.surface.volume == pytest.approx(original.volume, rel=0.01)
     off = np.abs(repaired.surface.centroid - original.centroid).max()
     assert off < 0.3 * CELL * np.ptp(original.points)
@@ -92,7 +92,7 @@ def test_two_overlapping_balls_are_one_solid() -> None:
     assert np.abs(repaired.surface.centroid - [distance / 2.0, 0.0, 0.0]).max() < 0.005
 
 
-def test_a_surface_that_meets_itself_is_untied() -> None:
+def test_a_self_intersecting_surface_is_untangled() -> None:
     """A finger that comes out on the other side has its walls inside out there."""
     repaired = repair(join(self_intersecting_sphere()))
     inside = 4.0 / 3.0 * np.pi

@@ -123,7 +123,7 @@ def test_two_sheets_at_a_point_are_refused() -> None:
     assert_refused(body, "several at 1 points (not a manifold), the first at (2, 0, 0)")
 
 
-def test_a_surface_that_meets_itself_is_refused() -> None:
+def test_a_self_intersecting_surface_is_refused() -> None:
     surface = self_intersecting_sphere()
     assert_refused(
         make_body(surface.points, surface.triangles, name="thing"),
@@ -200,13 +200,13 @@ def test_fewer_points_than_a_tetrahedron_are_refused() -> None:
         decimate(torus(), 3)
 
 
-def test_without_the_extra_the_error_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fast_simplification", None)
     with pytest.raises(InputError, match=r"decimation: .*pip install 'dicedesign\[concave\]'"):
         decimate(torus(), 100)
 
 
-def test_what_meets_itself_in_every_reduction_is_refused() -> None:
+def test_a_surface_that_intersects_itself_in_every_reduction_is_refused() -> None:
     pytest.importorskip("fast_simplification")
     first, second = torus(), torus()
     points = np.vstack((first.points, second.points + np.array([0.3, 0.2, 0.1])))

@@ -24,7 +24,7 @@ def test_a_sphere_has_no_defect() -> None:
 
 
 def folded_sphere() -> tuple[Surface, Surface, int]:
-    """A sphere, the same with a point pulled past its neighbors in their plane, and the point."""
+    """A sphere, a copy with a point pulled past its neighbors in their plane, and the point."""
     before = ball(3)
     points = before.points.copy()
     point = int(np.argmax(points[:, 2]))
@@ -49,7 +49,7 @@ def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
     assert len(quality.intersections) > 10
     assert len(quality.places) == 1
     np.testing.assert_allclose(quality.places[0], [0, 0, -1], atol=0.1)
-    assert quality.sentences()[0].startswith("the surface meets itself: ")
+    assert quality.sentences()[0].startswith("the surface intersects itself: ")
     assert " in 1 place, near (" in quality.sentences()[0]
 
 

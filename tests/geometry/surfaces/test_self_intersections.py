@@ -32,7 +32,7 @@ def clip(polygon: list[Vector], origin: Vector, normal: Vector) -> list[Vector]:
 
 
 def common_corners(one: list[Vector], other: list[Vector]) -> list[Vector]:
-    """The corners of what two triangles have in common."""
+    """Corners of the intersection of two triangles."""
     normal = np.cross(one[1] - one[0], one[2] - one[0])
     part = clip(clip(other, one[0], normal), one[0], -normal)
     for k in range(3):
@@ -121,6 +121,6 @@ def test_folds_count_when_they_are_flat() -> None:
         assert (len(intersecting_triangles(turned, triangles)) == 1) is meets
 
 
-def test_triangles_without_area_are_left_out() -> None:
+def test_triangles_without_area_are_omitted() -> None:
     points = np.array([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0.5, -1, -1], [0.5, 1, -1], [0.5, 0, 1]])
     assert pairs_of(points, np.array([[0, 1, 2], [3, 4, 5]])) == []

@@ -155,7 +155,7 @@ def test_mixed_preferences_with_a_given_center_of_mass() -> None:
     assert value(improved, MIXED) < 0.8 * value(candidate, MIXED)
 
 
-def test_symmetry_that_ties_the_probabilities_is_kept() -> None:
+def test_symmetry_that_causes_ties_is_kept() -> None:
     """The Jacobian of the probabilities has half the rank then."""
     rng = np.random.default_rng(0)
     normals = unit_vectors(np.eye(3)[[0, 1, 2, 0]] + 0.3 * rng.normal(size=(4, 3)))
@@ -172,7 +172,7 @@ def test_symmetry_that_ties_the_probabilities_is_kept() -> None:
     assert smallest(improved) > 1.05 * smallest(run.first)
 
 
-def test_a_least_circle_is_reached_and_then_kept() -> None:
+def test_a_required_circle_is_reached_and_then_kept() -> None:
     run = facet_run(1)
     least = 1.2 * smallest(run.first)
     reached = run.improved(Preferences(), least)

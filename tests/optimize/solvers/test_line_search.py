@@ -92,7 +92,7 @@ def test_failed_trials_are_never_taken() -> None:
     assert all(x[0] <= 0.995 for x in problem.tried[:-1])
 
 
-def test_a_trial_with_more_flaws_is_not_taken() -> None:
+def test_a_trial_with_more_flaws_is_rejected() -> None:
     """The value is lower beyond 0.999, but an outcome is lost."""
 
     @dataclass

@@ -136,8 +136,8 @@ def test_expected_deviations_are_the_true_ones_on_average() -> None:
 
 
 def test_a_model_that_exaggerates_changes_is_corrected() -> None:
-    """Where the true probabilities move by a third of what the model says, two rounds tell, and the
-    dice of later ones are right."""
+    """True probabilities move by a third of the model's prediction. Two rounds reveal that, and later
+    dice are right."""
 
     class Stiff(World):
         def true_probabilities(
@@ -233,7 +233,7 @@ def test_few_throws_on_each_other_table_measure_its_bias() -> None:
 
 
 def test_a_die_that_is_right_on_more_tables_is_kept() -> None:
-    """All dice have the same error on the target table."""
+    """All dice have equal errors on the target table."""
     world = World(np.ones(11))
 
     def design(

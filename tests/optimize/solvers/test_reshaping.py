@@ -47,7 +47,7 @@ def run_to_engraving(**entries: object) -> Work:
     ],
     ids=str,
 )
-def test_the_file_has_the_probabilities(entries: dict[str, object], tmp_path: Path) -> None:
+def test_the_file_has_the_target_probabilities(entries: dict[str, object], tmp_path: Path) -> None:
     work = run_to_engraving(**entries)
     assert work.status is Status.CONVERGED, work.remarks
     path = tmp_path / "die.stl"
