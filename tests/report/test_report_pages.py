@@ -69,8 +69,8 @@ def test_a_convex_die() -> None:
         "max |p - q| is 0.1 & more",
         *(FIGURES[name].title for name in images),
         *(FIGURES[name].caption for name in images),
-        "held during the stage,",
-        "its other 0",
+        "whole program during the stage,",
+        "can rest on all 6 faces",
         "(0.000, 1.500, -2.000) mm",
         "die_plain: die_plain.stl",
         "100 % infill",
@@ -101,8 +101,10 @@ def test_a_die_that_keeps_a_shape() -> None:
     ):
         assert text in page.text
     assert "Facets" not in page.text
-    order = [FIGURES[name].title for name in names]
-    order += ["Quality of the surface", "Measures", "Notes", "Stages", "Files"]
+    rests, *shown, energy = (FIGURES[name].caption for name in names)
+    order = ["How to read the die", rests, "How to print the die", "Notes"]
+    order += ["Quality of the surface", *shown, "Files", "For researchers", energy]
+    order += ["Measures", "Stages"]
     places = [page.text.index(title) for title in order]
     assert places == sorted(places)
     assert "cut into the side that is up" not in page.text
@@ -266,8 +268,8 @@ def test_every_error_of_every_outcome_is_reported() -> None:
 def test_infill_takes_the_place_of_the_advice_to_print_solid() -> None:
     solid = page_of().text
     page = page_of(infill=INFILL)
-    assert "hold for a solid of uniform density" in solid
-    assert "hold for a solid of uniform density" not in page.text
+    assert "hold for a solid of one material" in solid
+    assert "hold for a solid of one material" not in page.text
     assert page.text.count(INFILL.advice) == 2
     assert {"11.000", "35.000"} <= set(page.cells)
     assert "15 % infill" in page.text
