@@ -1,9 +1,9 @@
 """Numerical tolerances by which the package decides about bodies, in one place.
 
 None depends on the unit of length: each says what it is relative to, or is an angle, a probability,
-a count or a limit of the number format. These alone decide what a body's rests are, whether a
-surface is valid and whether a solid can be printed. Constants of steps and stopping rules, of
-simulated contacts, of drawings and of benchmarks are where they are used.
+a count or a limit of the number format. These alone decide which facets of a body are rests,
+whether a surface is valid and whether a solid can be printed. Constants of steps and stopping
+rules, of simulated contacts, of drawings and of benchmarks are where they are used.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ COPLANAR_WIDENINGS: Final = (1.0, 10.0, 100.0, 1000.0)
 clusters of points at one spacing can leave facets that a tolerance of that size cuts apart."""
 
 COPLANAR_COARSEST: Final = 0.5
-"""Largest coplanar tolerance of a hull that is made again because its facets are as uneven as they
-bend."""
+"""Largest coplanar tolerance of a hull that is rebuilt because its facets are as uneven as the
+angles between them."""
 
 REUSE_FLATNESS: Final = 1e-14
 """A hull keeps its connectivity only if the corners of every facet are this near to its plane,
 relative to half the largest extent of the points; then any triangles that Qhull makes of it are one
-facet to COPLANAR_TOLERANCE. What is not above this counts as rounding."""
+facet to COPLANAR_TOLERANCE. Anything smaller counts as rounding."""
 
 REUSE_MARGIN: Final = 1e-7
 """A hull keeps its connectivity only if all corners of every facet's neighbors but those of the

@@ -63,7 +63,8 @@ SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
 def test_missing_public_data_is_named(
     checkout: Path, option: list[str], required: tuple[tuple[str, str], ...]
 ) -> None:
-    """Listed and counted at the end of a run, also with several processes; or a failure, if required."""
+    """Listed and counted at the end of a run, also with several processes; or a failure, if
+    required."""
     command = [sys.executable, "-m", "pytest", "-n", "1", *option]
     # The started run does not inherit options of the run that this test is part of.
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}

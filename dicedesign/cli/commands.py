@@ -180,8 +180,7 @@ class RestArguments(WithBody, WithWorkers):
         uniform)
     figure (FILE.png): draw the Morse-Smale complex
     out (TABLE): of a folder: table to write or resume, .csv or .parquet (needs the extra 'parquet')
-    jobs (J): of a folder: parallel processes (default: one per core, or per thread of the cluster,
-        whose workers must see the files)
+    jobs (J): of a folder: parallel processes (default: one per core, or per cluster thread)
 
     Example: dicedesign rest die.stl --table board-game"""
 
@@ -197,7 +196,7 @@ class RestArguments(WithBody, WithWorkers):
 class DropArguments(WithBody):
     help_text = """Follow a body from its release until it rests.
 
-    The body is let go without momentum and rolls down quasi-statically.
+    The body is released without momentum and rolls down quasi-statically.
 
     Options:
     down (x,y,z): direction in the body's frame that points down at release
@@ -226,8 +225,7 @@ class PoseArguments(WithRests, WithJson, WithWorkers):
     pose (N): the N-th most probable pose (default: 1)
     random: draw the pose by its probability, and a random angle about the vertical
     seed (S): random seed of --random (default: 0)
-    format (NAME): format of files in a folder: stl, obj, ply, off, glb, 3mf, ... (default: the
-        format of each mesh)
+    format (NAME): format of files in a folder: stl, obj, glb, ... (default: each mesh's own)
     up: vertical axis; y suits viewers of GLB files (default: z)
 
     Example: dicedesign pose bunny.obj --pose 2 --out bunny.glb"""
@@ -370,12 +368,10 @@ class ThrowArguments(WithJson, WithWorkers):
     table (NAME|FILE.json): board-game, hard-wood, carpet (no momentum), paper (as in the paper) or
         a table file (default: board-game)
     hand (NAME): throw distribution: cup, hand or tower (default: the table's own)
-    orientations (KIND): at release: uniform, or icosahedron as in the paper (default: uniform; on
-        paper icosahedron)
+    orientations (KIND): at release: uniform or icosahedron (default: uniform; icosahedron on paper)
     size (MM): diameter of the die, twice its largest radius about the center of mass (default: the
         die's own size; 25 for a mesh)
-    com (x,y,z|hull): center of mass, as for `dicedesign rest` (default: the design's own,
-        or the uniform solid)
+    com (x,y,z|hull): center of mass, as in rest (default: the design's, or the uniform solid)
     seed (S): random seed (default: 0)
     jobs (J): parallel tasks (default: one per core); does not change the results
 

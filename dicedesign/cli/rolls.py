@@ -76,8 +76,8 @@ def judge_rolls(options: RollsArguments) -> int:
 
 
 def _read_probabilities(path: Path) -> tuple[list[str], list[float], str]:
-    """Labels, probabilities and what these are: the target of a finished die, or the probabilities
-    of a mesh's rests without momentum."""
+    """Labels, probabilities and the name of these: the target of a finished die, or the
+    probabilities of a mesh's rests without momentum."""
     if not os.path.isdir(path):
         _, poses = read_poses(path)
         labels = [str(i + 1) for i in range(len(poses.probabilities))]

@@ -96,7 +96,7 @@ class FileFormat(Extension):
     carries: content of a file beside the solid, in words.
     write: returns the content of a file, deterministically.
     read: returns points (n, 3) and triangles (t, 3) of a file, in its own unit and axes, if
-        possible by other code than that which wrote it.
+        possible by code independent of the writer.
     require: raises InputError if a library is missing.
     """
 

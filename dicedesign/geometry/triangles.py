@@ -1,4 +1,4 @@
-"""Triangle surfaces: areas, neighbors, what lies inside, and volume, centroid and inertia of the
+"""Triangle surfaces: areas, neighbors, points inside, and volume, centroid and inertia of the
 uniform solid that a closed one bounds.
 
 Sums over tetrahedra are written once, for NumPy and torch (`xp`).

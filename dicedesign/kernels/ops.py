@@ -22,10 +22,10 @@ import dicedesign.tolerances as bounds
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 INTERFACE: Final = 7
-"""Counts changes of what the kernels take and return; those of another number are not used."""
+"""Version of the kernels' arguments and results; kernels of another version are not used."""
 
 UNDECIDED: Final = None
-"""What functions here return where there are no kernels, or where these leave the answer open."""
+"""Result of functions here if there are no kernels, or if these leave the answer open."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -102,7 +102,7 @@ class Energies(Protocol):
 
 
 def available() -> bool:
-    """Whether there are kernels: for messages, and for what cannot be done without them."""
+    """Whether there are kernels: for messages, and for features that require them."""
     return compiled is not None
 
 
@@ -155,9 +155,9 @@ def convex_hull(
 def hull_properties(
     vertices: Floats, facet_start: Integers, tail: Integers, twin: Integers
 ) -> dict[str, Any]:
-    """Properties of a `ConvexHull` by name, without those that need more than plain sums: the
-    normals where a facet is a sliver, the centroid of a thin body. All hulls have them from here,
-    so that equal hulls have equal ones to the last bit."""
+    """Properties of a `ConvexHull` by name, except those that need more than plain sums: the
+    normals if a facet is a sliver, the centroid of a thin body. All hulls get them here, so that
+    equal hulls have equal properties to the last bit."""
     return compiled.hull_properties(vertices, facet_start, tail, twin, *_MEASURED)
 
 

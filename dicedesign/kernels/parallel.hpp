@@ -36,7 +36,7 @@ void in_parallel(std::size_t count, std::size_t threads, const Work& work) {
         try {
             others.emplace_back(share, std::ref(errors[t]));
         } catch (const std::system_error&) {
-            break;  // no more threads to be had
+            break;  // no more threads available
         }
     }
     share(errors[0]);

@@ -1,5 +1,4 @@
-"""Stages engrave and inside: edges, labels, and what moves the center of mass, with the checked
-file."""
+"""Stages engrave and inside: edges, labels, and cavities or infill, with the checked file."""
 
 from __future__ import annotations
 

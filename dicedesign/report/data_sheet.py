@@ -165,10 +165,10 @@ def _printing(result: Result) -> Iterator[str]:
     material = (
         "one material in two colors, the inlay in the second" if is_inlaid else "one material"
     )
-    filled = "with 100 % infill" if infill is None else "as full as is said below"
+    filled = "with 100 % infill" if infill is None else "with the infill given below"
     yield (
         f"In millimeters, of {material}, {filled}. Let it cool, and remove supports without "
-        "rounding what it rests on."
+        "rounding the parts that it rests on."
     )
     if printed is not None:
         where = "" if printed.best.label is None else f" Put the face of {printed.best.label} down."

@@ -323,7 +323,7 @@ class Subject:
     make: reads or designs the body.
     make_before: makes the body's original, in its place and scale.
     make_ablations: designs the recipe's die with all terms, and without each of them.
-    down: direction that points down when the body is let go, or None to let the figure choose.
+    down: direction that points down at release, or None to let the figure choose.
 
     The makers raise InputError if the subject has no such part.
     """

@@ -145,7 +145,7 @@ def paths_figure(poses: RestPoses, downs: Floats | None = None) -> Sheet:
     downs = even_directions(PATH_STARTS) if downs is None else downs
     paths = [path_of(roll_steps(equilibria, down)) for down in downs]
     colors = 0.55 + 0.45 * rgb(BASINS)
-    note = "A path leads from where a body is let go, the dot, to its rest."
+    note = "A path leads from the release of a body, the dot, to its rest."
     return complex_figure(
         poses, lambda directions, rests: colors[rests % len(colors)], note, paths=paths
     )

@@ -49,7 +49,7 @@ EDGE: Final = 0.06
 """Thickness of the table on paper, over the radius of the die."""
 
 SLANT: Final = math.sin(math.radians(18.0))
-"""Height on paper of what is flat on the table, over its depth."""
+"""Height on paper of flat things on the table, over their depth."""
 
 
 def _level_direction(way: Floats, min_length: float) -> Floats:

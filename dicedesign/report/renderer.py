@@ -30,7 +30,7 @@ LIGHT: Final = np.array([-0.40, 0.55, 0.73])
 """Unit direction to the light: right, up, toward the camera."""
 
 AMBIENT: Final = 0.38
-"""Brightness of what faces away from the light."""
+"""Brightness of surfaces that face away from the light."""
 
 RECESS_SHADE: Final = 0.45
 """Darkening of a recess as deep as the reach of its surroundings."""

@@ -95,7 +95,7 @@ class Sheet:
     Attributes
     ----------
     width, height: size in pixels.
-    grows: whether the picture is fitted to what is drawn.
+    grows: whether the picture is fitted to its content.
     figure: the figure of matplotlib.
     pictures: pasted pictures, in the order of pasting.
     """

@@ -92,8 +92,8 @@ def views(die: FinishedDie) -> Sheet:
 
 
 def print_orientation(die: FinishedDie) -> Sheet:
-    """Die in its best print orientation, from the side and from beneath: what touches the print bed
-    is blue, and what needs supports is red."""
+    """Die in its best print orientation, from the side and from beneath: parts that touch the print
+    bed are blue, and parts that need supports are red."""
     from dicedesign.fabricate.printability import ON_BED, PrintedSolid
     from dicedesign.fabricate.printers import PRINTERS
 

@@ -104,10 +104,10 @@ class Borders:
         return sums
 
     def point_slopes(self, fluxes: Floats) -> Floats:
-        """(2 s, depth + 2, 3) derivatives of what is to the left of each branch in the points on
+        """(2 s, depth + 2, 3) derivatives of the integral left of each branch in the points on
         it, for fluxes (n, 2) over the arcs, see `DensityPrior`."""
         slopes = np.zeros((*self.lengths.shape, 3))
-        # To the right of travel what is on the left gains.
+        # Moves to the right enlarge the area on the left.
         outward = -self.arcs.pole
         for column, ends in ((0, slopes[:, :-1]), (1, slopes[:, 1:])):
             moved = np.zeros(ends.shape)

@@ -144,7 +144,7 @@ class VonMisesFisher(_AxialPrior):
             return np.zeros(drop.shape)
         whole = -math.expm1(-2.0 * k)
         rest = 2.0 - drop
-        # Near the pole the probability of the cap, near the antipode of what is outside.
+        # Near the pole the probability of the cap, near the antipode that of its complement.
         with np.errstate(over="ignore"):
             held = -np.expm1(-k * drop) / whole - drop / 2.0
             left = rest / 2.0 + np.exp(-k * drop) * np.expm1(-k * rest) / whole

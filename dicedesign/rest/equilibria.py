@@ -149,7 +149,7 @@ def _project(u: Exact, along: Exact, normal: Exact) -> Exact:
 
 @dataclass(frozen=True)
 class Equilibria:
-    """A hull with a center of mass, and what each of its elements does.
+    """A hull with a center of mass, and the classification of its elements.
 
     Half-edges run from a vertex p (tail) to a vertex q (head); r_p = x_p - c.
 

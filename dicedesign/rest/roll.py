@@ -79,7 +79,7 @@ def roll(
     Raises
     ------
     DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
-    InputError: as that, or as `roll_steps`.
+    InputError: as `dicedesign.rest_poses` or `roll_steps`.
 
     Source: algorithm 1.
     """

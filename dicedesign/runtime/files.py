@@ -88,8 +88,8 @@ def json_text(data: object) -> str:
 
 
 def plain(value: object) -> Any:
-    """Convert dataclasses, also nested ones, to plain data: a key for each field, except those that
-    are None by default and None."""
+    """Convert dataclasses, also nested ones, to plain data: a key for each field, except fields
+    that are None and have this default."""
     if is_dataclass(value) and not isinstance(value, type):
         pairs = [(field, getattr(value, field.name)) for field in fields(value)]
         return {

@@ -71,8 +71,8 @@ def ask(problem: Problem) -> RestPoses:
 
 
 def difference_from_exact(problem: Problem, poses: RestPoses) -> float:
-    """Largest difference of a probability between a body and its hull at tolerance 0, matching rests
-    by the nearest normals."""
+    """Largest difference of a probability between a body and its hull at tolerance 0, matching
+    rests by the nearest normals."""
     exact = replace(problem, center=poses.center_of_mass, coplanar_tolerance=0.0)
     assert verdict(measure(exact)) == OK
     probabilities = ask(exact)
@@ -114,7 +114,7 @@ def other_points_stand(law: Law, poses: RestPoses, changed: RestPoses) -> bool:
 
 
 def is_cramped(poses: RestPoses) -> bool:
-    """Whether the center of mass is so near the surface that the moves of a tied body are limited by
-    its depth, which rounding leaves with few digits."""
+    """Whether the center of mass is so near the surface that the moves of a tied body are limited
+    by its depth, which rounding leaves with few digits."""
     extent = float(np.ptp(poses.hull.vertices, axis=0).max())
     return float(poses.hull.heights(poses.center_of_mass).min()) < CRAMPED * extent

@@ -57,8 +57,8 @@ def elements(body: Equilibria) -> Floats:
 
 
 def lines(body: Equilibria) -> Floats:
-    """All uphill lines from saddles that divide basins. If one crosses the normal of a facet, bodies
-    released on that facet end on another rest."""
+    """All uphill lines from saddles that divide basins. If one crosses the normal of a facet,
+    bodies released on that facet end on another rest."""
     paths = separatrices(body)
     return np.concatenate([paths.crossings.ravel(), paths.branch_start])
 
@@ -82,8 +82,8 @@ def brink(
     most: float,
     decisions: Callable[[Equilibria], Floats],
 ) -> list[Floats]:
-    """Two adjacent float64 centers of mass on a line of at most a length whose decisions differ; none
-    if no decision changes."""
+    """Two adjacent float64 centers of mass on a line of at most a length whose decisions differ;
+    none if no decision changes."""
 
     def at(reach: float) -> Floats:
         return decisions(classify(hull, start + reach * direction))

@@ -237,7 +237,7 @@ _TWO_SIDED: Final = 0.9
 
 
 def close_triangles(triangles: Integers) -> tuple[Integers, tuple[str, ...]] | None:
-    """Triangles (t, 3) oriented as a closed surface, and notes on what was reversed; None if they
+    """Triangles (t, 3) oriented as a closed surface, and notes on reversed ones; None if they
     do not close."""
     if is_closed(triangles):
         return triangles, ()
@@ -383,7 +383,7 @@ def resolve_center_of_mass(
     hull_centroid: Floats,
     request: Literal["hull"] | ArrayLike | None = None,
 ) -> tuple[Floats, str, tuple[str, ...]]:
-    """Center of mass of a body, its source, and what had to be assumed.
+    """Center of mass of a body, its source, and assumptions.
 
     Parameters
     ----------
@@ -396,8 +396,8 @@ def resolve_center_of_mass(
     Returns
     -------
     (3,) the center in the unit of the points, not checked to lie inside the hull; its source
-    "uniform solid", "uniform solid hull", "given" or the source of `MassProperties`; and what was
-    assumed or re-oriented, one sentence each.
+    "uniform solid", "uniform solid hull", "given" or the source of `MassProperties`; and
+    assumptions and re-orientations, one sentence each.
 
     Raises
     ------

@@ -68,15 +68,15 @@ def mesh_of(body: Manifold) -> tuple[Floats, Integers]:
 SOURCE: Final = "densities of its parts"
 
 SHARED: Final = 1e-9
-"""Part of a solid's volume that it may share with another and still be beside it."""
+"""Share of a solid's volume that may overlap another solid that counts as disjoint."""
 
 
 def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
     """One rigid body of closed meshes with densities.
 
-    Where solids overlap, the later one is: a steel ball in a wooden box takes the wood's place, and
-    a part of density 0 is a cavity. What lies beside the others is fixed to them. The hull is that
-    of all of them.
+    Where solids overlap, the later one counts: a steel ball in a wooden box replaces the wood, and
+    a part of density 0 is a cavity. Parts outside the others are fixed to them. The hull is the
+    hull of all parts.
 
     Parameters
     ----------

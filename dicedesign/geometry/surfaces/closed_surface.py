@@ -38,7 +38,7 @@ def make_surface(body: Body) -> tuple[Surface, tuple[str, ...]]:
 
     Returns
     -------
-    The surface, and what was repaired, one sentence each, after the notes of the body.
+    The surface, and the notes of the body followed by one sentence for each repair.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def decimate(surface: Surface, points: int) -> tuple[Surface, str]:
     itself, the reduction is repeated more slowly, and then with a quarter more points each time.
 
     points: at least 4. Returns the surface, unchanged if it has no more points already, and a
-    sentence on what was done.
+    sentence on the change.
 
     Raises
     ------

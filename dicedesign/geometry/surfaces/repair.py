@@ -367,7 +367,7 @@ def _compare(solid: WoundSolid, surface: Surface, triangles: Integers, **counted
 def _sentences(numbers: Repair, surface: Surface) -> tuple[str, ...]:
     before = "" if numbers.handles_before is None else f", {numbers.handles_before} before"
     sentences = [
-        f"repaired the mesh: the surface of what its triangles enclose, on a grid of "
+        f"repaired the mesh: the surface of the solid that its triangles enclose, on a grid of "
         f"{numbers.cells} cells along the longest side, has {len(surface.points)} points and "
         f"{numbers.handles} handle{'' if numbers.handles == 1 else 's'}{before}",
         f"the repaired surface is {_percent(numbers.off_mean)} of the diagonal from the triangles "

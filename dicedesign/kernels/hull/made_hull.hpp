@@ -10,7 +10,7 @@
 
 namespace dicedesign {
 
-// A hull with what it is made of.
+// A hull with its half-edges, vertices and properties.
 struct MadeHull {
     HalfEdges edges;
     std::vector<Vec> vertices;

@@ -90,8 +90,8 @@ Measures::Measures(const Polyhedron& hull, const MeasureTolerances& tolerances) 
         size = larger(size, largest(absolute(hull.vertices[v])));
     int exponent;
     std::frexp(size, &exponent);
-    // A power of two that makes the largest coordinate one of about 1, so that products of them can
-    // be had for a body of any size.
+    // A power of two that scales the largest coordinate to about 1, so that products of coordinates
+    // do not overflow for a body of any size.
     std::vector<Vec> points(hull.vertices, hull.vertices + hull.vertex_count);
     const PowerOfTwo shrink(-exponent), grow(exponent), grow_area(2 * exponent);
     for (Vec& point : points) point = shrink(point);

@@ -1,10 +1,10 @@
 // Quickhull with exact decisions.
 //
-// A facet keeps the points above it that no other facet keeps; the farthest of them is put in, the
-// facets that it sees are taken out, and what they kept goes to the new ones around it. A point in
+// A facet keeps the points above it that no other facet keeps. The farthest of them is added, the
+// facets that it sees are removed, and their points go to the new facets around it. A point in
 // the plane of a facet does not see it: then no new triangle is degenerate, as its point does not
-// lie in the plane of the facet that was taken out beside it, and large flat facets cost no more
-// than others. A plane answers where its error bound allows and exact arithmetic elsewhere.
+// lie in the plane of the facet that was removed beside it, and large flat facets cost no more
+// than others. A plane decides if its error bound allows, else exact arithmetic.
 // Source: Barber, Dobkin and Huhdanpaa, "The Quickhull Algorithm for Convex Hulls", ACM Trans.
 // Math. Softw. 22, 1996.
 #include "hull/quickhull.hpp"
@@ -38,10 +38,10 @@ struct Facet : Triangle {
     Plane plane;
     int outside = NONE;   // first of the points that it keeps
     int farthest = NONE;  // the highest of them
-    int kept = 0;         // how many they are
+    int kept = 0;         // number of them
     double height = -std::numeric_limits<double>::infinity();
     int round = NONE;     // when a new point was last compared with it
-    bool seen = false;    // what came of that
+    bool seen = false;    // whether that point sees it
 };
 
 // An edge at which the surface that a point sees ends, and the facet behind it.

@@ -32,7 +32,7 @@ Bounded side(const Frame<Real>& frame, Index e) {
 }
 
 // The sign of a value of a half-edge, which `coarse(e)` gives in doubles and `fine(e)` in twofold
-// numbers, where doubles do not tell. A move of c by a length changes it by no more than that
+// numbers, where doubles do not decide. A move of c by a length changes it by at most this length
 // times the edge's length. Twofold values need no such move: ties are looked for in doubles.
 template <class Coarse, class Fine>
 Verdict sign(const Coarse& coarse, const Fine& fine, const Frame<double>& frame, Index e,

@@ -1,5 +1,5 @@
-// The probabilities of a thrown body from what the momentum model sees of it: the formulas of
-// dicedesign/throws/momentum/momentum_probabilities.py, with numbers of any kind.
+// The probabilities of a thrown body from its features in the momentum model: the formulas of
+// dicedesign/throws/momentum_probabilities.py, with numbers of any kind.
 #pragma once
 
 #include <algorithm>

@@ -142,8 +142,8 @@ struct OneContact {
     }
 
     // The force of a point that slides: it is on the friction cone, against the direction of what
-    // the point misses along the table. That is found by Newton's method in its angle. Returns
-    // false where it is not.
+    // the point misses along the table. Newton's method finds it in its angle. Returns false if
+    // it does not converge.
     bool slides(Vec& force) const {
         const double w = weight / (1.0 + friction * friction);
         const double lift = -weight * without.x / (1.0 + weight * response[0].x);

@@ -12,19 +12,18 @@
 
 namespace dicedesign {
 
-// The numbers that depend on others, in the order in which they were made; each with the partial
-// derivatives in those that it was made of.
+// Numbers computed from others, in order, each with its partial derivatives in its operands.
 class Tape {
 public:
     using Place = std::int32_t;
 
-    // How many gradients are swept back at once.
+    // Number of gradients propagated at once.
     static constexpr std::size_t WIDTH = 8;
 
-    // The number that is to be written down next depends on the one at a place.
+    // The next number to be written depends on the one at a place.
     void depends(Place place, double partial) { partials_.push_back({place, partial}); }
 
-    // Write a number down.
+    // Append a number.
     Place write() {
         ends_.push_back(partials_.size());
         return static_cast<Place>(ends_.size() - 1);
@@ -32,7 +31,7 @@ public:
 
     std::size_t size() const { return ends_.size(); }
 
-    // Carry gradients (size, WIDTH) in the numbers back to those that they were made of.
+    // Propagate gradients (size, WIDTH) in the numbers back to their operands.
     void sweep(std::vector<double>& gradients) const {
         for (std::size_t place = ends_.size(); place-- > 0;) {
             const double* from = gradients.data() + WIDTH * place;

@@ -98,7 +98,7 @@ double energy_height(const Landscape& land, NearTable& near, const Vec& moments,
     return motion.position.z + 0.5 * twice / how.gravity;
 }
 
-// How many steps a body may take at once whose vertices are all above the table: none of them is
+// Number of steps that a body with all vertices above the table may take at once: no vertex gets
 // below it in between. Each moves on with its speed, bent by gravity and by the turning: a spin of
 // at most w, by the energy, gives it an acceleration of at most w^2 r, and changes, by Euler's
 // equations, by at most w^2.
@@ -108,7 +108,7 @@ Index steps_of_flight(const Landscape& land, const Vec& moments, const Throw& ho
     const double fastest = twice_spin_energy(moments, motion.spin) / least;
     const double bent = how.gravity + 2.0 * fastest * reach;
     const double height = motion.position.z;
-    // A step falls further by half of what it speeds up.
+    // A step falls further by half of its gain in speed.
     const double rising = motion.velocity.z - 0.5 * how.gravity * how.step;
     // Whatever its turn is, above its reach it cannot touch.
     const double above = height - reach;

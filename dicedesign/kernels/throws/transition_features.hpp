@@ -1,6 +1,6 @@
-// Ways from rest to rest, and what the momentum model sees of them: dicedesign/throws/momentum's
-// transitions.py and the formulas of its transition_features.py, with numbers of any kind. What both
-// passes of a saddle share is found once.
+// Transitions from rest to rest, and their features in the momentum model: the formulas of
+// dicedesign/throws/transition_features.py, with numbers of any kind. Features that both passes of
+// a saddle share are computed once.
 #pragma once
 
 #include <algorithm>
@@ -239,7 +239,7 @@ struct ThrownBody {
         return hinges[static_cast<std::size_t>(pass) % hinges.size()];
     }
 
-    // Of the rest that a pass leaves, and of that which it leads to.
+    // Of the rest before a pass, and of the rest after it.
     const Side<Real>& before(Index pass) const {
         return hinge(pass).sides[static_cast<std::size_t>(pass) / hinges.size()];
     }

@@ -136,8 +136,8 @@ def test_expected_deviations_are_the_true_ones_on_average() -> None:
 
 
 def test_a_model_that_exaggerates_changes_is_corrected() -> None:
-    """True probabilities move by a third of the model's prediction. Two rounds reveal that, and later
-    dice are right."""
+    """True probabilities move by a third of the model's prediction. Two rounds reveal that, and
+    later dice are right."""
 
     class Stiff(World):
         def true_probabilities(
