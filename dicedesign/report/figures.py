@@ -109,9 +109,9 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die at rest after each outcome",
             "The die at rest after each outcome",
-            "Above, the die on a table, with the outcome and its probability. Below, its underside, "
-            "seen when the die is tipped backward. The colored places touch the table: facets of "
-            "its convex hull, in the color of their outcome.",
+            "Above, the die on a table, with the outcome and its probability. Below, its "
+            "underside, seen when the die is tipped backward. The colored places touch the table: "
+            "facets of its convex hull, in the color of their outcome.",
             part="reading",
         ),
         _figure(

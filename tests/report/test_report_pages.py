@@ -132,7 +132,7 @@ def test_a_die_to_be_thrown() -> None:
         "a perfect die would show 0.0011",
         "off by 0.0023 to 0.0077",
         "60 throws did not come to rest",
-        "40 came to rest on a facet without a label",
+        "40 came to rest on a face without a label",
         "let it fall from about 10 cm above the table, with a little push and spin",
     ):
         assert text in page.text
