@@ -298,9 +298,10 @@ def print_tolerances(
     else:
         answer = (
             f"If your printer places each {what} within about {allowed:.2g} mm, {ROLLS:,} rolls "
-            f"rarely reveal an error. Yours: {spread.errors.dimensional_mm:.2g} mm is assumed. "
-            f"Both are standard deviations. A chi-square test at {level} rejects {noticed} of "
-            f"prints that are off by the first, and {level} of perfect dice."
+            f"rarely reveal an error. Yours is assumed to place it within "
+            f"{spread.errors.dimensional_mm:.2g} mm; both are standard deviations. A chi-square "
+            f"test at {level} rejects {noticed} of prints that are off by {allowed:.2g} mm, and "
+            f"{level} of perfect dice."
         )
     return PrintTolerances(
         answer=answer,
