@@ -1,4 +1,4 @@
-"""error against run time, by this model and others
+"""error against run time, for this model and others
 
 Ask several methods for the resting probabilities of bodies, and compare them with the 60-digit
 oracle: this model in double precision and with its coordinates rounded to single, many directions

@@ -1,4 +1,4 @@
-"""concave dice of many models: how many are as wanted, time, displacement
+"""concave dice of many models: success rate, time and displacement
 
 Make each model into a die for each target, with the options of a recipe that gives none, and
 measure what the STL file of the die holds. As wanted is one with probabilities and probabilities

@@ -1,4 +1,4 @@
-"""methods of design over seeds: error and energy against run time, the paper's ablation
+"""design methods over seeds: error and energy against run time, and the paper's ablation
 
 Design recipes by every method, step rule and preconditioner there is, from the same starts with
 the same seeds, without preferences. Of recipes of the paper's method also: dice over seeds from 0

@@ -1,4 +1,4 @@
-"""the exact method on random targets, beside the paper's, and recipes as they are
+"""the exact method on random targets, compared with the paper's, and on recipes
 
 Design dice for random targets of 4 to 12 outcomes, the smallest at least 0.01, by the exact method
 from searched shapes, without preferences, and by the paper's without a finish from as many evenly

@@ -1,4 +1,4 @@
-"""geometric probabilities of many shapes against simulated throws, as in the paper's figure 10
+"""geometric probabilities of many shapes and simulated throws, as in the paper's figure 10
 
 Cut boxes, spheres and models into pieces by planes and Voronoi cells, throw each piece onto two
 tables, without momentum (carpet) and as in a board game, in the package's own simulator and in

@@ -1,4 +1,4 @@
-"""dice with labels and edges, before and after their shapes were moved, and as they are printed
+"""dice with labels and edges, before and after correction, and printing errors
 
 Finish the dice of recipes in several ways: labels cut in or raised, edges rounded or chamfered,
 balanced by shape, by a hidden ball or by filled labels. Each row has the largest |p - q| of the

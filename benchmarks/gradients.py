@@ -1,4 +1,4 @@
-"""derivatives of probabilities against 60-digit differences
+"""derivatives of probabilities, compared with 60-digit differences
 
 Compare derivatives of probabilities with differences of a 60-digit model: on random hulls of
 triangles, on bodies with facets of many sides and their half-spaces, on bodies with paths that

@@ -1,4 +1,4 @@
-"""time of a query and of a gradient, as multiples of a convex hull's
+"""time of a query and of a gradient, as multiples of the time of a convex hull
 
 Measure how long a query and the gradient of a design's energy take, as multiples of
 scipy.spatial.ConvexHull on the same points, in processor time of one thread; what a trial step of a

@@ -1,4 +1,4 @@
-"""stiff and extreme bodies against exact answers
+"""stiff and extreme bodies, compared with exact answers
 
 Ask for the rests of stiff and extreme bodies, and make stiff designs, each in a watched process;
 compare with 60-digit arithmetic, closed forms and symmetries. Of several orientations the worst

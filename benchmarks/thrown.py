@@ -1,4 +1,4 @@
-"""dice for a table, the momentum model and the simulators, all against simulated throws
+"""dice for a table, the momentum model and the simulators, compared with simulated throws
 
 Three parts, or one by --part. `dice`: design the die of each recipe twice, for probabilities
 without momentum and by the recipe's own method, for throws with refinement; throw both, as they are

@@ -434,7 +434,7 @@ class TableArguments(WithJson, WithWorkers):
         rolls`; may be repeated
     dice (NAME,...): fit to these dice of the file (default: all)
     check (NAME,...): predict these dice of the file without fitting to them
-    die (FOLDER): predict this die, and how much more throws of it would improve the fit
+    die (FOLDER): predict throws of this die, and their total variation from its target
     evaluations (N): parameter sets to simulate (default: 256)
     drops (N): drops per die and parameter set (default: 2000); the test takes a twelfth of all
     seed (S): random seed (default: 0)
