@@ -388,7 +388,7 @@ def test_the_command_prints_probabilities_and_displacement(
     assert re.findall(r"[0-9.]+(?= degrees)", lines[11]) == ["90", "45"]
     search.change = lambda points: points * [1.0, 1.1, 1.25]
     assert main(["run", str(recipe_path), "--out", out]) == 1
-    assert "(off_target: " in capsys.readouterr().out
+    assert "\noff_target: " in capsys.readouterr().out
     search.leads_nowhere = True
     assert main(["run", str(recipe_path), "--out", out]) == 1
     assert "(unchanged: " in capsys.readouterr().out

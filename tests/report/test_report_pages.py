@@ -232,7 +232,7 @@ def test_dice_of_no_surface_have_none() -> None:
 ERRORS = {"dimensional_mm": 0.07, "shrinkage": 0.002, "density_gradient": 0.01, "bubble_mm3": 1.0}
 
 TOLERANCES = PrintTolerances(
-    answer="Printed to within ±0.12 mm <so>, 1,000 rolls show nothing.",
+    answer="Within about 0.12 mm <so>, 1,000 rolls rarely reveal an error.",
     rolls=1000,
     allowed_mm=0.12,
     noticed=0.0789,
