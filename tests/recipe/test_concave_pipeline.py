@@ -391,7 +391,7 @@ def test_the_command_prints_probabilities_and_displacement(
     assert "\noff_target: " in capsys.readouterr().out
     search.leads_nowhere = True
     assert main(["run", str(recipe_path), "--out", out]) == 1
-    assert "(unchanged: " in capsys.readouterr().out
+    assert "\nunchanged: " in capsys.readouterr().out
     search.leads_nowhere, search.change = False, lambda points: points
     for option in ("apart_deg=91", "margin_deg=46"):
         assert (
