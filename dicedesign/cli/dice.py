@@ -151,7 +151,7 @@ def _apply_options(recipe: Recipe, options: WithResults) -> Recipe:
 
 
 def _print_result(result: Result) -> None:
-    """Print the verdict, a table of target and probabilities, and the files.
+    """Print the verdict, a table of target and probabilities in each file, and the files.
 
     For a thrown die the table also has the probabilities by model and by throws, for a concave die
     a row for all rests without an outcome.
@@ -159,8 +159,11 @@ def _print_result(result: Result) -> None:
     print(f"{result.name}: {result.message}")
     probabilities: dict[str, Sequence[float]] = {
         "target": result.target,
-        "achieved": result.probabilities,
+        "die_plain.stl": result.probabilities,
     }
+    engraved = result.engraved
+    if engraved is not None and engraved.probabilities is not None:
+        probabilities["die.stl"] = engraved.probabilities
     if result.thrown is not None:
         probabilities = {
             "target": result.target,
@@ -172,10 +175,10 @@ def _print_result(result: Result) -> None:
     labels = list(result.labels)
     if result.concave is not None:
         labels.append("other")
-        probabilities = {
-            "target": (*result.target, 0.0),
-            "achieved": (*result.probabilities, result.elsewhere),
-        }
+        elsewhere = {"target": 0.0, "die_plain.stl": result.elsewhere}
+        if engraved is not None and engraved.elsewhere is not None:
+            elsewhere["die.stl"] = engraved.elsewhere
+        probabilities = {name: (*probabilities[name], other) for name, other in elsewhere.items()}
     print(
         text_table(
             ("label", ">", labels), *((name, "#.5g", p) for name, p in probabilities.items())
@@ -189,12 +192,14 @@ def _print_result(result: Result) -> None:
             f"least angle between outcomes: {result.least_angle_deg:.3g} degrees; least tilt that "
             f"leaves an outcome: {result.least_margin_deg:.3g} degrees"
         )
-    engraved = result.engraved
-    if engraved is not None and engraved.max_abs_error is not None and result.thrown is None:
-        line = f"as printed: max |p - q| {engraved.max_abs_error:.2e}"
-        if engraved.balance is not None and len(engraved.balance.errors) > 1:
-            line += f", {engraved.balance.errors[0]:.2e} before the shape was adjusted"
-        print(line)
+    balance = None if engraved is None or result.thrown is not None else engraved.balance
+    if balance is not None and len(balance.errors) > 1:
+        print(
+            f"Labels and edges alone would have changed a probability by "
+            f"{100.0 * balance.errors[0]:.2g} %. The "
+            f"{'faces were moved' if balance.stretch is None else 'die was stretched'} to correct "
+            "this."
+        )
     if result.tolerances is not None:
         print(result.tolerances.answer)
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")

@@ -32,13 +32,14 @@ from dicedesign.cli.options import (
 )
 from dicedesign.errors import MOST_SEED, InputError, check_whole, printable
 from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.files import (
     atomic_write,
     json_text,
     make_writable_folder,
     open_output_folder,
 )
-from dicedesign.tolerances import SMALLEST_EXTENT
+from dicedesign.tolerances import SAME_REST_ANGLE, SMALLEST_EXTENT
 
 if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
@@ -287,7 +288,7 @@ def balance(options: BalanceArguments) -> int:
     with open_output_folder(file.parent):
         _refuse_overwriting(options.mesh, file, "another file than the mesh")
         body = read_body(options.mesh)
-        result = balance_body(body, goal, settings, on_way=lambda way: print_notes(f"by {way} ..."))
+        result = balance_body(body, goal, settings, on_way=_note_way)
         contents = {
             file.with_name(file.stem + end) if end else file: data
             for end, data in result.made.files.items()
@@ -303,6 +304,11 @@ def balance(options: BalanceArguments) -> int:
         _print_balance(options.mesh, result)
         print_files(contents)
     return 0 if result.reached else 1
+
+
+def _note_way(way: str) -> None:
+    what = {"cavity": "a cavity", "infill": "two infills"}[way]
+    print_notes(f"trying {what}; this may take a minute")
 
 
 def _make_goal(options: BalanceArguments) -> Goal:
@@ -346,11 +352,22 @@ def _parse_numbers(option: str, text: str) -> tuple[float, ...]:
 
 
 def _print_balance(mesh: Path, result: Balanced) -> None:
-    """Print the goal beside the centers of mass and the probabilities of the files."""
+    """Print the outcome, the centers of mass, and the probabilities of the files beside the
+    goal."""
+    goal = "goal reached" if result.reached else "goal not reached"
     print(
-        f"{printable(mesh)}: {'reached' if result.reached else 'not reached'}, by {result.by}; "
-        f"{result.rests_before} resting poses before, {result.rests} now"
+        f"{printable(mesh)}: {goal} by {result.by}; {result.rests_before} resting poses before, "
+        f"{result.rests} now"
     )
+    if result.wanted is None and len(result.directions) == 1:
+        others = angle_between(result.poses.normals, result.directions[0]) > SAME_REST_ANGLE
+        ((now, before),) = zip(result.probabilities, result.before, strict=True)
+        following = result.poses.probabilities[others].max(initial=0.0)
+        pose = result.numbers[0]
+        print(
+            f"{'the pose' if pose is None else f'pose {pose}'} now comes up {100.0 * now:.1f} % of "
+            f"the time (before: {100.0 * before:.1f} %), the next pose {100.0 * following:.1f} %"
+        )
     for name, place in (
         ("before", result.center_before),
         ("wanted", result.center_wanted),

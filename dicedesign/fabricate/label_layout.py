@@ -76,9 +76,9 @@ class Reading:
 
 
 SENTENCES: Final = {
-    "down": "Lift the die and read the label on the facet that was on the table.",
+    "down": "Lift the die and read the label on the face that was on the table.",
     "up": "Read the label on top.",
-    "both": "Read the label on top; the facet on the table has this label too.",
+    "both": "Read the label on top; the face on the table has this label too.",
     "corner": "Read the label that stands upright around the top corner.",
     "marks": "Read the label on the side that is up.",
 }

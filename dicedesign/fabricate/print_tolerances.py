@@ -278,23 +278,25 @@ def print_tolerances(
         # A die at the verge of tipping gets the smallest one.
         allowed = least or most
     deviations = np.sqrt(np.diag(spread.covariance))
-    what = "facet's place" if spread.has_planes else "corner's place, in every direction"
+    what = "face" if spread.has_planes else "corner"
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         answer = (
-            f"{ROLLS:,} rolls reveal no print error, however far each {what} is off: nearly all "
-            "shapes of this die have its probabilities."
+            f"{ROLLS:,} rolls rarely reveal how far each {what} is off: nearly all shapes of this "
+            "die have its probabilities."
         )
     elif allowed == 0.0:
         answer = (
-            f"This die is not exact, however well it is printed: after {ROLLS:,} rolls a "
+            f"{ROLLS:,} rolls reveal that this die is not exact, however well it is printed: a "
             f"chi-square test at {level} rejects more than {noticed} of perfect prints."
         )
     else:
         answer = (
-            f"Print errors of ±{allowed:.2g} mm (standard deviation of each {what}): after "
-            f"{ROLLS:,} rolls a chi-square test at {level} rejects {noticed} of such prints "
-            f"({level} of perfect dice)."
+            f"If your printer places each {what} within about {allowed:.2g} mm, {ROLLS:,} rolls "
+            f"rarely reveal an error. Yours is assumed to place it within "
+            f"{spread.errors.dimensional_mm:.2g} mm; both are standard deviations. A chi-square "
+            f"test at {level} rejects {noticed} of prints that are off by {allowed:.2g} mm, and "
+            f"{level} of perfect dice."
         )
     return PrintTolerances(
         answer=answer,

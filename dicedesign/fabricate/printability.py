@@ -435,8 +435,14 @@ def _warnings(
     stroke, ridge = printer.groove_mm, printer.ridge_mm
     if engraving is not None and engraving.style == "raised":
         stroke, ridge = printer.raised_mm, printer.groove_mm
-    larger = "raise size_mm or engrave.min_height_mm, or shorten the label"
-    deeper = "reduce engrave.depth_mm or raise size_mm"
+    larger = (
+        "shorten the label, make the die larger (size_mm, or --size-mm of design), or raise "
+        "engrave.min_height_mm in a recipe"
+    )
+    deeper = (
+        "make the die larger (size_mm, or --size-mm of design), or reduce engrave.depth_mm in a "
+        "recipe"
+    )
     for what, name, least, remedy in (
         ("the strokes", "stroke_mm", stroke, larger),
         ("the ridges between the strokes", "ridge_mm", ridge, larger),

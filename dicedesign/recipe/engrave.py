@@ -214,11 +214,8 @@ def _describe(work: Work, verdict: Assessment) -> None:
             f"{work.target.labels[most]} by {changes[most]:.0%}; take a smaller depth_mm or a "
             "larger size_mm"
         )
-    with_what = "its edges rounded"
-    if recipe.engrave:
-        with_what = "labels and edges" if recipe.edges else "the labels cut in"
     if not is_thrown:
-        work.remarks.append(f"{verdict.max_abs_error:.3g} with {with_what}")
+        work.remarks.append(f"{verdict.max_abs_error:.3g} in die.stl")
     if balance is None or balance.by == "none" or work.status is not Status.CONVERGED:
         return
     is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_PROBABILITIES)
@@ -226,8 +223,8 @@ def _describe(work: Work, verdict: Assessment) -> None:
         work.fail(Status.UNBALANCED)
     elif recipe.symmetry is not None and balance.moved_mm > MIN_RELATIVE_MOVE * recipe.size_mm:
         work.notes.append(
-            f"with {with_what} the die has no symmetry {recipe.symmetry}, as its facets were moved "
-            f"by up to {balance.moved_mm:.2g} mm to keep the probabilities"
+            f"die.stl has no symmetry {recipe.symmetry}, as its facets were moved by up to "
+            f"{balance.moved_mm:.2g} mm to keep the probabilities"
         )
 
 

@@ -170,9 +170,11 @@ class Work:
 
     @property
     def message(self) -> str:
-        """Verdict in one sentence, followed by status and remarks."""
+        """Verdict in one sentence, and a second line with status and remarks."""
         thrown = self.recipe.method.is_thrown
-        subject = "By the momentum model the die" if thrown else "The file"
+        subject = "die.stl" if self.engraved and self.engraved.assessment else "The die"
+        if thrown:
+            subject = "By the momentum model the die"
         error = self.design_error if thrown else self.final.max_abs_error
         # Rounded up to two digits, without an exponent.
         rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(100.0 * error)
@@ -185,7 +187,7 @@ class Work:
             verdict = f"{subject} {has} your probabilities, but {flaw}."
         else:
             verdict = f"{subject} does not have your probabilities: off by up to {off}."
-        return f"{verdict} ({self.status.name.lower()}: {'; '.join(self.remarks)})"
+        return f"{verdict}\n{self.status.name.lower()}: {'; '.join(self.remarks)}"
 
     def fail(self, status: Status) -> None:
         """Replace the status of a converged die."""

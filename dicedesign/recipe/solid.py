@@ -228,7 +228,8 @@ def _remarks(work: Work, flaws: list[Status]) -> Iterator[str]:
         )
     else:
         yield summary
-        yield f"max |p - q| is {verdict.max_abs_error:.3g} in the file, {designed} as designed"
+        error = f"{verdict.max_abs_error:.3g}"
+        yield f"max |p - q| is {error} in die_plain.stl, {designed} before rounding"
     elsewhere = verdict.outcomes.elsewhere
     if elsewhere > recipe.method.tolerance or work.die.reshaped is not None:
         yield f"{elsewhere:.3g} of the probability is on rests without an outcome"

@@ -34,7 +34,10 @@ def _parse_label(value: object) -> object:
     is_number = isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
     text = str(value) if is_number else value
     if isinstance(text, str) and not 1 <= len(text) <= MAX_LABEL:
-        raise ValueError(f"expected 1 to {MAX_LABEL} characters, got {text!r}; rewrite it")
+        raise ValueError(
+            f"expected 1 to {MAX_LABEL} characters, as no face can be blank, got {text!r}; "
+            "rewrite it"
+        )
     if isinstance(text, str) and "\n" in text:
         raise ValueError(
             "expected a label in one line, which is broken at spaces if needed, got "

@@ -48,6 +48,7 @@ class Figure(Extension):
     draw: makes the content of the file.
     suffix: ending of the file, ".png" or ".gif".
     instead_of: name of a figure that this one replaces on the page, or empty.
+    part: part of the page: "reading", "research", or empty for the figures of the die.
     """
 
     title: str
@@ -56,6 +57,7 @@ class Figure(Extension):
     draw: Callable[[FinishedDie], bytes]
     suffix: str = ".png"
     instead_of: str = ""
+    part: str = ""
 
 
 def _figure(
@@ -104,9 +106,10 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die at rest after each outcome",
             "The die at rest after each outcome",
-            "Above, the die on a table, with the outcome and its probability; below, its "
-            "underside, as seen when the die is tipped backward. The facets of its convex hull "
-            "on which it rests have the color of their outcome.",
+            "Above, the die on a table, with the outcome and its probability. Below, its "
+            "underside, seen when the die is tipped backward. The colored places touch the table: "
+            "facets of its convex hull, in the color of their outcome.",
+            part="reading",
         ),
         _figure(
             "table",
@@ -114,9 +117,9 @@ FIGURES: Final = Registry(
             lambda die: die.result.thrown is not None,
             "probabilities on the table by each model beside the target",
             "Probabilities on the table",
-            "The wide bar behind each outcome is its target. In front of it are the probability "
-            "without momentum, the prediction of the momentum model for the die and for its "
-            "prints, and, if throws were simulated, the frequency with its confidence interval.",
+            "The wide bar behind each outcome is its target. The narrow bars show how often the "
+            "outcome comes up: without momentum, by the momentum model (with the range for 95 of "
+            "100 prints), and in simulated throws, if any, with a 95 % interval.",
             instead_of="bars",
         ),
         _figure(
@@ -125,8 +128,8 @@ FIGURES: Final = Registry(
             lambda die: die.repaired is not None,
             "a mesh before and after it was repaired",
             "Repair",
-            "Above, the original mesh, red at edges that do not belong to exactly two triangles; "
-            "below, the repaired surface. All views have one scale.",
+            "Above, the original mesh; edges that do not join two triangles are red. Below, the "
+            "repaired surface. All views have the same scale.",
         ),
         _figure(
             "rounds",
@@ -139,6 +142,7 @@ FIGURES: Final = Registry(
             "line is what a perfect die would show. The expected deviation of a die uses the "
             "throws of all rounds, and the die with the least is kept. Triangles, if any, are "
             "expected deviations on nine in ten of the posterior tables.",
+            part="research",
         ),
         _figure(
             "throw",
@@ -163,8 +167,8 @@ FIGURES: Final = Registry(
             _is_convex,
             "target probabilities beside the achieved ones",
             "Target and achieved probabilities",
-            "Probability that the die comes to rest on the facet with each label; lines show the "
-            "range of 95 % of its prints.",
+            "The probability of each label: your target, and the die as designed (achieved, "
+            "die_plain.stl). The thin lines show the range for 95 of 100 prints.",
         ),
         _figure(
             "probabilities",
@@ -182,8 +186,8 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "the die within its convex hull",
             "The die within its convex hull",
-            "A body rolls like its convex hull, which touches the table. The facets on which "
-            "the die rests are colored by outcome; those on the far side are paler.",
+            "A body rolls like its convex hull. The die rests on the colored facets, one color for "
+            "each outcome; those on the far side are paler.",
         ),
         _figure(
             "trade_off",
@@ -196,6 +200,7 @@ FIGURES: Final = Registry(
             "Best die of each attempt, by number: how far the surface was moved, and how far its "
             "probabilities are from the target, all other rests included. The mark shows its worst "
             "flaw.",
+            part="research",
         ),
         _figure(
             "convergence",
@@ -204,6 +209,7 @@ FIGURES: Final = Registry(
             "error and energy of the design against run time, or steps",
             "Course of the design",
             "Largest difference of a probability from its target, and the energy, after each step.",
+            part="research",
         ),
         _figure(
             "displacement",
@@ -211,8 +217,8 @@ FIGURES: Final = Registry(
             _is_reshaped,
             "how far each part of the surface was moved",
             "How far the surface was moved",
-            "Distance of each point of the surface from where it was before, relative to the "
-            "diagonal of the box that held the surface.",
+            "Distance of each point from its place on the original surface, relative to the "
+            "diagonal of that surface's bounding box.",
         ),
         _figure(
             "crossings",
@@ -230,6 +236,7 @@ FIGURES: Final = Registry(
             "Energy of each stage",
             "Each stage lowers an energy of its own. The error, the largest difference of a "
             "probability from its target, is drawn where it was computed.",
+            part="research",
         ),
         _figure(
             "gauss_map",
@@ -237,8 +244,10 @@ FIGURES: Final = Registry(
             _is_convex,
             "directions of the die by the facet that it comes to rest on",
             "Where the die ends up",
-            "Every point is a direction of the die that points down at release. Its color is that "
-            "of the facet on which the die comes to rest, rolling without momentum.",
+            "Each colored area belongs to one face. A larger area means a more likely face. Each "
+            "point is a direction of the die that points down when it is let go without momentum. "
+            "The thick lines (separatrices) divide the areas. At a saddle the die can fall to "
+            "either side of an edge; at a maximum it balances on a corner.",
         ),
         _figure(
             "views",
@@ -254,7 +263,8 @@ FIGURES: Final = Registry(
             lambda die: die.engraved is not None and die.reading is not None,
             "the die at rest, and the label to read",
             "How to read the die",
-            "The die at rest after one of its outcomes, and the label to read.",
+            "The die at rest after one outcome, and the label to read.",
+            part="reading",
         ),
         _figure(
             "faces",
@@ -262,9 +272,9 @@ FIGURES: Final = Registry(
             lambda die: die.engraved is not None and len(die.engraved.placements) > 0,
             "every face flat and true to scale, with its label as it is cut",
             "Every face",
-            "Each face seen straight from outside, all on one scale, with its label as cut. Above "
-            "it are the outcome and its probability; a face read around a top corner has several "
-            "outcomes. Rounded edges are omitted.",
+            "The line above each face gives its label and how often that comes up. On a die that "
+            "is read around its top corner each face has several labels. All faces have one scale; "
+            "rounded edges are left out.",
         ),
         _figure(
             "print_orientation",

@@ -239,7 +239,7 @@ class Result:
     ----------
     name: name of the recipe.
     status: name of a `Status` in small letters; only "converged" means success.
-    message: verdict in one sentence, followed by status and remarks.
+    message: verdict in one sentence, and a second line with status and remarks.
     labels: labels of the k outcomes; target: (k,) target probabilities.
     probabilities: (k,) probabilities of the outcomes without momentum, of die_plain.stl.
     elsewhere: total probability of all rests without an outcome.

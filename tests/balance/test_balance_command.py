@@ -29,7 +29,7 @@ def test_a_goal_that_is_reached(
     command = ["balance", str(leaning), "--stand-down", "24,0,-7", "--drain-mm", "3"]
     assert main([*command, "--by", "cavity", "--out", str(out)]) == 0
     said = capsys.readouterr()
-    assert "by cavity" in said.out
+    assert "goal reached by cavity" in said.out
     assert "drains it" in said.err
     summary = json.loads((out / "balanced_balance.json").read_text())
     mesh = trimesh.load(out / "balanced.stl")

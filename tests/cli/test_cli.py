@@ -100,7 +100,7 @@ def test_run_from_a_shell(tmp_path: Path) -> None:
     done = run(["run", "d4.yaml"], tmp_path)
     assert done.returncode == 0
     assert all(line.startswith("note: ") for line in done.stderr.splitlines())
-    assert done.stdout.startswith("d4: The file has your probabilities: off by at most 0.0")
+    assert done.stdout.startswith("d4: die.stl has your probabilities: off by at most 0.0")
     assert (tmp_path / "outputs" / "d4" / "die.stl").stat().st_size > 0
     short_run = [
         "run",
@@ -125,10 +125,10 @@ def test_tiny_probabilities_are_printed_with_all_their_digits(
     monkeypatch.setattr("dicedesign.recipe.pipeline.run", lambda *a, **k: result)
     assert main(["run", str(recipe)]) == 0
     assert capsys.readouterr().out.splitlines()[1:5] == [
-        "label      target    achieved",
-        "    1  1.0000e-06  0.00038471",
-        "   22    0.083000      1.0000",
-        "    3     0.91700      0.0000",
+        "label      target  die_plain.stl",
+        "    1  1.0000e-06     0.00038471",
+        "   22    0.083000         1.0000",
+        "    3     0.91700         0.0000",
     ]
 
 

@@ -26,15 +26,15 @@ def test_fractions_and_labels_become_a_die_with_these_probabilities(
     monkeypatch.chdir(tmp_path)
     assert main(["design", "--target", "1/5, 1/4,1/4, 3/10", "--labels", "-1,yes, no,2.5"]) == 0
     captured = capsys.readouterr()
-    assert captured.out.startswith("die: The file has your probabilities: off by at most 0.0")
+    assert captured.out.startswith("die: die.stl has your probabilities: off by at most 0.0")
     # All other notes are limits of an ordinary printer.
     output = captured.err.removeprefix(usual_notes()).splitlines()
     assert all(line.startswith("note: the ") and "nozzle" in line for line in output)
-    assert [line.split() for line in captured.out.splitlines()[2:6]] == [
-        ["-1", "0.20000", "0.20000"],
-        ["yes", "0.25000", "0.25000"],
-        ["no", "0.25000", "0.25000"],
-        ["2.5", "0.30000", "0.30000"],
+    assert [line.split() for line in captured.out.splitlines()[3:7]] == [
+        ["-1", "0.20000", "0.20000", "0.20000"],
+        ["yes", "0.25000", "0.25000", "0.25000"],
+        ["no", "0.25000", "0.25000", "0.25000"],
+        ["2.5", "0.30000", "0.30000", "0.30000"],
     ]
     folder = tmp_path / "outputs" / "die"
     check(folder)
@@ -48,7 +48,7 @@ def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[
     options = ["--name", "loaded", "--seed", "3", "--size-mm", "64", "--out", str(folder)]
     assert main(["design", "--target", ".1,0.2,3e-1,2/5", *options]) == 0
     captured = capsys.readouterr()
-    assert captured.out.startswith("loaded: The file has your probabilities: ")
+    assert captured.out.startswith("loaded: die.stl has your probabilities: ")
     assert captured.err == usual_notes()
     check(folder)
     poses = rest_poses(read_body(folder / "die_plain.stl"))
@@ -122,7 +122,7 @@ def test_a_target_out_of_reach_is_reported(
     target = ["design", "--target", "0.999998,1e-6,1e-6", "--out", str(folder)]
     assert main(target) == 1
     printed = capsys.readouterr().out
-    assert " (no_start: none of the starting shapes led there; try another" in printed
+    assert "\nno_start: no starting shape led to the target; try another" in printed
     assert "allow more with method.exact.starts; max |p - q| is " in printed
     assert "; this is the best of 3 starting shapes; an outcome with probability 1e-06 " in printed
     summary = check(folder)
@@ -141,7 +141,7 @@ def test_the_time_limit_is_reported_with_its_option(
     code = main(target)
     printed, errors = capsys.readouterr()
     assert code == 1 or (code == 2 and not (tmp_path / "out").exists())
-    assert code == 2 or " (time_limit: ran out of time; max |p - q| is " in printed
+    assert code == 2 or "\ntime_limit: ran out of time; max |p - q| is " in printed
     assert "; allow more with method.exact.seconds" in (printed if code == 1 else errors)
 
 
@@ -151,7 +151,7 @@ def test_a_large_die_and_an_effect_of_labels_are_noted(
     # Its rare outcomes are also too near to each other.
     assert main(["design", "--target", "0.96,.01,.01,.01,.01", "--out", str(tmp_path)]) == 1
     output, note_lines = capsys.readouterr()
-    assert output.startswith("die: The file does not have your probabilities: ")
+    assert output.startswith("die: die.stl does not have your probabilities: ")
     notes = note_lines.splitlines()
     size = yaml.safe_load((tmp_path / "recipe.yaml").read_text())["size_mm"]
     assert size > 100

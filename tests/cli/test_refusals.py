@@ -196,7 +196,7 @@ COMMANDS = {
     "design --target 'fair: [7'": "--target: expected YAML, but",
     "design --target 1/2,1/2 --labels a": "--labels: expected 2, one for each outcome, got 1",
     "design --target 1/2,1/2 --labels a,a": "--labels: expected distinct labels, got 'a'",
-    "design --target 1/2,1/2 --labels a,": "--labels: expected 1 to 24 characters, got ''",
+    "design --target 1/2,1/2 --labels a,": "--labels: expected 1 to 24 characters, as no face can",
     "design --target 1/2,1/2 --labels a,日": "label '日': expected characters of the font DejaVu",
     "design --target 1/2,1/2 --seed -1": "--seed: input should be greater than or equal to 0",
     "design --target 1/2,1/2 --size-mm 0": "--size-mm: input should be greater than or equal to",

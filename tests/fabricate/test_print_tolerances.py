@@ -177,7 +177,7 @@ def test_the_allowed_offset_is_noticed_in_a_tenth_of_prints(
     covariance = result.allowed_mm**2 * prints.by_unit_offset
     assert chance_noticed(target, ROLLS, covariance, still) == pytest.approx(NOTICED, abs=1e-4)
     assert result.noticed == chance_noticed(target, ROLLS, prints.covariance, still)
-    assert f"±{result.allowed_mm:.2g} mm" in result.answer
+    assert f"within about {result.allowed_mm:.2g} mm" in result.answer
     np.testing.assert_allclose(result.deviations, np.sqrt(np.diag(prints.covariance)))
     drawn = np.random.default_rng(5).multivariate_normal(still, prints.covariance, size=100_000)
     expected = np.abs(drawn).sum(axis=1).mean() / 2.0

@@ -43,7 +43,7 @@ def test_the_error_is_named() -> None:
     assert work.status is Status.OFF_TARGET
     off = np.abs(work.plain.outcomes.probabilities - 1.0 / 6.0).max()
     assert off > 0.05
-    numbers = re.findall(r"[0-9.]+(?= in the file| as designed)", message(work))
+    numbers = re.findall(r"[0-9.]+(?= in die_plain| before rounding)", message(work))
     assert list(map(float, numbers)) == pytest.approx([off, off], rel=5e-3)
     assert work.design_error == pytest.approx(off, rel=1e-6)
     assert "3 starting shapes" in message(work)

@@ -23,7 +23,7 @@ def coin() -> Die:
 def test_a_die_of_probabilities(coin: Die) -> None:
     """Judged by the forward model on its vertices."""
     assert (coin.status, coin.converged, coin.is_engraved) == ("converged", True, False)
-    assert coin.message.startswith("The file has your probabilities: off by at most 0.0")
+    assert coin.message.startswith("The die has your probabilities: off by at most 0.0")
     assert coin.labels == ("heads", "tails", "edge")
     np.testing.assert_allclose(coin.target, [1 / 2, 1 / 3, 1 / 6], rtol=1e-15)
     assert coin.max_abs_error < 1e-7
@@ -90,7 +90,7 @@ def test_a_second_engraving_replaces_the_first() -> None:
     first = die.engrave(depth_mm=0.4).message
     assert first.count("reached the tolerance") == plain.count("reached the tolerance") == 1
     assert die.engrave(depth_mm=0.6).message != first
-    assert die.message.count("with the labels cut in") == 1
+    assert die.message.count(" in die.stl") == 1
     assert die.engrave(depth_mm=0.4).message == first
 
 

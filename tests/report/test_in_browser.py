@@ -59,7 +59,8 @@ class Opened:
 
 @pytest.fixture
 def opened(browser: Any, fair_d3: Path) -> Iterator[Opened]:
-    size = {"width": 1100, "height": 1500}
+    # The map is far below the view.
+    size = {"width": 1100, "height": 6000}
     page = browser.new_page(viewport=size, reduced_motion="reduce")
     view = Opened(page, fair_d3 / "report.html")
     page.wait_for_selector("#view:not([hidden])")
