@@ -15,15 +15,9 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.gradient.body_function import uncompiled
 from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.kernels import ops as kernels
+from dicedesign.optimize.clusters import ClusteredRests, Clusters
 from dicedesign.optimize.coordinates import Coordinates, Shape, ShapeEvaluator
-from dicedesign.optimize.terms import (
-    LARGEST_SQUARED_DISTANCE,
-    SMALLEST_MEAN,
-    ClusteredRests,
-    Clusters,
-    EnergyWeights,
-    Term,
-)
+from dicedesign.optimize.terms import LARGEST_SQUARED_DISTANCE, SMALLEST_MEAN, EnergyWeights, Term
 from dicedesign.runtime.arrays import Floats
 
 

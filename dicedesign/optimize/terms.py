@@ -1,9 +1,8 @@
 """Terms of the energy that a descent minimizes, and their weights: the terms of the paper, terms
 that keep facets stable or unstable by a margin, and one that keeps outcomes apart.
 
-Rests are clustered to outcomes by direction (section 3.2). An outcome without a rest, or without a
-facet, always has a cost: the dice energy misses its whole target, and the barycenter, neighbor and
-stability terms are at least what one facet can cost.
+An outcome without a rest, or without a facet, always has a cost: the dice energy misses its whole
+target, and the barycenter, neighbor and stability terms are at least what one facet can cost.
 """
 
 from __future__ import annotations
@@ -21,92 +20,8 @@ from dicedesign.tolerances import SAME_REST_ANGLE
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.gradient.rest_probabilities import RestEvaluation
+    from dicedesign.optimize.clusters import ClusteredRests
     from dicedesign.runtime.arrays import Floats, Integers
-
-
-@dataclass(frozen=True)
-class Clusters:
-    """Outcome for which each rest counts.
-
-    Attributes
-    ----------
-    of_rest: (r,) outcome of each rest.
-    directions: (k, 3) the unit directions u_i of the outcomes.
-    """
-
-    of_rest: Integers
-    directions: Floats
-
-    def sums(self, probabilities: Tensor) -> Tensor:
-        """(k,) summed probabilities (r,) of each cluster."""
-        import torch
-
-        zeros = torch.zeros(len(self.directions), dtype=torch.float64)
-        return zeros.index_add(0, torch.as_tensor(self.of_rest), probabilities)
-
-    @property
-    def empty(self) -> int:
-        """Number of outcomes without a rest."""
-        return len(self.directions) - len(np.unique(self.of_rest))
-
-    def means(self, rest_normals: Floats) -> tuple[Floats, Floats]:
-        """Normalized mean normals (k, 3) of the clusters, from normals of all rests (r, 3), and the
-        lengths (k, 1) of their sums. An empty cluster keeps its direction (section 3.2)."""
-        sums = np.zeros_like(self.directions)
-        np.add.at(sums, self.of_rest, rest_normals)
-        length = np.sqrt((sums * sums).sum(-1))[:, None]
-        means = np.where(length > 0.0, sums / np.where(length > 0.0, length, 1.0), self.directions)
-        return means, length
-
-
-def cluster(rest_normals: Floats, directions: Floats) -> Clusters:
-    """Assign each rest (r, 3) to the nearest direction (k, 3) (section 3.2)."""
-    return Clusters(np.argmax(rest_normals @ directions.T, axis=1), directions)
-
-
-@dataclass(frozen=True)
-class ClusteredRests:
-    """The current shape of a descent, as energy terms see it.
-
-    Attributes
-    ----------
-    rests: hull and rests; tensors are functions of its `vertices` (n, 3), such as
-        `rests.center` (3,), `rests.probabilities` (r,), `rests.rest_normals` (r, 3),
-        `rests.facet_depths` (m,), `rests.facet_areas` (m,) and `rests.facet_normals(facets)`.
-    clusters: which outcome each rest counts for, and the outcomes' directions.
-    target: (k,) target probabilities of the outcomes.
-    """
-
-    rests: RestEvaluation
-    clusters: Clusters
-    target: Floats
-
-    @classmethod
-    def of(cls, rests: RestEvaluation, directions: Floats, target: Floats) -> ClusteredRests:
-        """Rests clustered by the nearest directions (k, 3), with target probabilities (k,)."""
-        return cls(rests, cluster(rests.hull.normals[rests.facets], directions), target)
-
-    @property
-    def hull(self) -> ConvexHull:
-        """The hull, as numbers."""
-        return self.rests.hull
-
-    @property
-    def outcome_probabilities(self) -> Tensor:
-        """(k,) of the outcomes."""
-        return self.clusters.sums(self.rests.probabilities)
-
-    @property
-    def saddles(self) -> Tensor:
-        """(s, 3) saddles of the rests."""
-        return self.rests.saddles
-
-    @property
-    def maxima(self) -> Tensor:
-        """(2 s, 3) maxima of the rests."""
-        return self.rests.maxima
 
 
 ValueAndSlopes: TypeAlias = "Callable[[ClusteredRests, EnergyWeights], tuple[float, Floats]]"
@@ -321,7 +236,8 @@ def bearing_facets(state: ClusteredRests) -> Integers:
     normals, directions, depths = state.hull.normals, state.clusters.directions, state.rests.depths
     rests, of_rest = state.rests.facets, state.clusters.of_rest
     bearing = np.full(len(directions), -1)
-    deepest_last = np.argsort(depths[rests])
+    # Rests that are equally deep but for rounding are taken in order.
+    deepest_last = np.argsort(depths[rests].round(9), kind="stable")
     bearing[of_rest[deepest_last]] = rests[deepest_last]
     for outcome in np.flatnonzero(bearing < 0):
         cosines = normals @ directions.T

@@ -12,6 +12,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.fabricate.die import Design
+from dicedesign.optimize.clusters import cluster
 from dicedesign.optimize.coordinates import SymmetricCoordinates, orbits_of_directions
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
@@ -19,7 +20,6 @@ from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.orbit_layouts import fitting_groups
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.terms import cluster
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.solid import check_orbits

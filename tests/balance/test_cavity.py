@@ -82,5 +82,5 @@ def test_two_cavities_in_a_cube() -> None:
 
 def test_a_body_without_any() -> None:
     cube = dented_cube(0.0)
-    with pytest.raises(InputError, match="expected one surface with cavities inside, got 1 orient"):
+    with pytest.raises(InputError, match="expected one surface with others inside, got 1 orient"):
         measure_cavities(cube)

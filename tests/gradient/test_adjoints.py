@@ -21,10 +21,11 @@ from dicedesign.gradient.rest_probabilities import (
     evaluate_rests,
     hull_centroid,
 )
+from dicedesign.optimize.clusters import ClusteredRests, Clusters, cluster
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.energy import Energy, energy_terms
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
-from dicedesign.optimize.terms import ClusteredRests, Clusters, EnergyWeights, cluster
+from dicedesign.optimize.terms import EnergyWeights
 from dicedesign.rest.equilibria import classify
 from tests.reference import solids
 from tests.reference.extremes import large

@@ -13,7 +13,7 @@ from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.differentiable_rest import differentiable_rest
 from dicedesign.gradient.rest_probabilities import evaluate_rests
-from dicedesign.optimize.terms import ClusteredRests
+from dicedesign.optimize.clusters import ClusteredRests
 from dicedesign.throws.momentum_probabilities import throw_probabilities
 
 SIZES = [4, 5, 6, 8, 10, 12, 16, 20]

@@ -17,9 +17,10 @@ from torch.func import grad, hessian, jacfwd, jacrev, jvp, vmap
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest, differentiable_rest_batch
 from dicedesign.gradient.rest_probabilities import evaluate_rests
+from dicedesign.optimize.clusters import ClusteredRests
 from dicedesign.optimize.coordinates import FacetCoordinates, SymmetricCoordinates
 from dicedesign.optimize.energy import energy_terms
-from dicedesign.optimize.terms import ClusteredRests, EnergyWeights
+from dicedesign.optimize.terms import EnergyWeights
 from tests.reference import solids
 
 # Torch itself warns where it is first asked for tangents.

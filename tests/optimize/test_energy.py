@@ -10,18 +10,10 @@ from scipy.spatial import ConvexHull as QhullHull
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
+from dicedesign.optimize.clusters import ClusteredRests, Clusters, cluster
 from dicedesign.optimize.energy import Energy, energy_terms
 from dicedesign.optimize.starts.shapes import repulsion
-from dicedesign.optimize.terms import (
-    TERMS,
-    ClusteredRests,
-    Clusters,
-    EnergyWeights,
-    Term,
-    TermOption,
-    cluster,
-    outcome_facets,
-)
+from dicedesign.optimize.terms import TERMS, EnergyWeights, Term, TermOption, outcome_facets
 
 REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart", "hold", "clear")
 ROUND = (1.0, 0.9, 1.15)
@@ -195,6 +187,8 @@ def test_outcomes_in_one_place_have_a_finite_cost() -> None:
     assert np.isfinite(Energy(state, weights).gradient).all()
 
 
+# Torch itself warns when it is first asked for tangents.
+@pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")
 @pytest.mark.parametrize("name", ["dice", *REGULARIZERS])
 @pytest.mark.parametrize("seed", [1])
 def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:

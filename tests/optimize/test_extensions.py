@@ -18,6 +18,7 @@ from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.kernels import ops as kernels
+from dicedesign.optimize.clusters import ClusteredRests, cluster
 from dicedesign.optimize.energy import Energy
 from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.preferences import PREFERENCES, Preferences
@@ -26,7 +27,7 @@ from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.shapes import repulsion
 from dicedesign.optimize.starts.start import STARTS, Task, build_start
-from dicedesign.optimize.terms import TERMS, ClusteredRests, EnergyWeights, cluster
+from dicedesign.optimize.terms import TERMS, EnergyWeights
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status

@@ -90,9 +90,9 @@ def test_a_die_off_target_on_the_table(
     again.write_text(RECIPE.replace("within: 0.1", "within: 1e-9") + "engrave: false\n")
     assert main(["run", str(again), "--out", str(tmp_path / "out")]) == 1
     out = capsys.readouterr().out
-    assert "(off_table: simulated throws are off by more than the tolerance" in out
+    assert "off_table: simulated throws are off by more than the tolerance" in out
     assert "thrown 1000 times, its total variation from the target is" in out
-    assert out.splitlines()[1].split() == ["label", "target", "set", "down", "model", "thrown"]
+    assert out.splitlines()[2].split() == ["label", "target", "set", "down", "model", "thrown"]
 
 
 def test_a_design_by_the_model_alone_has_no_simulation(

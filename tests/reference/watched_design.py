@@ -12,12 +12,12 @@ import numpy as np
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_probabilities import RestEvaluation
+from dicedesign.optimize.clusters import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.solvers.candidate import DesignResult, DesignStep
 from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.solvers.paper import solve_paper
 from dicedesign.optimize.starts.search import shapes_like
-from dicedesign.optimize.terms import cluster
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats

@@ -64,7 +64,7 @@ def test_a_figure_from_outside_is_drawn_and_shown(toy: Figure) -> None:
     files = figure_files(die)
     assert files["toy"] == b"GIF89aa < box"
     page = parse_page(page_text(die, files))
-    places = [page.text.index(FIGURES[name].title) for name in ("bars", "convergence", "toy")]
+    places = [page.text.index(FIGURES[name].title) for name in ("bars", "toy", "convergence")]
     assert places == sorted(places)
     assert "What it shows." in page.text
     assert any(source.startswith("data:image/gif;") for source in page.sources)

@@ -16,6 +16,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.geometry.sphere import angle_between
+from dicedesign.optimize.clusters import cluster
 from dicedesign.optimize.coordinates import FacetCoordinates, ShapeEvaluator, VertexCoordinates
 from dicedesign.optimize.energy import Evaluation, Objective
 from dicedesign.optimize.options import ExactOptions, PaperOptions
@@ -29,7 +30,7 @@ from dicedesign.optimize.solvers.candidate import (
 from dicedesign.optimize.solvers.descent import LineSearch, Momentum, SobolevGradient, has_slope
 from dicedesign.optimize.solvers.exact import ExactSearch
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.terms import EnergyWeights, cluster
+from dicedesign.optimize.terms import EnergyWeights
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.parts import Status

@@ -198,7 +198,7 @@ def test_momentum_never_empties_an_outcome() -> None:
     solve_paper(
         start,
         target,
-        PaperOptions(weights=PaperWeights(apart=0.0), steps=150, finish="none"),
+        PaperOptions(weights=PaperWeights(apart=0.0), steps=150, hops=0, finish="none"),
         on_evaluation=evaluations.append,
     )
     assert [evaluation.clusters.empty for evaluation in evaluations] == [0] * len(evaluations)
