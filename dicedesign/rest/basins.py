@@ -189,6 +189,9 @@ the plane of an edge or a symmetry."""
 MOST_FLAGS: Final = 64
 """Most equivalent flags of which all are used; of more, only the first."""
 
+NEAREST: Final = 100
+"""Number of corners nearest to the center of mass whose flags are compared first."""
+
 SAME: Final = 9
 """Decimal digits to which the lengths that distinguish flags are compared."""
 
@@ -209,21 +212,22 @@ def aside_directions(hull: ConvexHull, center: Floats) -> Floats:
     other = np.concatenate([hull.head, hull.tail])
     facet = np.tile(hull.facet, 2)
     beyond = np.tile(hull.facet[hull.twin], 2)
-    distance, heights = norms(radii) / scale, hull.heights(center) / scale
-    middle = (radii[corner] + radii[other]) / (2.0 * scale)
-    keys = np.column_stack(
-        [
-            distance[corner],
-            distance[other],
-            norms(middle),
-            heights[facet],
-            heights[beyond],
-            hull.areas[facet] / scale**2,
-            hull.areas[beyond] / scale**2,
-        ]
-    )
-    _, member, count = np.unique(keys.round(SAME), axis=0, return_inverse=True, return_counts=True)
-    flags = np.flatnonzero(member == np.argmin(count))
+    distance, heights = (norms(radii) / scale).round(SAME), hull.heights(center) / scale
+    areas = hull.areas / scale**2
+    # No set of numbers is rarer than one that comes once, and the first of these is wanted: mostly
+    # it is at the nearest corners.
+    nearest = np.partition(distance, NEAREST)[NEAREST] if len(distance) > NEAREST else np.inf
+    for limit in (nearest, np.inf):
+        flags = np.flatnonzero(distance[corner] <= limit)
+        p, q, f, g = (part[flags] for part in (corner, other, facet, beyond))
+        middle = norms((radii[p] + radii[q]) / (2.0 * scale))
+        keys = (distance[p], distance[q], middle, heights[f], heights[g], areas[f], areas[g])
+        _, member, count = np.unique(
+            np.column_stack(keys).round(SAME), axis=0, return_inverse=True, return_counts=True
+        )
+        if count.min() == 1:
+            break
+    flags = flags[member == np.argmin(count)]
     flags = flags[:1] if len(flags) > MOST_FLAGS else flags
     along_edge = unit_vectors(hull.vertices[other[flags]] - hull.vertices[corner[flags]])
     normal = hull.normals[facet[flags]]
