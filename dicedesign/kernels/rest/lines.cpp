@@ -144,8 +144,9 @@ template <class Follow>
 Verdict follow_surely(const Frame<double>& frame, const Follow& follow) {
     if (follow(frame)) return Verdict::certain;
     if (frame.tolerances.tie_distance > 0.0) return Verdict::tied;
-    const bool sure = follow(frame.with<Twofold>()) || follow(frame.with<Wide<12>>()) ||
-                      follow(frame.with<Wide<40>>()) || follow(frame.with<Wide<120>>());
+    const bool sure = follow(frame.with<Twofold>()) || follow(frame.with<Wide<8>>()) ||
+                      follow(frame.with<Wide<16>>()) || follow(frame.with<Wide<32>>()) ||
+                      follow(frame.with<Wide<128>>());
     return sure ? Verdict::certain : Verdict::uncertain;
 }
 
