@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from pydantic import ValidationError
 
 from dicedesign.concave.shapes import SHAPES
 from dicedesign.errors import RecipeError
@@ -326,12 +325,6 @@ def test_limits_are_valid(entries: dict[str, Any]) -> None:
 def test_values_beyond_the_limits_are_refused(entries: dict[str, Any], key: str) -> None:
     with pytest.raises(RecipeError, match=key):
         parse_recipe({**PLAIN, **entries})
-
-
-def test_a_recipe_is_immutable() -> None:
-    recipe = parse_recipe(PLAIN)
-    with pytest.raises(ValidationError, match="frozen"):
-        recipe.seed = 3
 
 
 @pytest.mark.parametrize("method", ["", "method: exact\n"])

@@ -75,18 +75,6 @@ def test_bars_are_side_by_side_in_front_of_the_target() -> None:
     assert set(expected) <= set(sheet.texts)
 
 
-@pytest.mark.parametrize(("count", "values"), [(16, 16), (60, 0)])
-def test_values_are_written_for_few_outcomes(count: int, values: int) -> None:
-    probabilities = np.full(count, 1.0 / count)
-    labels = [f"no. {k}" for k in range(count)]
-    others = [Bars(f"kind number {k}", PALE, probabilities, values=()) for k in "abcd"]
-    kinds = [Bars("p", PALE, probabilities), *others]
-    sheet = outcome_chart(labels, kinds, title="TITLE", x_label="")
-    assert sheet.texts.count(f"{100.0 / count:.2f}") == values
-    # However long the labels are, and however many rows the legend has.
-    assert is_whole(sheet)
-
-
 @pytest.mark.parametrize("labels", [[], ["a", "b"]])
 def test_one_rest_for_each_outcome(labels: list[str]) -> None:
     kinds = [Bars("p", PALE, PROBABILITIES)]
@@ -209,16 +197,6 @@ def test_error_and_energy_over_time(count: int) -> None:
     clockless = course_of([replace(step, seconds=None) for step in steps], 1e-3)
     np.testing.assert_allclose(course(clockless, 0)[0][:, 0], range(count))
     assert not any("time" in text for text in clockless.texts)
-
-
-@pytest.mark.parametrize("start", [0.1, 0.0])
-def test_errors_of_zero_are_drawn_on_the_border(start: float) -> None:
-    steps = [Step(0, 0.0, 1.0, start), Step(1, 0.5, 0.0, 0.0)]
-    sheet = course_of(steps, 1e-4)
-    left = sheet.figure.axes[0]
-    assert course(sheet, 0)[0][-1, 1] == left.get_ylim()[0]
-    assert left.get_yticklabels()[0].get_text() == "0"
-    assert is_whole(sheet)
 
 
 def test_the_energy_of_preferences_is_drawn_from_their_first_step() -> None:
