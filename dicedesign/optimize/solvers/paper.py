@@ -139,6 +139,13 @@ def fade_weights(weights: EnergyWeights, part: float) -> EnergyWeights:
     return weights.replace(**faded)
 
 
+def _rank(evaluation: Evaluation) -> tuple[int, float]:
+    """Number of outcomes without a rest, and the sum of the terms that do not fade: the lower, the
+    better the shape."""
+    terms = evaluation.energy.terms.items()
+    return evaluation.clusters.empty, sum(value for name, value in terms if name not in FADES)
+
+
 def assign_facets(evaluation: Evaluation) -> Evaluation:
     """Give the outcomes distinct facets, whose normals become their directions: those with the
     largest sum of cosines and depths, where rests have an advantage."""
@@ -217,7 +224,7 @@ class _Descent:
 
     def _go_with_momentum(self, steps: int) -> None:
         rule, number = Momentum(steps), 0
-        while number < steps and not self._is_good:
+        while number < steps:
             if number % FADE_STEPS == 0:
                 if self.current.clusters.empty > 0:
                     assigned = assign_facets(self.current)
@@ -266,7 +273,7 @@ class _Descent:
     def _record(self, current: Evaluation) -> None:
         """Continue from an evaluation, which is a step."""
         self.current = current
-        if (current.clusters.empty, current.error) < (self.best.clusters.empty, self.best.error):
+        if _rank(current) < _rank(self.best):
             self.best = current
         self.log.record(current.energy.terms, current.error, current)
 
