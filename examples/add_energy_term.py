@@ -1,7 +1,7 @@
 """Add an energy term to the paper's method: it draws all corners to one distance.
 
-A term is a function of the current shape and of all weights. It returns a scalar tensor that
-autograd differentiates in `state.rests.vertices`. Terms should not depend on the size of the
+A term is a function of the current shape and of all weights. It returns its
+value without the weight, as a scalar tensor that autograd differentiates in `state.rests.vertices`. Terms should not depend on the size of the
 shape: divide lengths by their mean, as here. Where the term is undefined, return a positive
 constant. With zero, the descent could lower the energy by losing an outcome.
 

@@ -1,9 +1,10 @@
 """Add a starting shape: two pyramids, base to base.
 
 `options` is a dataclass with the keys that a recipe may give. `check` refuses impossible options
-while the recipe is read. `make` returns a `dd.starts.Start`, which `normalize_start` makes of
-points (n, 3) in any unit and of the outward unit normals (k, 3) of the facets with outcomes, in the
-order of a recipe's `assignment`. The shape must rest on these facets and on no other. `search`
+while the recipe is read. `make` returns a `dd.starts.Start`: call `normalize_start` with points
+(n, 3) in any unit and the outward unit normals (k, 3) of the facets with outcomes, in the order of
+the target, unless the recipe's `assignment` reorders them. The exact method needs rests on these
+facets and on no other. `search`
 instead of `make` yields one shape after another; `surface` returns the closed surface of a concave
 die.
 """

@@ -234,7 +234,7 @@ class PaperOptions:
     Attributes
     ----------
     weights: weights of the terms beside the dice energy, in the paper's unit (`PaperWeights`).
-        They are fixed with a line search; with momentum, the terms beside the dice energy fade.
+        With momentum, "barycenter", "neighbor", "hold" and "clear" fade; all others are fixed.
     sobolev: preconditioning of the gradient, or None.
     step: "momentum", with steps of decreasing length that cross jumps of the energy, a line search
         from the best of them, and new tries from there; or "line_search", the paper's, which stops
