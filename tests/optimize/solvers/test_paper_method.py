@@ -67,6 +67,7 @@ def test_probabilities_are_near_and_outcomes_stay_apart(name: str, seed: int) ->
     assert result.error == pytest.approx(np.abs(probabilities_of(result) - target).max(), abs=1e-12)
 
 
+@compiled_only
 @pytest.mark.parametrize("noise", [0.1, 0.2])
 @pytest.mark.parametrize("name", ["2d6", "binomial3", "binomial4"])
 def test_a_start_with_much_noise_leads_to_a_die(name: str, noise: float) -> None:
