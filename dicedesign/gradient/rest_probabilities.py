@@ -18,7 +18,7 @@ from torch import Tensor
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, HullMaker, convex_hull
-from dicedesign.geometry.sphere import foot_on_line
+from dicedesign.geometry.sphere import foot_on_line, norms
 from dicedesign.geometry.triangles import second_moments, stretch_matrix, volume_and_centroid
 from dicedesign.gradient.body_function import (
     adjoint_function,
@@ -256,7 +256,11 @@ class RestEvaluation:
         depths = kernels.facet_depths(hull, center)
         if depths is not kernels.UNDECIDED:
             return depths
-        return facet_depths(hull, *map(torch.from_numpy, (hull.vertices, center))).numpy()
+        # In NumPy, as transforms of `torch.func` hide the numbers of tensors.
+        edges, radii = hull.vertices[hull.head] - hull.vertices[hull.tail], hull.vertices - center
+        across = np.linalg.cross(edges, hull.normals[hull.facet])
+        distances = (radii[hull.tail] * across).sum(-1) / norms(edges)
+        return np.minimum.reduceat(distances, hull.facet_start[:-1]) / norms(radii).max()
 
     @property
     def facets(self) -> Integers:
