@@ -1,4 +1,4 @@
-// Vectors of three numbers of any kind: double, or the pairs of doubles of `twofold.hpp`.
+// Vectors of three numbers of any kind: double, or numbers of more digits.
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,5 @@
-"""The paper's method: it minimizes the energy over vertices, with fixed weights, a new hull after
-every step, and Sobolev-preconditioned gradients (section 3.3).
+"""The paper's method: it minimizes the energy over vertices, with a new hull after every step and
+Sobolev-preconditioned gradients (section 3.3).
 
 The die then has probabilities near the target. An exact finish replaces the rests of each outcome
 by one half-space and continues with the exact method.
