@@ -18,7 +18,6 @@ from scipy.optimize import linprog
 from scipy.sparse import eye_array, kron, vstack
 from scipy.special import betaincinv, betaln, ndtri, xlog1py, xlogy
 
-from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import TRANSPORT_TOLERANCE
 
@@ -230,6 +229,9 @@ def wasserstein_distance(
 
     Source: section 4.1.
     """
+    # Imported late: a test of throws needs no geometry.
+    from dicedesign.geometry.sphere import angle_between, unit_vectors
+
     first, second = (
         np.asarray(weights, dtype=np.float64) / np.sum(weights)
         for weights in (first_weights, second_weights)
