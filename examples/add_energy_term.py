@@ -1,9 +1,9 @@
 """Add an energy term to the paper's method: it draws all corners to one distance.
 
-A term is a function of the current shape and of all weights. It returns its
-value without the weight, as a scalar tensor that autograd differentiates in `state.rests.vertices`. Terms should not depend on the size of the
-shape: divide lengths by their mean, as here. Where the term is undefined, return a positive
-constant. With zero, the descent could lower the energy by losing an outcome.
+A term is a function of the current shape and of all weights. It returns its value without the
+weight, as a scalar tensor that autograd differentiates in `state.rests.vertices`. Terms should not
+depend on the size of the shape: divide lengths by their mean, as here. Where the term is undefined,
+return a positive constant. With zero, the descent could lower the energy by losing an outcome.
 
 The weight is the recipe key `method.paper.weights.evenness`. `options=` of `Term` declares further
 numbers, which `evaluate` reads from `weights`. Only the descent has energy terms. With
@@ -20,7 +20,7 @@ from dicedesign.extensions import TERMS, Term
 def evenness(state, weights):
     import torch
 
-    lengths = torch.linalg.vector_norm(state.rests.vertices - state.rests.center, dim=1)
+    lengths = torch.linalg.vector_norm(state.rests.vertices - state.rests.center_of_mass, dim=1)
     return ((lengths / lengths.mean() - 1.0) ** 2).mean()
 
 

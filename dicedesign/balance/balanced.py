@@ -84,7 +84,7 @@ PARTS: Final = (1.0, 0.85, 0.7)
 
 
 def balance_body(
-    body: Body,
+    mesh: Body | Surface,
     goal: Goal,
     options: BalanceOptions | None = None,
     *,
@@ -95,7 +95,8 @@ def balance_body(
 
     Parameters
     ----------
-    body: closed mesh of one solid, in mm unless a size is given; originally of uniform density.
+    mesh: closed one of one solid, in mm unless a size is given; originally of uniform density. Any
+        mesh that `dicedesign.rest_poses` takes.
     goal: wanted probabilities.
     options: way to move the center of mass, and material.
     on_way: called with the name of each way before it is tried.
@@ -105,7 +106,7 @@ def balance_body(
     InputError: the mesh does not bound one solid, the body has no such pose, or walls are too thick
         for the body.
     """
-    options = options or BalanceOptions()
+    body, options = body_of(mesh), options or BalanceOptions()
     surface, notes = size_surface(body, options.size_mm)
     poses = rest_poses(body_of(surface, body.name))
     if not isinstance(goal, FewestRests):

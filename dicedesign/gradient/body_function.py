@@ -70,7 +70,8 @@ class BodyFunction:
 
     def __call__(self, which: Tensor, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Outputs (*l, ...) of bodies with numbers `which` (*l) and inputs (*l, ...)."""
-        outputs: tuple[Tensor, ...] = _Applied.apply(self, which, *inputs)
+        applied = _Transformed if torch._C._are_functorch_transforms_active() else _Applied
+        outputs: tuple[Tensor, ...] = applied.apply(self, which, *inputs)
         return outputs
 
     @property
@@ -151,7 +152,7 @@ def take_constant(action: Callable[..., Integers], *inputs: Tensor) -> Tensor:
     """
     numbers = _numbers(inputs)
     integers: Tensor = (
-        _Constant.apply(action, *inputs) if numbers is None else torch.as_tensor(action(*numbers))
+        _Constant.apply(action, *inputs) if numbers is None else torch.from_numpy(action(*numbers))
     )
     return integers
 
@@ -184,16 +185,11 @@ def _with_signature(forward: Callable[..., Any]) -> Callable[..., Any]:
 
 class _Applied(torch.autograd.Function):
     @staticmethod
-    @_with_signature
-    def forward(*given: Any) -> tuple[Tensor, ...]:
-        function, which, *inputs = given
-        return _evaluate(function, *(tensor.detach().numpy() for tensor in (which, *inputs)))
-
-    @staticmethod
-    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, ...]) -> None:
-        ctx.function, *tensors = inputs
+    def forward(ctx: Any, function: BodyFunction, *tensors: Tensor) -> tuple[Tensor, ...]:
+        ctx.function = function
         ctx.save_for_backward(*tensors)
         ctx.save_for_forward(*tensors)
+        return _evaluate(function, *(tensor.detach().numpy() for tensor in tensors))
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
@@ -213,6 +209,22 @@ class _Applied(torch.autograd.Function):
         ]
         pushed: tuple[Tensor, ...] = ctx.function.pushforward(which, *inputs, *along)
         return pushed
+
+
+class _Transformed(_Applied):
+    """The same for transforms of `torch.func`, which take longer."""
+
+    @staticmethod
+    @_with_signature
+    def forward(*given: Any) -> tuple[Tensor, ...]:
+        function, *tensors = given
+        return _evaluate(function, *(tensor.detach().numpy() for tensor in tensors))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, ...]) -> None:
+        ctx.function, *tensors = inputs
+        ctx.save_for_backward(*tensors)
+        ctx.save_for_forward(*tensors)
 
     @staticmethod
     def vmap(

@@ -84,8 +84,10 @@ class _RestedBodies:
         bodies = math.prod(lead)
         self._points = np.ascontiguousarray(points).reshape(bodies, size, 3)
         self._centers = np.ascontiguousarray(centers[0]).reshape(bodies, 3) if centers else None
-        counts = size if self._given_counts is None else self._given_counts
-        self._counts: Integers = np.broadcast_to(counts, lead).ravel().astype(np.int64)
+        if self._given_counts is None:
+            self._counts: Integers = np.full(bodies, size)
+        else:
+            self._counts = np.broadcast_to(self._given_counts, lead).ravel().astype(np.int64)
         self._handle = None
         if self._model == RESTING:
             self._handle = kernels.bodies(

@@ -91,7 +91,7 @@ def _of_tensors(points: Any, directions: Any, center_of_mass: Any) -> tuple[Tens
     before = [f"d{place}" for place in range(getattr(directions, "ndim", 1) - 1)]
     down = double_tensor(directions, "directions", *before, 3)
     if center_of_mass is None:
-        center = evaluate_rests(points).center
+        center = evaluate_rests(points).center_of_mass
     else:
         center = double_tensor(center_of_mass, "center of mass", 3)
     units = down / torch.linalg.vector_norm(down, dim=-1, keepdim=True)

@@ -104,7 +104,7 @@ class RestEvaluation:
     offset: Floats | None = None
 
     @cached_property
-    def center(self) -> Tensor:
+    def center_of_mass(self) -> Tensor:
         """(3,) the center of mass."""
         return self.center_of(self.vertices)
 
@@ -284,11 +284,13 @@ class RestEvaluation:
         """(s, 3) directions, not normalized, from the center of mass to the saddles of `paths`
         (eq. 7, 8)."""
         tail, head = (self.vertices[ends] for ends in self.paths.saddle_ends.T)
-        return foot_on_line(tail - self.center, head - self.center, head - tail, torch)
+        return foot_on_line(
+            tail - self.center_of_mass, head - self.center_of_mass, head - tail, torch
+        )
 
     def vertex_directions(self, vertices: Integers) -> Tensor:
         """(len(vertices), 3) unit directions from the center of mass to vertices (eq. 6)."""
-        radii = self.vertices[vertices] - self.center
+        radii = self.vertices[vertices] - self.center_of_mass
         return radii / torch.linalg.vector_norm(radii, dim=1, keepdim=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,7 +63,7 @@ class ClusteredRests:
     Attributes
     ----------
     rests: hull and rests; tensors are functions of its `vertices` (n, 3), such as
-        `rests.center` (3,), `rests.probabilities` (r,), `rests.rest_normals` (r, 3),
+        `rests.center_of_mass` (3,), `rests.probabilities` (r,), `rests.rest_normals` (r, 3),
         `rests.facet_depths` (m,), `rests.facet_areas` (m,) and `rests.facet_normals(facets)`.
     clusters: which outcome each rest counts for, and the outcomes' directions.
     target: (k,) target probabilities of the outcomes.
@@ -81,6 +82,30 @@ class ClusteredRests:
     def hull(self) -> ConvexHull:
         """The hull, as numbers."""
         return self.rests.hull
+
+    @cached_property
+    def bearing(self) -> Integers:
+        """(b,) facets that bear the outcomes, at most one for each: the deepest rest of its
+        cluster.
+
+        For an outcome without a rest it is, of the unstable facets nearer to its direction than to
+        any other, the one with the largest sum of cosine and depth, if there is any.
+        """
+        normals, directions, depths = self.hull.normals, self.clusters.directions, self.rests.depths
+        rests, of_rest = self.rests.facets, self.clusters.of_rest
+        bearing = np.full(len(directions), -1)
+        # Rests that are equally deep but for rounding are taken in order.
+        deepest_last = np.argsort(depths[rests].round(9), kind="stable")
+        bearing[of_rest[deepest_last]] = rests[deepest_last]
+        for outcome in np.flatnonzero(bearing < 0):
+            cosines = normals @ directions.T
+            is_candidate = np.argmax(cosines, axis=1) == outcome
+            is_candidate[rests] = False
+            candidates = np.flatnonzero(is_candidate)
+            if len(candidates) > 0:
+                worth = cosines[candidates, outcome] + np.clip(depths[candidates], -1.0, 1.0)
+                bearing[outcome] = candidates[np.argmax(worth)]
+        return bearing[bearing >= 0]
 
     @property
     def outcome_probabilities(self) -> Tensor:

@@ -98,7 +98,7 @@ class Energy:
         derivatives in depths or normals (`Term.value_and_slopes`), or None for the kernels."""
         together = None if self._compiled is None else self._compiled.values()
         parts: dict[str, tuple[float, Tensor | Floats | None]] = {}
-        for term, weight in self.weights.active:
+        for term, weight in self._active:
             if together is not None and term.name in COMPILED:
                 parts[term.name] = weight * together[COMPILED.index(term.name)], None
             elif together is not None and term.value_and_slopes is not None:
@@ -110,8 +110,12 @@ class Energy:
         return parts
 
     @cached_property
+    def _active(self) -> tuple[tuple[Term, float], ...]:
+        return self.weights.active
+
+    @cached_property
     def _compiled_weights(self) -> list[float]:
-        weights = {term.name: weight for term, weight in self.weights.active}
+        weights = {term.name: weight for term, weight in self._active}
         return [weights.get(name, 0.0) for name in COMPILED]
 
     @cached_property
@@ -164,10 +168,9 @@ class Objective:
         return Evaluation(self, parameters, shape, rests, directions)
 
     def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
-        """Evaluation, or None if it fails or the energy is not finite."""
+        """Evaluation, or None if it fails."""
         try:
-            evaluation = self.evaluate(parameters, directions)
-            return evaluation if np.isfinite(evaluation.value) else None
+            return self.evaluate(parameters, directions)
         except (DiceError, np.linalg.LinAlgError):
             return None
 
@@ -186,7 +189,7 @@ class Objective:
             sizes.append(sizes[-1] / 2.0)
         for size in sizes:
             shaken = self.attempt(parameters + size * noise, directions)
-            if shaken is not None:
+            if shaken is not None and np.isfinite(shaken.value):
                 return shaken.refresh()
         least = max(sizes[-1] / 2.0, SHAKE)
         return self.evaluate(parameters + least * noise, directions).refresh()

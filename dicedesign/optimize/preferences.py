@@ -83,7 +83,7 @@ def margin_residuals(die: OutcomeFacets) -> Tensor:
     from dicedesign.rest.morse import basin_moments, separatrix_points
 
     rests = die.rests
-    points = separatrix_points(rests.paths, rests.vertices, rests.center, torch)
+    points = separatrix_points(rests.paths, rests.vertices, rests.center_of_mass, torch)
     moments = basin_moments(rests.paths, points, torch)
     lengths = torch.linalg.vector_norm(moments, dim=1, keepdim=True)
     offsets = rests.rest_normals - moments / lengths.clamp_min(SMALLEST_MEAN)
@@ -119,7 +119,7 @@ def roundness_residuals(die: OutcomeFacets) -> Tensor:
     import torch
 
     rests, hull = die.rests, die.rests.hull
-    radii = rests.vertices - rests.center
+    radii = rests.vertices - rests.center_of_mass
     normals = rests.facet_normals(np.arange(len(hull.normals)))
     heights = (radii[hull.tail[hull.facet_start[:-1]]] * normals).sum(-1)
     return torch.cat(

@@ -201,6 +201,8 @@ def apart_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, 
     """Value and derivatives (r, 3) of the apart energy in the unit normals of the rests."""
     means, lengths, first, second = _near_means(state, weights)
     reach, of_rest = weights.apart_distance**2, state.clusters.of_rest
+    if len(first) == 0:
+        return 0.0, np.zeros((len(of_rest), 3))
     offset = means[first] - means[second]
     squared = (offset * offset).sum(1)
     part = np.maximum(squared, CLOSEST) / reach
@@ -222,32 +224,9 @@ def _near_means(
     """Mean normals (k, 3) of the outcomes, the lengths (k, 1) of their sums, and the pairs of
     outcomes within `apart_distance`."""
     means, lengths = state.clusters.means(state.hull.normals[state.rests.facets])
-    first, second = np.triu_indices(len(means), 1)
-    near = ((means[first] - means[second]) ** 2).sum(1) < weights.apart_distance**2
-    return means, lengths, first[near], second[near]
-
-
-def bearing_facets(state: ClusteredRests) -> Integers:
-    """(b,) facets that bear the outcomes, at most one for each: the deepest rest of its cluster.
-
-    For an outcome without a rest it is, of the unstable facets nearer to its direction than to any
-    other, the one with the largest sum of cosine and depth, if there is any.
-    """
-    normals, directions, depths = state.hull.normals, state.clusters.directions, state.rests.depths
-    rests, of_rest = state.rests.facets, state.clusters.of_rest
-    bearing = np.full(len(directions), -1)
-    # Rests that are equally deep but for rounding are taken in order.
-    deepest_last = np.argsort(depths[rests].round(9), kind="stable")
-    bearing[of_rest[deepest_last]] = rests[deepest_last]
-    for outcome in np.flatnonzero(bearing < 0):
-        cosines = normals @ directions.T
-        is_candidate = np.argmax(cosines, axis=1) == outcome
-        is_candidate[rests] = False
-        candidates = np.flatnonzero(is_candidate)
-        if len(candidates) > 0:
-            worth = cosines[candidates, outcome] + np.clip(depths[candidates], -1.0, 1.0)
-            bearing[outcome] = candidates[np.argmax(worth)]
-    return bearing[bearing >= 0]
+    # Of unit vectors: |a - b|^2 = 2 - 2 a . b.
+    first, second = np.nonzero(np.triu(means @ means.T > 1.0 - 0.5 * weights.apart_distance**2, 1))
+    return means, lengths, first, second
 
 
 LINEAR_FROM: Final = 2.0
@@ -261,7 +240,7 @@ def hold_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     The dice energy does not see an outcome about to lose its last rest, whose basin still has an
     area; this barrier turns the descent in time. Not in the paper.
     """
-    depths = state.rests.facet_depths[bearing_facets(state)]
+    depths = state.rests.facet_depths[state.bearing]
     lack = (1.0 - depths / weights.hold_margin).clamp_min(0.0)
     near = lack.clamp_max(LINEAR_FROM)
     return (near * (2.0 * lack - near)).sum()
@@ -269,7 +248,7 @@ def hold_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
 
 def hold_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
     """Value and derivatives (m,) of the hold energy in the depths of the facets."""
-    depths, bearing = state.rests.depths, bearing_facets(state)
+    depths, bearing = state.rests.depths, state.bearing
     lack = np.maximum(1.0 - depths[bearing] / weights.hold_margin, 0.0)
     near = np.minimum(lack, LINEAR_FROM)
     slopes = np.zeros(len(depths))
@@ -280,7 +259,7 @@ def hold_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, F
 def clear_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     """Energy that keeps facets without an outcome unstable by a margin: a facet of depth s costs
     `max(0, 1 + s / clear_margin)^2`. Not in the paper."""
-    others = np.delete(np.arange(len(state.hull.normals)), bearing_facets(state))
+    others = np.delete(np.arange(len(state.hull.normals)), state.bearing)
     excess = (1.0 + state.rests.facet_depths[others] / weights.clear_margin).clamp_min(0.0)
     return (excess**2).sum()
 
@@ -288,7 +267,7 @@ def clear_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
 def clear_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
     """Value and derivatives (m,) of the clear energy in the depths of the facets."""
     excess = np.maximum(1.0 + state.rests.depths / weights.clear_margin, 0.0)
-    excess[bearing_facets(state)] = 0.0
+    excess[state.bearing] = 0.0
     return float(excess @ excess), 2.0 / weights.clear_margin * excess
 
 

@@ -301,8 +301,7 @@ def rest_poses(
     OutsideHullError: the center of mass is not strictly inside the hull.
     InputError: `center_of_mass` is not three finite numbers.
     """
-    is_mesh = hasattr(points_or_mesh, "vertices")
-    body = body_of(points_or_mesh, "mesh" if is_mesh else "points")
+    body = body_of(points_or_mesh)
     started = time.perf_counter()
     try:
         hull = convex_hull(body.points, coplanar_tolerance, single_precision=body.single_precision)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between, rotation_between
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.poses import rest_poses, standing_transform
 from dicedesign.rest.tracing import crossing, exit_half_edges, hinge_facets
@@ -59,7 +60,7 @@ class _Moment:
 
 
 def roll(
-    points_or_mesh: ArrayLike | Body,
+    points_or_mesh: ArrayLike | Body | Surface,
     down: ArrayLike,
     max_angle: float | None = None,
     *,

@@ -18,13 +18,15 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.body import Body, body_of
+from dicedesign.geometry.triangles import Surface
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.morse import Separatrices
-from dicedesign.rest.poses import RestPoses
+from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import (
     CARRIES,
@@ -118,13 +120,19 @@ def hull_probabilities(
     return thrown
 
 
-def throw_probabilities(body: Body, poses: RestPoses, table: str = "board-game") -> Floats:
-    """Probabilities (k,) of the rests of a body that is thrown onto a table, in the order of
-    `poses`, by the momentum model and with the inertia of `rigid_body`.
+def throw_probabilities(
+    points_or_mesh: ArrayLike | Body | Surface,
+    poses: RestPoses | None = None,
+    table: str = "board-game",
+) -> Floats:
+    """Probabilities (k,) of the rests of a body that is thrown onto a table, by the momentum model
+    and with the inertia of `rigid_body`.
 
-    table: its name, or the path of its .json file. Raises InputError as `momentum_model`, or for
-    rests under a prior.
+    points_or_mesh, poses: as for `rigid_body`; the rests are in their order. table: its name, or
+    the path of its .json file. Raises InputError as `momentum_model`, or for rests under a prior.
     """
+    body = body_of(points_or_mesh)
+    poses = poses or rest_poses(body)
     return momentum_probabilities(poses, rigid_body(body, poses), momentum_model(table))
 
 

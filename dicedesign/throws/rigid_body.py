@@ -7,11 +7,12 @@ from functools import cache
 from typing import Final, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.meshes.body import Body, solid_triangles
-from dicedesign.geometry.triangles import solid_inertia, solid_properties
-from dicedesign.rest.poses import RestPoses
+from dicedesign.geometry.meshes.body import Body, body_of, solid_triangles
+from dicedesign.geometry.triangles import Surface, solid_inertia, solid_properties
+from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.tables import Table, draw
 from dicedesign.tolerances import VOLUME_TOLERANCE
@@ -63,18 +64,26 @@ class RigidBody:
         return tensor
 
 
-def rigid_body(body: Body, poses: RestPoses, inertia: Floats | None = None) -> RigidBody:
+def rigid_body(
+    points_or_mesh: ArrayLike | Body | Surface,
+    poses: RestPoses | None = None,
+    inertia: Floats | None = None,
+) -> RigidBody:
     """Rigid body of a mesh or point cloud.
 
     Parameters
     ----------
-    body: the mesh or point cloud; poses: its rests.
+    points_or_mesh: as for `dicedesign.rest_poses`.
+    poses: its rests; None for `dicedesign.rest_poses(points_or_mesh)`.
     inertia: (3, 3) tensor of inertia about the center of mass per mass, in the body's frame and
         squared unit of length; None takes the tensor of the body's densities, or of the uniform
         solid about its centroid, or of the uniform solid hull if the body bounds no solid.
 
-    Raises DegenerateBodyError if the mesh is closed and encloses no volume.
+    Raises DegenerateBodyError if the mesh is closed and encloses no volume, and without rests as
+    `dicedesign.rest_poses`.
     """
+    body = body_of(points_or_mesh)
+    poses = poses or rest_poses(body)
     hull, center, morse = poses.hull, poses.center_of_mass, poses.morse
     arms = hull.vertices - center
     radius = float(np.linalg.norm(arms, axis=1).max())

@@ -231,7 +231,7 @@ def test_evaluations_have_no_reference_cycles(random_points) -> None:
     try:
         for center in (None, torch.zeros(3, dtype=torch.float64)):
             rests = evaluate_rests(torch.tensor(random_points(1, 9), requires_grad=True), center)
-            value = rests.probabilities[0] + rests.facet_depths[0] + rests.center.sum()
+            value = rests.probabilities[0] + rests.facet_depths[0] + rests.center_of_mass.sum()
             assert value.requires_grad
             reference = weakref.ref(rests)
             del rests, value

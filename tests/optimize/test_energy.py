@@ -110,7 +110,7 @@ def test_equation_15_sums_over_all_facets_nearby(clustered, radius: float) -> No
 
 
 def naive_stability(rests: RestEvaluation, clusters: Clusters, margin: float) -> float:
-    hull, center = rests.hull, rests.center.detach().numpy()
+    hull, center = rests.hull, rests.center_of_mass.detach().numpy()
     radius = max(np.linalg.norm(x - center) for x in hull.vertices)
     every = []
     for f in range(len(hull.normals)):

@@ -52,7 +52,7 @@ TERMS.register(
         name="low_peaks",
         line="maxima of the outcomes' regions no farther than a height",
         evaluate=lambda state, weights: (
-            (state.rests.vertices - state.rests.center).norm(dim=1) - weights.peak_height
+            (state.rests.vertices - state.rests.center_of_mass).norm(dim=1) - weights.peak_height
         ).relu().square().sum(),
         options=(
             TermOption(

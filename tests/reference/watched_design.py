@@ -135,7 +135,7 @@ def step_faults(
     volume = hull.surface.volume
     if not volume > 0.0:
         faults.append(f"volume {volume:.1e}")
-    if not (hull.heights(rests.center.detach().numpy()) > 0.0).all():
+    if not (hull.heights(rests.center_of_mass.detach().numpy()) > 0.0).all():
         faults.append("center of mass lost")
     probabilities = rests.probabilities.detach().numpy()
     excess = float(probabilities.sum()) - 1.0

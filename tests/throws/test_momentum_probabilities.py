@@ -107,7 +107,9 @@ def test_kernel_probabilities_against_the_formulas(points: Floats) -> None:
         assert probabilities.min() >= 0.0
         assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
         assert np.abs(probabilities - rests.probability_values).max() > 1e-6
-        by_torch = BOARD_GAME._formula(rests, rests.vertices, rests.center, rests.probabilities)
+        by_torch = BOARD_GAME._formula(
+            rests, rests.vertices, rests.center_of_mass, rests.probabilities
+        )
         assert np.abs(probabilities - by_torch.detach().numpy()).max() < 1e-12
         assert np.array_equal(BOARD_GAME.tensor(rests).detach().numpy(), probabilities)
 
@@ -119,7 +121,9 @@ def test_kernel_gradients_against_the_formulas(smooth_points: Floats) -> None:
             continue
         weights = torch.linspace(-1.0, 1.0, len(rests.probability_values), dtype=torch.float64)
         compiled = gradients((BOARD_GAME.tensor(rests) * weights).sum(), rests)
-        formula = BOARD_GAME._formula(rests, rests.vertices, rests.center, rests.probabilities)
+        formula = BOARD_GAME._formula(
+            rests, rests.vertices, rests.center_of_mass, rests.probabilities
+        )
         expected = gradients((formula * weights).sum(), rests)
         for mine, other in zip(compiled, expected, strict=True):
             assert_near(mine.numpy(), other.numpy(), 1e-10)

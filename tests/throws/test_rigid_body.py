@@ -19,8 +19,6 @@ from common.thrown import (
 )
 from scipy.stats import kstest
 
-from dicedesign.geometry.meshes.body import make_body
-from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.rigid_body import (
     PAPER_DIRECTIONS,
     Orientations,
@@ -49,8 +47,7 @@ def test_a_hollow_body() -> None:
     outer, inner = trimesh.creation.box((2.0, 2.0, 2.0)), trimesh.creation.box((1.0, 1.0, 1.0))
     inner.invert()
     both = trimesh.util.concatenate([outer, inner])
-    mesh = make_body(both.vertices, both.faces)
-    body = rigid_body(mesh, rest_poses(mesh))
+    body = rigid_body(both)
     # m s^2 / 6 of each cube, with masses 8 and 1 of 7.
     np.testing.assert_allclose(body.moments, (8 * 4 - 1) / 6 / 7 / 3, rtol=1e-12)
     assert len(body.vertices) == 8

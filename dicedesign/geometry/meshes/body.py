@@ -139,16 +139,17 @@ def make_body(
     return Body(positions[first], faces, name, single, tuple(notes))
 
 
-def body_of(mesh: Any, name: str = "mesh") -> Body:
+def body_of(mesh: Any, name: str | None = None) -> Body:
     """`Body` of a `Surface`, of a mesh object with `vertices` (n, 3) and perhaps triangular `faces`
-    (t, 3), or of points (n, 3); a `Body` is returned unchanged. name: of any other body. Raises as
-    `make_body`."""
+    (t, 3), or of points (n, 3); a `Body` is returned unchanged. name: of any other body, "mesh" or
+    "points" by default. Raises as `make_body`."""
     if isinstance(mesh, Body):
         return mesh
     if isinstance(mesh, Surface):
-        return make_body(mesh.points, mesh.triangles, name)
+        return make_body(mesh.points, mesh.triangles, name or "mesh")
     if not hasattr(mesh, "vertices"):
-        return make_body(mesh, name=name)
+        return make_body(mesh, name=name or "points")
+    name = name or "mesh"
     vertices = as_numbers(mesh.vertices, name)
     faces = getattr(mesh, "faces", None)
     return make_body(vertices, faces, name=name, single_precision=is_rounded(vertices))

@@ -251,7 +251,7 @@ class Momentum:
         self._square, self._count = 0.0, 0
 
     def search(self, at: Evaluation, ascent: Floats) -> Evaluation | None:
-        """Next evaluation, of any energy, or None if all tries are refused.
+        """Next evaluation, of any energy and refreshed, or None if all tries are refused.
 
         ascent: (n,) direction uphill, a preconditioned gradient.
         """
@@ -272,8 +272,10 @@ class Momentum:
             self.evaluations += 1
             trial = at.objective.attempt(at.parameters - length * direction, at.directions)
             if trial is not None and trial.flaws <= at.flaws:
-                self._length = min(LONGER * self._length, 1.0)
-                return trial
+                trial = trial.refresh()
+                if np.isfinite(trial.value):
+                    self._length = min(LONGER * self._length, 1.0)
+                    return trial
             self._length = max(SHORTER * self._length, SHORTEST)
             self._forget()
         return None

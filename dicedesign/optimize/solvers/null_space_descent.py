@@ -81,12 +81,12 @@ def barrier_residuals(rests: RestEvaluation) -> Tensor:
     lines. Means of high power over the border make both smooth.
     """
     edges = FacetEdges.of(rests, np.arange(len(rests.hull.normals)))
-    inside = edges.distances(rests.center)
+    inside = edges.distances(rests.center_of_mass)
     stable = torch.as_tensor(rests.equilibria.stable)
     held = edges.mean_power(torch.where(stable[edges.owner], inside, 1.0), -SOFTNESS)
     outside = torch.where(stable[edges.owner], 1.0, torch.relu(-inside))
     depths = torch.where(stable, held, edges.mean_power(outside, SOFTNESS))
-    size = torch.linalg.vector_norm(rests.vertices - rests.center, dim=1).mean()
+    size = torch.linalg.vector_norm(rests.vertices - rests.center_of_mass, dim=1).mean()
     return BARRIER_DEPTH * size / depths
 
 

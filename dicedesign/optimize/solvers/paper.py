@@ -127,6 +127,10 @@ HOP_NOISE: Final = 0.03
 HOP_GROWTH: Final = 1.6
 """Factor on the noise from one hop to the next."""
 
+FEW_VERTICES: Final = 40
+"""A hop from a shape with fewer vertices adds the middles of its edges: a tetrahedron, for one, has
+too few numbers for most targets."""
+
 
 def fade_weights(weights: EnergyWeights, part: float) -> EnergyWeights:
     """Weights after a part, 0 to 1, of the steps with momentum."""
@@ -200,8 +204,14 @@ class _Descent:
             if self._is_good:
                 break
             best, size = self.best, HOP_NOISE * HOP_GROWTH**hop
-            noise = size * random.normal(size=best.parameters.shape)
-            shaken = best.objective.attempt(best.parameters + noise, best.directions)
+            hull, coordinates = best.rests.hull, best.objective.coordinates
+            points = coordinates.prune(best.parameters, best.rests).reshape(-1, 3)
+            if len(points) < FEW_VERTICES:
+                once = hull.tail < hull.head
+                middles = 0.5 * (points[hull.tail[once]] + points[hull.head[once]])
+                points = np.concatenate([points, middles])
+            noise = size * random.normal(size=points.shape)
+            shaken = best.objective.attempt((points + noise).ravel(), best.directions)
             if shaken is not None:
                 self._record(shaken.refresh())
                 self._go_with_momentum(round(HOP_STEPS * steps))
@@ -234,7 +244,7 @@ class _Descent:
             following = rule.search(self.current, self._ascent())
             if following is None:
                 break
-            self._record(following.refresh())
+            self._record(following)
             number = rule.evaluations
 
     def _go_by_line_search(self, steps: int) -> Status:

@@ -9,11 +9,13 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
-from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.body import Body, body_of
 from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.starts.orbit_layouts import OrbitSite
 from dicedesign.optimize.starts.start import (
     FEWEST_FACETS,
@@ -145,14 +147,16 @@ def repulsion(outcomes: int, seed: int) -> Start:
     return normalize_start(polyhedron_corners(points, np.ones(outcomes)), points)
 
 
-def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) -> Start:
+def mesh_start(
+    points_or_mesh: ArrayLike | Body | Surface, outcomes: int, center_of_mass: Floats | None = None
+) -> Start:
     """Convex hull of a body, with the outcomes on its most probable rests.
 
     Own coordinates: those of the body.
 
     Parameters
     ----------
-    body: any mesh or point cloud.
+    points_or_mesh: as for `dicedesign.rest_poses`.
     outcomes: number of outcomes.
     center_of_mass: (3,) in the body's unit, or None for the center of the uniform
         hull.
@@ -162,6 +166,7 @@ def mesh_start(body: Body, outcomes: int, center_of_mass: Floats | None = None) 
     InputError: the hull has fewer rests than outcomes.
     DegenerateBodyError, OutsideHullError: as `dicedesign.rest_poses`.
     """
+    body = body_of(points_or_mesh)
     poses = rest_poses(body, "hull" if center_of_mass is None else center_of_mass)
     if len(poses.normals) < outcomes:
         raise InputError(
