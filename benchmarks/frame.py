@@ -3,7 +3,8 @@
 A bench is a module of this folder that `BENCHES` names. The first line of its docstring says what
 it measures, the rest is the description of `--help`. It has `run(options, report)`, which returns
 whether all is as it should be, and may have `add_options(parser)` for options beside `--quick`,
-`--json`, `--jobs` and `--out`.
+`--json`, `--jobs`, `--out` and `--record`. `python -m benchmarks all` runs again whatever made the
+tables in `RECORDED`, which the pages of docs/ show.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import json
 import os
 import platform
 import re
+import shlex
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -47,6 +50,10 @@ BENCHES = (
     "train",
 )
 
+RECORDED = Path(__file__).with_name("recorded.json")
+"""Tables of the pages, by the names of bench and table: title and texts of each column, command,
+date and machine."""
+
 PACKAGES = ("dicedesign", "numpy", "scipy", "torch", "trimesh", "manifold3d", "mujoco")
 """Whose versions are recorded."""
 
@@ -57,11 +64,13 @@ class Report:
     Attributes
     ----------
     record: what JSON will have, tables as lists of rows.
+    texts: tables as printed, by name: titles, then rows.
     figure: of matplotlib, to be saved beside it, if a bench sets one.
     """
 
     def __init__(self, *, show: bool) -> None:
         self.record: dict[str, Any] = {}
+        self.texts: dict[str, list[list[str]]] = {}
         self.figure: Any = None
         self._show = show
         self._last = ""
@@ -93,6 +102,8 @@ class Report:
                 "-" if missing else format(value, form)
                 for value, form, missing in zip(values, forms, is_missing, strict=True)
             ]
+            texts = self.texts.setdefault(name, [list(titles)])
+            texts.append([cell.strip() for cell in cells])
             self._print(" ".join(map(format, cells, places)).rstrip())
 
         return add
@@ -122,6 +133,8 @@ def parser_of(name: str | None) -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Run a bench: exit code 0 where all is as it should be, 1 where not, 2 for bad input."""
+    if list(arguments) == ["all"]:
+        return make_all_anew()
     name = arguments[0] if arguments and arguments[0] in BENCHES else None
     options = parser_of(name).parse_args(arguments)
     report = Report(show=not options.json)
@@ -133,12 +146,43 @@ def main(arguments: Sequence[str]) -> int:
     text = json.dumps({**_description(), **report.record}, default=_plain, indent=1)
     if options.json:
         print(text)
+    if options.record:
+        record(report, " ".join(arg for arg in arguments if arg != "--record"))
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         (options.out / f"{options.name}.json").write_text(text + "\n")
         if report.figure is not None:
             report.figure.savefig(options.out / f"bench_{options.name}.png", dpi=110)
     return 0 if is_good else 1
+
+
+def record(report: Report, arguments: str) -> None:
+    """Write the tables of a run into `RECORDED` and the pages."""
+    name, described = arguments.split()[0], _description()
+    recorded = json.loads(RECORDED.read_text())
+    for table, (titles, *rows) in report.texts.items():
+        recorded[f"{name} {table}"] = {
+            "command": f"python -m benchmarks {arguments}",
+            "date": described["date"],
+            "machine": described["machine"],
+            "titles": titles,
+            "rows": rows,
+        }
+    RECORDED.write_text(json.dumps(dict(sorted(recorded.items())), indent=1) + "\n")
+    pages = RECORDED.parents[1] / "tests" / "docs" / "generated_tables.py"
+    subprocess.run([sys.executable, str(pages)], check=True)
+
+
+def make_all_anew() -> int:
+    """Run again each command that made recorded tables; 1 where one of them is not as it should
+    be."""
+    commands = {table["command"]: None for table in json.loads(RECORDED.read_text()).values()}
+    codes = []
+    for command in commands:
+        print(f"\n{command}", flush=True)
+        arguments = shlex.split(command)[3:]
+        codes.append(main([*arguments, "--record"]))
+    return max(codes, default=0)
 
 
 def _add_options(parser: argparse.ArgumentParser, module: ModuleType) -> None:
@@ -150,6 +194,9 @@ def _add_options(parser: argparse.ArgumentParser, module: ModuleType) -> None:
         "--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes (default: cores)"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for JSON and a picture")
+    parser.add_argument(
+        "--record", action="store_true", help=f"write the tables into {RECORDED.name} and the pages"
+    )
     parser.set_defaults(run=module.run)
 
 
@@ -157,7 +204,7 @@ def _description() -> dict[str, str]:
     """The date (UTC), the machine without names of users or folders, and versions."""
     described = {
         "date": datetime.now(UTC).date().isoformat(),
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "machine": f"{os.cpu_count()} cores of {_processor()}, {platform.system()}",
         "python": platform.python_version(),
     }
     for package in PACKAGES:
@@ -166,6 +213,14 @@ def _description() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return described
+
+
+def _processor() -> str:
+    """Model of the processor, where the system says it."""
+    try:
+        return re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())[1].strip()
+    except (OSError, TypeError):
+        return platform.machine()
 
 
 def _plain(value: Any) -> Any:

@@ -55,7 +55,7 @@ REGISTRIES = {
 COMMANDS = {"kinds of figures": "dicedesign figure "}
 """Text before the names of a table's entries."""
 
-BLOCK = re.compile(r"(<!-- table: ([\w ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+BLOCK = re.compile(r"(<!-- table: ([\w ,]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 
 def tables() -> dict[str, Callable[[], str]]:
@@ -74,6 +74,7 @@ def tables() -> dict[str, Callable[[], str]]:
         "hands": hands_table,
         "limits of printers": limits_table,
         "sources of printers": sources_table,
+        **{name: partial(measured_table, table) for name, table in measured().items()},
     }
 
 
@@ -163,6 +164,21 @@ def bench_table() -> str:
         line = (import_module(f"benchmarks.{name}").__doc__ or "").partition("\n")[0]
         rows.append((f"`python -m benchmarks {name}`", line))
     return markdown(("command", "meaning"), rows)
+
+
+def measured() -> dict[str, Any]:
+    """Tables of benches by name."""
+    found: dict[str, Any] = json.loads(
+        import_module("benchmarks.frame").RECORDED.read_text(encoding="utf-8")
+    )
+    return found
+
+
+def measured_table(table: dict[str, Any]) -> str:
+    """What a bench printed, with its command, date and machine."""
+    rows = [tuple(row) for row in table["rows"]]
+    made = f"`{table['command']}`, {table['date']}, {table['machine']}."
+    return f"{markdown(tuple(table['titles']), rows)}\n{made}\n"
 
 
 def status_table() -> str:
