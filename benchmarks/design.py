@@ -5,7 +5,8 @@ seeds, without preferences. For recipes of the paper's method also:
 
 - dice over seeds from 0 on and fresh ones that nobody chose, without a finish and with the exact
   one, beside the published dice;
-- dice over noise on the start, and over orders of the outcomes, without a finish;
+- error against run time over noise on the start, and over orders of the outcomes, by the exact
+  method and the paper's, as published too;
 - dice side by side by three ways, with the recipe's preferences;
 - dice without one term of the energy after the other, as in the paper's figure 9.
 
@@ -20,8 +21,11 @@ import argparse
 import secrets
 import time
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import repeat
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -30,14 +34,22 @@ from benchmarks.frame import (
     add_recipes,
     make_die,
     panels,
+    processes,
     read_recipes,
     with_method,
 )
 from dicedesign import InputError, Recipe, load_table, rigid_body, simulate
 from dicedesign.energies import Preferences, cluster
-from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
+from dicedesign.methods import (
+    ExactOptions,
+    PaperOptions,
+    SobolevOptions,
+    solve_exact,
+    solve_paper,
+)
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finish_exactly
+from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.recipe.convex import normalized_center, target_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
@@ -85,9 +97,17 @@ GOOD_ERROR, GOOD_ANGLE = 2e-2, 10.0
 """Of a die without finish: an error of at most the one, outcomes as many degrees apart as the
 other."""
 
-NOISE = (1e-3, 0.05, 0.1, 0.2, None)
+STARTS = {"0.001": 1e-3, "0.05": 0.05, "0.1": 0.1, "0.2": 0.2, "shuffled": None}
 """Standard deviations of the noise on a start whose half extent is 1; None for the first with the
 outcomes in a random order."""
+
+WAYS: dict[str, dict[str, Any] | None] = {
+    "exact": None,
+    "paper, exact finish": {"finish": "exact"},
+    "paper": {"finish": "none"},
+    "paper, as published": {"finish": "none", "step": "line_search"},
+}
+"""Options of the paper's method, without `apart` as published; None for the exact method."""
 
 NEARBY = 15.0
 """Degrees from an outcome's main rest within which facets count as folds of its."""
@@ -105,7 +125,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--part",
-        choices=("methods", "seeds", "noise", "sides", "ablation"),
+        choices=("methods", "seeds", "starts", "sides", "ablation"),
         help="only one of the tables",
     )
 
@@ -125,7 +145,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     # Not counted: torch takes longer at its first use in a process.
     make_die(set_up(recipes[0], "exact", 0), "design")
     if options.part in (None, "methods"):
-        compare_methods(recipes, seeds, report, draws=options.out is not None)
+        compare_methods(recipes, seeds, report)
     fresh = 0 if options.quick else 10
     fresh = fresh if options.fresh is None else options.fresh
     seeds += [secrets.randbelow(2**32) for _ in range(fresh)]
@@ -133,9 +153,13 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     is_good = True
     if options.part in (None, "seeds"):
         is_good = sum(problem.over_seeds(seeds, report) for problem in paper) == len(paper)
-    if options.part in (None, "noise"):
-        for problem in paper:
-            problem.over_noise(seeds, report)
+    if options.part in (None, "starts"):
+        axes = np.empty((len(paper), 0))
+        if options.out is not None:
+            report.figure, axes = panels(len(WAYS) * len(paper), len(WAYS), (3.6, 2.7))
+        with processes(options.jobs) as pool:
+            for problem, own in zip(paper, np.reshape(axes, (len(paper), -1)), strict=True):
+                problem.over_starts(seeds, report, own, pool)
     if options.part == "sides" or (options.part is None and not options.quick):
         for problem in paper:
             compare_sides(problem.recipe, report)
@@ -161,52 +185,22 @@ def set_up(recipe: Recipe, method: str, seed: int) -> Recipe:
     return with_method(recipe, **{**others, "paper": paper})
 
 
-def compare_methods(
-    recipes: Sequence[Recipe], seeds: Sequence[int], report: Report, *, draws: bool
-) -> None:
-    """Every method on every recipe, medians over the seeds; the picture has medians of the smallest
-    error and dice energy up to each time."""
+def compare_methods(recipes: Sequence[Recipe], seeds: Sequence[int], report: Report) -> None:
+    """Every method on every recipe."""
     row = report.table(
         "methods",
         "recipe 28s | method 35s | seeds 5d | done 5d | median error 9.1e | s 7.2f",
     )
-    figure, axes = panels(2 * len(recipes), 2) if draws else (None, [])
-    for place, recipe in enumerate(recipes):
+    for recipe in recipes:
         for method in METHODS:
             works = [make_die(set_up(recipe, method, seed)) for seed in seeds]
-            results = [work.result() for work in works]
             errors = [float(work.die.error) for work in works]
             done = sum(
                 error <= work.recipe.method.tolerance
                 for error, work in zip(errors, works, strict=True)
             )
-            taken = [result.history[-1].seconds or 0.0 for result in results]
+            taken = [work.result().history[-1].seconds or 0.0 for work in works]
             row(recipe.name, method, len(seeds), done, median(errors), median(taken))
-            if figure is not None:
-                times = np.geomspace(1e-3, max(*taken, 2e-3), 200)
-                of_error, of_energy = axes[2 * place : 2 * place + 2]
-                style = "-" if 2 * done > len(seeds) else ":"
-                histories = [result.history for result in results]
-                for axis, curves in (
-                    (of_error, [[step.max_abs_error or 0.0 for step in h] for h in histories]),
-                    (of_energy, [[step.terms["dice"] for step in h] for h in histories]),
-                ):
-                    seconds = [[step.seconds or 0.0 for step in h] for h in histories]
-                    axis.loglog(times, medians(times, seconds, curves), style, label=method)
-                of_error.set(title=recipe.name, ylabel="largest |p - q|", xlabel="seconds")
-                of_energy.set(title=recipe.name, ylabel="dice energy", xlabel="seconds")
-    if figure is not None:
-        axes[0].legend(fontsize=6)
-        report.figure = figure
-
-
-def medians(times: Floats, seconds: list[list[float]], curves: list[list[float]]) -> Floats:
-    """(t,) medians over curves of the smallest value up to each time, or the first one."""
-    best = [
-        np.minimum.accumulate(values)[np.maximum(np.searchsorted(own, times, side="right") - 1, 0)]
-        for own, values in zip(seconds, curves, strict=True)
-    ]
-    return np.median(best, axis=0)
 
 
 @dataclass(frozen=True)
@@ -323,32 +317,55 @@ class PaperProblem:
             )
         return good["none"] >= 0.95 * len(seeds) and good["exact"] == len(seeds)
 
-    def over_noise(self, seeds: Sequence[int], report: Report) -> None:
-        """A row for each standard deviation of the noise on the start, and one for outcomes in a
-        random order, without a finish."""
+    def attempt(self, way: str, noise: float | None, seed: int) -> Attempt:
+        """A die by one of `WAYS` from a start with noise, or with the outcomes in a random
+        order."""
+        options, target = self.options, self.target
+        if noise is None:
+            target = np.random.default_rng(seed).permutation(target)
+        else:
+            options = replace(options, perturbation=noise)
+        wall, start = time.perf_counter(), time.process_time()
+        given = WAYS[way]
+        if given is None:
+            own = ExactOptions(tolerance=1e-12, prefer=Preferences())
+            result = solve_exact(shapes_near(target, seed), target, own, center_of_mass=self.center)
+        else:
+            options = replace(options, **given)
+            if options.step == "line_search":
+                options = replace(options, weights=options.weights.replace(apart=0.0))
+            result = solve_paper(self.start, target, options, center_of_mass=self.center, seed=seed)
+        seconds = time.process_time() - start
+        share = seconds / (time.perf_counter() - wall)
+        curve = np.array([(share * step.seconds, step.error) for step in result.history])
+        return Attempt(Ending.of(result, target, self.center), seconds, curve)
+
+    def over_starts(
+        self, seeds: Sequence[int], report: Report, axes: Sequence[Any], pool: ProcessPoolExecutor
+    ) -> None:
+        """A row for each way and each kind of start; a panel for each way, if there are any."""
         row = report.table(
-            "noise",
-            "recipe 28s | start 10s | seeds 5d | good 5d | error 10 % 9.1e | median 9.1e | "
-            "error 90 % 9.1e | s 6.2f | s 90 % 6.2f",
+            "starts",
+            "recipe 28s | by 20s | start 10s | seeds 5d | good 5d | error 10 % 9.1e | "
+            "median 9.1e | error 90 % 9.1e | s 6.2f | s 90 % 6.2f",
         )
-        for noise in NOISE:
-            errors, taken, good = [], [], 0
-            for seed in seeds:
-                options, target = self.options, self.target
-                if noise is None:
-                    target = np.random.default_rng(seed).permutation(target)
-                else:
-                    options = replace(options, perturbation=noise)
-                start = time.process_time()
-                result = self.descend(seed, options, target)
-                taken.append(time.process_time() - start)
-                end = Ending.of(result, target, self.center)
-                errors.append(end.error)
-                good += end.is_good()
-            row(
-                *(self.recipe.name, "shuffled" if noise is None else f"{noise:g}", len(seeds)),
-                *(good, *np.quantile(errors, (0.1, 0.5, 0.9)), *np.quantile(taken, (0.5, 0.9))),
-            )
+        for place, (way, given) in enumerate(WAYS.items()):
+            # The exact method looks for a start itself.
+            for color, (kind, noise) in enumerate(STARTS.items()):
+                if given is None and noise is not None:
+                    continue
+                tries = list(pool.map(self.attempt, repeat(way), repeat(noise), seeds))
+                good = sum(one.end.is_good() for one in tries)
+                errors = np.quantile([one.end.error for one in tries], (0.1, 0.5, 0.9))
+                taken = np.quantile([one.seconds for one in tries], (0.5, 0.9))
+                start = "searched" if given is None else kind
+                row(self.recipe.name, way, start, len(seeds), good, *errors, *taken)
+                if len(axes) > 0:
+                    draw_band(axes[place], [one.curve for one in tries], start, f"C{color}")
+            if len(axes) > 0:
+                title = f"{self.recipe.name.removeprefix('paper_')}, {way}"
+                axes[place].set(title=title, ylim=(1e-16, 1.0), xlim=(2e-3, 5.0))
+                axes[place].legend(fontsize=7)
 
     def ablate(self, seeds: Sequence[int], report: Report) -> None:
         """Medians over the seeds without some terms, without a finish."""
@@ -369,6 +386,31 @@ class PaperProblem:
             }
             middle["rests"] /= len(self.target)
             row(self.recipe.name, name, *middle.values())
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A die: how it ended, seconds of processor time, and the errors of its steps over these
+    seconds, (s, 2)."""
+
+    end: Ending
+    seconds: float
+    curve: Floats
+
+
+def draw_band(axis: Any, curves: Sequence[Floats], name: str, color: str) -> None:
+    """The least error up to each time: the median of curves, and nine in ten of them."""
+    times = np.geomspace(2e-3, max(curve[-1, 0] for curve in curves) + 2e-3, 200)
+    best = [
+        np.minimum.accumulate(curve[:, 1])[
+            np.maximum(np.searchsorted(curve[:, 0], times, side="right") - 1, 0)
+        ]
+        for curve in curves
+    ]
+    low, middle, high = np.quantile(np.maximum(best, 1e-16), (0.05, 0.5, 0.95), axis=0)
+    axis.loglog(times, middle, color=color, label=name)
+    axis.fill_between(times, low, high, color=color, alpha=0.15, linewidth=0)
+    axis.set(xlabel="seconds of processor time", ylabel="largest |p - q|")
 
 
 def largest_change(before: DesignResult, after: DesignResult) -> float:

@@ -1,10 +1,11 @@
 """the exact method on random targets, compared with the paper's, and on recipes
 
 Design dice for random targets of 4 to 12 outcomes, the smallest at least 0.01, by the exact method
-from searched shapes, without preferences, and by the paper's without a finish from as many evenly
-spread shapes. Then run recipes of convex dice as they are. A die is solved where the forward model
-finds one rest for each outcome and no other, and probabilities within 1e-12 or the recipe's
-tolerance. Seconds are on the wall. Exits 1 where a target is not solved.
+from searched shapes, without preferences, and by the paper's without a finish from evenly spread
+facets, good with an error of at most 0.02. Then run recipes of convex dice as they are. A die is
+solved where the forward model finds one rest for each outcome and no other, and probabilities
+within 1e-12 or the recipe's tolerance. Seconds are on the wall. Exits 1 where a target is not
+solved.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ MOST_STARTS = 40
 SECONDS = 10.0
 """Limit of the exact method for each random target."""
 
+PAPER_ERROR = 0.02
+"""Largest |p - q| of a good die by the paper's method."""
+
 SMALLEST = 0.01
 """Probability of a random target."""
 
@@ -44,7 +48,7 @@ class Attempt:
     Attributes
     ----------
     error: largest |p - q|; infinite unless there is one rest for each outcome and no other.
-    paper_error: smallest of the paper's method from as many starts.
+    paper_error: of the paper's method.
     """
 
     outcomes: int
@@ -76,7 +80,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     row = report.table(
         "targets",
         "outcomes 8s | targets 7d | solved 7d | median s 9.3f | worst solved s 9.3f | "
-        "paper's median error 9.1e | worst 9.1e | paper's s 9.3f",
+        "paper's good 5d | median error 9.1e | error 90 % 9.1e | worst 9.1e | paper's s 9.3f",
     )
     groups = {str(k): [a for a in attempts if a.outcomes == k] for k in range(4, 13)}
     for name, group in {**groups, "all": attempts}.items():
@@ -86,7 +90,9 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             row(
                 *(name, len(group), len(solved)),
                 *(median(one.seconds for one in group), max(solved, default=None)),
-                *(median(paper), max(paper), median(one.paper_seconds for one in group)),
+                sum(error <= PAPER_ERROR for error in paper),
+                *(*np.quantile(paper, (0.5, 0.9)), max(paper)),
+                median(one.paper_seconds for one in group),
             )
     row = report.table(
         "recipes",
@@ -110,7 +116,7 @@ def attempt(number: int) -> Attempt:
     start = time.perf_counter()
     result = solve_exact(shapes_near(target, number), target, exact)
     middle = time.perf_counter()
-    paper = min(paper_error(target, number + 1000 * turn) for turn in range(result.starts))
+    paper = paper_error(target, number)
     end = time.perf_counter()
     error = forward_error(result.hull.vertices, result.directions, target)
     return Attempt(outcomes, error, middle - start, paper, end - middle)
