@@ -145,7 +145,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     # Not counted: torch takes longer at its first use in a process.
     make_die(set_up(recipes[0], "exact", 0), "design")
     if options.part in (None, "methods"):
-        compare_methods(recipes, seeds, report)
+        compare_methods(recipes, seeds, options.jobs, report)
     fresh = 0 if options.quick else 10
     fresh = fresh if options.fresh is None else options.fresh
     seeds += [secrets.randbelow(2**32) for _ in range(fresh)]
@@ -185,22 +185,28 @@ def set_up(recipe: Recipe, method: str, seed: int) -> Recipe:
     return with_method(recipe, **{**others, "paper": paper})
 
 
-def compare_methods(recipes: Sequence[Recipe], seeds: Sequence[int], report: Report) -> None:
+def compare_methods(
+    recipes: Sequence[Recipe], seeds: Sequence[int], jobs: int, report: Report
+) -> None:
     """Every method on every recipe."""
     row = report.table(
         "methods",
         "recipe 28s | method 35s | seeds 5d | done 5d | median error 9.1e | s 7.2f",
     )
-    for recipe in recipes:
-        for method in METHODS:
-            works = [make_die(set_up(recipe, method, seed)) for seed in seeds]
-            errors = [float(work.die.error) for work in works]
-            done = sum(
-                error <= work.recipe.method.tolerance
-                for error, work in zip(errors, works, strict=True)
-            )
-            taken = [work.result().history[-1].seconds or 0.0 for work in works]
-            row(recipe.name, method, len(seeds), done, median(errors), median(taken))
+    with processes(jobs) as pool:
+        for recipe in recipes:
+            for method in METHODS:
+                tries = pool.map(try_method, repeat(recipe), repeat(method), seeds)
+                errors, are_done, taken = zip(*tries, strict=True)
+                row(recipe.name, method, len(seeds), sum(are_done), median(errors), median(taken))
+
+
+def try_method(recipe: Recipe, method: str, seed: int) -> tuple[float, bool, float]:
+    """Error of a die, whether it is within the method's tolerance, and seconds."""
+    work = make_die(set_up(recipe, method, seed))
+    error = float(work.die.error)
+    seconds = work.result().history[-1].seconds or 0.0
+    return error, error <= work.recipe.method.tolerance, seconds
 
 
 @dataclass(frozen=True)

@@ -168,9 +168,10 @@ class Objective:
         return Evaluation(self, parameters, shape, rests, directions)
 
     def attempt(self, parameters: Floats, directions: Floats) -> Evaluation | None:
-        """Evaluation, or None if it fails."""
+        """Evaluation, or None if it or its probabilities fail."""
         try:
-            return self.evaluate(parameters, directions)
+            evaluation = self.evaluate(parameters, directions)
+            return evaluation if np.isfinite(evaluation.error) else None
         except (DiceError, np.linalg.LinAlgError):
             return None
 
