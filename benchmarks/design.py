@@ -1,12 +1,10 @@
-"""design methods over seeds: error and energy against run time, and the paper's ablation
+"""design methods over seeds, beside published dice, and the paper's ablation
 
 Design recipes by every method, step rule and preconditioner, from the same starts with the same
 seeds, without preferences. For recipes of the paper's method also:
 
 - dice over seeds from 0 on and fresh ones that nobody chose, without a finish and with the exact
   one, beside the published dice;
-- error against run time over noise on the start, and over orders of the outcomes, by the exact
-  method and the paper's, as published too;
 - dice side by side by three ways, with the recipe's preferences;
 - dice without one term of the energy after the other, as in the paper's figure 9.
 
@@ -21,11 +19,9 @@ import argparse
 import secrets
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import repeat
 from statistics import median
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +29,6 @@ from benchmarks.frame import (
     Report,
     add_recipes,
     make_die,
-    panels,
     processes,
     read_recipes,
     with_method,
@@ -44,12 +39,10 @@ from dicedesign.methods import (
     ExactOptions,
     PaperOptions,
     SobolevOptions,
-    solve_exact,
     solve_paper,
 )
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finish_exactly
-from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.recipe.convex import normalized_center, target_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
@@ -97,18 +90,6 @@ GOOD_ERROR, GOOD_ANGLE = 2e-2, 10.0
 """Of a die without finish: an error of at most the one, outcomes as many degrees apart as the
 other."""
 
-STARTS = {"0.001": 1e-3, "0.05": 0.05, "0.1": 0.1, "0.2": 0.2, "shuffled": None}
-"""Standard deviations of the noise on a start whose half extent is 1; None for the first with the
-outcomes in a random order."""
-
-WAYS: dict[str, dict[str, Any] | None] = {
-    "exact": None,
-    "paper, exact finish": {"finish": "exact"},
-    "paper": {"finish": "none"},
-    "paper, as published": {"finish": "none", "step": "line_search"},
-}
-"""Options of the paper's method, without `apart` as published; None for the exact method."""
-
 NEARBY = 15.0
 """Degrees from an outcome's main rest within which facets count as folds of its."""
 
@@ -125,7 +106,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--part",
-        choices=("methods", "seeds", "starts", "sides", "ablation"),
+        choices=("methods", "seeds", "sides", "ablation"),
         help="only one of the tables",
     )
 
@@ -153,13 +134,6 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     is_good = True
     if options.part in (None, "seeds"):
         is_good = sum(problem.over_seeds(seeds, report) for problem in paper) == len(paper)
-    if options.part in (None, "starts"):
-        axes = np.empty((len(paper), 0))
-        if options.out is not None:
-            report.figure, axes = panels(len(WAYS) * len(paper), len(WAYS), (3.6, 2.7))
-        with processes(options.jobs) as pool:
-            for problem, own in zip(paper, np.reshape(axes, (len(paper), -1)), strict=True):
-                problem.over_starts(seeds, report, own, pool)
     if options.part == "sides" or (options.part is None and not options.quick):
         for problem in paper:
             compare_sides(problem.recipe, report)
@@ -323,56 +297,6 @@ class PaperProblem:
             )
         return good["none"] >= 0.95 * len(seeds) and good["exact"] == len(seeds)
 
-    def attempt(self, way: str, noise: float | None, seed: int) -> Attempt:
-        """A die by one of `WAYS` from a start with noise, or with the outcomes in a random
-        order."""
-        options, target = self.options, self.target
-        if noise is None:
-            target = np.random.default_rng(seed).permutation(target)
-        else:
-            options = replace(options, perturbation=noise)
-        wall, start = time.perf_counter(), time.process_time()
-        given = WAYS[way]
-        if given is None:
-            own = ExactOptions(tolerance=1e-12, prefer=Preferences())
-            result = solve_exact(shapes_near(target, seed), target, own, center_of_mass=self.center)
-        else:
-            options = replace(options, **given)
-            if options.step == "line_search":
-                options = replace(options, weights=options.weights.replace(apart=0.0))
-            result = solve_paper(self.start, target, options, center_of_mass=self.center, seed=seed)
-        seconds = time.process_time() - start
-        share = seconds / (time.perf_counter() - wall)
-        curve = np.array([(share * step.seconds, step.error) for step in result.history])
-        return Attempt(Ending.of(result, target, self.center), seconds, curve)
-
-    def over_starts(
-        self, seeds: Sequence[int], report: Report, axes: Sequence[Any], pool: ProcessPoolExecutor
-    ) -> None:
-        """A row for each way and each kind of start; a panel for each way, if there are any."""
-        row = report.table(
-            "starts",
-            "recipe 28s | by 20s | start 10s | seeds 5d | good 5d | error 10 % 9.1e | "
-            "median 9.1e | error 90 % 9.1e | s 6.2f | s 90 % 6.2f",
-        )
-        for place, (way, given) in enumerate(WAYS.items()):
-            # The exact method looks for a start itself.
-            for color, (kind, noise) in enumerate(STARTS.items()):
-                if given is None and noise is not None:
-                    continue
-                tries = list(pool.map(self.attempt, repeat(way), repeat(noise), seeds))
-                good = sum(one.end.is_good() for one in tries)
-                errors = np.quantile([one.end.error for one in tries], (0.1, 0.5, 0.9))
-                taken = np.quantile([one.seconds for one in tries], (0.5, 0.9))
-                start = "searched" if given is None else kind
-                row(self.recipe.name, way, start, len(seeds), good, *errors, *taken)
-                if len(axes) > 0:
-                    draw_band(axes[place], [one.curve for one in tries], start, f"C{color}")
-            if len(axes) > 0:
-                title = f"{self.recipe.name.removeprefix('paper_')}, {way}"
-                axes[place].set(title=title, ylim=(1e-16, 1.0), xlim=(2e-3, 5.0))
-                axes[place].legend(fontsize=7)
-
     def ablate(self, seeds: Sequence[int], report: Report) -> None:
         """Medians over the seeds without some terms, without a finish."""
         row = report.table(
@@ -392,31 +316,6 @@ class PaperProblem:
             }
             middle["rests"] /= len(self.target)
             row(self.recipe.name, name, *middle.values())
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A die: how it ended, seconds of processor time, and the errors of its steps over these
-    seconds, (s, 2)."""
-
-    end: Ending
-    seconds: float
-    curve: Floats
-
-
-def draw_band(axis: Any, curves: Sequence[Floats], name: str, color: str) -> None:
-    """The least error up to each time: the median of curves, and nine in ten of them."""
-    times = np.geomspace(2e-3, max(curve[-1, 0] for curve in curves) + 2e-3, 200)
-    best = [
-        np.minimum.accumulate(curve[:, 1])[
-            np.maximum(np.searchsorted(curve[:, 0], times, side="right") - 1, 0)
-        ]
-        for curve in curves
-    ]
-    low, middle, high = np.quantile(np.maximum(best, 1e-16), (0.05, 0.5, 0.95), axis=0)
-    axis.loglog(times, middle, color=color, label=name)
-    axis.fill_between(times, low, high, color=color, alpha=0.15, linewidth=0)
-    axis.set(xlabel="seconds of processor time", ylabel="largest |p - q|")
 
 
 def largest_change(before: DesignResult, after: DesignResult) -> float:

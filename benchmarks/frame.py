@@ -46,6 +46,7 @@ BENCHES = (
     "gradients",
     "speed",
     "stability",
+    "starts",
     "thrown",
     "train",
 )
@@ -147,7 +148,7 @@ def main(arguments: Sequence[str]) -> int:
     if options.json:
         print(text)
     if options.record:
-        record(report, " ".join(arg for arg in arguments if arg != "--record"))
+        record(report, shlex.join(arg for arg in arguments if arg != "--record"))
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         (options.out / f"{options.name}.json").write_text(text + "\n")
@@ -321,9 +322,15 @@ def with_method(recipe: Recipe, **options: Any) -> Recipe:
 
 def add_recipes(parser: argparse.ArgumentParser, nargs: str = "+") -> None:
     """The argument `recipes`."""
-    parser.add_argument("recipes", nargs=nargs, type=Path, metavar="RECIPE.yaml")
+    parser.add_argument("recipes", nargs=nargs, type=Path, metavar="RECIPE.yaml or FOLDER")
 
 
 def read_recipes(options: argparse.Namespace) -> list[Recipe]:
-    """All of them; what is wrong with one is said before anything is designed."""
-    return [read_recipe(path) for path in options.recipes]
+    """All of them, and of folders those in them; what is wrong with one is said before anything is
+    designed."""
+    paths = [
+        path
+        for given in options.recipes
+        for path in (sorted(given.glob("*.yaml")) if given.is_dir() else [given])
+    ]
+    return [read_recipe(path) for path in paths]
