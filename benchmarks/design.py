@@ -67,6 +67,7 @@ METHODS = {
 PUBLISHED = {
     "paper_binomial_2": 0.0069,
     "paper_binomial_3": 0.0054,
+    "paper_binomial_4": 0.0086,
     "paper_2d6_hendecahedron_v1": 0.0016,
     "paper_2d6_hendecahedron_v2": 0.0115,
     "paper_2d6_circus": 0.0151,
@@ -82,7 +83,8 @@ TERMS = {
     "no barycenter": ("barycenter",),
     "no neighbor": ("neighbor",),
     "no apart": ("apart",),
-    "dice alone": ("coplanar", "barycenter", "neighbor", "apart"),
+    "no hold or clear": ("hold", "clear"),
+    "dice alone": ("coplanar", "barycenter", "neighbor", "apart", "hold", "clear"),
 }
 """What is left out, by the name of the row."""
 

@@ -169,7 +169,10 @@ def record(report: Report, arguments: str) -> None:
             "titles": titles,
             "rows": rows,
         }
-    RECORDED.write_text(json.dumps(dict(sorted(recorded.items())), indent=1) + "\n")
+    text = json.dumps(dict(sorted(recorded.items())), indent=1)
+    # A row is a line.
+    text = re.sub(r"\[\s+([^][]*?)\s+\]", lambda row: f"[{' '.join(row[1].split())}]", text)
+    RECORDED.write_text(text + "\n")
     pages = RECORDED.parents[1] / "tests" / "docs" / "generated_tables.py"
     subprocess.run([sys.executable, str(pages)], check=True)
 

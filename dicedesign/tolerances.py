@@ -128,6 +128,10 @@ NEAR_ANTIPODE: Final = 0.05
 """The area of a basin is measured from its rest's normal unless its border comes nearer to the
 antipode than this, as 1 + cosine: some 18 degrees."""
 
+NOTED_ROUNDING: Final = 1e-5
+"""A note says that digits are lost if coordinates are rounded to more than this part of the body's
+extent, as the body is far from the origin; probabilities may be wrong by about as much."""
+
 PRINT_TOLERANCE: Final = 1e-6
 """Edges and slivers thinner than this, relative to the diagonal of the body's box, are taken out of
 a solid before it is printed."""

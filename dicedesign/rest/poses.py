@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import MOST_COUNT, DegenerateBodyError, InputError
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, hull_precision
 from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.geometry.triangles import Surface
@@ -21,7 +21,7 @@ from dicedesign.rest.basins import Basins, find_basins
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import CLOSURE_TOLERANCE
+from dicedesign.tolerances import CLOSURE_TOLERANCE, NOTED_ROUNDING
 
 if TYPE_CHECKING:
     from dicedesign.rest.prior import Prior
@@ -310,6 +310,18 @@ def rest_poses(
         raise DegenerateBodyError(f"{body.name}: {said}") from error
     hull_seconds = time.perf_counter() - started
     center, source, notes = resolve_center_of_mass(body, hull.centroid, center_of_mass)
+    _, step = hull_precision(body.single_precision)
+    step *= float(np.abs(hull.vertices[0]).max())
+    # The extent is at least this.
+    if step > NOTED_ROUNDING * float(np.abs(hull.vertices[0] - hull.centroid).max()):
+        part = step / float(np.ptp(hull.vertices, axis=0).max())
+        if part > NOTED_ROUNDING:
+            notes = (
+                *notes,
+                f"far from the origin: coordinates are rounded to {part:.1g} of the body's extent, "
+                "and probabilities may be wrong by about as much; move the body to the origin "
+                "before it is rounded",
+            )
     return analyze(hull, center, source, (*body.notes, *notes), hull_seconds)
 
 

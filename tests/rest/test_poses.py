@@ -187,3 +187,14 @@ def test_one_seed_is_one_result() -> None:
 def test_absurd_numbers_of_draws_are_refused(n: Any) -> None:
     with pytest.raises(InputError, match="n: expected a whole number"):
         DRAWN_FROM.sample(n, 1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_digits_lost_by_a_far_origin_are_noted(seed: int) -> None:
+    points = random_rests(seed).hull.vertices
+    exact = rest_poses(points)
+    for offset in (1e3, 1e6, 1e9):
+        moved = rest_poses(points + offset)
+        assert moved.notes == exact.notes
+        np.testing.assert_allclose(moved.probabilities, exact.probabilities, rtol=0, atol=1e-5)
+    assert any("rounded" in note for note in rest_poses(points + 1e12).notes)
