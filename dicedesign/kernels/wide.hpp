@@ -22,7 +22,7 @@ struct Wide {
         if (value == 0.0) return;
         sign = value < 0.0 ? -1 : 1;
         std::frexp(value, &exponent);
-        exponent = static_cast<int>(std::ceil(exponent / 32.0));
+        exponent = (exponent + 32 * 64 + 31) / 32 - 64;  // rounded up
         double rest = std::ldexp(std::fabs(value), -32 * exponent);
         for (int i = 0; i < 3; ++i) {
             rest *= 0x1p32;
@@ -40,6 +40,13 @@ struct Wide {
         this->sign = sign;
         this->exponent = exponent - static_cast<int>(first);
         for (int i = 0; i < N && first + i < M; ++i) limb[i] = limbs[first + i];
+    }
+
+    // The last limb that is not 0, of a number that is not 0.
+    int last() const {
+        int place = N - 1;
+        while (limb[place] == 0) --place;
+        return place;
     }
 };
 
@@ -89,10 +96,12 @@ Wide<N> operator-(const Wide<N>& a, const Wide<N>& b) {
 template <int N>
 Wide<N> operator*(const Wide<N>& a, const Wide<N>& b) {
     if (a.sign == 0 || b.sign == 0) return {};
+    // Coordinates and their differences end in many limbs of 0.
+    const int last_of_a = a.last(), last_of_b = b.last();
     std::array<std::uint32_t, 2 * N> limbs{};
-    for (int i = N - 1; i >= 0; --i) {
+    for (int i = last_of_a; i >= 0; --i) {
         std::uint64_t carry = 0;
-        for (int j = N - 1; j >= 0; --j) {
+        for (int j = last_of_b; j >= 0; --j) {
             const std::uint64_t value =
                 std::uint64_t{a.limb[i]} * b.limb[j] + limbs[i + j + 1] + carry;
             limbs[i + j + 1] = static_cast<std::uint32_t>(value);

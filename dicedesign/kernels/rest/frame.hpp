@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cmath>
+#include <memory>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "hull/hull.hpp"
@@ -29,7 +31,9 @@ inline double difference(double a, double b, double) { return a - b; }
 inline Twofold difference(double a, double b, const Twofold&) { return exact_sum(a, -b); }
 template <int N>
 Wide<N> difference(double a, double b, const Wide<N>&) {
-    return Wide<N>(a) - Wide<N>(b);
+    // Of points near each other the second part is 0.
+    const Twofold exact = exact_sum(a, -b);
+    return Wide<N>(exact.high) + Wide<N>(exact.low);
 }
 
 // Bound on the rounding of a kind of number, from the bound of doubles. One operation on twofold numbers
@@ -52,12 +56,11 @@ template <class Real>
 class Frame {
 public:
     Frame(const Hull& hull, const Vec& center, const Tolerances& tolerances)
-        : hull(hull), tolerances(tolerances),
-          rounding(rounding_of(tolerances.rounding, Real())), center_(center) {
-        if constexpr (std::is_same_v<Real, double>) {
-            normal_errors_.reserve(hull.facet_count);
-            for (Index f = 0; f < hull.facet_count; ++f) normal_errors_.push_back(error(f));
-        }
+        : Frame(hull, center, tolerances, nullptr) {
+        auto errors = std::make_shared<std::vector<double>>();
+        errors->reserve(hull.facet_count);
+        for (Index f = 0; f < hull.facet_count; ++f) errors->push_back(error(f));
+        normal_errors_ = std::move(errors);
     }
 
     // r_p of a vertex.
@@ -86,17 +89,16 @@ public:
 
     // Bound on the error of that normal, as a length.
     double normal_error(Index f) const {
-        if constexpr (std::is_same_v<Real, double>) {
-            return normal_errors_[f];
-        } else {
-            return error(f);
-        }
+        return (rounding / tolerances.rounding) * (*normal_errors_)[f];
     }
 
-    // The same with more digits.
+    // The same of the hull's own normal, and of a product with it in doubles.
+    double normal_error_of_doubles(Index f) const { return (*normal_errors_)[f] + tolerances.rounding; }
+
+    // This frame with more digits.
     template <class Finer>
     Frame<Finer> with() const {
-        return Frame<Finer>(hull, center_, tolerances);
+        return Frame<Finer>(hull, center_, tolerances, normal_errors_);
     }
 
     const Hull& hull;
@@ -104,6 +106,16 @@ public:
     const double rounding;
 
 private:
+    template <class>
+    friend class Frame;
+
+    using Errors = std::shared_ptr<const std::vector<double>>;
+
+    Frame(const Hull& hull, const Vec& center, const Tolerances& tolerances, Errors normal_errors)
+        : hull(hull), tolerances(tolerances),
+          rounding(rounding_of(tolerances.rounding, Real())), center_(center),
+          normal_errors_(std::move(normal_errors)) {}
+
     double error(Index f) const {
         const Index start = hull.facet_start[f], end = hull.facet_start[f + 1];
         const Vec anchor = hull.vertices[hull.tail[start]];
@@ -117,7 +129,7 @@ private:
     }
 
     Vec center_;
-    std::vector<double> normal_errors_;
+    Errors normal_errors_;  // of doubles
 };
 
 }  // namespace dicedesign

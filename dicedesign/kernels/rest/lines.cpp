@@ -1,6 +1,8 @@
 #include "rest/lines.hpp"
 
+#include <cmath>
 #include <limits>
+#include <type_traits>
 
 namespace dicedesign {
 namespace {
@@ -13,11 +15,25 @@ struct Place {
     double error;
 };
 
+// Which side of a facet's normal a line passes, as a product with its length; in doubles where these
+// suffice, unless all digits are wanted.
+template <class Real>
+double side_of(const Frame<Real>& frame, Index facet, const Vector<Real>& left_of_travel,
+               double reach, bool all_digits) {
+    if (!all_digits) {
+        const Vec left = rounded(left_of_travel);
+        const double coarse = dot(left, frame.hull.normals[facet]);
+        if (std::fabs(coarse) > reach + norm(left) * frame.normal_error_of_doubles(facet)) return coarse;
+    }
+    return rounded(dot(left_of_travel, frame.normal(facet)));
+}
+
 // Where the line through a place leaves the cell of a vertex: the half-edge through whose arc, or
 // -1 where there is none. See `exit_half_edges` in tracing.py.
 template <class Real>
 Index exit_half_edge(const Frame<Real>& frame, const std::vector<char>& allowed, Index vertex,
-                     const Place<Real>& place, bool uphill, bool& certain) {
+                     const Place<Real>& place, bool uphill, bool& certain,
+                     bool all_digits = std::is_same_v<Real, double>) {
     const Hull& hull = frame.hull;
     const Vector<Real> along = frame.radius(vertex);
     const Vector<Real> left_of_travel = cross(place.direction, uphill ? along : -along);
@@ -31,10 +47,10 @@ Index exit_half_edge(const Frame<Real>& frame, const std::vector<char>& allowed,
         const Index left = hull.facet[e], right = hull.facet[hull.twin[e]];
         const bool first = !allowed[hull.next[hull.twin[e]]];
         const bool last = !allowed[hull.twin[hull.previous[e]]];
-        const double at_left = rounded(dot(left_of_travel, frame.normal(left)));
-        const double at_right = rounded(dot(left_of_travel, frame.normal(right)));
         const double reach =
             slack + frame.tolerances.tie_distance + length * frame.normal_error(left);
+        const double at_left = side_of(frame, left, left_of_travel, reach, all_digits);
+        const double at_right = side_of(frame, right, left_of_travel, 0.0, all_digits);
         if (!last && !(std::fabs(at_left) > reach)) certain = false;
         const bool leaves = (first || at_right < 0.0) && (last || at_left >= 0.0);
         const double score = leaves ? std::numeric_limits<double>::infinity()
@@ -44,6 +60,9 @@ Index exit_half_edge(const Frame<Real>& frame, const std::vector<char>& allowed,
             highest = score;
         }
     }
+    // All digits count where no side alone decides.
+    if (!all_digits && chosen >= 0 && std::isfinite(highest))
+        return exit_half_edge(frame, allowed, vertex, place, uphill, certain, true);
     return chosen;
 }
 
