@@ -41,7 +41,7 @@ from dicedesign.starts import hendecahedron
 from tests.reference.extremes import large
 from tests.reference.sampled import lattice_directions, random_directions
 
-PAPER = EnergyWeights(stability=0.0)
+PAPER = EnergyWeights()
 """The dice energy with the paper's three regularizers (eq. 16)."""
 
 MOST_GRADIENT = 20_000

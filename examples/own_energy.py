@@ -52,7 +52,7 @@ def run_adam(weight: float) -> None:
     (4 pi)^2, about 158, times as large: 0.3 there is 0.002 here.
     """
     vertices = torch.tensor(START.points, requires_grad=True)
-    weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0, stability=0.0)
+    weights = EnergyWeights(firm_rests=weight, barycenter=0.0, neighbor=0.0)
     adam = torch.optim.Adam([vertices], lr=8e-3)
     for _ in range(100):
         rests = dd.evaluate_rests(vertices)

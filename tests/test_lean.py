@@ -43,7 +43,7 @@ SOLVERS = {"clarabel", "osqp", "piqp", "proxsuite", "quadprog", "cvxpy", "highsp
 """Modules that solve quadratic programs."""
 
 
-REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart")
+REGULARIZERS = ("coplanar", "barycenter", "neighbor", "apart")
 
 
 def modules_after(arguments: list[str], folder: Path) -> set[str]:

@@ -243,12 +243,8 @@ class Evaluation:
 
     @cached_property
     def flaws(self) -> int:
-        """Number of outcomes without a rest, and of surplus rests if a term requires single
-        rests."""
-        outcomes, empty = len(self.directions), self.clusters.empty
-        if not self.objective.weights.single_rests:
-            return empty
-        return empty + len(self.clusters.of_rest) - (outcomes - empty)
+        """Number of outcomes without a rest."""
+        return self.clusters.empty
 
     def weighted(self, weights: EnergyWeights) -> Evaluation:
         """Evaluation of the same shape with other weights."""

@@ -211,7 +211,6 @@ class PaperWeights(EnergyWeights):
         "barycenter": 0.1,
         "neighbor": 2.0,
         "neighbor_radius": 0.1,
-        "stability": 0.0,
         "apart": 0.15,
         "hold": 0.5,
         "clear": 0.1,

@@ -2,7 +2,7 @@
 that keep facets stable or unstable by a margin, and one that keeps outcomes apart.
 
 An outcome without a rest, or without a facet, always has a cost: the dice energy misses its whole
-target, and the barycenter, neighbor and stability terms are at least what one facet can cost.
+target, and the barycenter and neighbor terms are at least what one facet can cost.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
-from dicedesign.tolerances import SAME_REST_ANGLE
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -47,14 +46,12 @@ class Term(Extension):
         the depths (m,) or normals (r, 3), as numbers. Kernels do the rest of the chain rule.
     weight: default weight in recipes; None for a term that always has weight 1.
     options: other options in recipes, with names that no other term uses.
-    single_rests: whether steps are refused that give an outcome a second rest.
     """
 
     evaluate: Callable[[ClusteredRests, EnergyWeights], Tensor]
     value_and_slopes: ValueAndSlopes | None = None
     weight: float | None = 0.0
     options: tuple[TermOption, ...] = ()
-    single_rests: bool = False
 
 
 LARGEST_SQUARED_DISTANCE: Final = 4.0
@@ -123,54 +120,6 @@ def neighbor_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     alone = len(directions) - len(np.unique(outcome))
     offset = state.rests.facet_normals(facet) - torch.as_tensor(directions[outcome])
     return (offset**2).sum() + alone * radius**2
-
-
-def outcome_facets(normals: Floats, directions: Floats, depths: Floats) -> Integers:
-    """Assign distinct facets (k,), with normals (m, 3), to the outcomes of directions (k, 3).
-
-    The sum of cosines is largest. Among facets within `SAME_REST_ANGLE` of a direction, such as the
-    parts of a broken facet, the one of largest depth (m,) is taken: two of equal depth can change
-    places with the same stability energy. With m < k facets, only m outcomes have one.
-    """
-    # Imported late, as few energies use it.
-    from scipy.optimize import linear_sum_assignment
-
-    cosines = directions @ normals.T
-    within = cosines > np.cos(SAME_REST_ANGLE)
-    # Facets within the angle have at least 2, more than any cosine.
-    gain = np.where(within, 3.0 + np.clip(depths, -1.0, 1.0), cosines)
-    return np.asarray(linear_sum_assignment(-gain)[1], dtype=np.int64)
-
-
-def stability_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
-    """Energy that keeps one facet for each outcome stable and all others unstable by a margin.
-
-    A facet of depth s (`RestEvaluation.facet_depths`) costs `max(0, 1 - s / margin)^2` with an
-    outcome, and `max(0, 1 + s / margin)^2` without. An outcome without a facet costs the most.
-    Probabilities jump where a depth crosses zero; this barrier lets a smooth method move along the
-    jump. Not in the paper.
-    """
-    import torch
-
-    signs, constant = _stability_signs(state, weights)
-    depths = state.rests.facet_depths / weights.stability_margin
-    return ((1.0 - torch.as_tensor(signs) * depths).clamp_min(0.0) ** 2).sum() + constant
-
-
-def stability_slopes(state: ClusteredRests, weights: EnergyWeights) -> tuple[float, Floats]:
-    """Value and derivatives (m,) of the stability energy in the depths of the facets."""
-    signs, constant = _stability_signs(state, weights)
-    lack = np.maximum(1.0 - signs * state.rests.depths / weights.stability_margin, 0.0)
-    return float(lack @ lack) + constant, -2.0 / weights.stability_margin * signs * lack
-
-
-def _stability_signs(state: ClusteredRests, weights: EnergyWeights) -> tuple[Floats, float]:
-    """(m,) 1 for facets with an outcome, else -1; and the cost of outcomes without a facet."""
-    directions = state.clusters.directions
-    wanted = outcome_facets(state.hull.normals, directions, state.rests.depths)
-    signs = np.full(len(state.hull.normals), -1.0)
-    signs[wanted] = 1.0
-    return signs, (len(directions) - len(wanted)) * (1.0 + 1.0 / weights.stability_margin) ** 2
 
 
 CLOSEST: Final = 1e-6
@@ -322,16 +271,6 @@ TERMS: Final = Registry(
             ),
         ),
         Term(
-            name="stability",
-            line="keeps one facet for each outcome stable and all others unstable; 0 is the "
-            "paper's energy",
-            weight=0.1,
-            options=(_margin("stability_margin", 0.05),),
-            single_rests=True,
-            evaluate=stability_energy,
-            value_and_slopes=stability_slopes,
-        ),
-        Term(
             name="apart",
             line="keeps outcomes from growing into one facet; 0 is the paper's energy",
             weight=0.0,
@@ -415,8 +354,3 @@ class EnergyWeights(Numbers):
         """Terms with a weight above 0, and these weights, in order."""
         pairs = ((term, 1.0 if term.weight is None else getattr(self, term.name)) for term in TERMS)
         return tuple((term, weight) for term, weight in pairs if weight > 0.0)
-
-    @property
-    def single_rests(self) -> bool:
-        """Whether a term with a weight requires one rest for each outcome and no other."""
-        return any(term.single_rests for term, _ in self.active)

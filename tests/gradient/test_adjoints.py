@@ -34,7 +34,6 @@ REGULARIZERS = {
     "coplanar": 0.3,
     "barycenter": 1.7,
     "neighbor": 0.4,
-    "stability": 0.2,
     "apart": 0.7,
     "hold": 0.5,
     "clear": 0.3,
@@ -42,7 +41,6 @@ REGULARIZERS = {
 WEIGHTS = EnergyWeights(
     **REGULARIZERS,
     neighbor_radius=0.6,
-    stability_margin=0.3,
     apart_distance=1.6,
     hold_margin=0.2,
     clear_margin=0.3,

@@ -13,9 +13,9 @@ from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rest
 from dicedesign.optimize.clusters import ClusteredRests, Clusters, cluster
 from dicedesign.optimize.energy import Energy, energy_terms
 from dicedesign.optimize.starts.shapes import repulsion
-from dicedesign.optimize.terms import TERMS, EnergyWeights, Term, TermOption, outcome_facets
+from dicedesign.optimize.terms import TERMS, EnergyWeights, Term, TermOption
 
-REGULARIZERS = ("coplanar", "barycenter", "neighbor", "stability", "apart", "hold", "clear")
+REGULARIZERS = ("coplanar", "barycenter", "neighbor", "apart", "hold", "clear")
 ROUND = (1.0, 0.9, 1.15)
 
 
@@ -109,34 +109,6 @@ def test_equation_15_sums_over_all_facets_nearby(clustered, radius: float) -> No
     assert float(value) == pytest.approx(expected, rel=1e-12)
 
 
-def naive_stability(rests: RestEvaluation, clusters: Clusters, margin: float) -> float:
-    hull, center = rests.hull, rests.center_of_mass.detach().numpy()
-    radius = max(np.linalg.norm(x - center) for x in hull.vertices)
-    every = []
-    for f in range(len(hull.normals)):
-        corners, normal = hull.polygon(f), hull.normals[f]
-        foot = center + normal * (normal @ (corners[0] - center))
-        depths = []
-        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            inward = np.cross(normal, b - a) / np.linalg.norm(b - a)
-            depths.append(inward @ (foot - a) / radius)
-        every.append(min(depths))
-    wanted = set(outcome_facets(hull.normals, clusters.directions, np.array(every)).tolist())
-    energy = 0.0
-    for f, depth in enumerate(every):
-        sign = 1.0 if f in wanted else -1.0
-        energy += max(0.0, 1.0 - sign * depth / margin) ** 2
-    return energy + (1.0 + 1.0 / margin) ** 2 * (len(clusters.directions) - len(wanted))
-
-
-@pytest.mark.parametrize("margin", [0.05, 0.3, 1.0])
-def test_stability_energy_charges_depths_below_the_margin(clustered, margin: float) -> None:
-    rests, clusters = clustered
-    expected = naive_stability(rests, clusters, margin)
-    value = term("stability", rests, clusters, stability_margin=margin)
-    assert float(value) == pytest.approx(expected, rel=1e-11)
-
-
 @pytest.mark.parametrize("margin", [0.05, 0.3, 1.0])
 def test_hold_and_clear_charge_the_deepest_rest_and_all_other_facets(
     clustered, margin: float
@@ -175,7 +147,7 @@ def test_outcomes_in_one_place_have_a_finite_cost() -> None:
     normals = rests.hull.normals[rests.paths.rests]
     clusters = cluster(normals, np.concatenate([normals, normals[:1]]))
     state = ClusteredRests(rests, clusters, np.full(5, 0.2))
-    weights = EnergyWeights(coplanar=0.0, barycenter=0.0, neighbor=0.0, stability=0.0, apart=1.0)
+    weights = EnergyWeights(coplanar=0.0, barycenter=0.0, neighbor=0.0, apart=1.0)
     terms = energy_terms(state, weights)
     assert 10.0 < float(terms["apart"].detach()) < 20.0
     assert np.isfinite(Energy(state, weights).gradient).all()
@@ -191,7 +163,6 @@ def test_gradcheck_of_every_term(random_points, name: str, seed: int) -> None:
     weights = {**dict.fromkeys(REGULARIZERS, 0.0), **({} if name == "dice" else {name: 0.7})}
     options = EnergyWeights(
         neighbor_radius=0.9,
-        stability_margin=0.4,
         apart_distance=2.0,
         hold_margin=1.0,
         clear_margin=0.4,
@@ -225,11 +196,11 @@ def test_an_empty_cluster_raises_the_energy_and_keeps_it_finite(random_points) -
         twin = cluster(normals, np.concatenate([clusters.directions, clusters.directions[:1]]))
         np.testing.assert_array_equal(twin.of_rest, clusters.of_rest)
         assert (clusters.empty, twin.empty) == (0, 1)
-        weights = EnergyWeights(neighbor_radius=0.3, stability_margin=0.1)
+        weights = EnergyWeights(neighbor_radius=0.3)
         target = np.array([0.4, 0.3, 0.2])
         full = energy_terms(ClusteredRests(rests, clusters, target), weights)
         lost = energy_terms(ClusteredRests(rests, twin, np.append(target, 0.1)), weights)
-        assert set(lost) == {"dice", "coplanar", "barycenter", "neighbor", "stability"}
+        assert set(lost) == {"dice", "coplanar", "barycenter", "neighbor"}
         gain = {name: float((lost[name] - full[name]).detach()) for name in full}
         assert gain["dice"] == pytest.approx(0.01)
         assert gain["barycenter"] == pytest.approx(4.0 * weights.barycenter)
@@ -253,15 +224,6 @@ def test_means_of_clusters_are_normalized_and_empty_clusters_keep_their_directio
         mean = normals[clusters.of_rest == i].mean(axis=0)
         np.testing.assert_allclose(updated[i], unit(mean), atol=1e-14)
     np.testing.assert_array_equal(updated[3], far[0])
-
-
-def test_the_deepest_part_of_a_broken_facet_has_the_outcome() -> None:
-    parts = unit(np.array([[0.0, 0.01, 1.0], [0.0, -0.01, 1.0], [1.0, 0.0, 0.0]]))
-    up = np.array([[0.0, 0.0, 1.0]])
-    for depths, deepest in (([0.02, -0.02, 0.9], 0), ([-0.02, 0.02, 0.9], 1)):
-        assert outcome_facets(parts, up, np.array(depths)).tolist() == [deepest]
-    both = outcome_facets(parts, np.concatenate([parts[:1], parts[2:]]), np.array([-0.1, 0.1, 0.9]))
-    assert both.tolist() == [1, 2]
 
 
 @pytest.mark.parametrize("name", ["neighbor", "active", "replace"])

@@ -196,7 +196,7 @@ def test_terms_without_a_kernel_are_added_to_the_energy(
         monkeypatch.setattr(kernels, "compiled", None)
     points = random_points(3, 10, (1.0, 0.9, 1.15))
     directions = rest_poses(points).normals[:3]
-    weights = EnergyWeights(low_peaks=0.7, neighbor_radius=0.9, stability_margin=0.4)
+    weights = EnergyWeights(low_peaks=0.7, neighbor_radius=0.9)
 
     def energy(vertices: np.ndarray, weights: EnergyWeights = weights) -> Energy:
         rests = evaluate_rests(torch.tensor(vertices, requires_grad=True))

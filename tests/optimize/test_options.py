@@ -39,7 +39,7 @@ WHOLE = "expected a whole number from 1 to"
         (PaperWeights, {"coplanar": -1.0}, "coplanar: expected a number not below 0, got -1"),
         (PaperWeights, {"neighbor": float("nan")}, "expected a number not below 0, got nan"),
         (PaperWeights, {"neighbor_radius": 0.0}, "expected a chord length above 0 and at most 2"),
-        (PaperWeights, {"stability_margin": 0.0}, "expected a number above 0 and at most 1"),
+        (PaperWeights, {"hold_margin": 0.0}, "expected a number above 0 and at most 1"),
         (Preferences, {"circles": -1.0}, "circles: expected a number from 0 to 1e+06, got -1"),
         (Preferences, {"margin": float("nan")}, "margin: expected a number from 0 to 1e+06"),
     ],

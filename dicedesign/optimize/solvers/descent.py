@@ -228,8 +228,8 @@ class Momentum:
 
     One number scales all entries, so that the result turns with the die and a preconditioner keeps
     its metric. Step lengths decrease by a cosine in time. A step is refused only if it makes no
-    solid, leaves an outcome without a rest, or adds a rest while a term requires single ones; then
-    the mean restarts. Other jumps of the energy are ignored.
+    solid, or leaves an outcome without a rest; then the mean restarts. Other jumps of the energy
+    are ignored.
 
     Source: Kingma and Ba, "Adam", ICLR 2015, with a scalar second moment.
 

@@ -299,7 +299,7 @@ SUNK: Final = 0.97
 """Height of a half-space for an outcome without a rest, over the height of the shape."""
 
 REPAIRING: Final = EnergyWeights(
-    coplanar=0.0, barycenter=0.0, neighbor=0.0, stability=0.1, stability_margin=0.03
+    coplanar=0.0, barycenter=0.0, neighbor=0.0, hold=0.1, hold_margin=0.03, clear=0.1
 )
 """Weights of a descent to a shape with one rest for each outcome and no other."""
 

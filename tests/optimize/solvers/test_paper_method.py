@@ -165,7 +165,7 @@ def test_weights_are_relative_to_the_dice_energy_in_solid_angles() -> None:
         ),
         on_evaluation=evaluations.append,
     )
-    ones = PaperWeights(coplanar=1.0, barycenter=1.0, neighbor=1.0, apart=1.0, stability=0.0)
+    ones = PaperWeights(coplanar=1.0, barycenter=1.0, neighbor=1.0, apart=1.0)
     whole = (4.0 * np.pi) ** 2
     for evaluation in evaluations:
         objective = Objective(
