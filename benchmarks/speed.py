@@ -24,11 +24,19 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import torch
 from scipy.spatial import ConvexHull
 
 from benchmarks.accuracy import stable_poses
 from benchmarks.frame import Report, Watched, panels, time_in_turn
-from dicedesign import RestPoses, read_body, rest_poses, sum_of_dice
+from dicedesign import (
+    RestPoses,
+    differentiable_rest,
+    differentiable_rest_batch,
+    read_body,
+    rest_poses,
+    sum_of_dice,
+)
 from dicedesign.energies import EnergyWeights
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
@@ -200,11 +208,26 @@ def design_parts() -> Iterator[tuple[str, Floats, dict[str, Callable[[], Any]]]]
         ),
     }
     yield "2d6 die of 11 facets", facets.shape(places[0]).points, works
+    for count in (14, 100):
+        points = random_directions(count, 0) * [1.0, 0.9, 0.8]
+        single = torch.tensor(points, requires_grad=True)
+        yield f"{count} points", points, {"public gradient": partial(public_gradient, single)}
+    bodies = [random_directions(14, seed) * [1.0, 0.9, 0.8] for seed in range(1000)]
+    many = torch.tensor(np.stack(bodies), requires_grad=True)
+    batch = {"public gradient of 1,000 bodies": partial(public_gradient, many)}
+    yield "14 points each", bodies[0], batch
     points = large(500).points
     vertices, place = VertexCoordinates.of(points, np.zeros(3))
     places = [place, place + 1e-6 * rng.normal(size=place.shape)]
     dense = Objective(vertices, np.full(3, 1.0 / 3.0), PAPER, ShapeEvaluator(None))
     yield "500 on an ellipsoid", points, trial_steps(dense, places, np.eye(3))
+
+
+def public_gradient(points: torch.Tensor) -> None:
+    """Gradient of the sum of the squared probabilities of a body (n, 3), or of many (b, n, 3)."""
+    rest = differentiable_rest if points.ndim == 2 else differentiable_rest_batch
+    points.grad = None
+    (rest(points)[1] ** 2).sum().backward()
 
 
 def trial_steps(
