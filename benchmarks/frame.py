@@ -158,10 +158,14 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def record(report: Report, arguments: str) -> None:
-    """Write the tables of a run into `RECORDED` and the pages."""
+    """Write the tables of a run that pages show into `RECORDED`, and into these."""
     name, described = arguments.split()[0], _description()
     recorded = json.loads(RECORDED.read_text())
+    pages = RECORDED.parents[1] / "docs"
+    shown = "".join(page.read_text(encoding="utf-8") for page in pages.glob("*.md"))
     for table, (titles, *rows) in report.texts.items():
+        if f"<!-- table: {name} {table} -->" not in shown:
+            continue
         recorded[f"{name} {table}"] = {
             "command": f"python -m benchmarks {arguments}",
             "date": described["date"],
@@ -173,8 +177,8 @@ def record(report: Report, arguments: str) -> None:
     # A row is a line.
     text = re.sub(r"\[\s+([^][]*?)\s+\]", lambda row: f"[{' '.join(row[1].split())}]", text)
     RECORDED.write_text(text + "\n")
-    pages = RECORDED.parents[1] / "tests" / "docs" / "generated_tables.py"
-    subprocess.run([sys.executable, str(pages)], check=True)
+    rewrite = RECORDED.parents[1] / "tests" / "docs" / "generated_tables.py"
+    subprocess.run([sys.executable, str(rewrite)], check=True)
 
 
 def make_all_anew() -> int:
