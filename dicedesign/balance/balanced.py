@@ -95,8 +95,8 @@ def balance_body(
 
     Parameters
     ----------
-    mesh: closed one of one solid, in mm unless a size is given; originally of uniform density. Any
-        mesh that `dicedesign.rest_poses` takes.
+    mesh: any that `dicedesign.rest_poses` takes, closed and of one solid, in mm unless a size is
+        given; originally of uniform density.
     goal: wanted probabilities.
     options: way to move the center of mass, and material.
     on_way: called with the name of each way before it is tried.

@@ -4,6 +4,7 @@ of the README's first command."""
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shlex
 import shutil
@@ -15,7 +16,7 @@ import pytest
 from common.doc_pages import PAGES, blocks, commands, run_parts
 from common.paths import ROOT
 
-from benchmarks.frame import parser_of
+from benchmarks.frame import RECORDED, parser_of
 from dicedesign.cli.main import make_parser
 from dicedesign.recipe.reading import read_recipe
 
@@ -106,6 +107,12 @@ def test_commands_are_valid(line: str) -> None:
     for word in shlex.split(line):
         if word.startswith("recipes/"):
             assert list(ROOT.glob(word)), word
+
+
+def test_commands_of_measured_tables_are_valid() -> None:
+    for table in json.loads(RECORDED.read_text(encoding="utf-8")).values():
+        name, *given = shlex.split(table["command"].removeprefix("python -m benchmarks "))
+        parser_of(name).parse_args([name, *given])
 
 
 def test_other_commands_are_known() -> None:

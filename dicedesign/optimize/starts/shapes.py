@@ -1,6 +1,6 @@
 """Starting shapes: prisms, hendecahedra, evenly spread facets and hulls of meshes; and parts of
-random
-ones: directions that repel each other, and solids of half-spaces with their probabilities."""
+random ones: directions that repel each other, and solids of half-spaces with their
+probabilities."""
 
 from __future__ import annotations
 
