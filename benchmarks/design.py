@@ -16,7 +16,6 @@ finished one is not exact to 1e-12.
 from __future__ import annotations
 
 import argparse
-import secrets
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,19 +27,16 @@ import numpy as np
 from benchmarks.frame import (
     Report,
     add_recipes,
+    add_seeds,
     make_die,
     processes,
     read_recipes,
+    take_seeds,
     with_method,
 )
 from dicedesign import InputError, Recipe, load_table, rigid_body, simulate
 from dicedesign.energies import Preferences, cluster
-from dicedesign.methods import (
-    ExactOptions,
-    PaperOptions,
-    SobolevOptions,
-    solve_paper,
-)
+from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finish_exactly
 from dicedesign.recipe.convex import normalized_center, target_probabilities
@@ -102,10 +98,7 @@ DROPS = 20_000
 def add_options(parser: argparse.ArgumentParser) -> None:
     """What is designed."""
     add_recipes(parser)
-    parser.add_argument("--seeds", type=int, metavar="N", help="from 0 on (default: 10; quick: 1)")
-    parser.add_argument(
-        "--fresh", type=int, metavar="N", help="that nobody chose (default: 10; quick: 0)"
-    )
+    add_seeds(parser)
     parser.add_argument(
         "--part",
         choices=("methods", "seeds", "sides", "ablation"),
@@ -116,7 +109,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, report: Report) -> bool:
     """All tables, or one."""
     recipes = read_recipes(options)
-    seeds = list(range(options.seeds or (1 if options.quick else 10)))
+    seeds, fresh = take_seeds(options, report)
     starts = [make_die(recipe, "start").start for recipe in recipes]
     for recipe, start in zip(recipes, starts, strict=True):
         if start is None:
@@ -129,10 +122,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     make_die(set_up(recipes[0], "exact", 0), "design")
     if options.part in (None, "methods"):
         compare_methods(recipes, seeds, options.jobs, report)
-    fresh = 0 if options.quick else 10
-    fresh = fresh if options.fresh is None else options.fresh
-    seeds += [secrets.randbelow(2**32) for _ in range(fresh)]
-    report.record["seeds used"] = seeds
+    seeds += fresh
     is_good = True
     if options.part in (None, "seeds"):
         is_good = sum(problem.over_seeds(seeds, report) for problem in paper) == len(paper)

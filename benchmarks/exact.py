@@ -17,6 +17,7 @@ from statistics import median
 
 import numpy as np
 
+from benchmarks.design import GOOD_ERROR
 from benchmarks.frame import Report, add_recipes, make_die, read_recipes
 from dicedesign import NoStartError, Recipe, rest_poses
 from dicedesign.energies import Preferences
@@ -33,9 +34,6 @@ MOST_STARTS = 40
 
 SECONDS = 10.0
 """Limit of the exact method for each random target."""
-
-PAPER_ERROR = 0.02
-"""Largest |p - q| of a good die by the paper's method."""
 
 SMALLEST = 0.01
 """Probability of a random target."""
@@ -90,7 +88,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             row(
                 *(name, len(group), len(solved)),
                 *(median(one.seconds for one in group), max(solved, default=None)),
-                sum(error <= PAPER_ERROR for error in paper),
+                sum(error <= GOOD_ERROR for error in paper),
                 *(*np.quantile(paper, (0.5, 0.9)), max(paper)),
                 median(one.paper_seconds for one in group),
             )

@@ -15,6 +15,7 @@ import json
 import os
 import platform
 import re
+import secrets
 import shlex
 import subprocess
 import sys
@@ -330,6 +331,24 @@ def with_method(recipe: Recipe, **options: Any) -> Recipe:
 def add_recipes(parser: argparse.ArgumentParser, nargs: str = "+") -> None:
     """The argument `recipes`."""
     parser.add_argument("recipes", nargs=nargs, type=Path, metavar="RECIPE.yaml or FOLDER")
+
+
+def add_seeds(parser: argparse.ArgumentParser) -> None:
+    """The options `--seeds` and `--fresh`."""
+    parser.add_argument("--seeds", type=int, metavar="N", help="from 0 on (default: 10; quick: 1)")
+    parser.add_argument(
+        "--fresh", type=int, metavar="N", help="that nobody chose (default: 10; quick: 0)"
+    )
+
+
+def take_seeds(options: argparse.Namespace, report: Report) -> tuple[list[int], list[int]]:
+    """Seeds from 0 on, and fresh ones that nobody chose; both are recorded."""
+    default = (1, 0) if options.quick else (10, 10)
+    fresh = default[1] if options.fresh is None else options.fresh
+    seeds = list(range(options.seeds or default[0]))
+    drawn = [secrets.randbelow(2**32) for _ in range(fresh)]
+    report.record["seeds used"] = seeds + drawn
+    return seeds, drawn
 
 
 def read_recipes(options: argparse.Namespace) -> list[Recipe]:

@@ -14,7 +14,6 @@ noise of 0.1, or fewer than 80 % with 0.2 or a random order.
 from __future__ import annotations
 
 import argparse
-import secrets
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +23,16 @@ from typing import Any
 import numpy as np
 
 from benchmarks.design import Ending, PaperProblem
-from benchmarks.frame import Report, add_recipes, make_die, panels, processes, read_recipes
+from benchmarks.frame import (
+    Report,
+    add_recipes,
+    add_seeds,
+    make_die,
+    panels,
+    processes,
+    read_recipes,
+    take_seeds,
+)
 from dicedesign import InputError
 from dicedesign.energies import Preferences
 from dicedesign.methods import ExactOptions, solve_exact, solve_paper
@@ -62,21 +70,14 @@ class Attempt:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """What is designed."""
     add_recipes(parser)
-    parser.add_argument("--seeds", type=int, metavar="N", help="from 0 on (default: 10; quick: 1)")
-    parser.add_argument(
-        "--fresh", type=int, metavar="N", help="that nobody chose (default: 10; quick: 0)"
-    )
+    add_seeds(parser)
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """A row for each way, kind of start and recipe, and one for all recipes."""
-    quick = options.quick
-    fresh = (0 if quick else 10) if options.fresh is None else options.fresh
-    seeds = list(range(options.seeds or (1 if quick else 10)))
-    seeds += [secrets.randbelow(2**32) for _ in range(fresh)]
-    report.record["seeds used"] = seeds
+    seeds = [seed for part in take_seeds(options, report) for seed in part]
     problems = []
-    for recipe in read_recipes(options)[: 2 if quick else None]:
+    for recipe in read_recipes(options)[: 2 if options.quick else None]:
         start = make_die(recipe, "start").start
         if start is None or recipe.method.paper is None:
             raise InputError(f"{recipe.name}: expected method: paper and a start; leave it out")
@@ -90,7 +91,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         axes = flat.reshape(len(axes), len(WAYS))
     with processes(options.jobs) as pool:
         for problem, own in zip(problems, axes[1:], strict=True):
-            for way, given in WAYS.items():
+            for place, (way, given) in enumerate(WAYS.items()):
                 # The exact method looks for a start itself.
                 kinds = {"searched": None} if given is None else STARTS
                 for kind, noise in kinds.items():
@@ -99,7 +100,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
                     add((problem.recipe.name, way, kind), found)
                     together.setdefault((way, kind), []).extend(found)
                     if len(own) > 0:
-                        draw_band(own[list(WAYS).index(way)], found, kind)
+                        draw_band(own[place], found, kind)
             for axis, way in zip(own, WAYS, strict=False):
                 name = problem.recipe.name.removeprefix("paper_")
                 axis.set_title(f"{name}, {way}", fontsize=8)

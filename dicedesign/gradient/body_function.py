@@ -185,11 +185,9 @@ def _with_signature(forward: Callable[..., Any]) -> Callable[..., Any]:
 
 class _Applied(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, function: BodyFunction, *tensors: Tensor) -> tuple[Tensor, ...]:
-        ctx.function = function
-        ctx.save_for_backward(*tensors)
-        ctx.save_for_forward(*tensors)
-        return _evaluate(function, *(tensor.detach().numpy() for tensor in tensors))
+    def forward(ctx: Any, *given: Any) -> tuple[Tensor, ...]:
+        _Transformed.setup_context(ctx, given, ())
+        return _Transformed.forward(*given)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:

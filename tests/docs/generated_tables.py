@@ -55,7 +55,7 @@ REGISTRIES = {
 COMMANDS = {"kinds of figures": "dicedesign figure "}
 """Text before the names of a table's entries."""
 
-BLOCK = re.compile(r"(<!-- table: ([\w ,]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+BLOCK = re.compile(r"(<!-- table: ([\w ]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 
 def tables() -> dict[str, Callable[[], str]]:
