@@ -3,7 +3,8 @@
 Ask several methods for the resting probabilities of bodies, and compare them with the 60-digit
 oracle: this model in double precision and with its coordinates rounded to single, many directions
 traced, solid angles of facets, and trimesh. The last two take a body to land on the facet that it
-falls toward, however it would roll on the way. The picture has errors over seconds.
+falls toward, however it would roll on the way. The picture has errors over seconds: medians, and
+nine in ten of the bodies of a kind.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from benchmarks.frame import Report, Watched, panels
 from dicedesign import Body, make_body, read_body, rest_poses
@@ -50,6 +52,9 @@ SAME_NORMAL = np.radians(3.0)
 """A rest that trimesh finds belongs to the hull's nearest facet, if that is turned by no more."""
 
 SEED = 0
+
+BODIES = 10
+"""Of each kind."""
 
 MOST_RUNS, RUN_SECONDS = 40, 0.5
 """Run times are medians of so many runs, or of as many as fit into so many seconds."""
@@ -100,6 +105,10 @@ class Answer:
     error: float | None
 
 
+Answers = dict[tuple[str, int | None], list[Answer]]
+"""Of bodies of one kind, by method and number of samples."""
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """What is asked for."""
     parser.add_argument("meshes", nargs="*", type=Path, metavar="MESH")
@@ -111,31 +120,59 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, report: Report) -> bool:
     """All answers to each body."""
     limit = options.seconds or (1.0 if options.quick else 30.0)
-    bodies = [read_body(path) for path in options.meshes] or built_in_bodies()
+    kinds = {path.stem: [read_body(path)] for path in options.meshes}
+    kinds = kinds or built_in_bodies(2 if options.quick else BODIES)
     row = report.table(
         "answers",
-        "body 24s | method 27s | samples 9d | s 10.5f | error 9.1e",
+        "bodies 24s | method 27s | samples 9d | s 10.5f | error 10 % 9.1e | median 9.1e | "
+        "error 90 % 9.1e",
     )
-    answers: dict[str, list[Answer]] = {}
-    for body in bodies:
-        subject = Subject.of(body)
-        for answer in ask(subject, limit):
-            row(body.name, answer.method, answer.samples, answer.seconds, answer.error)
-            answers.setdefault(body.name, []).append(answer)
+    answers: dict[str, Answers] = {}
+    for kind, bodies in kinds.items():
+        of_kind: Answers = {}
+        for body in bodies:
+            subject = Subject.of(body)
+            for one in ask(subject, limit):
+                of_kind.setdefault((one.method, one.samples), []).append(one)
+        answers[kind] = of_kind
+        for (method, samples), ones in of_kind.items():
+            row(kind, method, samples, *summary(ones))
+    columns = "".join(f" | {kind}: s 9.2g | {kind}: error 9.0e" for kind in answers)
+    row = report.table("methods", f"method 37s{columns}")
+    most = {method: samples for of_kind in answers.values() for method, samples in of_kind}
+    for method, samples in most.items():
+        cells: list[float | None] = []
+        for of_kind in answers.values():
+            ones = of_kind.get((method, samples))
+            cells += summary(ones)[::2][:2] if ones else [None, None]
+        row(f"{samples:,} {method}" if (samples or 1) > 1 else method, *cells)
     if options.out is not None:
         report.figure = draw(answers)
     return True
 
 
-def built_in_bodies() -> list[Body]:
-    """A die on which every facet, edge and corner carries an equilibrium, a body with facets that
-    it rolls off, and a dense hull."""
-    points = {
-        "hendecahedron": hendecahedron("bisymmetric").points,
-        "20 random points": random_body(0, 20).points,
-        "ellipsoid, 1,000 points": large(1000).points,
+def built_in_bodies(count: int) -> dict[str, list[Body]]:
+    """So many of each kind: a die on which every facet, edge and corner carries an equilibrium, as
+    it stands and rotated, bodies with facets that they roll off, and dense hulls."""
+    die = hendecahedron("bisymmetric").points
+    points: dict[str, list[Floats]] = {
+        "hendecahedron": [
+            die @ (Rotation.random(random_state=seed).as_matrix() if seed else np.eye(3))
+            for seed in range(count)
+        ],
+        "20 random points": [random_body(seed, 20).points for seed in range(count)],
+        "1,000 on an ellipsoid": [large(1000, seed).points for seed in range(count)],
     }
-    return [make_body(corners, name=name) for name, corners in points.items()]
+    return {
+        kind: [make_body(one, name=kind) for one in of_kind] for kind, of_kind in points.items()
+    }
+
+
+def summary(answers: list[Answer]) -> list[float | None]:
+    """Median seconds, and the quantiles .1, .5 and .9 of the errors that are known."""
+    errors = [one.error for one in answers if one.error is not None]
+    quantiles = np.quantile(errors, (0.1, 0.5, 0.9)).tolist() if errors else [None] * 3
+    return [float(np.median([one.seconds for one in answers])), *quantiles]
 
 
 def ask(subject: Subject, limit: float) -> Iterator[Answer]:
@@ -269,17 +306,17 @@ def match_shares(hull: ConvexHull, normals: Floats, shares: Floats) -> tuple[Flo
     return matched_shares, float(shares[~near].max(initial=0.0))
 
 
-def draw(answers: dict[str, list[Answer]]) -> Any:
-    """Errors over seconds, a panel for each body."""
+def draw(answers: dict[str, Answers]) -> Any:
+    """Errors over seconds, a panel for each kind of bodies."""
     figure, axes = panels(len(answers), len(answers))
-    for axis, (name, of_body) in zip(axes, answers.items(), strict=True):
-        for method in dict.fromkeys(answer.method for answer in of_body):
-            known = [a for a in of_body if a.method == method and a.error is not None]
-            seconds, errors = (
-                [a.seconds for a in known],
-                [max(a.error or 0.0, 1e-17) for a in known],
-            )
-            axis.loglog(seconds, errors, marker="o", markersize=4, label=method)
+    for axis, (name, of_kind) in zip(axes, answers.items(), strict=True):
+        for method in dict.fromkeys(method for method, _ in of_kind):
+            known = [summary(ones) for (which, _), ones in of_kind.items() if which == method]
+            if None not in known[0]:
+                seconds, low, middle, high = np.maximum(np.transpose(known), 1e-17)
+                bars = np.array([middle - low, high - middle])
+                axis.errorbar(seconds, middle, bars, marker="o", markersize=4, label=method)
+        axis.loglog()
         axis.set(title=name, xlabel="seconds", ylabel="largest error")
         axis.grid(alpha=0.3)
     axes[0].legend(fontsize=7)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -112,22 +112,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
-    """A row for each die, then one for each target and fill."""
-    row = report.table(
-        "dice",
+    """A row for each die, then one for each target and fill: in tables of their own where fills are
+    compared, and for the meshes that were given."""
+    prefix = "fills " if options.fill == "both" else ""
+    columns = (
         "model 17s | target 12s | fill 14s | points 6d | s 6.1f | |p - q| 8.1e | "
         "elsewhere 8.1e | meet 4d | apart 6.1f | margin 6.1f | mean 7.2% | largest 7.1% | "
-        "shape 6.2f | size 6.2f | corners 9s | tried 5d | verdict 0s",
+        "shape 6.2f | size 6.2f | corners 9s | tried 5d | verdict 0s"
     )
+    rows = [report.table(f"{prefix}{name}", columns) for name in ("models", "meshes")]
     attempts = []
     with processes(options.jobs) as workers:
         for case, (measures, reason) in zip(
             cases := list(cases_of(options)), workers.map(attempt, cases), strict=True
         ):
             cells = [measures.get(name) for name in MEASURED]
-            row(Path(case.model).name, case.target, case.fill, *cells, reason or "as wanted")
+            row = rows[Path(case.model).is_file()]
+            row(Path(case.model).stem, case.target, case.fill, *cells, reason or "as wanted")
             attempts.append((case, measures, reason))
-    return summarize(attempts, report)
+    return summarize(attempts, report.table(f"{prefix}targets", SUMMARY))
 
 
 def cases_of(options: argparse.Namespace) -> Iterator[Case]:
@@ -228,24 +231,29 @@ def shortfalls(measures: dict[str, Any], tolerance: float) -> Iterator[str]:
         yield f"took {measures['s']:.0f} s"
 
 
-def summarize(attempts: list[tuple[Case, dict[str, Any], str]], report: Report) -> bool:
+SUMMARY = (
+    "target 12s | fill 14s | models 6d | as wanted 6.1% | goal 5.0% | median s 6.1f | "
+    "90 % s 6.1f | most s 6.1f | mean 7.2% | not as wanted 0s"
+)
+
+
+def summarize(attempts: list[tuple[Case, dict[str, Any], str]], row: Callable[..., None]) -> bool:
     """A row for each target and fill; whether the goals are reached, which are for the fill by
     correspondence."""
-    row = report.table(
-        "targets",
-        "target 12s | fill 14s | models 6d | as wanted 6.1% | goal 5.0% | median s 6.1f | "
-        "90 % s 6.1f | most s 6.1f | mean 7.2%",
-    )
     is_good = True
     for target, fill in dict.fromkeys((case.target, case.fill) for case, *_ in attempts):
-        mine = [(measures, reason) for case, measures, reason in attempts if case.target == target]
         mine = [one for case, *one in attempts if (case.target, case.fill) == (target, fill)]
+        missed = [
+            Path(case.model).stem
+            for case, _, reason in attempts
+            if reason and (case.target, case.fill) == (target, fill)
+        ]
         moved = [measures["mean"] for measures, reason in mine if not reason]
         seconds = [measures["s"] for measures, _ in mine if "s" in measures]
         took = np.quantile(seconds, [0.5, 0.9, 1.0]).tolist() if seconds else [None] * 3
         share = len(moved) / len(mine)
         goal = GOALS.get(target) if fill == "correspondence" else None
         middle = float(np.median(moved)) if moved else None
-        row(target, fill, len(mine), share, goal, *took, middle)
+        row(target, fill, len(mine), share, goal, *took, middle, ", ".join(missed))
         is_good &= share >= ((goal or 0.0) if len(mine) >= FEW else min(goal or 0.0, 0.5))
     return is_good

@@ -39,7 +39,7 @@ from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.paper import finish_exactly
-from dicedesign.recipe.convex import normalized_center, target_probabilities
+from dicedesign.recipe.convex import normalized_center, wanted_of_directions
 from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import Start
@@ -238,7 +238,7 @@ class PaperProblem:
     def __init__(self, recipe: Recipe, start: Start) -> None:
         self.recipe, self.start = recipe, start
         self.options = replace(recipe.method.paper, prefer=Preferences(), tolerance=None)
-        self.target = target_probabilities(recipe)
+        self.target, _ = wanted_of_directions(recipe)
         self.center = normalized_center(recipe, start)
 
     def descend(

@@ -45,6 +45,7 @@ BENCHES = (
     "figure_10",
     "finished",
     "gradients",
+    "looks",
     "speed",
     "stability",
     "starts",

@@ -21,6 +21,9 @@ from tests.reference.watched_design import watch_design
 PATIENCE = 60.0
 """Seconds after which a case counts as hanging; large ones get a millisecond more per point."""
 
+CONVERGED = "converged, "
+"""How the ending of a design begins that has converged; its last word is the error."""
+
 ORACLE_TURNS = 2
 """How many of a case's orientations are held against the oracle; all are against the rest."""
 
@@ -59,7 +62,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         "case 44s | facets 7d | rests 6d | sum - 1 9.1e | error 9.1e | condition 10.1e | "
         "s 9.4f | verdict 2s | ending 0s",
     )
-    failed = count = 0
+    outcomes: dict[str, list[Outcome]] = {}
     with Watched() as process:
         for case in stability_cases():
             is_too_large = options.largest is not None and case.points > options.largest
@@ -83,10 +86,25 @@ def run(options: argparse.Namespace, report: Report) -> bool:
                     outcome.condition,
                 )
                 row(name, *numbers, outcome.seconds, outcome.verdict, outcome.ending)
-                failed += outcome.verdict != OK
-                count += 1
-    report.line(f"{count} cases, {count - failed} ok, {failed} not")
-    return failed == 0
+                outcomes.setdefault(case.kind, []).append(outcome)
+    row = report.table(
+        "kinds",
+        "kind 28s | cases 5d | right 5d | most facets 7d | sum - 1 9.1e | error 9.1e | "
+        "converged 5d | no start 5d | their max |p - q| 9.1e | most s 7.2f",
+    )
+    for kind, ends in outcomes.items():
+        met: tuple[float | None, ...] = (None, None, None)
+        if kind.startswith("designs"):
+            missed = [one.ending.rpartition(" ")[2] for one in ends if CONVERGED in one.ending]
+            no_start = sum(one.verdict == OK and one.facets == 0 for one in ends)
+            met = (len(missed), no_start, max(map(float, missed), default=None))
+        row(
+            *(kind, len(ends), sum(one.verdict == OK for one in ends)),
+            *(max(one.facets for one in ends), max((one.excess for one in ends), key=abs)),
+            max((one.error for one in ends if one.error is not None), default=None),
+            *(*met, max(one.seconds for one in ends)),
+        )
+    return all(one.verdict == OK for ends in outcomes.values() for one in ends)
 
 
 def run_case(name: str, turns: int) -> Outcome:

@@ -154,7 +154,7 @@ def throw_recipes(
             finished = work.plain if work.engraved is None else work.engraved.assessment
             center, directions = work.solid.center_of_mass, work.die.directions
             die = DieOnTable.of(finished.body, center, directions, table)
-            counts = die.counts(die.simulate(drops, next(seeds), "native", workers))
+            counts = die.counts(die.simulate(drops, next(seeds), workers=workers))
             frequencies = counts[:-1] / counts.sum()
             target = np.append(work.target.probabilities, 0.0)
             variation = measure_variation(counts, target, 0.95)

@@ -14,12 +14,20 @@ from common.headless import MISSING_BROWSER, headless_browser, missing_browser
 from common.paths import DATA, MISSING_DATA, ROOT
 from common.slicer import MISSING_SLICER, PROGRAM
 
+from dicedesign.runtime import workers
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 # Small tensors and matrices: threads only get into each other's way.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+
+
+@pytest.fixture(autouse=True)
+def without_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Print no lines of progress between those that tests expect, however slow the machine is."""
+    monkeypatch.setattr(workers, "PIPE_INTERVAL", 3600.0)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -1,14 +1,12 @@
-"""Make what README.md and the pages of docs show from finished runs: the tables of
-recipes and the gallery.
+"""Make the gallery that README.md and the pages of docs show, from finished runs.
 
 Usage, after `dicedesign run` of every recipe and benches with `--out outputs/bench`:
     python tests/readme_material.py outputs
-prints the tables in Markdown and writes outputs/gallery/*.png.
+writes outputs/gallery/*.png.
 """
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 from pathlib import Path
@@ -22,46 +20,6 @@ from dicedesign.view.application import View
 
 TITLE = 66
 """Pixels above each view that hold its title."""
-
-
-def row(result: dict) -> str:
-    """One line of the table."""
-    facets = [facet for facet in result["facets"] if facet["label"] is not None]
-    seconds = {stage["name"]: stage["seconds"] for stage in result["stages"]}
-    # Unknown for a given center of mass; not there without engraving.
-    printed = result.get("engraved", {})
-    engraved, balance = printed.get("max_abs_error"), printed.get("balance")
-    cells = [
-        f"`{result['name']}`",
-        str(len(result["labels"])),
-        f"{len(facets)} + {len(result['facets']) - len(facets)}",
-        f"{result['design']['max_abs_error']:.1e}",
-        f"{result['max_abs_error']:.1e}",
-        f"{balance['errors'][0]:.1e}" if balance is not None else "unknown",
-        f"{engraved:.1e}" if engraved is not None else "unknown",
-        f"{2.0 * min(facet['inradius_mm'] for facet in facets):.1f}",
-        f"{min(facet['margin_deg'] for facet in facets):.0f}",
-        f"{seconds['design']:.1f}",
-    ]
-    return "| " + " | ".join(cells) + " |"
-
-
-def concave_row(result: dict) -> str:
-    """One line of the table of concave dice."""
-    concave, engraved = result["concave"], result.get("engraved", {}).get("max_abs_error")
-    hull = concave["hull"]
-    cells = [
-        f"`{result['name']}`",
-        str(len(result["labels"])),
-        f"{result['max_abs_error']:.1e}",
-        f"{result['elsewhere']:.1e}",
-        f"{100.0 * concave['displacement']['mean']:.1f}",
-        "–" if engraved is None else f"{engraved:.1e}",
-        f"{hull['vertices_after']} of {hull['vertices_before']}",
-        f"{result['search']['seconds']:.1f}",
-        f"{sum(stage['seconds'] for stage in result['stages']):.1f}",
-    ]
-    return "| " + " | ".join(cells) + " |"
 
 
 def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
@@ -138,9 +96,4 @@ def save(picture: Image.Image, path: Path, colors: int = 96) -> None:
 
 if __name__ == "__main__":
     root = Path(sys.argv[1])
-    results = [json.loads(path.read_text()) for path in sorted(root.glob("*/result.json"))]
-    concave = [result for result in results if "concave" in result]
-    resting = [result for result in results if result not in concave and "thrown" not in result]
-    print("\n".join(map(row, resting)))
-    print("\n".join(map(concave_row, concave)))
     gallery(root, root / "gallery")

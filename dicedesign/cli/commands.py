@@ -84,13 +84,16 @@ class WithResults(Command):
     printer (NAME): check printability for fdm (filament), sla (resin) or sls (powder), and write
         die_oriented.stl, oriented for the print bed
     no_figures: skip the figures and the report page
-    no_clock: omit run times and memory, so that two runs are identical byte for byte"""
+    no_clock: omit run times and memory, so that two runs are identical byte for byte
+    resume: resume an interrupted concave die, or die for a table, from the checkpoint in the
+        folder"""
     out: Path | None = None
     files: str | None = None
     data_sheet: bool = False
     printer: str | None = None
     no_figures: bool = False
     no_clock: bool = False
+    resume: bool = False
 
 
 @dataclass
@@ -102,14 +105,12 @@ class RunArguments(WithResults):
     Options:
     recipe (RECIPE): YAML file
     set (key=value): change an entry, such as size_mm=40 or target.fair=7; may be repeated
-    resume: resume an interrupted search for a concave die from the checkpoint in the folder
 
     Example: dicedesign run recipes/fair_d7.yaml --out outputs/d7"""
 
     recipe: Path
     _: KW_ONLY
     set: tuple[str, ...] = ()
-    resume: bool = False
 
 
 @dataclass(kw_only=True)
@@ -120,12 +121,12 @@ class DesignArguments(WithResults):
     is bent into a die (--mesh).
 
     Options:
-    target (p,q,...): probabilities that sum to 1, as fractions or decimals, such as 1/2,1/3,1/6; or
-        a target of a recipe, such as 'fair: 7' or 'sum_of_dice: [6, 6]'
-    labels (a,b,...): a label for each probability (default: 1,2,...)
+    target (TEXT): dice such as d7, 2d6 or 4dF; probabilities that sum to 1, such as 1/2,1/3,1/6 or
+        50%,30%,20%; weights such as 1:2:3; or a target of a recipe, such as 'binomial: 4'
+    labels (a,b,...): a label for each probability; equal ones are one outcome (default: 1,2,...)
     mesh (FILE): bend this closed surface (OBJ, STL, ...) into a die, as little as possible
     repair: repair the mesh first if it is not a closed surface of one solid
-    name (NAME): name of the die (default: die)
+    name (NAME): name of the die, whose folder has dashes for spaces (default: die)
     seed (N): random seed; another seed gives another shape (default: 0)
     size_mm (X): largest distance between two corners (default: 30, enlarged if the labels need it;
         30 with --mesh)
@@ -165,13 +166,32 @@ class SearchArguments(WithWorkers):
 
 
 @dataclass
-class RestArguments(WithBody, WithWorkers):
-    help_text = """List the resting poses of a mesh with their probabilities.
+class SweepArguments(WithWorkers):
+    help_text = """Make a die for each combination of some values.
 
-    Given a folder, analyzes all meshes in it and writes a table (--out); repeat the command to
-    resume.
+    A page shows them side by side. Repeat the command to make those that are missing.
 
     Options:
+    recipe (RECIPE): YAML file
+    set (KEY=VALUE,VALUE,...): values of a key, such as size_mm=20,30,40; may be repeated
+    out (DIR): folder for the dice, on a cluster seen by all (default: outputs/NAME_sweep)
+
+    Example: dicedesign sweep recipes/binomial_5.yaml --set seed=0,1 --set size_mm=30,40"""
+
+    recipe: Path
+    _: KW_ONLY
+    set: tuple[str, ...]
+    out: Path | None = None
+
+
+@dataclass
+class RestArguments(WithBody, WithWorkers):
+    help_text = """List the resting poses of meshes with their probabilities.
+
+    Given a folder, writes a table of all meshes in it (--out); repeat the command to resume.
+
+    Options:
+    meshes (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or a folder of meshes
     table (NAME|FILE.json): of a mesh: add probabilities for throws onto this table by the momentum
         model: board-game, hard-wood, paper, carpet or a table file; a throw distribution follows a
         colon, as in board-game:cup
@@ -183,7 +203,7 @@ class RestArguments(WithBody, WithWorkers):
 
     Example: dicedesign rest die.stl --table board-game"""
 
-    mesh: Path
+    meshes: tuple[Path, ...]
     _: KW_ONLY
     table: str | None = None
     prior: str | None = None
@@ -300,13 +320,16 @@ class RepairArguments(Command):
 
     Options:
     mesh (IN): STL, OBJ, PLY, OFF, GLB, ...
-    out (OUT): file to write, in the unit of IN, whose ending gives the format; a figure of before
-        and after is written next to it as *_repair.png
+    file (OUT): same as --out
+    out (OUT): file, in the unit of IN, or folder to write (default: IN_repaired in this folder);
+        the ending gives the format; a figure of before and after is written as *_repair.png
 
-    Example: dicedesign repair scan.obj scan_repaired.stl"""
+    Example: dicedesign repair scan.obj --out scan_repaired.stl"""
 
     mesh: Path
-    out: Path
+    file: Path | None = None
+    _: KW_ONLY
+    out: Path | None = None
 
 
 @dataclass
@@ -475,22 +498,3 @@ class ViewArguments(Command):
     host: str = "127.0.0.1"
     port: int = 8080
     no_browser: bool = False
-
-
-COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
-    "run": (RunArguments, "dice:run_recipe"),
-    "design": (DesignArguments, "dice:design"),
-    "search": (SearchArguments, "dice:search"),
-    "rest": (RestArguments, "rest:list_rests"),
-    "drop": (DropArguments, "rest:drop"),
-    "pose": (PoseArguments, "meshes:pose_meshes"),
-    "scatter": (ScatterArguments, "meshes:scatter"),
-    "figure": (FigureArguments, "meshes:draw_figure"),
-    "repair": (RepairArguments, "meshes:repair"),
-    "balance": (BalanceArguments, "meshes:balance"),
-    "throw": (ThrowArguments, "throws:throw"),
-    "rolls": (RollsArguments, "rolls:judge_rolls"),
-    "table": (TableArguments, "table_fit:fit"),
-    "view": (ViewArguments, "dice:view"),
-}
-"""Arguments of each subcommand, and the "module:function" of this folder that runs it."""

@@ -1,4 +1,4 @@
-"""`dicedesign run`, `design`, `search` and `view`."""
+"""`dicedesign run`, `design`, `search`, `sweep` and `view`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,6 +14,7 @@ from dicedesign.cli.commands import (
     DesignArguments,
     RunArguments,
     SearchArguments,
+    SweepArguments,
     ViewArguments,
     WithResults,
 )
@@ -46,7 +48,7 @@ them."""
 
 def run_recipe(options: RunArguments) -> int:
     """Make a die from a recipe."""
-    return _run(read_recipe(options.recipe, options.set), options, resume=options.resume)
+    return _run(read_recipe(options.recipe, options.set), options)
 
 
 def design(options: DesignArguments) -> int:
@@ -84,9 +86,7 @@ def _name_options() -> Iterator[None]:
         raise RecipeError(message) from error
 
 
-def _run(
-    recipe: Recipe, options: WithResults, *, enlarge: bool = False, resume: bool = False
-) -> int:
+def _run(recipe: Recipe, options: WithResults, *, enlarge: bool = False) -> int:
     """Run a recipe with the options applied, and print the result. Returns the exit code: 0
     converged, 1 not converged.
 
@@ -95,27 +95,32 @@ def _run(
     recipe = _apply_options(recipe, options)
     # An unreadable recipe does not need these imports.
     from dicedesign.recipe.pipeline import Callbacks, run
-    from dicedesign.runtime.workers import progress_bar
+    from dicedesign.runtime.workers import progress_bar, show_part
 
     note_missing_kernels()
-    with progress_bar("steps") as bar:
+    with progress_bar("run") as bar:
+        on_part, describe = partial(show_part, bar), bar.set_description_str
 
         def on_step(step: Step) -> None:
-            bar.update()
-            parts = [] if step.attempt is None else [f"attempt {step.attempt}, {step.stage}"]
+            parts = [f"step {step.step}"]
+            if step.attempt is not None:
+                parts = [f"attempt {step.attempt}, {step.stage}"]
             if step.max_abs_error is not None:
                 parts.append(f"max |p - q| {step.max_abs_error:.2e}")
             bar.set_postfix_str(", ".join(parts))
 
         def on_round(throws: RoundOfThrows) -> None:
-            bar.set_description_str(
+            describe(
                 f"{throws.drops} throws, total variation {throws.deviation:.3f} "
                 f"(perfect {throws.noise_floor:.3f})"
             )
 
-        describe = bar.set_description_str
-        callbacks = Callbacks(describe, on_step, on_round, describe)
-        result = run(recipe, options.out, enlarge=enlarge, resume=resume, callbacks=callbacks)
+        callbacks = Callbacks(
+            partial(on_part, 0, None), on_step, on_round, describe, on_part=on_part
+        )
+        result = run(
+            recipe, options.out, enlarge=enlarge, resume=options.resume, callbacks=callbacks
+        )
     print_notes(*result.notes)
     _print_result(result)
     return 0 if result.converged else 1
@@ -223,7 +228,7 @@ def search(options: SearchArguments) -> int:
         )
     # A start that does not suit the target fails in every trial.
     design_recipe(recipe, last="start")
-    folder = options.out or Path("outputs") / f"{recipe.name}_search"
+    folder = options.out or Path("outputs") / f"{recipe.folder_name}_search"
     # Workers that cannot be reached leave no folder.
     with (
         workers_of(options, "trials", options.trials) as workers,
@@ -271,6 +276,45 @@ def search(options: SearchArguments) -> int:
 
 def _count_converged(trials: Sequence[dict[str, Any]]) -> int:
     return sum(trial["status"] == "converged" for trial in trials)
+
+
+def sweep(options: SweepArguments) -> int:
+    """Make a die for each combination of values of a recipe's keys."""
+    from dicedesign.recipe.design_die import design_recipe
+    from dicedesign.results.folder import open_results_folder
+    from dicedesign.search.sweep import combine, is_made, make_dice, write_sweep
+
+    combinations = combine(options.recipe, options.set)
+    for _, recipe in combinations.values():
+        # A start that does not suit the target would fail later.
+        design_recipe(recipe, last="start")
+    title = read_recipe(options.recipe).name
+    folder = options.out or Path("outputs") / f"{title}_sweep"
+    left = {
+        name: combination
+        for name, combination in combinations.items()
+        if not is_made(folder / name, combination[1])
+    }
+    done = len(combinations) - len(left)
+    with (
+        workers_of(options, "dice", len(combinations), done) as workers,
+        open_results_folder(folder),
+    ):
+        try:
+            faults = make_dice(folder, left, workers.executor, workers.jobs, workers.bar.update)
+        except KeyboardInterrupt as interrupt:
+            raise KeyboardInterrupt("repeat the command to make the other dice") from interrupt
+        rows = write_sweep(folder, title, combinations, faults)
+    if done:
+        print_notes(f"{done} dice were already in {folder}")
+    print_notes(*(f"{name}: {fault}" for name, fault in faults.items()))
+    converged = _count_converged(rows)
+    print(f"{title}: {converged} of {len(rows)} dice converged")
+    errors = ["" if row["max_abs_error"] is None else f"{row['max_abs_error']:.1e}" for row in rows]
+    columns = (("folder", "", "folder"), ("status", "", "status"))
+    print(text_table(*columns_of(rows, *columns), ("max |p - q|", ">", errors)))
+    print(f"files in {printable(folder)}: index.html, sweep.csv and the folders above")
+    return 0 if converged == len(rows) else 1
 
 
 def view(options: ViewArguments) -> int:

@@ -21,10 +21,46 @@ from pkgutil import resolve_name
 from types import UnionType
 from typing import Any, Final, get_args, get_origin, get_type_hints
 
-from dicedesign.cli.commands import COMMANDS, Command
+from dicedesign.cli.commands import (
+    BalanceArguments,
+    Command,
+    DesignArguments,
+    DropArguments,
+    FigureArguments,
+    PoseArguments,
+    RepairArguments,
+    RestArguments,
+    RollsArguments,
+    RunArguments,
+    ScatterArguments,
+    SearchArguments,
+    SweepArguments,
+    TableArguments,
+    ThrowArguments,
+    ViewArguments,
+)
 from dicedesign.errors import DiceError, printable
 
 __all__ = ["main"]
+
+COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
+    "run": (RunArguments, "dice:run_recipe"),
+    "design": (DesignArguments, "dice:design"),
+    "search": (SearchArguments, "dice:search"),
+    "sweep": (SweepArguments, "dice:sweep"),
+    "rest": (RestArguments, "rest:list_rests"),
+    "drop": (DropArguments, "rest:drop"),
+    "pose": (PoseArguments, "meshes:pose_meshes"),
+    "scatter": (ScatterArguments, "meshes:scatter"),
+    "figure": (FigureArguments, "meshes:draw_figure"),
+    "repair": (RepairArguments, "meshes:repair"),
+    "balance": (BalanceArguments, "meshes:balance"),
+    "throw": (ThrowArguments, "throws:throw"),
+    "rolls": (RollsArguments, "rolls:judge_rolls"),
+    "table": (TableArguments, "table_fit:fit"),
+    "view": (ViewArguments, "dice:view"),
+}
+"""Arguments of each subcommand, and the "module:function" of this folder that runs it."""
 
 DEBUG: Final = "--debug"
 

@@ -38,7 +38,9 @@ from dicedesign.runtime.files import (
     json_text,
     make_writable_folder,
     open_output_folder,
+    write_files,
 )
+from dicedesign.runtime.workers import progress_bar, show_part
 from dicedesign.tolerances import SAME_REST_ANGLE, SMALLEST_EXTENT
 
 if TYPE_CHECKING:
@@ -159,7 +161,6 @@ MAX_BODIES: Final = 20_000
 def scatter(options: ScatterArguments) -> int:
     """Write a scene of meshes on a floor."""
     from dicedesign.batch.batch import list_folder
-    from dicedesign.runtime.workers import progress_bar
     from dicedesign.scenes.room import room_glb, scatter_bodies
 
     check_whole("--count", options.count, most=MAX_BODIES)
@@ -194,12 +195,13 @@ def scatter(options: ScatterArguments) -> int:
             size=options.size,
             on_mesh=on_mesh,
         )
-        data = room_glb(room)
-    if options.figure is not None:
-        from dicedesign.scenes.picture import room_picture
+        show_part(bar, 0, None, "scene")
+        contents = {options.out: room_glb(room)}
+        if options.figure is not None:
+            from dicedesign.scenes.picture import room_picture
 
-        atomic_write(options.figure, room_picture(room))
-    atomic_write(options.out, data)
+            contents[options.figure] = room_picture(room)
+    write_files(contents)
     if options.json:
         print_json(room.plain())
         return 0
@@ -232,15 +234,17 @@ def repair(options: RepairArguments) -> int:
     from dicedesign.report.raster import upward_of
     from dicedesign.report.surface_figures import repair_figure
 
-    kind = format_of_ending(options.out.suffix, str(options.out))
-    surface, notes, repaired = input_surface(read_body(options.mesh), FINEST, repair=True)
-    points = np.asarray(np.linalg.solve(kind.frame, surface.points.T).T, np.float64)
-    data = mesh_bytes(points, surface.triangles, options.out.suffix, str(options.out))
-    files = [options.out]
-    atomic_write(options.out, data)
-    if repaired is not None:
-        files.append(options.out.with_name(f"{options.out.stem}_repair.png"))
-        atomic_write(files[1], repair_figure(repaired, upward_of(options.mesh)).png())
+    mesh, out = options.mesh, _repaired_path(options)
+    kind = format_of_ending(out.suffix, str(out))
+    _refuse_overwriting(mesh, out, "another file than the mesh")
+    with open_output_folder(out.parent), progress_bar("repair"):
+        surface, notes, repaired = input_surface(read_body(mesh), FINEST, repair=True)
+        points = np.asarray(np.linalg.solve(kind.frame, surface.points.T).T, np.float64)
+        contents = {out: mesh_bytes(points, surface.triangles, out.suffix, str(out))}
+        if repaired is not None:
+            figure = repair_figure(repaired, upward_of(mesh))
+            contents[out.with_name(f"{out.stem}_repair.png")] = figure.png()
+        write_files(contents)
     print_notes(*notes)
     if repaired is not None:
         numbers = repaired.numbers
@@ -260,8 +264,19 @@ def repair(options: RepairArguments) -> int:
         names, *columns = zip(*rows, strict=True)
         before, after = ([str(value) for value in column] for column in columns)
         print(text_table(("", "", names), ("before", ">", before), ("after", ">", after)))
-    print_files(files)
+    print_files(contents)
     return 0
+
+
+def _repaired_path(options: RepairArguments) -> Path:
+    """File of a repaired mesh."""
+    if options.file is not None and options.out is not None:
+        raise InputError(
+            f"--out: expected one file to write, got {options.out} and {options.file}; leave one "
+            "of them out"
+        )
+    out, name = options.file or options.out, f"{options.mesh.stem}_repaired{options.mesh.suffix}"
+    return Path(name) if out is None else out / name if os.path.isdir(out) else out
 
 
 def balance(options: BalanceArguments) -> int:
@@ -285,18 +300,17 @@ def balance(options: BalanceArguments) -> int:
                 f"--out: expected a folder or a file that ends in .stl, got {file}; rename it"
             )
         file /= "balanced.stl"
-    with open_output_folder(file.parent):
+    with open_output_folder(file.parent), progress_bar("balance") as bar:
         _refuse_overwriting(options.mesh, file, "another file than the mesh")
         body = read_body(options.mesh)
-        result = balance_body(body, goal, settings, on_way=_note_way)
+        result = balance_body(body, goal, settings, on_way=bar.set_description_str)
         contents = {
             file.with_name(file.stem + end) if end else file: data
             for end, data in result.made.files.items()
         }
         contents[file.with_name(f"{file.stem}_balance.png")] = balance_figure(result).png()
         contents[file.with_name(f"{file.stem}_balance.json")] = json_text(result.data()).encode()
-        for path, data in contents.items():
-            atomic_write(path, data)
+        write_files(contents)
     print_notes(*result.notes)
     if options.json:
         print_json({**result.data(), "files": [str(path) for path in contents]})
@@ -304,11 +318,6 @@ def balance(options: BalanceArguments) -> int:
         _print_balance(options.mesh, result)
         print_files(contents)
     return 0 if result.reached else 1
-
-
-def _note_way(way: str) -> None:
-    what = {"cavity": "a cavity", "infill": "two infills"}[way]
-    print_notes(f"trying {what}; this may take a minute")
 
 
 def _make_goal(options: BalanceArguments) -> Goal:
@@ -390,7 +399,6 @@ def draw_figure(options: FigureArguments) -> int:
     """Draw a figure of a body."""
     from dicedesign.recipe.subjects import subject_of
     from dicedesign.report.figures import BODY_FIGURES
-    from dicedesign.runtime.workers import progress_bar
 
     figure = BODY_FIGURES[options.kind]
     for name, kinds in (
@@ -404,14 +412,13 @@ def draw_figure(options: FigureArguments) -> int:
     out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
     require_ending("--out", out, ".png")
     down = None if options.down is None else numbers("--down", options.down)
-    with progress_bar("steps") as bar:
+    with progress_bar("figure"):
         subject = subject_of(
             options.subject,
             center_of_mass=center_of_mass(options.com),
             coplanar_tolerance=options.coplanar_tolerance,
             down=down,
             before=options.before,
-            on_step=lambda: bar.update(1),
         )
         data = figure.draw(subject).png()
     atomic_write(out, data)

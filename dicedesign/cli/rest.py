@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from dicedesign.cli.options import (
     text_table,
     workers_of,
 )
-from dicedesign.errors import InputError, named, printable
+from dicedesign.errors import DiceError, InputError, named, printable
 from dicedesign.runtime.files import atomic_write
 
 if TYPE_CHECKING:
@@ -29,16 +30,44 @@ if TYPE_CHECKING:
 
 
 def list_rests(options: RestArguments) -> int:
-    """Print the rests of a mesh, or write those of a folder."""
-    if os.path.isdir(options.mesh):
-        return _list_folder(options)
+    """Print the rests of meshes, or write those of a folder. A bad mesh among several is noted."""
+    meshes = options.meshes
+    if os.path.isdir(meshes[0]) and len(meshes) == 1:
+        return _list_folder(options, meshes[0])
     for name in ("out", "jobs", "scheduler"):
         if getattr(options, name) is not None:
             raise InputError(
-                f"--{name}: expected a folder of meshes, got {options.mesh}; leave --{name} out "
+                f"--{name}: expected a folder of meshes, got {meshes[0]}; leave --{name} out "
                 "or name a folder"
             )
-    body, poses = read_poses(options.mesh, options.com, options.coplanar_tolerance, options.part)
+    if len(meshes) > 1 and options.figure is not None:
+        raise InputError(
+            f"--figure: expected one mesh, got {len(meshes)}; draw one after the other"
+        )
+    records: list[dict[str, Any]] = []
+    failures: list[str] = []
+    for mesh in meshes:
+        try:
+            record, text = _describe_mesh(options, mesh)
+        except DiceError as error:
+            if len(meshes) == 1:
+                raise
+            failures.append(str(error))
+            records.append({"file": str(mesh), "error": str(error)})
+            continue
+        if not options.json:
+            print(f"\n{text}" if any("rests" in each for each in records) else text)
+        records.append(record if len(meshes) == 1 else {"file": str(mesh), **record})
+    if options.json:
+        print_json(records[0] if len(records) == 1 else records)
+    # An invalid option is one failure.
+    print_notes(*dict.fromkeys(failures))
+    return 2 if failures else 0
+
+
+def _describe_mesh(options: RestArguments, mesh: Path) -> tuple[dict[str, Any], str]:
+    """Rests of a mesh as plain data, and as text."""
+    body, poses = read_poses(mesh, options.com, options.coplanar_tolerance, options.part)
     if options.prior is not None:
         if options.table is not None:
             raise InputError(
@@ -69,27 +98,22 @@ def list_rests(options: RestArguments) -> int:
         "area": poses.areas,
         "margin_deg": margins,
     }
-    if options.json:
-        hull = {"vertices": len(poses.hull.vertices), "facets": len(poses.hull.normals)}
-        print_json(
-            {
-                "center_of_mass": poses.center_of_mass.tolist(),
-                "center_of_mass_source": poses.center_of_mass_source,
-                "hull": hull,
-                "rests": plain_rows(columns),
-                "seconds": poses.seconds,
-            }
-        )
-        return 0
+    record = {
+        "center_of_mass": poses.center_of_mass.tolist(),
+        "center_of_mass_source": poses.center_of_mass_source,
+        "hull": {"vertices": len(poses.hull.vertices), "facets": len(poses.hull.normals)},
+        "rests": plain_rows(columns),
+        "seconds": poses.seconds,
+    }
     center = ", ".join(f"{x:.6g}" for x in poses.center_of_mass)
-    print(
-        f"{printable(options.mesh)}: {len(poses.probabilities)} resting poses, hull of "
+    text = (
+        f"{printable(mesh)}: {len(poses.probabilities)} resting poses, hull of "
         f"{len(poses.hull.vertices)} vertices and {len(poses.hull.normals)} facets, "
         f"{1e3 * sum(poses.seconds.values()):.1f} ms\n"
         f"center of mass ({center}), {poses.center_of_mass_source}"
     )
     if options.prior is not None:
-        print(f"under the prior {printable(options.prior)}")
+        text += f"\nunder the prior {printable(options.prior)}"
     table = text_table(
         ("rest", "d", range(1, len(margins) + 1)),
         ("probability", ">", percents(poses.probabilities, ".5f")),
@@ -99,11 +123,10 @@ def list_rests(options: RestArguments) -> int:
         ("area", ".4g", poses.areas),
         ("margin", ">", [f"{margin:.2f} deg" for margin in margins]),
     )
-    print(f"\n{table}")
-    return 0
+    return record, f"{text}\n\n{table}"
 
 
-def _list_folder(options: RestArguments) -> int:
+def _list_folder(options: RestArguments, folder: Path) -> int:
     """Analyze the meshes of a folder."""
     # One mesh needs none of these.
     from dicedesign.batch.batch import list_folder, run_batch
@@ -113,7 +136,7 @@ def _list_folder(options: RestArguments) -> int:
     for name in ("table", "json", "figure", "prior", "part"):
         if getattr(options, name) not in (None, False, ()):
             raise InputError(
-                f"--{name}: expected one mesh, got the folder {options.mesh}; name a file, or "
+                f"--{name}: expected one mesh, got the folder {folder}; name a file, or "
                 f"leave --{name} out"
             )
     if not (tolerance is None or 0.0 <= tolerance < 1.0):
@@ -124,7 +147,7 @@ def _list_folder(options: RestArguments) -> int:
     # A wrong ending fails before the work.
     table_format(path)
     assert path is not None
-    files = list_folder(options.mesh)
+    files = list_folder(folder)
     com_text = ",".join(map(repr, com)) if isinstance(com, tuple) else com or ""
     settings = com_text, "" if tolerance is None else repr(tolerance)
     stamps = {file: Stamp(*state, *settings) for file, state in files.meshes.items()}
@@ -149,7 +172,7 @@ def _list_folder(options: RestArguments) -> int:
                     workers.bar.update(len(entries))
 
                 run_batch(
-                    str(options.mesh.resolve()),
+                    str(folder.resolve()),
                     pending,
                     workers.executor,
                     workers.jobs,
@@ -176,8 +199,8 @@ def _check_table(
                 )
     if before and before.keys().isdisjoint(stamps):
         raise InputError(
-            f"{options.out}: expected a table of {options.mesh}, got one of other files, such as "
-            f"{min(before)!r}; choose another with --out"
+            f"{options.out}: expected a table of {options.meshes[0]}, got one of other files, such "
+            f"as {min(before)!r}; choose another with --out"
         )
 
 

@@ -99,6 +99,12 @@ def throw(options: ThrowArguments) -> int:
             f"{1e3 * table.size:g} mm, engine {throws.engine}, {seconds:.1f} s\n"
         )
         print(heading, *_describe(columns, summary), sep="\n")
+    if throws.unresolved == throws.drops:
+        print_notes(
+            f"none of {throws.drops} drops came to rest on {table.name}: raise its friction, or "
+            "lower its restitution, speed or spin"
+        )
+        return 1
     return 0
 
 

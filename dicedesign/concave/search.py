@@ -3,7 +3,6 @@ saved in a checkpoint from which a later session resumes."""
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
@@ -14,7 +13,7 @@ from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.attempt import Attempts
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull, Hollow, missing
-from dicedesign.errors import InputError, NoStartError
+from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
@@ -44,11 +43,6 @@ def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
     Raises InputError: the file is missing, damaged, or belongs to another search; the message names
     the kind that differs.
     """
-    if not os.path.exists(path):
-        raise InputError(
-            f"{path}: expected the checkpoint of a run that was interrupted, got none; run without "
-            "--resume to begin"
-        )
 
     def restore(state: dict[str, Any], arrays: Arrays) -> ConcaveProgress:
         best = state["best"]
@@ -64,7 +58,7 @@ def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
         path,
         search,
         restore,
-        restart="run without --resume to start again",
+        restart=checkpoint.WITHOUT_OPTION,
         elsewhere="choose another folder with --out",
     )
 

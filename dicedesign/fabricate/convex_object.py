@@ -144,12 +144,13 @@ def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:
 
 
 def measure_resting(
-    prior: Prior | None, offset: Floats | None = None
+    prior: Prior | None, offset: Floats | None = None, outcome_of: Integers | None = None
 ) -> Callable[[Surface, Floats], Measured]:
     """Measure of a solid's probabilities without momentum, under a prior if any, for directions
-    (k, 3) of its outcomes.
+    (f, 3) of its faces.
 
     offset: (3,) from the centroid of the hull to a given center of mass; None for the solid's.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     def measure(surface: Surface, directions: Floats) -> Measured:
@@ -158,19 +159,20 @@ def measure_resting(
         else:
             hull = convex_hull(surface.points)
             poses = analyze(hull, hull.centroid + offset)
-        probabilities = outcome_probabilities(poses.under(prior), directions).probabilities
-        return Measured(poses.center_of_mass, probabilities)
+        outcomes = outcome_probabilities(poses.under(prior), directions, outcome_of)
+        return Measured(poses.center_of_mass, outcomes.probabilities)
 
     return measure
 
 
 def measure_thrown(
-    table: Table, model: MomentumModel | None
+    table: Table, model: MomentumModel | None, outcome_of: Integers | None = None
 ) -> Callable[[Surface, Floats], Measured]:
-    """Measure of a solid's probabilities by the momentum model of a table."""
+    """Measure of a solid's probabilities by the momentum model of a table; see
+    `measure_resting`."""
 
     def measure(surface: Surface, directions: Floats) -> Measured:
-        die = DieOnTable.of(body_of(surface), None, directions, table)
+        die = DieOnTable.of(body_of(surface), None, directions, table, outcome_of)
         return Measured(np.asarray(die.poses.center_of_mass), die.momentum(model))
 
     return measure

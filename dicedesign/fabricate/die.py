@@ -45,7 +45,7 @@ class Design:
     ----------
     status: why the method stopped.
     hull: the designed convex hull.
-    directions: (k, 3) down in the outcomes, in the order of the target.
+    directions: (f, 3) down on the labeled faces, in the order of the target.
     error: largest |p - q| of the method's own probabilities.
     steps: accepted ones, the first being the start.
     center_of_mass: (3,) if given, or None for the uniform solid.
@@ -54,6 +54,8 @@ class Design:
     rounds: of throws and new designs.
     reshaped: surfaces before and after of a concave die, else None.
     prior: of start orientations, or None for the uniform one.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
+    symmetry: name of its point group, or None.
     """
 
     status: Status
@@ -69,12 +71,16 @@ class Design:
     rounds: tuple[RoundOfThrows, ...] = ()
     reshaped: ConcaveDie | None = None
     prior: Prior | None = None
+    outcome_of: Integers | None = None
+    symmetry: str | None = None
 
     def reorder(self, order: Integers) -> Design:
-        """Design whose outcome k is outcome `order[k]` of this one, (k,)."""
+        """Design whose face i is face `order[i]` of this one, (f,). Rounds of throws that counted
+        outcomes of several faces stay."""
 
         def permute(values: Numbers) -> Numbers:
-            return tuple(np.array(values)[order].tolist())
+            is_by_face = len(values) == len(order)
+            return tuple(np.array(values)[order].tolist()) if is_by_face else values
 
         rounds = tuple(
             replace(each, requested=permute(each.requested), frequencies=permute(each.frequencies))
@@ -102,8 +108,13 @@ class Assessment:
 
     @property
     def max_abs_error(self) -> float:
-        """Largest |p - q|."""
-        return self.outcomes.max_abs_error(self.target.probabilities)
+        """Largest |p - q|: of the outcomes, and of their faces if the target keeps their shares."""
+        error = self.outcomes.max_abs_error(self.target.probabilities)
+        if not (self.target.keeps_shares and self.target.has_repeated_labels):
+            return error
+        main = self.outcomes.main
+        by_face = np.where(main >= 0, self.poses.probabilities[main], 0.0)
+        return max(error, float(np.abs(by_face - self.target.face_probabilities).max()))
 
     @cached_property
     def margins(self) -> Floats:
@@ -136,9 +147,9 @@ class Assessment:
     def facets(self) -> tuple[FacetOfDie, ...]:
         """Facets that the die can rest on, the most probable first, with the label of each outcome
         on its main facet."""
-        labels = self.target.labels
+        labels, of_faces = self.target.labels, self.target.face_labels
         poses, of_rest = self.poses, self.outcomes.outcome_of_rest.tolist()
-        own = {int(rest): labels[k] for k, rest in enumerate(self.outcomes.main) if rest >= 0}
+        own = {int(rest): of_faces[k] for k, rest in enumerate(self.outcomes.main) if rest >= 0}
         margins, borders = np.degrees(poses.margins), np.degrees(border_margins(poses))
         return tuple(
             FacetOfDie(
@@ -250,7 +261,7 @@ def make_solid(die: Design, size_mm: float) -> Solid:
         points=hull.vertices,
         triangles=hull.triangles,
         poses=poses,
-        outcomes=outcome_probabilities(poses, die.directions),
+        outcomes=outcome_probabilities(poses, die.directions, die.outcome_of),
         center_of_mass=None if given is None else np.zeros(3),
         hull_points=hull.vertices,
     )
@@ -268,7 +279,7 @@ def assess_file(
     Parameters
     ----------
     data: content of the STL file.
-    directions: (k, 3) unit, down in the outcomes, in the order of the target.
+    directions: (f, 3) unit, down on the labeled faces, in the order of the target.
     target: wanted probabilities.
     center_of_mass: (3,) in the file's coordinates, or None for the uniform solid.
     prior: of start orientations in the file's coordinates, or None for the uniform one.
@@ -279,4 +290,5 @@ def assess_file(
     """
     body = read_stl(data)
     poses = rest_poses(body, center_of_mass).under(prior)
-    return Assessment(body, poses, outcome_probabilities(poses, directions), target)
+    outcomes = outcome_probabilities(poses, directions, target.outcome_of_face)
+    return Assessment(body, poses, outcomes, target)

@@ -32,7 +32,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface, edge_neighbors, find_parts
-from dicedesign.runtime.arrays import Booleans, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 JOINED: Final = 0.02
@@ -60,8 +60,9 @@ def _cuts(
     hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[LabelCut]:
     """Material that all labels remove from the solid with this hull."""
-    depth, cuts = options.depth_mm, []
+    cuts = []
     for placement, section in cut_sections(hull, placements, options):
+        depth = options.depth_mm * placement.depth_share
         # The cutter extends above the facet, so that none of its faces is coplanar with it.
         cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
         cutter = cutter.transform(placement.frame[:3])
@@ -128,8 +129,8 @@ def _field(
 
 
 def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
-    """Cut labels into a solid, `options.depth_mm` deep below their facets, or the fields around
-    them.
+    """Cut labels into a solid, below their facets by their share of `options.depth_mm`, or the
+    fields around them.
 
     Parameters
     ----------
@@ -212,7 +213,10 @@ def place_on_facets(
     """
     main, poses = die.outcomes.main, die.poses
     require_rests(labels, main, "a facet")
-    *better, last = die_readings(hull, poses.facets[main], labels, options.read)
+    *better, last = (
+        replace(way, places=tuple(one for one in way.places if one.text not in options.blank))
+        for way in die_readings(hull, poses.facets[main], labels, options.read)
+    )
 
     def place(reading: Reading) -> list[Placement]:
         places, size_mm = reading.places, poses.hull.diameter
@@ -229,6 +233,48 @@ def place_on_facets(
                 cut_sections(hull, placements, options)
             return reading, placements
     return last, place(last)
+
+
+LEAST_SHARE: Final = 0.65
+"""Least depth of a pocket over that of the deepest, where depths keep the center of mass."""
+
+DEPTH_ROUNDS: Final = 20
+"""Number of Newton's steps for depths; five are usual."""
+
+
+def even_depths(
+    placements: Sequence[Placement], depth: float, center: Floats
+) -> list[Placement] | None:
+    """Choose depths of pockets that leave a solid's center of mass where it is, and so its hull and
+    its symmetry; of all such depths those nearest to one depth for all.
+
+    placements: of engraved labels; depth: of the deepest, in mm; center: (3,) center of mass of the
+    solid without labels. Returns None if a pocket had to be shallower than `LEAST_SHARE`.
+    """
+    # A pocket of area a and depth d has the moment a (d p - d d n / 2), where p is the middle of
+    # its section and n the normal.
+    areas, middles = [], []
+    for placement in placements:
+        pocket = mesh_of(placement.section().extrude(1.0))
+        areas.append(pocket.volume)
+        middles.append(placement.frame[:3] @ [*pocket.centroid[:2], 0.0, 1.0] - center)
+    area, middle = np.array(areas)[:, None], np.array(middles)
+    normal = np.array([placement.frame[:3, 2] for placement in placements])
+    most, depths = depth, np.full(len(areas), depth)
+    for _ in range(DEPTH_ROUNDS):
+        # Newton's step, to the solution nearest to one depth for all.
+        slopes = area * (middle - depths[:, None] * normal)
+        curved = 0.5 * (area * depths[:, None] ** 2 * normal).sum(axis=0)
+        change, *_ = np.linalg.lstsq(slopes.T, -curved - most * slopes.sum(axis=0))
+        depths = most + change
+        if depths.min() < LEAST_SHARE * depths.max():
+            return None
+        most *= depth / depths.max()
+    shares = (depths / depth).tolist()
+    return [
+        replace(placement, depth_share=share)
+        for placement, share in zip(placements, shares, strict=True)
+    ]
 
 
 def require_rests(labels: Sequence[str], main: Integers, what: str) -> None:

@@ -48,7 +48,7 @@ class EngravingOptions:
 
     depth_mm: float = 0.6
     """Depth of the pockets below the facet, above 0, and at least a millionth of the die's size. It
-    does not scale with the die."""
+    does not scale with the die. On a die with symmetry some are shallower, to keep it."""
     margin_mm: float = 0.5
     """Distance between labels and the edges of their facet, at least 0; more at sharp edges, so
     that pockets do not meet."""
@@ -61,6 +61,8 @@ class EngravingOptions:
     unchanged."""
     content: Content = "text"
     """"text", or "pips" for numbers from 1 to 20 as on ordinary dice."""
+    blank: list[str] = field(default_factory=list)
+    """Labels whose faces stay blank, such as the rim of a coin."""
     icons: dict[str, str] = field(default_factory=dict)
     """SVG files by the labels they replace; paths are relative to the recipe. Dark areas are cut,
     as tall as a digit."""

@@ -107,7 +107,7 @@ def reads_upside_down(text: str) -> bool:
     if not text or not set(text) <= set(TURNED):
         return False
     turned = "".join(TURNED[digit] for digit in reversed(text))
-    return turned != text and (len(turned) == 1 or turned[0] != "0")
+    return turned != text and turned[0] != "0"
 
 
 def add_mark(section: CrossSection, mark: str) -> CrossSection:

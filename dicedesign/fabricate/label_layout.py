@@ -303,6 +303,7 @@ class Placement:
     art: outlines in digit heights.
     facet: index of the facet; None on the upper side of a concave die.
     growth: distance in mm by which outlines move outward to widen strokes.
+    depth_share: depth of its pocket over that of the options.
     """
 
     text: str
@@ -311,6 +312,7 @@ class Placement:
     art: LabelArt
     facet: int | None = None
     growth: float = 0.0
+    depth_share: float = 1.0
 
     @property
     def where(self) -> str:

@@ -65,10 +65,7 @@ def number_die(
     order = np.arange(len(labels))
     members = np.flatnonzero([NUMBER.fullmatch(label) is not None for label in labels])
     probabilities, facets = probabilities[members], facets[members]
-    ascending = np.argsort(probabilities, kind="stable")
-    gaps = np.diff(probabilities[ascending], prepend=-1.0)
-    kinds = np.empty(len(members), dtype=np.int64)
-    kinds[ascending] = np.cumsum(gaps > EQUAL_PROBABILITIES * probabilities[ascending]) - 1
+    kinds = _kinds(probabilities)
     if not len(members) or np.bincount(kinds).max() < 2:
         return order, "numbering: no two numbers are equally probable, so that they stay"
     is_across = opposite_facets(hull, facets)[:, None] == facets
@@ -99,6 +96,41 @@ def number_die(
         "numbering: sums of opposite facets and around corners are even to within "
         f"{round(float(off), 6):g}"
     )
+
+
+def spread_labels(normals: Floats, labels: Sequence[str], probabilities: Floats) -> Integers:
+    """(f,) face whose label moves to each face: those with the same label come around the die, as
+    far as swaps of equally probable faces get. So their engravings balance each other.
+
+    normals: (f, 3) of the faces; labels: f texts; probabilities: (f,).
+    """
+    kinds, order = _kinds(probabilities), np.arange(len(labels))
+    _, label = np.unique(labels, return_inverse=True)
+    first, second = np.triu_indices(len(labels), 1)
+    free = (kinds[first] == kinds[second]) & (label[first] != label[second])
+    first, second = first[free], second[free]
+    while len(first) > 0:
+        own = label[order]
+        sums = np.zeros((label.max() + 1, 3))
+        np.add.at(sums, own, normals)
+        # Changes of the summed squares of these by each swap.
+        step = normals[second] - normals[first]
+        apart = (step * (sums[own[first]] - sums[own[second]])).sum(-1)
+        change = np.where(own[first] == own[second], 0.0, 2.0 * (apart + (step * step).sum(-1)))
+        best = int(change.argmin())
+        if not change[best] < -FINEST:
+            break
+        order[[first[best], second[best]]] = order[[second[best], first[best]]]
+    return order
+
+
+def _kinds(probabilities: Floats) -> Integers:
+    """(m,) number of the class of equal probabilities (m,), the least first."""
+    ascending = np.argsort(probabilities, kind="stable")
+    gaps = np.diff(probabilities[ascending], prepend=-1.0)
+    kinds = np.empty(len(probabilities), dtype=np.int64)
+    kinds[ascending] = np.cumsum(gaps > EQUAL_PROBABILITIES * probabilities[ascending]) - 1
+    return kinds
 
 
 def _pair_opposites(numbers: Floats, kinds: Integers, pairs: Integers) -> Integers:

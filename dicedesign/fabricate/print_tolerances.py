@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 import torch
@@ -40,7 +40,7 @@ from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rest
 from dicedesign.rest.outcomes import OutcomeProbabilities, assign_rests, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.result import InfillProbabilities, PrintTolerances
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.goodness_of_fit import LEVEL, chance_noticed, chances_noticed
 
 if TYPE_CHECKING:
@@ -81,28 +81,27 @@ class ProbabilitySpread:
 
     Attributes
     ----------
-    poses: the rests of the body; directions: (k, 3) down in the outcomes.
+    poses: the rests of the body; directions: (f, 3) down on the faces.
     errors: standard deviations of print errors.
     model: of the probabilities.
-    has_planes: whether whole facets are off; else corners are off in all directions, independently,
-        as on a concave die, whose hull spans unrelated corners.
     axes: (3, 3) orthonormal axes of the printer in the die's coordinates, one per row, the last up.
     volume: of the body, or of its hull if its surface is open; inside: (3, 3) mean over it of the
         products of two coordinates, about the center of mass.
     by_corners: (k, n, 3) derivatives in the corners at a fixed center of mass.
     by_planes: (k, m) derivatives in the offsets of the facets at a fixed center of mass.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     poses: RestPoses
     directions: Floats
     errors: PrintErrors
     model: ProbabilityModel
-    has_planes: bool
     axes: Floats
     volume: float
     inside: Floats
     by_corners: Floats
     by_planes: Floats
+    outcome_of: Integers | None = None
 
     @classmethod
     def of(
@@ -113,19 +112,20 @@ class ProbabilitySpread:
         errors: PrintErrors,
         model: ProbabilityModel = RESTING,
         *,
-        has_planes: bool = True,
         axes: Floats = AXES,
+        outcome_of: Integers | None = None,
     ) -> ProbabilitySpread:
         """Spread of a body's probabilities; for a tied body the mean over its two perturbations."""
         place = np.full(len(poses.hull.normals), -1)
-        place[poses.facets] = outcome_probabilities(poses, directions).outcome_of_rest
+        outcomes = outcome_probabilities(poses, directions, outcome_of)
+        place[poses.facets], count = outcomes.outcome_of_rest, len(outcomes.probabilities)
         rows, planes = [], []
         for side in poses.basins:
             center = torch.from_numpy(side.equilibria.center_of_mass)
             vertices = torch.from_numpy(side.equilibria.hull.vertices)
             rests = RestEvaluation(side.equilibria, vertices, center, side)
             jacobian = model.jacobian(rests)
-            of_outcomes = np.zeros((len(directions), jacobian.shape[1]))
+            of_outcomes = np.zeros((count, jacobian.shape[1]))
             of_rests = place[side.paths.rests]
             np.add.at(of_outcomes, of_rests[of_rests >= 0], jacobian[of_rests >= 0])
             rows.append(of_outcomes)
@@ -139,12 +139,12 @@ class ProbabilitySpread:
             directions=directions,
             errors=errors,
             model=model,
-            has_planes=has_planes,
             axes=axes,
             volume=float(volume),
             inside=np.asarray(moments / volume),
-            by_corners=np.mean(rows, axis=0).reshape(len(directions), -1, 3),
+            by_corners=np.mean(rows, axis=0).reshape(count, -1, 3),
             by_planes=np.mean(planes, axis=0),
+            outcome_of=outcome_of,
         )
 
     @property
@@ -187,11 +187,8 @@ class ProbabilitySpread:
 
     @cached_property
     def by_unit_offset(self) -> Floats:
-        """(k, k) covariance for a standard deviation of 1 of the places of facets, or of
-        corners."""
-        parts = self.by_offsets if self.has_planes else self.by_corners
-        rows = parts.reshape(len(parts), -1)
-        return rows @ rows.T
+        """(k, k) covariance for a standard deviation of 1 of the places of facets."""
+        return self.by_offsets @ self.by_offsets.T
 
     @cached_property
     def by_error(self) -> dict[str, Floats]:
@@ -203,7 +200,7 @@ class ProbabilitySpread:
             # A bubble shifts the center of mass away from it in proportion to its volume.
             "bubble_mm3": self.by_center @ self.inside @ self.by_center.T / self.volume**2,
         }
-        return {name: deviation**2 * unit[name] for name, deviation in asdict(self.errors).items()}
+        return {name: getattr(self.errors, name) ** 2 * each for name, each in unit.items()}
 
     @cached_property
     def covariance(self) -> Floats:
@@ -211,9 +208,9 @@ class ProbabilitySpread:
         return np.asarray(sum(self.by_error.values()))
 
     def allowed_offset(self, target: Floats, bias: Floats) -> float | None:
-        """Standard deviation in mm of the places of facets, or corners, at which a test of `ROLLS`
-        rolls at 5 % notices a share `NOTICED` of prints without other errors; 0 if it notices as
-        many exact prints, None if it notices fewer at any size of error.
+        """Standard deviation in mm of the places of facets at which a test of `ROLLS` rolls at 5 %
+        notices a share `NOTICED` of prints without other errors; 0 if it notices as many exact
+        prints, None if it notices fewer at any size of error.
 
         target, bias: (k,) as for `print_tolerances`.
         """
@@ -229,19 +226,16 @@ class ProbabilitySpread:
         return float(brentq(excess, 0.0, NEVER * size, xtol=FINENESS * size))
 
     def share_noticed(self, offset: float, target: Floats, bias: Floats) -> float:
-        """Share of simulated prints, with facets or corners off by a standard deviation in mm, that
-        a test of `ROLLS` rolls notices; target, bias: (k,) as for `print_tolerances`. All offsets
-        share their random numbers; prints that are no body count as noticed."""
+        """Share of simulated prints, with facets off by a standard deviation in mm, that a test of
+        `ROLLS` rolls notices; target, bias: (k,) as for `print_tolerances`. All offsets share their
+        random numbers; prints that are no body count as noticed."""
         hull, random = self.poses.hull, np.random.default_rng(0)
         middle, designed = hull.centroid, self._probabilities(hull.vertices)
         biases = []
         for _ in range(PRINTS):
             with suppress(DiceError):
-                if self.has_planes:
-                    depths = hull.heights(middle) + offset * random.normal(size=len(hull.normals))
-                    corners = middle + polyhedron_corners(hull.normals, depths)
-                else:
-                    corners = hull.vertices + offset * random.normal(size=hull.vertices.shape)
+                depths = hull.heights(middle) + offset * random.normal(size=len(hull.normals))
+                corners = middle + polyhedron_corners(hull.normals, depths)
                 biases.append(bias + self._probabilities(corners) - designed)
         chances = chances_noticed(target, ROLLS, np.reshape(biases, (-1, len(target))))
         return float(chances.sum() + (PRINTS - len(biases))) / PRINTS
@@ -249,12 +243,13 @@ class ProbabilitySpread:
     def _probabilities(self, corners: Floats) -> Floats:
         """(k,) probabilities of the outcomes of a body with other corners."""
         center = self.poses.center_of_mass
-        if self.has_planes and self.is_uniform:
+        if self.is_uniform:
             # The offset that labels cause stays.
             center = center + convex_hull(corners).centroid - self.poses.hull.centroid
         rests = evaluate_rests(torch.from_numpy(corners), torch.from_numpy(center))
         normals, probabilities = rests.hull.normals[rests.facets], self.model.probabilities(rests)
-        return assign_rests(normals, probabilities, self.directions).probabilities
+        faces = self.directions, self.outcome_of
+        return assign_rests(normals, probabilities, *faces).probabilities
 
 
 def print_tolerances(
@@ -277,12 +272,10 @@ def print_tolerances(
                 most = middle
         # A die at the verge of tipping gets the smallest one.
         allowed = least or most
-    deviations = np.sqrt(np.diag(spread.covariance))
-    what = "face" if spread.has_planes else "corner"
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         answer = (
-            f"{ROLLS:,} rolls rarely reveal how far each {what} is off: nearly all shapes of this "
+            f"{ROLLS:,} rolls rarely reveal how far each face is off: nearly all shapes of this "
             "die have its probabilities."
         )
     elif allowed == 0.0:
@@ -292,25 +285,47 @@ def print_tolerances(
         )
     else:
         answer = (
-            f"If your printer places each {what} within about {allowed:.2g} mm, {ROLLS:,} rolls "
+            f"If your printer places each face within about {allowed:.2g} mm, {ROLLS:,} rolls "
             f"rarely reveal an error. Yours is assumed to place it within "
             f"{spread.errors.dimensional_mm:.2g} mm; both are standard deviations. A chi-square "
             f"test at {level} rejects {noticed} of prints that are off by {allowed:.2g} mm, and "
             f"{level} of perfect dice."
         )
+    values, vectors = np.linalg.eigh(spread.covariance)
+    normal = np.random.default_rng(0).normal(size=(DRAWS, len(target)))
+    prints = target + bias + normal @ (np.sqrt(np.maximum(values, 0.0)) * vectors).T
     return PrintTolerances(
         answer=answer,
+        method="derivatives",
         rolls=ROLLS,
         allowed_mm=allowed,
         noticed=chance_noticed(target, ROLLS, spread.covariance, bias),
         assumed=asdict(spread.errors),
-        deviations=tuple(deviations.tolist()),
-        by_error={
-            name: tuple(np.sqrt(np.diag(each)).tolist()) for name, each in spread.by_error.items()
-        },
-        # Half the sum of the mean absolute values of normal variables.
-        total_variation=float(deviations.sum() / np.sqrt(2.0 * np.pi)),
+        deviations=_roots(spread.covariance),
+        by_error={name: _roots(each) for name, each in spread.by_error.items()},
+        **variation_of_prints(target, prints, 0.0),
     )
+
+
+DRAWS: Final = 4096
+"""Number of prints drawn from the covariance."""
+
+
+def _roots(covariance: Floats) -> tuple[float, ...]:
+    return tuple(np.sqrt(np.diag(covariance)).tolist())
+
+
+def variation_of_prints(target: Floats, prints: Floats, elsewhere: float) -> dict[str, Any]:
+    """Facts on prints with probabilities (n, k) and a mean probability elsewhere."""
+    # What is missing from 1 falls elsewhere.
+    missing = 1.0 - prints.sum(axis=1)
+    off = (np.abs(prints - target).sum(axis=1) + np.abs(missing)) / 2.0
+    return {
+        "mean": tuple(prints.mean(axis=0).tolist()),
+        "elsewhere": elsewhere,
+        "total_variation": float(off.mean()),
+        "nine_in_ten": float(np.quantile(off, 0.9)),
+    }
 
 
 STEPS: Final = 20
@@ -357,18 +372,16 @@ def pocket_walls(
     """Walls around pockets, as solids that reach from outside of the facet to below the pocket's
     floor. Their lower rims are square; slicers may round them.
 
-    sections: of the pockets, from `cut_sections`; depth_mm: of the pockets.
+    sections: of the pockets, from `cut_sections`; depth_mm: of those with a share of 1.
     """
     from manifold3d import JoinType
 
-    deep = depth_mm + walls_mm
-    return [
-        section.offset(walls_mm, JoinType.Round)
-        .extrude(2.0 * deep)
-        .translate((0.0, 0.0, -deep))
-        .transform(placement.frame[:3])
-        for placement, section in sections
-    ]
+    walls = []
+    for placement, section in sections:
+        deep = depth_mm * placement.depth_share + walls_mm
+        around = section.offset(walls_mm, JoinType.Round).extrude(2.0 * deep)
+        walls.append(around.translate((0.0, 0.0, -deep)).transform(placement.frame[:3]))
+    return walls
 
 
 def weigh_print(
@@ -396,7 +409,7 @@ def infill_probabilities(
     Parameters
     ----------
     verdict: assessment of the file of the uniform solid.
-    directions: (k, 3) down in the outcomes.
+    directions: (f, 3) down on the labeled faces.
     volume: of the solid in mm3.
     inside: of its walls.
     infill: share of the inside that is material, 0 to 1; walls_mm: thickness of the walls.
@@ -407,7 +420,9 @@ def infill_probabilities(
     def assess(share: float) -> tuple[float, Floats, OutcomeProbabilities, bool]:
         """Mass, center of mass, probabilities, and whether the test notices them."""
         mass, center = weigh_print(volume, poses.center_of_mass, inside, share)
-        outcomes = outcome_probabilities(analyze(poses.hull, center).under(poses.prior), directions)
+        at_center = analyze(poses.hull, center).under(poses.prior)
+        of_face = verdict.target.outcome_of_face
+        outcomes = outcome_probabilities(at_center, directions, of_face)
         change = outcomes.probabilities[shown] - solid[shown]
         chances = chances_noticed(solid[shown] / solid[shown].sum(), ROLLS, change[None])
         return mass, center, outcomes, bool(chances[0] > NOTICED)

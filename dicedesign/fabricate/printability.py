@@ -200,6 +200,16 @@ thin where it ends. Thin parts of fewer samples are not reported."""
 SEED: Final = 20
 
 
+def least_details(
+    printer: Printer, engraving: EngravingOptions | None
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Least widths in mm that a printer makes, of strokes and of the ridges between them, each with
+    its side for `narrowest_stroke`."""
+    if engraving is not None and engraving.style == "raised":
+        return (printer.raised_mm, -1.0), (printer.groove_mm, 1.0)
+    return (printer.groove_mm, -1.0), (printer.ridge_mm, 1.0)
+
+
 def narrowest_stroke(section: CrossSection, side: float = -1.0) -> float | None:
     """Least width of the strokes of a plane section.
 
@@ -262,19 +272,22 @@ def walls_under(
     Both are exact: in a convex solid the distance from the facets is a concave function, least at a
     corner of the floor, and the distance of two pockets is the least between their triangles.
 
-    placements: k labels on facets of the die; depth: of their pockets, above 0; hull: of the die in
-    mm. Returns k numbers, 0 where a pocket meets another one or breaks through.
+    placements: k labels on facets of the die; depth: of pockets with a share of 1, above 0; hull:
+    of the die in mm. Returns k numbers, 0 where a pocket meets another one or breaks through.
     """
     pockets, walls = [], []
     for placement in placements:
-        section, frame = placement.section(), placement.frame
-        cut = section.extrude(depth).translate((0.0, 0.0, -depth))
+        section, frame, own = placement.section(), placement.frame, depth * placement.depth_share
+        cut = section.extrude(own).translate((0.0, 0.0, -own))
         pockets.append(cut.transform(frame[:3]))
         rim = np.concatenate(section.to_polygons()) @ frame[:3, :2].T + frame[:3, 3]
         beneath = hull.normals @ frame[:3, 2] < BENEATH
-        room = hull.depths(rim - depth * frame[:3, 2])[:, beneath]
+        room = hull.depths(rim - own * frame[:3, 2])[:, beneath]
         walls.append(max(float(room.min(initial=hull.diameter)), 0.0))
-    for one, other in combinations(range(len(pockets)), 2):
+    middles = [placement.frame[:3, 3] for placement in placements]
+    # The nearest first, so that those after them need not be searched for far.
+    pairs = combinations(range(len(pockets)), 2)
+    for one, other in sorted(pairs, key=lambda pair: math.dist(*(middles[at] for at in pair))):
         gap = float(pockets[one].min_gap(pockets[other], max(walls[one], walls[other])))
         walls[one], walls[other] = min(walls[one], gap), min(walls[other], gap)
     return tuple(walls)
@@ -432,9 +445,7 @@ def _warnings(
             f"{thin.wall_mm:.2g} mm that {called} makes, the thinnest {thin.least_mm:.2g} mm "
             f"at ({x}, {y}, {z}) of die_plain.stl: {larger}thicken the model there"
         )
-    stroke, ridge = printer.groove_mm, printer.ridge_mm
-    if engraving is not None and engraving.style == "raised":
-        stroke, ridge = printer.raised_mm, printer.groove_mm
+    (stroke, _), (ridge, _) = least_details(printer, engraving)
     larger = (
         "shorten the label, make the die larger (size_mm, or --size-mm of design), or raise "
         "engrave.min_height_mm in a recipe"

@@ -183,6 +183,8 @@ PRINTERS: Final = Registry(
 
 BELOW: Final = {
     "dimensional_mm": MOST_MM,
+    "roughness_mm": MOST_MM,
+    "correlation_mm": MOST_MM,
     "shrinkage": 0.2,
     "density_gradient": 0.5,
     "bubble_mm3": MOST_MM**3,
@@ -196,8 +198,8 @@ class PrintErrors:
 
     Defaults are of an ordinary desktop printer for filament: ±0.2 mm between two faces, as two
     standard deviations of the difference of two planes, and shrinkage of 0.2 % that slicers do not
-    compensate. Resin has about half of that distance. Density drift and bubbles are guesses on the
-    large side, as no source specifies them.
+    compensate. Resin has about half of that distance. Density drift, bubbles, roughness and the
+    length over which offsets are alike are guesses, as no source specifies them.
 
     Raises InputError for a value out of its range.
     Source: Layer X, 3D printing tolerances and dimensional accuracy, 2026, with ±0.2 to ±0.3 mm for
@@ -207,7 +209,8 @@ class PrintErrors:
     __pydantic_config__ = STRICT
 
     dimensional_mm: float = 0.07
-    """Offset of the plane of each facet along its normal; at least 0, below 1000."""
+    """Offset of the plane of each facet along its normal, or of a curved surface, where it is alike
+    over `correlation_mm`; at least 0, below 1000."""
     shrinkage: float = 0.002
     """Relative length along each axis of the printer; at least 0, below 0.2."""
     density_gradient: float = 0.01
@@ -215,13 +218,19 @@ class PrintErrors:
     0.5."""
     bubble_mm3: float = 1.0
     """Volume of a bubble somewhere in the print; at least 0, below 1e9."""
+    roughness_mm: float = 0.02
+    """Offset of each point of a curved surface along its normal; at least 0, below 1000."""
+    correlation_mm: float = 3.0
+    """Length over which the offsets of a curved surface are alike; above 0, below 1000."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value, bound = getattr(self, field.name), BELOW[field.name]
-            if not is_finite_number(value) or not 0.0 <= value < bound:
+            is_length = field.name == "correlation_mm"
+            if not is_finite_number(value) or not 0.0 <= value < bound or (is_length and not value):
+                least = "above 0" if is_length else "of at least 0"
                 raise InputError(
-                    f"errors.{field.name}: expected a number of at least 0 and below {bound:g}, "
+                    f"errors.{field.name}: expected a number {least} and below {bound:g}, "
                     f"got {value!r}; leave it out for {field.default}"
                 )
 

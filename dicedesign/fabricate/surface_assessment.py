@@ -64,7 +64,7 @@ def solid_of_surface(die: Design, design_result: ConcaveDie, size_mm: float) -> 
         points=surface.points,
         triangles=surface.triangles,
         poses=poses,
-        outcomes=outcome_probabilities(poses, die.directions),
+        outcomes=outcome_probabilities(poses, die.directions, die.outcome_of),
         center_of_mass=None,
         hull_points=(die.hull.vertices - center) * scale,
         changes=changes,
@@ -134,7 +134,9 @@ def assess_surface(
     gap = max(inside, outside, 0.0) / surface.diagonal
     crossings = len(intersecting_triangles(surface.points, surface.triangles))
     start, after = design_result.before, design_result.after
-    before = outcome_probabilities(rest_poses(start), design_result.directions)
+    before = outcome_probabilities(
+        rest_poses(start), design_result.directions, plain.target.outcome_of_face
+    )
     moved = norms(after.points - start.points) / start.diagonal
     quality = surface_quality(after, start)
     sentences = list(quality.sentences()) or [
@@ -199,10 +201,11 @@ def advise_on_surface(
         pairs = np.stack(np.triu_indices(len(shown), 1))
         angles = np.degrees(angle_between(*normals[pairs]))
         first, second = shown[pairs[:, angles.argmin()]]
+        of_faces = plain.target.face_labels
         wanted = max(method.apart_deg, np.degrees(SAME_REST_ANGLE))
         yield (
-            f"{labels[first]} and {labels[second]} are {angles.min():.3g} degrees apart, wanted "
-            f"are {wanted:.3g}"
+            f"{of_faces[first]} and {of_faces[second]} are {angles.min():.3g} degrees apart, "
+            f"wanted are {wanted:.3g}"
         )
     if {Status.UNSTEADY, Status.TIPPY} & set(flaws):
         margins = np.degrees(plain.margins)

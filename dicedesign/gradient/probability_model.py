@@ -150,12 +150,14 @@ class TableSensitivity:
     tables: n other tables.
     wanted: (k,) probabilities of the outcomes, on all tables.
     bias: (n, k) logarithms of the probabilities on the other tables over those of their models.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     thrown: ThrowProbabilities
     tables: tuple[Table, ...]
     wanted: Floats
     bias: Floats | float = 0.0
+    outcome_of: Integers | None = None
 
     @property
     def is_known(self) -> bool:
@@ -171,13 +173,18 @@ class TableSensitivity:
         """(n k,) differences of the probabilities on the other tables, corrected by their bias,
         from the wanted ones.
 
-        facets: (k,) of the outcomes.
+        facets: (f,) of the faces.
         """
-        of_outcomes = np.searchsorted(rests.facets, facets)
-        factors = np.exp(self.bias) * np.ones((len(self.tables), len(facets)))
+        of_faces = np.searchsorted(rests.facets, facets)
+        factors = np.exp(self.bias) * np.ones((len(self.tables), len(self.wanted)))
         parts = []
         for thrown, factor in zip(self.others, factors, strict=True):
-            probabilities = thrown.tensor(rests)[of_outcomes] * torch.as_tensor(factor)
+            probabilities = thrown.tensor(rests)[of_faces]
+            if self.outcome_of is not None:
+                sums = torch.zeros(len(self.wanted), dtype=torch.float64)
+                outcomes = torch.as_tensor(self.outcome_of)
+                probabilities = sums.index_add(0, outcomes, probabilities)
+            probabilities = probabilities * torch.as_tensor(factor)
             parts.append(probabilities / probabilities.sum() - torch.as_tensor(self.wanted))
         return torch.cat(parts) / (USUAL_SWING * len(parts) ** 0.5)
 

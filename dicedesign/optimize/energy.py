@@ -18,7 +18,7 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.optimize.clusters import ClusteredRests, Clusters
 from dicedesign.optimize.coordinates import Coordinates, Shape, ShapeEvaluator
 from dicedesign.optimize.terms import LARGEST_SQUARED_DISTANCE, SMALLEST_MEAN, EnergyWeights, Term
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 
 @uncompiled
@@ -100,7 +100,10 @@ class Energy:
         parts: dict[str, tuple[float, Tensor | Floats | None]] = {}
         for term, weight in self._active:
             if together is not None and term.name in COMPILED:
-                parts[term.name] = weight * together[COMPILED.index(term.name)], None
+                value = together[COMPILED.index(term.name)]
+                if term.name == "dice" and self.state.outcome_of is not None:
+                    value = float(self.state.misses @ self.state.misses)
+                parts[term.name] = weight * value, None
             elif together is not None and term.value_and_slopes is not None:
                 value, slopes = term.value_and_slopes(self.state, self.weights)
                 parts[term.name] = weight * value, weight * slopes
@@ -129,7 +132,7 @@ class Energy:
             probabilities=rests.probability_values,
             of_rest=clusters.of_rest,
             directions=clusters.directions,
-            target=np.asarray(self.state.target, dtype=np.float64),
+            target=self.state.face_target,
             neighbor_radius=self.weights.neighbor_radius,
             smallest_mean=SMALLEST_MEAN,
             no_rest=LARGEST_SQUARED_DISTANCE,
@@ -152,15 +155,17 @@ class Objective:
     target: (k,) target probabilities.
     weights: weights of the terms.
     evaluator: evaluates shapes and counts evaluations.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     coordinates: Coordinates
     target: Floats
     weights: EnergyWeights
     evaluator: ShapeEvaluator
+    outcome_of: Integers | None = None
 
     def evaluate(self, parameters: Floats, directions: Floats) -> Evaluation:
-        """Hull, rests and energy at flat parameters, for outcome directions (k, 3).
+        """Hull, rests and energy at flat parameters, for directions (f, 3) of the faces.
 
         Raises DiceError if the parameters make no solid with the center of mass inside.
         """
@@ -209,11 +214,14 @@ class Evaluation:
     @cached_property
     def state(self) -> ClusteredRests:
         """Rests, outcomes and target."""
-        return ClusteredRests.of(self.rests, self.directions, self.objective.target)
+        objective = self.objective
+        return ClusteredRests.of(
+            self.rests, self.directions, objective.target, objective.outcome_of
+        )
 
     @property
     def clusters(self) -> Clusters:
-        """Outcome for which each rest counts."""
+        """Face for which each rest counts."""
         return self.state.clusters
 
     @cached_property
@@ -234,16 +242,12 @@ class Evaluation:
 
     @cached_property
     def error(self) -> float:
-        """Largest |p - q| over the clusters."""
-        target = self.objective.target
-        sums = np.bincount(
-            self.clusters.of_rest, self.rests.probability_values, minlength=len(target)
-        )
-        return float(np.abs(sums - target).max())
+        """Largest |p - q| over the outcomes."""
+        return float(np.abs(self.state.misses).max())
 
     @cached_property
     def flaws(self) -> int:
-        """Number of outcomes without a rest."""
+        """Number of faces without a rest."""
         return self.clusters.empty
 
     def weighted(self, weights: EnergyWeights) -> Evaluation:

@@ -3,32 +3,72 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from math import comb, isfinite
 from typing import Final
 
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
-MOST_OUTCOMES: Final = 200
-"""Limit on the outcomes: a die with more cannot be printed and read."""
+MOST_FACES: Final = 200
+"""Limit on the labeled faces: a die with more cannot be printed and read."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Outcomes with their target probabilities.
+    """Labeled faces with their target probabilities. All faces with one label are one outcome.
 
     Attributes
     ----------
-    labels: (k,) distinct texts.
-    probabilities: (k,) positive, summing to 1.
+    face_labels: (f,) texts.
+    face_probabilities: (f,) positive, summing to 1. Of an outcome of several faces only the sum is
+        wanted, unless the shares are kept.
+    keeps_shares: whether each face is to have its own probability.
     """
 
-    labels: tuple[str, ...]
-    probabilities: Floats
+    face_labels: tuple[str, ...]
+    face_probabilities: Floats
+    keeps_shares: bool = False
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """(k,) distinct labels of the outcomes, in the order of their first faces."""
+        return tuple(dict.fromkeys(self.face_labels))
+
+    @cached_property
+    def outcome_of_face(self) -> Integers:
+        """(f,) number of the outcome that each face shows."""
+        return np.array([self.labels.index(label) for label in self.face_labels])
+
+    @cached_property
+    def probabilities(self) -> Floats:
+        """(k,) of the outcomes."""
+        if not self.has_repeated_labels:
+            return self.face_probabilities
+        return np.asarray(np.bincount(self.outcome_of_face, self.face_probabilities), np.float64)
+
+    @property
+    def wanted(self) -> tuple[Floats, Integers | None]:
+        """Probabilities that a design is to have, and the outcome of each face: (k,) and (f,) if
+        faces share freely; (f,) and None if each face has a probability of its own."""
+        if self.keeps_shares or not self.has_repeated_labels:
+            return self.face_probabilities, None
+        return self.probabilities, self.outcome_of_face
+
+    def sums(self, values: Floats) -> Floats:
+        """(k,) sums of values (f,) over the faces of each outcome; values (k,) stay."""
+        if len(values) == len(self.labels):
+            return values
+        return np.asarray(np.bincount(self.outcome_of_face, values), np.float64)
+
+    @property
+    def has_repeated_labels(self) -> bool:
+        """Whether an outcome has several faces."""
+        return len(self.labels) < len(self.face_labels)
 
 
 def binomial(flips: int) -> Target:
@@ -90,22 +130,45 @@ def custom(probabilities: Sequence[float]) -> Target:
     return Target(_number(1, len(values)), values)
 
 
+def several_faces(
+    labels: Sequence[str], probabilities: Sequence[float], faces: Sequence[int]
+) -> Target:
+    """Outcomes with several faces each, which share the outcome's probability in equal parts.
+
+    labels, probabilities, faces: (k,) of the outcomes; for the probabilities see `custom`.
+
+    Raises
+    ------
+    InputError: labels that are not distinct, a number of faces below 1, or as `custom`.
+    """
+    shares = custom(probabilities).probabilities
+    if len(set(labels)) < len(labels):
+        twice = next(label for label in labels if list(labels).count(label) > 1)
+        raise InputError(
+            f"outcomes: expected distinct labels, got {twice!r} more than once; join them, with "
+            "the number of faces of all"
+        )
+    _check_counts("faces", 1, faces, sum(faces))
+    texts = tuple(np.repeat(np.array(labels, dtype=object), faces).tolist())
+    return Target(texts, np.repeat(shares / np.array(faces), faces))
+
+
 def relabel(target: Target, labels: Sequence[str] | None) -> Target:
-    """Target with other labels; None keeps the labels. Raises InputError."""
+    """Target with other labels for its faces; None keeps the labels. Faces with the same label
+    become one outcome. Raises InputError."""
     if labels is None:
         return target
     texts = tuple(str(label) for label in labels)
-    if len(texts) != len(target.probabilities):
+    if len(texts) != len(target.face_labels):
         raise InputError(
-            f"labels: expected {len(target.probabilities)}, one for each outcome, got "
+            f"labels: expected {len(target.face_labels)}, one for each probability, got "
             f"{len(texts)}; add or remove some"
         )
-    if len(set(texts)) != len(texts):
-        twice = next(text for text in texts if texts.count(text) > 1)
+    if len(set(texts)) < 2:
         raise InputError(
-            f"labels: expected distinct labels, got {twice!r} more than once; rename one"
+            f"labels: expected at least two different ones, got {texts[0]!r} alone; rename some"
         )
-    return Target(texts, target.probabilities)
+    return replace(target, face_labels=texts)
 
 
 def _number(first: int, count: int) -> tuple[str, ...]:
@@ -120,7 +183,7 @@ def _check_counts(name: str, least: int, counts: Sequence[int], outcomes: int) -
             raise InputError(
                 f"{name}: expected a whole number of at least {least}, got {count}; raise it"
             )
-    if outcomes > MOST_OUTCOMES:
+    if outcomes > MOST_FACES:
         raise InputError(
-            f"{name}: expected at most {MOST_OUTCOMES} outcomes, got {outcomes}; join some"
+            f"{name}: expected at most {MOST_FACES} outcomes, got {outcomes}; join some"
         )

@@ -41,7 +41,7 @@ def design_concave(work: Work) -> Design:
     """
     recipe, surface, options = work.recipe, work.surface, work.recipe.method.options
     assert surface is not None
-    target = work.target.probabilities
+    target = work.target.face_probabilities
     size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
     choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
     # Searches with equal texts are identical.
@@ -62,6 +62,7 @@ def design_concave(work: Work) -> Design:
         if path is not None and latest.attempts > 0:
             atomic_write(path, checkpoint_bytes(latest, identity))
             work.resume_note = f"{line}; run it again with --resume to go on"
+        work.callbacks.on_part(latest.attempts, options.attempts, "attempts")
         work.callbacks.on_attempt(line)
 
     if work.resume and path is not None:
@@ -96,6 +97,7 @@ def design_concave(work: Work) -> Design:
         error=outcome_probabilities(poses, die.directions).error(target),
         steps=progress.history,
         reshaped=die,
+        outcome_of=work.target.outcome_of_face,
     )
 
 

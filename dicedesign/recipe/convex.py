@@ -27,7 +27,7 @@ from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
 from dicedesign.results.result import HullCounts, Step
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.workers import one_tensor_thread
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ MAX_SYMMETRIC_STARTS: Final = 4
 def design_exact(work: Work) -> Design:
     """Design a die from the recipe's start or from searched shapes. Raises InputError if no start
     suits the target."""
-    target = target_probabilities(work.recipe)
-    return make_design(work, make_solver(work)(find_starts(work, target), target))
+    wanted, _ = wanted_of_directions(work.recipe)
+    return make_design(work, make_solver(work)(find_starts(work), wanted))
 
 
 def design_paper(work: Work) -> Design:
@@ -56,7 +56,7 @@ def design_paper(work: Work) -> Design:
     assert work.start is not None
     result = solve_paper(
         work.start,
-        target_probabilities(recipe),
+        wanted_of_directions(recipe)[0],
         seed=recipe.seed,
         on_evaluation=arguments["on_candidate"],
         **arguments,
@@ -75,7 +75,9 @@ def choose_symmetry(work: Work) -> None:
     reaches the probabilities, or to none."""
     target, recipe = work.target, work.recipe
     with one_tensor_thread():
-        for name in fitting_groups(target.probabilities):
+        names = fitting_groups(target.face_probabilities)
+        for number, name in enumerate(names):
+            work.callbacks.on_part(number, len(names), "symmetries")
             work.recipe = recipe.model_copy(update={"symmetry": name})
             if _reaches_target(work):
                 break
@@ -83,7 +85,8 @@ def choose_symmetry(work: Work) -> None:
             work.recipe = recipe.model_copy(update={"symmetry": None})
             work.notes.append("symmetry: no point group suits the target")
             return
-    equal = "all outcomes" if len(set(target.probabilities)) == 1 else "equally probable outcomes"
+    is_fair = len(set(target.face_probabilities)) == 1
+    equal = "all outcomes" if is_fair else "equally probable outcomes"
     work.notes.append(f"symmetry: {name}, which keeps {equal} equally frequent on every table")
 
 
@@ -101,31 +104,35 @@ def _reaches_target(work: Work) -> bool:
             return False
         if orbits_of_directions(start.directions, group).max() + 1 == len(start.directions):
             return False
-    target, options = target_probabilities(work.recipe), work.recipe.method.options
+    (wanted, outcome_of), options = wanted_of_directions(work.recipe), work.recipe.method.options
     quick = replace(options, prefer=Preferences(), starts=MAX_SYMMETRIC_STARTS)
     if options.probabilities == "thrown":
         # Other tables do not decide whether a die exists.
-        sensitivity = TableSensitivity(ThrowProbabilities.on(options.table_with_hand), (), target)
-    starts = islice(find_starts(work, target), MAX_SEARCH_TURNS)
+        thrown = ThrowProbabilities.on(options.table_with_hand)
+        sensitivity = TableSensitivity(thrown, (), wanted, outcome_of=outcome_of)
+    starts = islice(find_starts(work), MAX_SEARCH_TURNS)
     try:
-        result = make_solver(work)(starts, target, options=quick, sensitivity=sensitivity)
+        result = make_solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)
     except NoStartError:
         return False
     return result.status is Status.CONVERGED
 
 
-def target_probabilities(recipe: Recipe) -> Floats:
-    """(k,) target probabilities in the order of the start's directions."""
-    return recipe.target.target().probabilities[recipe.outcome_of_direction()]
+def wanted_of_directions(recipe: Recipe) -> tuple[Floats, Integers | None]:
+    """`Target.wanted`, with the faces in the order of the start's directions."""
+    wanted, outcome_of = recipe.target.target().wanted
+    order = recipe.face_of_direction()
+    return (wanted[order], None) if outcome_of is None else (wanted, outcome_of[order])
 
 
 def _solver_arguments(work: Work) -> dict[str, Any]:
     """Options, center of mass and callbacks for the solver of a recipe's method."""
     recipe, callbacks = work.recipe, work.callbacks
-    order = np.argsort(recipe.outcome_of_direction())
+    order = np.argsort(recipe.face_of_direction())
     return {
         "options": recipe.method.options,
         "center_of_mass": normalized_center(recipe, work.start),
+        "outcome_of": wanted_of_directions(recipe)[1],
         "on_step": lambda step: callbacks.on_step(_step(step)),
         "on_candidate": lambda shape: callbacks.on_shape(shape.rests.hull, shape.directions[order]),
     }
@@ -143,10 +150,11 @@ def make_solver(work: Work) -> Callable[..., DesignResult]:
     )
 
 
-def find_starts(work: Work, target: Floats) -> Iterator[Start | None]:
-    """Yield starting shapes for a target (k,) and call `on_start` for each; None after a while
-    without one."""
+def find_starts(work: Work) -> Iterator[Start | None]:
+    """Yield starting shapes for the target and call `on_start` for each; None after a while without
+    one."""
     recipe, group, prior = work.recipe, work.recipe.group(), work.recipe.density_prior()
+    target = work.target.face_probabilities[recipe.face_of_direction()]
     starts: Iterator[Start | None]
     if work.start is not None:
         starts = shapes_like(work.start, recipe.seed, group)
@@ -162,7 +170,7 @@ def find_starts(work: Work, target: Floats) -> Iterator[Start | None]:
 
 
 def _rank_outcomes(start: Start, target: Floats, prior: Prior) -> Start:
-    """Assign outcomes with probabilities (k,) to the rests of a shape by rank under a prior."""
+    """Assign faces with probabilities (f,) to the rests of a shape by rank under a prior."""
     poses = rest_poses(start.points, "hull").under(prior)
     probabilities = poses.probabilities[np.argmax(start.directions @ poses.normals.T, axis=1)]
     directions = np.empty_like(start.directions)
@@ -180,8 +188,8 @@ def normalized_center(recipe: Recipe, start: Start | None) -> Floats | None:
 
 
 def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, ...] = ()) -> Design:
-    """Convert a solver's result to a `Design`, with outcomes in the order of the target."""
-    recipe = work.recipe
+    """Convert a solver's result to a `Design`, with faces in the order of the target."""
+    recipe, target = work.recipe, work.target
     die = Design(
         status=result.status,
         hull=result.hull,
@@ -195,8 +203,19 @@ def make_design(work: Work, result: DesignResult, rounds: tuple[RoundOfThrows, .
         hulls=HullCounts(result.hulls_built, result.hulls_reused),
         rounds=rounds,
         prior=recipe.density_prior(),
+        outcome_of=target.outcome_of_face,
+        symmetry=recipe.symmetry,
     )
-    return die.reorder(np.argsort(recipe.outcome_of_direction()))
+    die = die.reorder(np.argsort(recipe.face_of_direction()))
+
+    def sums(values: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(target.sums(np.array(values)).tolist())
+
+    rounds = tuple(
+        replace(each, requested=sums(each.requested), frequencies=sums(each.frequencies))
+        for each in die.rounds
+    )
+    return replace(die, rounds=rounds)
 
 
 def _step(step: DesignStep) -> Step:

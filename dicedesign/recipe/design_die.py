@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.errors import EngravingError, InputError
+from dicedesign.errors import EngravingError
 from dicedesign.optimize.targets import Target
 from dicedesign.recipe.pipeline import Callbacks, Work, finish, run_stages
-from dicedesign.recipe.reading import parse_recipe
+from dicedesign.recipe.reading import parse_recipe, parse_target
 from dicedesign.recipe.recipe import NAME, Recipe
 from dicedesign.results.parts import Status
 
@@ -167,7 +167,7 @@ class Die:
 
 
 def design(
-    target: Target | Mapping[str, Any] | Sequence[float | str],
+    target: str | Target | Mapping[str, Any] | Sequence[float | str],
     *,
     labels: Sequence[str] | None = None,
     start: str | Mapping[str, Any] | None = None,
@@ -187,9 +187,10 @@ def design(
 
     Parameters
     ----------
-    target: k probabilities above 0 that sum to 1, numbers or fractions such as "1/36"; a mapping
-        such as `{"sum_of_dice": [6, 6]}`, `{"binomial": 4}` or `{"fair": 7}`; or a `Target`.
-    labels: labels of at most 24 characters; by default those of the target.
+    target: dice such as "d7" or "2d6"; probabilities above 0 that sum to 1, numbers or fractions
+        such as "1/36"; a mapping such as `{"binomial": 4}` or `{"fair": 7}`; or a `Target`.
+    labels: labels of at most 24 characters, one for each probability; by default those of the
+        target. Faces with the same label are one outcome.
     start: starting shape of a recipe, a name or a mapping such as `{"prism": {"sides": 5}}`;
         by default shapes are searched.
     method: "exact", the default, "paper" or "concave", or a mapping with its options such as
@@ -197,7 +198,8 @@ def design(
     center_of_mass: (3,) in the start's own coordinates; by default that of the uniform solid.
     prior: distribution of the direction that points down at release, a recipe's `prior`, such as
         "half:0,0,-1"; by default uniform.
-    symmetry: point group of the die, such as "C2" or "D3h".
+    symmetry: point group of the die, such as "C2" or "D3h"; "auto", the default without a start,
+        for the most handsome of many shapes; or "none".
     numbering: assignment of equally probable outcomes with numbers as labels: "given", "standard"
         for opposite facets with a constant sum, or "balanced" for even sums around corners too.
     seed: random seed, at least 0.
@@ -243,21 +245,19 @@ def design_recipe(recipe: Recipe, callbacks: Callbacks | None = None, last: str 
 
 
 def _make_target_entries(
-    target: Target | Mapping[str, Any] | Sequence[float | str], labels: Sequence[str] | None
+    target: str | Target | Mapping[str, Any] | Sequence[float | str], labels: Sequence[str] | None
 ) -> dict[str, Any]:
     """Entries of a recipe's `target`."""
     if isinstance(target, Target):
         entries: dict[str, Any] = {
-            "probabilities": target.probabilities.tolist(),
-            "labels": list(target.labels),
+            "probabilities": target.face_probabilities.tolist(),
+            "labels": list(target.face_labels),
+            "share": "equal" if target.keeps_shares else "free",
         }
     elif isinstance(target, Mapping):
         entries = dict(target)
     elif isinstance(target, str):
-        raise InputError(
-            f"target: expected a list of probabilities or a mapping, got {target!r}; write such as "
-            '[1/2, 1/3, 1/6], or {"fair": 6}'
-        )
+        entries = parse_target(target)
     else:
         entries = {"probabilities": [p if isinstance(p, str) else float(p) for p in target]}
     if labels is not None:

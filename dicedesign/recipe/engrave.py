@@ -16,7 +16,7 @@ from dicedesign.fabricate.convex_object import (
     measure_thrown,
 )
 from dicedesign.fabricate.die import Assessment, assess_file
-from dicedesign.fabricate.engraving import place_on_facets, require_rests
+from dicedesign.fabricate.engraving import even_depths, place_on_facets, require_rests
 from dicedesign.fabricate.label_layout import Placement, Reading
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
@@ -82,7 +82,15 @@ def _finish_convex(work: Work) -> None:
     core = core_of(solid.poses, edges)
     placements: list[Placement] = []
     if options is not None:
-        work.reading, placements = place_on_facets(solid, core, work.target.labels, options)
+        labels = work.target.face_labels
+        work.reading, placements = place_on_facets(solid, core, labels, options)
+        if (
+            work.die.symmetry is not None
+            and given is None
+            and edges is None
+            and (options.style, options.balance) == ("engraved", "shape")
+        ):
+            placements = _even_pockets(work, placements)
     finish = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or is_thrown):
         # Labels do not change the hull.
@@ -90,20 +98,33 @@ def _finish_convex(work: Work) -> None:
         return
     by = "shape" if options is None else options.balance
     rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
-    directions, target = work.die.directions, work.target.probabilities
+    directions, (target, outcome_of) = work.die.directions, work.target.wanted
     table, prior = work.recipe.method.table, work.die.prior
     if given is not None or table is None:
         offset = None if given is None else given - finish.make_unlabeled(core).centroid
         model: ProbabilityModel = probability_model(None, prior)
-        measure = measure_resting(prior, offset)
+        measure = measure_resting(prior, offset, outcome_of)
     else:
         # Keep the probabilities that the plain shape has in the momentum model.
-        measure = measure_thrown(load_table(table), momentum_model(table))
+        measure = measure_thrown(load_table(table), momentum_model(table), outcome_of)
         model = ThrowProbabilities.on(table)
         target = measure(solid, directions).probabilities
-    end = reshape(core, directions, placements, target, finish, measure, rounds=rounds, model=model)
+    end = reshape(
+        core,
+        directions,
+        placements,
+        target,
+        finish,
+        measure,
+        rounds=rounds,
+        model=model,
+        outcome_of=outcome_of,
+    )
     work.balance = Balance(
-        by, tuple(end.first.probabilities.tolist()), end.errors, largest_move(core, end.core)
+        by,
+        tuple(work.target.sums(end.first.probabilities).tolist()),
+        end.errors,
+        largest_move(core, end.core),
     )
     placed, center = finish.place_labels(end.placements), end.measured.center_of_mass
     is_left = min(end.errors) > MAX_ERROR and len(target) <= MAX_STRETCHED_OUTCOMES
@@ -119,15 +140,34 @@ def _finish_convex(work: Work) -> None:
         _finish(work, end.surface, placed, end.core, center)
 
 
+def _even_pockets(work: Work, placements: list[Placement]) -> list[Placement]:
+    """Keep the symmetry of a die by the depths of its pockets, if they and the printer allow it."""
+    engrave, printing = work.recipe.engrave, work.recipe.print
+    assert engrave is not None
+    depth = engrave.depth_mm
+    even = even_depths(placements, depth, work.solid.poses.hull.centroid)
+    if even is None:
+        return placements
+    least = depth * min(placement.depth_share for placement in even)
+    if printing is not None and least < min(depth, printing.selected_printer.groove_depth_mm):
+        return placements
+    work.notes.append(
+        f"labels are {least:.2g} to {depth:.2g} mm deep, so that the probabilities and the "
+        f"symmetry {work.die.symmetry} stay as they are"
+    )
+    return even
+
+
 def _mark_surface(work: Work) -> None:
     """Engrave marks into a concave die."""
     from dicedesign.fabricate.marks import engrave_marks
 
-    options, solid, labels = work.recipe.engrave, work.solid, work.target.labels
+    options, solid, of_faces = work.recipe.engrave, work.solid, work.target.face_labels
     assert options is not None
     main = work.plain.outcomes.main
-    require_rests(labels, main, "a side")
-    downs = work.plain.poses.normals[main]
+    require_rests(of_faces, main, "a side")
+    cut = [face for face, label in enumerate(of_faces) if label not in options.blank]
+    labels, downs = [of_faces[face] for face in cut], work.plain.poses.normals[main[cut]]
     work.reading = Reading("marks")
     marked, _ = engrave_marks(solid, downs, labels, options)
     if options.balance == "none" or work.status is not Status.CONVERGED:
@@ -146,8 +186,10 @@ def _finish_stretched(
     """Stretch a surface until it has the probabilities, and finish it."""
     center = surface.centroid
     surface = surface.with_points(surface.points - center)
-    end = stretch(surface, work.die.directions, work.target.probabilities, work.die.prior)
-    before = work.balance or Balance(by, tuple(end.unbalanced.tolist()), end.errors[:1], 0.0)
+    wanted, outcome_of = work.target.wanted
+    end = stretch(surface, work.die.directions, wanted, work.die.prior, outcome_of)
+    unbalanced = tuple(work.target.sums(end.unbalanced).tolist())
+    before = work.balance or Balance(by, unbalanced, end.errors[:1], 0.0)
     scales = np.linalg.eigvalsh(end.matrix)
     work.balance = replace(
         before,
@@ -221,9 +263,9 @@ def _describe(work: Work, verdict: Assessment) -> None:
     is_off = verdict.max_abs_error > max(recipe.method.tolerance, FILE_PROBABILITIES)
     if min(balance.errors) > MAX_THROWN_ERROR if is_thrown else is_off:
         work.fail(Status.UNBALANCED)
-    elif recipe.symmetry is not None and balance.moved_mm > MIN_RELATIVE_MOVE * recipe.size_mm:
+    elif work.die.symmetry is not None and balance.moved_mm > MIN_RELATIVE_MOVE * recipe.size_mm:
         work.notes.append(
-            f"die.stl has no symmetry {recipe.symmetry}, as its facets were moved by up to "
+            f"die.stl has no symmetry {work.die.symmetry}, as its facets were moved by up to "
             f"{balance.moved_mm:.2g} mm to keep the probabilities"
         )
 

@@ -22,6 +22,7 @@ from dicedesign.fabricate.file_formats import (
     Part,
     file_bytes,
 )
+from dicedesign.fabricate.print_copies import CopiedBody, copied_tolerances
 from dicedesign.fabricate.print_tolerances import (
     ProbabilitySpread,
     infill_probabilities,
@@ -65,7 +66,7 @@ def prepare_print(work: Work) -> None:
     else:
         if engraved is not None:
             # Marks are on top.
-            labels, normals = work.target.labels, -plain.poses.normals[plain.outcomes.main]
+            labels, normals = work.target.face_labels, -plain.poses.normals[plain.outcomes.main]
         if work.solid.is_printable:
             shape = plain.body.surface
     surface = body.surface
@@ -90,7 +91,7 @@ def prepare_print(work: Work) -> None:
 def find_tolerances(work: Work) -> None:
     """Compute how printing errors, and infill below 100 %, change the probabilities."""
     verdict, target, options = work.final, work.target.probabilities, work.recipe.print
-    table, has_planes = work.recipe.method.table, work.die.reshaped is None
+    table, is_flat = work.recipe.method.table, work.die.reshaped is None
     assert options is not None
     assert work.printability is not None
     model = probability_model(table, work.die.prior)
@@ -104,14 +105,24 @@ def find_tolerances(work: Work) -> None:
         poses = poses.under(work.die.prior)
     # Axes of the printer, for the best orientation.
     axes = np.array(work.printability.placement)[:3, :3]
-    errors, directions = options.expected_errors, work.die.directions
-    spread = ProbabilitySpread.of(
-        body, poses, directions, errors, model, has_planes=has_planes, axes=axes
+    errors, directions, outcome_of = (
+        options.expected_errors,
+        work.die.directions,
+        work.die.outcome_of,
     )
-    # Thrown probabilities are known from counts only, so their bias is uncertain. Also, the
-    # momentum model jumps where a corner of several facets splits, which real dice do not.
-    bias = verdict.outcomes.probabilities - target if table is None else np.zeros(len(target))
-    work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
+    if is_flat:
+        spread = ProbabilitySpread.of(
+            body, poses, directions, errors, model, axes=axes, outcome_of=outcome_of
+        )
+        # Thrown probabilities are known from counts only, so their bias is uncertain. Also, the
+        # momentum model jumps where a corner of several facets splits, which real dice do not.
+        bias = verdict.outcomes.probabilities - target if table is None else np.zeros(len(target))
+        work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
+    else:
+        copied = CopiedBody.of(body, poses, axes, errors.correlation_mm)
+        faces = directions, outcome_of, work.die.prior
+        printer = options.selected_printer
+        work.tolerances = copied_tolerances(copied, target, errors, printer, faces)
     if options.infill == 1.0:
         return
     engrave, marked = work.recipe.engrave, None if verdict is work.plain else work.engraved
@@ -209,7 +220,8 @@ def die_contents(work: Work) -> Contents:
 def _compute_probabilities(work: Work, solid: Surface) -> Floats:
     """(k,) probabilities of the outcomes of a solid in the die's coordinates."""
     poses = rest_poses(solid, work.solid.center_of_mass)
-    return outcome_probabilities(poses, work.die.directions).probabilities
+    die = work.die
+    return outcome_probabilities(poses, die.directions, die.outcome_of).probabilities
 
 
 FIGURES_SHOWN: Final = ("faces", "rests", "reading")
@@ -218,7 +230,7 @@ FIGURES_SHOWN: Final = ("faces", "rests", "reading")
 
 def draw_figures(work: Work) -> None:
     """Draw the figures that apply to the die."""
-    work.images = figure_files(make_finished_die(work))
+    work.images = figure_files(make_finished_die(work), work.callbacks.on_part)
     work.files |= {f"{name}{FIGURES[name].suffix}": data for name, data in work.images.items()}
 
 

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.targets import Target
+from dicedesign.recipe.callbacks import Callbacks
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
-from dicedesign.results.folder import PAGE, RECIPE, open_results_folder, write_results
+from dicedesign.results.folder import CHECKPOINT, PAGE, RECIPE, open_results_folder, write_results
 from dicedesign.results.parts import Concave, Printability, Search, Status, TableResult
 from dicedesign.results.result import (
     RESULT,
@@ -30,8 +31,8 @@ from dicedesign.results.result import (
     PrintTolerances,
     Result,
     StageTime,
-    Step,
 )
+from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.clock import Clock
 from dicedesign.runtime.registry import Extension, Registry
 from dicedesign.runtime.workers import one_tensor_thread
@@ -39,38 +40,11 @@ from dicedesign.runtime.workers import one_tensor_thread
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
     from dicedesign.fabricate.label_layout import Reading
-    from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface
     from dicedesign.optimize.starts.start import Start
-    from dicedesign.results.parts import RoundOfThrows
-    from dicedesign.runtime.arrays import Floats
     from dicedesign.throws.simulation import ThrownDie
-
-
-@dataclass(frozen=True)
-class Callbacks:
-    """Progress callbacks. An exception in one ends the run.
-
-    Attributes
-    ----------
-    on_stage: receives the name of each stage when it begins.
-    on_step: receives each accepted step of the design.
-    on_round: receives each round of throws.
-    on_attempt: receives a line on the search for a concave die, before the first attempt and after
-        each.
-    on_start: receives the number of each starting shape of a convex die, from 0 on.
-    on_shape: receives the hull of a convex die and its outcomes' directions (k, 3), in the order of
-        the target, before `on_step` receives the step.
-    """
-
-    on_stage: Callable[[str], None] = lambda *_: None
-    on_step: Callable[[Step], None] = lambda *_: None
-    on_round: Callable[[RoundOfThrows], None] = lambda *_: None
-    on_attempt: Callable[[str], None] = lambda *_: None
-    on_start: Callable[[int], None] = lambda *_: None
-    on_shape: Callable[[ConvexHull, Floats], None] = lambda *_: None
 
 
 @dataclass(eq=False)
@@ -83,6 +57,7 @@ class Work:
     callbacks: progress callbacks.
     enlarge: if the labels do not fit at the recipe's size, enlarge the die.
     resume: resume an interrupted search from its checkpoint.
+    checkpoint: throws of a die for a table that are finished.
     clock: run times and memory of the stages.
     start, surface: initial shape or surface; None for both if shapes are searched.
     repaired: repaired mesh of the surface, if it needed repair.
@@ -103,6 +78,7 @@ class Work:
     callbacks: Callbacks = field(default_factory=Callbacks)
     enlarge: bool = False
     resume: bool = False
+    checkpoint: Checkpoint = field(default_factory=Checkpoint)
     clock: Clock = field(init=False)
     start: Start | None = None
     surface: Surface | None = None
@@ -147,6 +123,12 @@ class Work:
         return self.recipe.target.target()
 
     @property
+    def has_free_labels(self) -> bool:
+        """Whether faces of a convex die show repeated labels that the recipe has not assigned."""
+        is_convex, repeats = self.die.reshaped is None, self.target.has_repeated_labels
+        return repeats and is_convex and self.recipe.assignment is None
+
+    @property
     def final(self) -> Assessment:
         """Assessment of die.stl if its probabilities are known, else of die_plain.stl."""
         return (self.engraved and self.engraved.assessment) or self.plain
@@ -178,15 +160,17 @@ class Work:
         error = self.design_error if thrown else self.final.max_abs_error
         # Rounded up to two digits, without an exponent.
         rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(100.0 * error)
-        off = f"{rounded.normalize():f} percentage points"
+        off = f"at most {rounded.normalize():f} percentage points"
+        if error < INVISIBLE:
+            off = "less than a millionth of a percentage point"
         has = "nearly has" if error > NEARLY else "has"
         flaw, _, _ = self.status.value.partition(";")
         if self.status is Status.CONVERGED:
-            verdict = f"{subject} {has} your probabilities: off by at most {off}."
+            verdict = f"{subject} {has} your probabilities: off by {off}."
         elif error <= self.recipe.method.tolerance:
             verdict = f"{subject} {has} your probabilities, but {flaw}."
         else:
-            verdict = f"{subject} does not have your probabilities: off by up to {off}."
+            verdict = f"{subject} does not have your probabilities: off by {off}."
         return f"{verdict}\n{self.status.name.lower()}: {'; '.join(self.remarks)}"
 
     def fail(self, status: Status) -> None:
@@ -273,11 +257,15 @@ class Stage(Extension):
     after: str | None = None
 
 
+INVISIBLE: Final = 1e-8
+"""Largest |p - q| below which the verdict gives no digits: a millionth of a percentage point."""
+
 NEARLY: Final = 1e-3
 """Largest |p - q| at which the verdict says "has your probabilities", not "nearly has"."""
 
 METHODS: Final = {
     "exact": "dicedesign.recipe.convex:design_exact",
+    "handsome": "dicedesign.recipe.handsome:design_handsome",
     "thrown": "dicedesign.recipe.thrown:design_for_table",
     "paper": "dicedesign.recipe.convex:design_paper",
     "concave": "dicedesign.recipe.concave:design_concave",
@@ -290,9 +278,10 @@ def _load_method(work: Work) -> Callable[[Work], Any]:
     # Some hulls need it; import it outside the time of the design.
     import_module("dicedesign.geometry.hulls.numpy_hull")
     method = work.recipe.method
-    solve: Callable[[Work], Any] = resolve_name(
-        METHODS["thrown" if method.is_thrown else method.name]
-    )
+    name = "thrown" if method.is_thrown else method.name
+    if work.recipe.is_chosen_by_looks:
+        name = "handsome"
+    solve: Callable[[Work], Any] = resolve_name(METHODS[name])
     return solve
 
 
@@ -315,7 +304,7 @@ STAGES: Final[Registry[Stage]] = Registry(
             "symmetry",
             "finds the symmetry of a die with symmetry: auto",
             "dicedesign.recipe.convex:choose_symmetry",
-            lambda work: work.recipe.symmetry == AUTO,
+            lambda work: work.recipe.symmetry == AUTO and not work.recipe.is_chosen_by_looks,
         ),
         Stage(
             "design",
@@ -324,9 +313,9 @@ STAGES: Final[Registry[Stage]] = Registry(
         ),
         Stage(
             "numbering",
-            "assigns equally probable outcomes to facets so that the numbers are balanced",
+            "moves labels between equally probable facets: numbers even, equal labels spread",
             "dicedesign.recipe.solid:assign_numbers",
-            lambda work: work.recipe.numbering != "given",
+            lambda work: work.recipe.numbering != "given" or work.has_free_labels,
         ),
         Stage(
             "size",
@@ -445,8 +434,9 @@ def run(
     """Design, check, engrave and report one die, and write the results.
 
     Files are written when the die is finished, each whole or not at all, and result.json last: a
-    folder with it is complete. Only a concave die writes a checkpoint after each attempt. A die
-    that did not converge and cannot be labeled has no die.stl.
+    folder with it is complete. Before that, a concave die writes a checkpoint after each attempt,
+    and a die with `refine` its throws. A die that did not converge and cannot be labeled has no
+    die.stl.
 
     Parameters
     ----------
@@ -455,7 +445,7 @@ def run(
     changes: texts "dotted.key=value" that change entries of a file.
     enlarge: if the labels do not fit at the recipe's size, take the smallest whole number of
         millimeters at which they do, and write it into the recipe.
-    resume: resume from the checkpoint of a concave die in the folder.
+    resume: resume from the checkpoint in the folder.
     callbacks: progress callbacks.
 
     Raises
@@ -469,16 +459,19 @@ def run(
         recipe = read_recipe(Path(recipe), changes)
     elif isinstance(recipe, Mapping):
         recipe = parse_recipe(recipe)
-    if resume and recipe.method.concave is None:
+    is_refined = getattr(recipe.method.exact, "refine", None) is not None
+    if resume and recipe.method.concave is None and not is_refined:
         raise InputError(
-            f"--resume: expected a recipe of method: {{concave: {{}}}}, got {recipe.method.name}, "
-            "which keeps no checkpoint; leave it out"
+            "--resume: expected a recipe of method: {concave: {}} or with method.exact.refine, got "
+            f"{recipe.method.name}, which keeps no checkpoint; leave it out"
         )
-    folder = Path("outputs") / recipe.name if out is None else Path(out)
+    folder = Path("outputs") / recipe.folder_name if out is None else Path(out)
     work = Work(recipe, folder, callbacks or Callbacks(), enlarge, resume)
-    with open_results_folder(folder):
+    path, about = folder / CHECKPOINT if is_refined else None, {"recipe": recipe_text(recipe)}
+    with open_results_folder(folder), Checkpoint(path, about, resume=resume) as work.checkpoint:
         try:
             run_stages(work)
+            work.checkpoint.save()
             return finish(work)
         except KeyboardInterrupt as interrupt:
             raise KeyboardInterrupt(str(interrupt) or work.resume_note) from interrupt

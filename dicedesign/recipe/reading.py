@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import difflib
 import json
 import os
@@ -20,6 +21,7 @@ from pydantic import ValidationError
 from dicedesign.errors import RecipeError
 from dicedesign.fabricate.finish_options import is_font_file
 from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.target import read_shorthand
 from dicedesign.results.renamed_keys import RENAMED_KEYS
 from dicedesign.runtime.files import read_text
 
@@ -194,10 +196,13 @@ def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
 
 
 def _explain(error: ValidationError) -> str:
-    first = error.errors()[0]
+    errors = error.errors()
+    # A misspelled key is the cause of a missing one.
+    unknown = [one for one in errors if one["type"] in UNKNOWN]
+    first = (unknown or errors)[0]
     key = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
     cause = first.get("ctx", {}).get("error")
-    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+    if first["type"] in UNKNOWN:
         if key in RENAMED_KEYS:
             return f"{key}: expected its new name, got the old one; write {RENAMED_KEYS[key]}"
         return f"{key}: unknown key; {_hint(key)}"
@@ -209,8 +214,34 @@ def _explain(error: ValidationError) -> str:
             # The message already names the last key.
             return f"{parent}.{cause}".lstrip(".")
         return f"{key + ': ' if key else ''}{cause}"
-    message = first["msg"][0].lower() + first["msg"][1:].replace("an object", "keys and values")
-    return f"{key}: {message}, got {reprlib.repr(first['input'])}; correct it"
+    expected = EXPECTED.get(first["type"], "another value").format(**first.get("ctx", {}))
+    return f"{key or 'recipe'}: expected {expected}, got {reprlib.repr(first['input'])}; correct it"
+
+
+UNKNOWN: Final = ("extra_forbidden", "unexpected_keyword_argument")
+
+EXPECTED: Final = {
+    "bool_type": "true or false",
+    "dataclass_type": "keys and values",
+    "dict_type": "keys and values",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "greater_than": "a number above {gt}",
+    "greater_than_equal": "a number of at least {ge}",
+    "int_type": "a whole number",
+    "less_than": "a number below {lt}",
+    "less_than_equal": "a number of at most {le}",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "model_type": "keys and values",
+    "string_pattern_mismatch": "letters, digits, spaces, dots, dashes and underscores, up to 100, "
+    "the first a letter or a digit",
+    "string_type": "a text",
+    "too_long": "at most {max_length} entries",
+    "too_short": "at least {min_length} entries",
+    "tuple_type": "a list",
+}
+"""What an entry should be, by the type of pydantic's error."""
 
 
 def _hint(key: str) -> str:
@@ -254,24 +285,35 @@ def parse_target(text: str, labels: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    text: probabilities such as "1/2,1/3,1/6", or an entry such as "fair: 7" or "fair:7".
-    labels: labels separated by commas; None for those of the target.
+    text: dice such as "d7", "2d6" or "4dF", weights such as "1:2:3", probabilities such as
+        "1/2,1/3,1/6" or "50%, 50%", or an entry such as "fair: 7" or "fair:7".
+    labels: labels separated by commas, in double quotes if they contain some; None for those of the
+        target. Faces with the same label are one outcome.
 
     Raises RecipeError for any other text.
     """
-    entries: dict[str, Any]
-    if ":" in text:
+    entries = read_shorthand(text)
+    if entries is not None:
+        pass
+    elif ":" in text:
         parsed = parse_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
         if not isinstance(parsed, dict):
             raise RecipeError(
-                f"target: expected probabilities or a key and a value, got {text!r}; write "
-                "1/2,1/3,1/6, or fair: 7"
+                "target: expected dice, weights, probabilities, or a key and a value, got "
+                f"{text!r}; write 2d6, 1:2:3, 1/2,1/3,1/6, or fair: 7"
             )
         entries = parsed
     else:
-        entries = {"probabilities": _split(text)}
+        entries = {"probabilities": [text.strip()]}
     if labels is not None:
-        entries["labels"] = _split(labels)
+        try:
+            rows = list(csv.reader([labels], skipinitialspace=True))
+        except csv.Error as error:
+            raise RecipeError(
+                f"labels: expected texts with commas between them in one line, got {labels!r}; "
+                "correct it"
+            ) from error
+        entries["labels"] = [label.strip() for row in rows for label in row]
     return entries
 
 
@@ -279,7 +321,3 @@ def format_probabilities(probabilities: Iterable[float]) -> str:
     """Text of probabilities that `parse_target` reads back exactly, with short fractions."""
     pairs = [(float(p), Fraction(p).limit_denominator(MAX_DENOMINATOR)) for p in probabilities]
     return ", ".join(str(short) if float(short) == p else repr(p) for p, short in pairs)
-
-
-def _split(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",")]

@@ -33,7 +33,7 @@ from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import LEAST_MM, MOST_MM
 
-NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$"
+NAME: Final = r"^[A-Za-z0-9]([A-Za-z0-9_. -]{0,98}[A-Za-z0-9_.-])?$"
 """Pattern of the name of a die and its results folder."""
 
 AUTO: Final = "auto"
@@ -192,7 +192,7 @@ class Recipe(Strict):
 
     Attributes
     ----------
-    name: name of the die and of its results folder.
+    name: name of the die and of its results folder, which gets dashes for spaces.
     seed: random seed, below 2^64.
     target: outcomes and their probabilities.
     start: initial shape; by default shapes are searched.
@@ -207,8 +207,9 @@ class Recipe(Strict):
         `PRIORS`, in the start's own coordinates, which the files keep; None, "uniform" in a file,
         for the uniform distribution.
     symmetry: point group of the die, such as C2, Cs, D3h, Td, Oh or Ih, about the centroid of the
-        start and along its axes; "auto" for the most helpful group that the target allows, which is
-        the default for thrown dice with searched shapes; None, "none" in a file, for any shape.
+        start and along its axes; "auto", the default if shapes are searched, for the most helpful
+        group that the target allows, or for dice that are set down for the most handsome of many
+        shapes with and without symmetry; None, "none" in a file, for any shape.
     size_mm: largest distance between two vertices of the die.
     min_inradius_mm: minimum radius of the largest circle in the facet of each outcome.
     engrave: engraving options, or None for a plain die, the default with the concave method.
@@ -264,11 +265,13 @@ class Recipe(Strict):
     @model_validator(mode="after")
     def _check(self) -> Recipe:
         if (
-            # With a symmetry a thrown die is right on more tables.
+            # With a symmetry a thrown die is right on more tables, and others are more handsome.
             "symmetry" not in self.model_fields_set
-            and self.method.is_thrown
+            and self.method.exact is not None
             and self.start.kind.search is not None
-            and self.method.options.coordinates == "facets"
+            and self.method.exact.coordinates == "facets"
+            and self.prior is None
+            and self.center_of_mass is None
         ):
             object.__setattr__(self, "symmetry", AUTO)
         for conflict in self._list_conflicts():
@@ -287,24 +290,28 @@ class Recipe(Strict):
                 f"start.{start.name}: expected method: {{concave: {{}}}} with it, got "
                 f"{method.name}; change the method, or take another start"
             )
-        for label in () if engrave is None else engrave.icons:
-            if label not in target.labels:
-                yield (
-                    f"engrave.icons: expected labels of the target, {labels}, got {label!r}; "
-                    "rename or remove it"
-                )
+        for key in () if engrave is None else ("icons", "blank"):
+            for label in getattr(engrave, key):
+                if label not in target.labels:
+                    yield (
+                        f"engrave.{key}: expected labels of the target, {labels}, got {label!r}; "
+                        "rename or remove it"
+                    )
+        if engrave is not None and set(target.labels) <= set(engrave.blank):
+            yield "engrave.blank: expected a label to cut, got all of them; write engrave: false"
         least = MIN_RELATIVE_DEPTH * self.size_mm
         if engrave is not None and engrave.depth_mm < least:
             yield (
                 f"engrave.depth_mm: expected at least {least:.3g}, a millionth of size_mm, got "
                 f"{engrave.depth_mm:g}; enlarge it"
             )
-        if self.assignment is not None and sorted(self.assignment) != sorted(target.labels):
+        if self.assignment is not None and sorted(self.assignment) != sorted(target.face_labels):
+            each = ", ".join(target.face_labels)
             yield (
-                f"assignment: expected each of the labels {labels} once, got "
+                f"assignment: expected each of the labels {each} once, got "
                 f"{', '.join(self.assignment)}; write in_order for the target's order"
             )
-        start.kind.check(start.options, len(target.labels))
+        start.kind.check(start.options, len(target.face_labels))
         if is_searched and exact is None:
             yield (
                 f"start.{start.name}: expected method: {{exact: {{}}}}, which can search, got "
@@ -349,7 +356,7 @@ class Recipe(Strict):
                 )
             if symmetry != AUTO:
                 # Raises unless equal probabilities fill whole orbits.
-                OrbitLayouts(target.probabilities, point_group(symmetry))
+                OrbitLayouts(target.face_probabilities, point_group(symmetry))
         if center is not None and engrave is not None and engrave.balance in ("opposite", "fill"):
             yield (
                 "engrave.balance: expected shape or none if center_of_mass is given, as the effect "
@@ -388,6 +395,17 @@ class Recipe(Strict):
         }
         yield from (f"{text}; leave it out" for text, applies in conflicts.items() if applies)
 
+    @property
+    def folder_name(self) -> str:
+        """Name with dashes for spaces."""
+        return self.name.replace(" ", "-")
+
+    @property
+    def is_chosen_by_looks(self) -> bool:
+        """Whether the die is the most handsome of many shapes."""
+        is_searched = self.start.kind.search is not None
+        return self.symmetry == AUTO and is_searched and not self.method.is_thrown
+
     def density_prior(self) -> DensityPrior | None:
         """Prior density; None for the uniform one."""
         return None if self.prior is None else cast(DensityPrior, read_prior(self.prior))
@@ -396,10 +414,12 @@ class Recipe(Strict):
         """(g, 3, 3) point group; None for none, or if it is not resolved yet."""
         return None if self.symmetry in (None, AUTO) else point_group(self.symmetry)
 
-    def outcome_of_direction(self) -> list[int]:
-        """Index of the outcome of each direction of the start."""
-        labels = self.target.target().labels
-        return [labels.index(label) for label in self.assignment or labels]
+    def face_of_direction(self) -> list[int]:
+        """Index of the target's face of each direction of the start; faces with the same label in
+        order."""
+        labels = self.target.target().face_labels
+        places = {label: [k for k, one in enumerate(labels) if one == label] for label in labels}
+        return [places[label].pop(0) for label in self.assignment or labels]
 
     def warnings(self) -> Iterator[str]:
         """Yield warnings about a valid recipe."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Final
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError, named
-from dicedesign.fabricate.die import assess_file, make_solid
-from dicedesign.fabricate.numbering import number_die
+from dicedesign.fabricate.die import Design, assess_file, make_solid
+from dicedesign.fabricate.numbering import number_die, spread_labels
 from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.starts.shapes import about_centroid
@@ -21,6 +23,9 @@ from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.parts import Status
 from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
+
+if TYPE_CHECKING:
+    from dicedesign.fabricate.label_layout import Placement
 
 
 def make_start(work: Work) -> None:
@@ -72,7 +77,7 @@ def _make_surface(work: Work, points: int | None) -> None:
 
 def _make_shape(work: Work) -> None:
     """Make the starting shape, after a check of the table of a thrown die."""
-    recipe, options, outcomes = work.recipe, work.recipe.method.options, len(work.target.labels)
+    recipe, options, faces = work.recipe, work.recipe.method.options, len(work.target.face_labels)
     center = None if recipe.center_of_mass is None else np.array(recipe.center_of_mass)
     if recipe.method.is_thrown:
         from dicedesign.throws.engines import require_engine
@@ -86,17 +91,15 @@ def _make_shape(work: Work) -> None:
         replace(table, size=1e-3 * recipe.size_mm)
         if options.refine is not None:
             require_engine(options.refine.engine)
-    start = build_start(
-        recipe.start.name, recipe.start.options, Task(outcomes, recipe.seed, center)
-    )
+    start = build_start(recipe.start.name, recipe.start.options, Task(faces, recipe.seed, center))
     if start is None:
         return
     directions: Any = getattr(start, "directions", None)
     shape = np.shape(directions)
-    if shape != (outcomes, 3):
+    if shape != (faces, 3):
         raise InputError(
             f"start.{recipe.start.name}: expected a Start with a direction for each of the "
-            f"{outcomes} outcomes, got {type(start).__name__} with directions of shape {shape}; "
+            f"{faces} outcomes, got {type(start).__name__} with directions of shape {shape}; "
             "correct the extension"
         )
     if recipe.symmetry is not None:
@@ -114,14 +117,14 @@ def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
 
     group, target = recipe.group(), recipe.target.target()
     assert group is not None
-    outcome = np.array(recipe.outcome_of_direction())
+    face = np.array(recipe.face_of_direction())
     first: dict[int, int] = {}
-    for orbit, number in zip(orbits_of_directions(directions, group), outcome, strict=True):
-        other = first.setdefault(int(orbit), int(number))
-        probabilities = target.probabilities[[number, other]]
+    for orbit, number in zip(orbits_of_directions(directions, group), face, strict=True):
+        other, labels = first.setdefault(int(orbit), int(number)), target.face_labels
+        probabilities = target.face_probabilities[[number, other]]
         if abs(probabilities[0] - probabilities[1]) > EQUAL_PROBABILITIES * probabilities[1]:
             raise InputError(
-                f"symmetry: expected labels {target.labels[other]} and {target.labels[number]} to "
+                f"symmetry: expected labels {labels[other]} and {labels[number]} to "
                 f"be equally probable, as {recipe.symmetry} maps their facets to each other, "
                 f"got {probabilities[1]:.6g} and {probabilities[0]:.6g}; change the assignment, "
                 "or take a smaller group"
@@ -136,46 +139,127 @@ RARE_PROBABILITY: Final = 1e-5
 
 
 def assign_numbers(work: Work) -> None:
-    """Reassign equally probable outcomes by the recipe's numbering, if each has a facet."""
+    """Reassign equally probable faces by the recipe's numbering, if each has a facet."""
     die, target = work.die, work.target
     solid = make_solid(die, work.recipe.size_mm)
     main = solid.outcomes.main
     if (main < 0).any():
         work.notes.append("numbering: skipped, as an outcome has no facet")
         return
-    facets = solid.poses.facets[main]
-    order, note = number_die(
-        solid.poses.hull, facets, target.labels, target.probabilities, work.recipe.numbering
-    )
+    facets, probabilities = solid.poses.facets[main], target.face_probabilities
+    if target.wanted[1] is not None:
+        # Faces that share freely may differ.
+        probabilities = solid.poses.probabilities[main]
+    labels, style = target.face_labels, work.recipe.numbering
+    if style == "given":
+        # Of repeated labels.
+        order = spread_labels(solid.poses.normals[main], labels, probabilities)
+        work.die = die.reorder(np.argsort(order))
+        return
+    order, note = number_die(solid.poses.hull, facets, labels, probabilities, style)
     work.die = die.reorder(np.argsort(order))
     work.notes.append(note)
 
 
-def enlarge(work: Work) -> None:
-    """Raise the recipe's size to the smallest whole number of millimeters at which the labels
-    fit."""
+MOST_LARGER: Final = 1.5
+"""Factor up to which a die is enlarged for the details of its labels."""
+
+WIDER: Final = 1.25
+"""Margin of labels, over the printer's wall, where one that is as wide leaves a thinner wall."""
+
+
+def place_at_size(work: Work, die: Design, size_mm: float) -> list[Placement]:
+    """Place the recipe's labels on a design at a size. Raises EngravingError if one has no room."""
     # Only dice with labels need these imports.
     from dicedesign.fabricate.convex_object import core_of
     from dicedesign.fabricate.engraving import place_on_facets
 
-    recipe = work.recipe
+    recipe, solid = work.recipe, make_solid(die, size_mm)
     assert recipe.engrave is not None
+    core = core_of(solid.poses, recipe.edges)
+    return place_on_facets(solid, core, work.target.face_labels, recipe.engrave)[1]
+
+
+def enlarge(work: Work) -> None:
+    """Raise the recipe's size to the smallest whole number of millimeters at which the labels fit,
+    their strokes and the ridges between them suit the printer, and, with a margin as wide as the
+    printer's walls, those between pockets too."""
+    given = work.recipe
+    engrave, printing = given.engrave, given.print
+    assert engrave is not None
     try:
-        solid = make_solid(work.die, recipe.size_mm)
-        core = core_of(solid.poses, recipe.edges)
-        place_on_facets(solid, core, work.target.labels, recipe.engrave)
-    except LabelRoomError as error:
-        size_mm = float(math.ceil(error.size_mm))
-        if size_mm > MOST_MM:
-            return
-        work.recipe = recipe.model_copy(update={"size_mm": size_mm})
-        note = f"size_mm: {size_mm:g}, so that the labels fit"
+        size_mm, reason, wall = _fit_labels(work)
+    except EngravingError:
+        # No size helps; the stage engrave reports the error.
+        return
+    least, fitting = 0.0, engrave
+    if printing is not None and engrave.style == "engraved":
+        least = printing.selected_printer.wall_mm
+    for margin in (least, WIDER * least):
+        if max(wall, engrave.margin_mm / WIDER) >= least:
+            break
+        wide = replace(engrave, margin_mm=margin)
+        work.recipe = given.model_copy(update={"engrave": wide})
+        with suppress(EngravingError):
+            other_mm, why, thicker = _fit_labels(work)
+            if other_mm <= MOST_LARGER * given.size_mm and thicker > wall:
+                size_mm, reason, wall, fitting = other_mm, why, thicker, wide
+    work.recipe = given.model_copy(update={"engrave": fitting})
+    if fitting != engrave and printing is not None:
+        work.notes.append(
+            f"engrave.margin_mm: {fitting.margin_mm:g}, so that the walls between pockets suit "
+            f"{printing.printer}"
+        )
+    if given.size_mm < size_mm <= MOST_MM:
+        work.recipe = work.recipe.model_copy(update={"size_mm": size_mm})
+        note = f"size_mm: {size_mm:g}, so that {reason}"
         if size_mm > LARGE_MM:
             note += "; for a smaller die join rare outcomes, shorten labels or try another seed"
         work.notes.append(note)
-    except EngravingError:
-        # No size helps; the stage engrave reports the error.
-        pass
+
+
+def _fit_labels(work: Work) -> tuple[float, str, float]:
+    """Size in mm, above `MOST_MM` if none suits, the reason for it, and the thickness in mm of the
+    thinnest wall under the labels. Raises EngravingError if no size helps."""
+    # Only dice with labels need it.
+    from dicedesign.fabricate.printability import least_details, narrowest_stroke, walls_under
+
+    recipe = work.recipe
+    engrave, size_mm, reason = recipe.engrave, recipe.size_mm, "the labels fit"
+    assert engrave is not None
+    place = partial(place_at_size, work, work.die)
+
+    def lack(placements: list[Placement]) -> float:
+        """Least width that prints over the width of the finest detail."""
+        if recipe.print is None:
+            return 0.0
+        sections = {one.text: one for one in sorted(placements, key=lambda one: -one.height)}
+        widths = [
+            (least, narrowest_stroke(one.section(), side))
+            for one in sections.values()
+            for least, side in least_details(recipe.print.selected_printer, engrave)
+        ]
+        return max((least / width for least, width in widths if width is not None), default=0.0)
+
+    try:
+        placements = place(size_mm)
+    except LabelRoomError as error:
+        size_mm = float(math.ceil(error.size_mm))
+        placements = [] if size_mm > MOST_MM else place(size_mm)
+    most, factor = min(MOST_LARGER * size_mm, MOST_MM), lack(placements)
+    is_fine = factor <= 1.0
+    while factor > 1.0 and math.ceil(factor * size_mm) <= most:
+        larger = float(math.ceil(factor * size_mm))
+        placements, before = place(larger), factor
+        factor = lack(placements)
+        if factor >= before:
+            placements = place(size_mm)
+            break
+        size_mm = larger
+    if recipe.print is not None and factor <= 1.0 and not is_fine:
+        reason += f", and their details suit {recipe.print.printer}"
+    hull = make_solid(work.die, size_mm).poses.hull
+    return size_mm, reason, min(walls_under(placements, engrave.depth_mm, hull), default=0.0)
 
 
 def export(work: Work) -> None:

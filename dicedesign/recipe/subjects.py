@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -39,7 +38,6 @@ def subject_of(
     coplanar_tolerance: float | None = None,
     down: tuple[float, float, float] | None = None,
     before: Path | None = None,
-    on_step: Callable[[], None] = lambda: None,
 ) -> Subject:
     """Read or design the subject of a path.
 
@@ -49,7 +47,6 @@ def subject_of(
     center_of_mass, coplanar_tolerance: of a mesh, as in `rest_poses`.
     down: see `Subject`.
     before: original mesh of the body, in the same place and scale; None for a recipe's start.
-    on_step: called after every step of a design.
 
     Raises
     ------
@@ -63,7 +60,6 @@ def subject_of(
         upward = upward_of(path)
     else:
         from dicedesign.recipe.design_die import design_recipe
-        from dicedesign.recipe.pipeline import Callbacks
         from dicedesign.recipe.reading import read_recipe
         from dicedesign.results.folder import RECIPE
 
@@ -78,7 +74,7 @@ def subject_of(
             body, poses, labels = _read_die(path, recipe)
         else:
             # Read back from its file, as a die of a folder.
-            die = design_recipe(recipe, Callbacks(on_step=lambda _: on_step()), last="check").plain
+            die = design_recipe(recipe, last="check").plain
             body, poses, labels = die.body, die.poses, [facet.label or "" for facet in die.facets]
 
     def make_before() -> RenderMesh:

@@ -27,11 +27,11 @@ from dicedesign.recipe.convex import (
     make_design,
     make_solver,
     normalized_center,
-    target_probabilities,
+    wanted_of_directions,
 )
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status, TableResult
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import variations_on_tables
 from dicedesign.throws.momentum_model import (
     momentum_model,
@@ -64,11 +64,13 @@ model."""
 def design_for_table(work: Work) -> Design:
     """Design a die by the momentum model of its table, and refine it by rounds of throws if the
     recipe has `refine`. Raises InputError if no start suits the target."""
-    target, options = target_probabilities(work.recipe), work.recipe.method.options
+    (target, outcome_of), options = wanted_of_directions(work.recipe), work.recipe.method.options
     name = options.table_with_hand
     others = other_tables(load_table(name), posterior_tables(name))
-    sensitivity = TableSensitivity(ThrowProbabilities.on(name), others, target)
-    starts = find_starts(work, target)
+    sensitivity = TableSensitivity(
+        ThrowProbabilities.on(name), others, target, outcome_of=outcome_of
+    )
+    starts = find_starts(work)
     result = make_solver(work)(starts, target, sensitivity=sensitivity)
     rounds: tuple[RoundOfThrows, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
@@ -88,7 +90,8 @@ def _refine(
     """Refine a die by rounds of throws at its printed size, and return the die and the rounds.
     Begin with the steadiest of several shapes if the table is uncertain."""
     recipe, options, solve = work.recipe, work.recipe.method.options, make_solver(work)
-    target, group, name = target_probabilities(recipe), recipe.group(), options.table_with_hand
+    (target, outcome_of), group = wanted_of_directions(recipe), recipe.group()
+    name = options.table_with_hand
     center, model = normalized_center(recipe, work.start), momentum_model(name)
     others: tuple[Table, ...] = ()
     is_free = len(np.unique(target)) > 1 or group is None
@@ -99,16 +102,17 @@ def _refine(
         scale = recipe.size_mm / die.hull.diameter
         solid = make_body(scale * die.hull.vertices, name="die")
         com = None if center is None else scale * center
-        return DieOnTable.of(solid, com, die.directions, load_table(name))
+        return DieOnTable.of(solid, com, die.directions, load_table(name), outcome_of)
 
     def throw(die: DesignResult, drops: int, number: int) -> Thrown:
         placed, seed = on_table(die), throw_seed(recipe.seed, number)
-        throws = placed.simulate(drops, seed, refine.engine, workers)
+        throws = placed.simulate(drops, seed, **_throw_options(work, drops, workers))
         return Thrown(placed.counts(throws), placed.momentum(model))
 
     def throw_on_tables(die: DesignResult, drops: int, number: int) -> list[Thrown]:
         placed, seed = on_table(die), throw_seed(recipe.seed, number, is_elsewhere=True)
-        counts = placed.counts_on(others, drops, seed, refine.engine, workers)
+        options = _throw_options(work, drops * len(others), workers)
+        counts = placed.counts_on(others, drops, seed, **options)
         return [
             Thrown(count, placed.momentum(model and model.near(table)))
             for count, table in zip(counts, others, strict=True)
@@ -132,7 +136,7 @@ def _refine(
         orbits = np.arange(len(target))
         return Refinement(
             target=target,
-            orbits=orbits if group is None else orbits_of_directions(die.directions, group),
+            orbits=orbits if group is None else orbits_of_outcomes(die, group, outcome_of),
             tables=table_measures(load_table(name), others),
             drops=refine.drops,
             rounds=refine.rounds,
@@ -153,6 +157,30 @@ def _refine(
         swings = [rounds(each).swing(each, place) for place, each in enumerate(dice)]
         die = dice[int(np.argmin(swings))]
     return rounds(die).refine(die)
+
+
+def _throw_options(work: Work, whole: int, workers: Executor) -> dict[str, Any]:
+    """Options of simulated throws that are kept in the checkpoint. whole: number of throws."""
+    done = 0
+
+    def progress(drops: int) -> None:
+        nonlocal done
+        done += drops
+        work.callbacks.on_part(done, whole, "throws")
+
+    progress(0)
+    engine, saved = work.recipe.method.options.refine.engine, work.checkpoint
+    return {"engine": engine, "workers": workers, "checkpoint": saved, "progress": progress}
+
+
+def orbits_of_outcomes(die: DesignResult, group: Floats, outcome_of: Integers | None) -> Integers:
+    """(k,) number of the orbit of each outcome: a symmetry of the die maps the faces of one to
+    those of the others."""
+    orbits = orbits_of_directions(die.directions, group)
+    if outcome_of is None:
+        return orbits
+    faces = [tuple(sorted(orbits[outcome_of == k])) for k in range(outcome_of.max() + 1)]
+    return np.unique([faces.index(orbit) for orbit in faces], return_inverse=True)[1]
 
 
 def _solve_or_none(
@@ -179,19 +207,20 @@ def throw(work: Work) -> None:
     it is then unknown."""
     options = work.recipe.method.options
     name, refine = options.table_with_hand, options.refine
-    target, model, tables = work.target.probabilities, momentum_model(name), posterior_tables(name)
-    die = DieOnTable.of(
-        work.final.body, work.solid.center_of_mass, work.die.directions, load_table(name)
-    )
+    target, model = work.target.probabilities, momentum_model(name)
+    tables = () if model is None else posterior_tables(name)
+    placed, of_face = (work.solid.center_of_mass, work.die.directions), work.die.outcome_of
+    die = DieOnTable.of(work.final.body, *placed, load_table(name), of_face)
     throws = elsewhere = None
     if refine is not None:
         with throwing_threads() as workers:
+            drops = math.ceil(POSTERIOR_SHARE * refine.verdict / max(len(tables), 1))
+            share = _throw_options(work, refine.verdict + drops * len(tables), workers)
             seed = throw_seed(work.recipe.seed, VERDICT_ROUND)
-            throws = die.simulate(refine.verdict, seed, refine.engine, workers)
+            throws = die.simulate(refine.verdict, seed, **share)
             if model is not None and tables:
-                drops = math.ceil(POSTERIOR_SHARE * refine.verdict / len(tables))
                 seed = throw_seed(work.recipe.seed, VERDICT_ROUND, is_elsewhere=True)
-                counts = die.counts_on(tables, drops, seed, refine.engine, workers)
+                counts = die.counts_on(tables, drops, seed, **share)
                 elsewhere = variations_on_tables(
                     target,
                     table_measures(load_table(name), tables),

@@ -59,13 +59,17 @@ CORNERS: Final = ((1, -1, 1), (1, 1, -1), (-1, 1, 1), (-1, -1, -1))
 """Directions to the cameras, the corners of a tetrahedron: one of them sees each facet of a convex
 die at a slant of at most 71 degrees."""
 
-MIN_SCALE: Final = 0.2
-"""Smallest size of a pixel of a figure, in points; smaller figures are left out."""
+MIN_SCALES: Final = (0.08, 0.2)
+"""Smallest size of a pixel of the first figure, in points, and of others; smaller ones are left
+out."""
 
 MAX_SCALE: Final = 0.48
 """Largest size of a pixel of a figure, in points."""
 
 BASE: Final[dict[str, Any]] = {"ha": "left", "va": "baseline"}
+
+LEAST_ROWS: Final = 31
+"""Rows of the table that figures leave room for; one may count the rest."""
 
 Sections = Sequence[tuple[str, Sequence[str]]]
 """Headings with their paragraphs."""
@@ -77,7 +81,7 @@ class SheetFacts:
 
     Attributes
     ----------
-    title, subtitle: name of the die, and a line about it.
+    title, subtitle: name of the die, and the verdict on it.
     sections: how to read and print it, and more.
     header, rows: table of probabilities.
     remark: line below the table.
@@ -110,7 +114,7 @@ def sheet_facts(die: FinishedDie, file: str, sha256: str) -> SheetFacts:
         remark += f" Other rests: {100.0 * elsewhere:.2g} %." if elsewhere > 0.0 else ""
     return SheetFacts(
         title=result.name,
-        subtitle=f"a die of {len(result.labels)} outcomes, {result.status.replace('_', ' ')}",
+        subtitle=result.message.splitlines()[0],
         sections=[
             ("How to read it", [_reading(result), throwing_advice(result.thrown, result.prior)]),
             ("Size", [_size(die)]),
@@ -173,7 +177,10 @@ def _printing(result: Result) -> Iterator[str]:
             f"{printed.printer.upper()}: {spot} of {printed.spot_mm:g} mm, layers of "
             f"{printed.layer_mm:g} mm.{where}"
         )
-        yield from printed.warnings
+        for warning in printed.warnings:
+            # What to do about it concerns the next print, and the report says it.
+            fault, _, _ = warning.rpartition(": ")
+            yield f"{fault[0].upper()}{fault[1:]}."
     if infill is not None:
         yield infill.advice
 
@@ -223,11 +230,12 @@ def data_sheet(
         middle = (left + VIEW / 2.0, top + VIEW + 7.0)
         sheet.text(line, middle, size=7, va="baseline", color=FAINT)
     top += VIEW + 19.0
-    needed = max(_text_height(facts.sections, SIZES[0]), (len(facts.rows) + 3.0) * LINE * SIZES[-1])
-    for figure in figures:
+    rows = min(len(facts.rows), LEAST_ROWS) + 3.0
+    needed = max(_text_height(facts.sections, SIZES[0]), rows * LINE * SIZES[-1])
+    for number, figure in enumerate(figures):
         height, width = figure.shape[:2]
         share = min((RIGHT - LEFT) / width, (BOTTOM - top - needed - GAP) / height, MAX_SCALE)
-        if share >= MIN_SCALE:
+        if share >= MIN_SCALES[number > 0]:
             _show(sheet, figure, (WIDTH - share * width) / 2.0, top, share * width)
             top += share * height + GAP
     _write_sections(sheet, facts.sections, top)
@@ -331,11 +339,12 @@ def four_views(surface: RenderMesh, upward: Floats) -> list[tuple[str, Picture]]
 
     upward: (3,) direction that is upward, an axis.
     """
+    titles = ["front", "right", "back", "left"]
     if surface.smooth:
-        titles = ["front", "right", "back", "left"]
         cameras = three_cameras(surface.points, upward, (30.0, 120.0, 210.0, 300.0))
     else:
-        titles = ["from ({}, {}, {})".format(*corner) for corner in CORNERS]
+        heights = ["above" if upward @ corner > 0.0 else "below" for corner in CORNERS]
+        titles = [f"{side}, from {height}" for side, height in zip(titles, heights, strict=True)]
         cameras = [Camera(np.array(corner, dtype=np.float64), upward) for corner in CORNERS]
         cameras = frame_cameras(cameras, [surface.points] * len(cameras))
     pictures = [render(surface, camera, VIEW_PIXELS) for camera in cameras]

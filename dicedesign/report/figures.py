@@ -290,9 +290,18 @@ FIGURES: Final = Registry(
 """Figures of dice, in the order of the page."""
 
 
-def figure_files(die: FinishedDie) -> dict[str, bytes]:
-    """Contents of the files of all figures that apply to a die, by name of the figure."""
-    return {figure.name: figure.draw(die) for figure in FIGURES if figure.wanted(die)}
+def figure_files(
+    die: FinishedDie, on_figure: Callable[[int, int, str], object]
+) -> dict[str, bytes]:
+    """Contents of the files of all figures that apply to a die, by name of the figure.
+
+    on_figure: called before each with the numbers of finished ones and of all, and "figures".
+    """
+    wanted, files = [figure for figure in FIGURES if figure.wanted(die)], dict[str, bytes]()
+    for figure in wanted:
+        on_figure(len(files), len(wanted), "figures")
+        files[figure.name] = figure.draw(die)
+    return files
 
 
 @dataclass(frozen=True, eq=False)

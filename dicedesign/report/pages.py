@@ -1,5 +1,5 @@
 """Pages, each one HTML file that needs nothing else: the report of a die, whose 3D view, table of
-facets and Gauss map are linked, and the leaderboard of a search."""
+facets and Gauss map are linked, the leaderboard of a search, and the dice of a sweep."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
-from dicedesign.report.figures import FIGURES
+from dicedesign.report.figures import FIGURES, MAX_FLAT_TRIANGLES
 from dicedesign.report.palette import BASINS
 from dicedesign.report.raster import Camera, encode_png, frame_cameras, three_cameras
 from dicedesign.report.renderer import RenderMesh, render
 from dicedesign.results.parts import Draft, Search, Status, TableResult
+from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import Spread, Table, most_of, scale
@@ -104,6 +105,12 @@ def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
             triangles = part.triangles[own]
             facets.append(replace(part, name=name, color=color, triangles=triangles, labels=labels))
     return facets
+
+
+def _in_order(result: Result) -> list[int]:
+    """Numbers of the facets in the order of the labels, those of none last."""
+    labels = [*result.labels, None]
+    return sorted(range(len(result.facets)), key=lambda k: labels.index(result.facets[k].outcome))
 
 
 def rests_of_triangles(part: Surface, die: FinishedDie) -> Integers:
@@ -243,6 +250,7 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
             left_out=left_out,
             result=result,
             colors=rest_colors(die),
+            in_order=_in_order(result),
             heights=poses.hull.heights(poses.center_of_mass)[poses.facets],
             upward=upward,
             mass_center=poses.center_of_mass,
@@ -296,12 +304,9 @@ def leaderboard_page(
     """
     pictures = {}
     for number in (entry["number"] for entry in table["leaderboard"]):
-        hull, up = convex_hull(shapes[number]["vertices"]), -np.array(shapes[number]["down"])
-        surface = RenderMesh(hull.vertices, hull.triangles, smooth=False)
-        # From about 30 degrees above.
-        direction = three_cameras(hull.vertices, up)[0].direction + 0.3 * up
-        (camera,) = frame_cameras([Camera(direction, up)], [hull.vertices])
-        pictures[number] = encode_png(render(surface, camera, 220))
+        shape = shapes[number]
+        solid = convex_hull(shape["vertices"]).surface
+        pictures[number] = _small_picture(solid, -np.array(shape["down"]))
     return (
         _environment()
         .get_template("leaderboard.html.j2")
@@ -314,6 +319,44 @@ def leaderboard_page(
             pareto=picture,
         )
     )
+
+
+def sweep_page(
+    name: str,
+    rows: Sequence[Mapping[str, Any]],
+    keys: Sequence[str],
+    solids: Mapping[str, tuple[Surface, Floats]],
+) -> str:
+    """HTML of the dice of a sweep, side by side.
+
+    Parameters
+    ----------
+    name: of the recipe. rows: of sweep.csv. keys: columns of the varied keys.
+    solids: surface in mm and direction upward (3,) of each die that was made, by its folder.
+    """
+    pictures = {folder: _small_picture(*solid) for folder, solid in solids.items()}
+    return (
+        _environment()
+        .get_template("sweep.html.j2")
+        .render(
+            title=f"{name}: sweep",
+            policy=POLICY,
+            style=_template_file("page.css"),
+            rows=rows,
+            keys=keys,
+            pictures=pictures,
+        )
+    )
+
+
+def _small_picture(solid: Surface, up: Floats) -> bytes:
+    """PNG of a solid at rest, from about 30 degrees above."""
+    surface = RenderMesh(
+        solid.points, solid.triangles, smooth=len(solid.triangles) > MAX_FLAT_TRIANGLES
+    )
+    direction = three_cameras(solid.points, up)[0].direction + 0.3 * up
+    (camera,) = frame_cameras([Camera(direction, up)], [solid.points])
+    return encode_png(render(surface, camera, 220))
 
 
 def _recipe_lines(entry: Mapping[str, Any]) -> Iterator[str]:
@@ -342,8 +385,7 @@ def throwing_advice(thrown: TableResult | None, prior: str | None = None) -> str
     if thrown is None:
         return (
             "Set it down gently, each time in another orientation: the probabilities hold for "
-            "rolling without momentum. A thrown die has other probabilities; the command "
-            "dicedesign throw computes them."
+            "rolling without momentum. A thrown die has other probabilities."
         )
     table = Table(**thrown.table)
     if most_of(table.height) == 0.0:

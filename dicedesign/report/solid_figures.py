@@ -58,6 +58,7 @@ FACE_PIXELS: Final = 210.0
 """Width or height of the largest face."""
 
 FACE_COLUMNS: Final = 6
+"""Faces in a row, of up to 18; rows of more faces are longer."""
 
 MAX_FACES: Final = 60
 """Most faces of a die for which those without a label are drawn too."""
@@ -135,15 +136,18 @@ def paint_labels(solid: Surface, labels: Sequence[Placement]) -> RenderMesh:
 def reading(die: FinishedDie) -> Sheet:
     """Die at rest on a table, and the label to read, seen straight from outside.
 
-    The outcome is the most probable one of the target.
+    The outcome is the most probable one of the target that is not blank.
     """
     assert die.engraved is not None
     assert die.reading is not None
-    result, way = die.result, die.reading.way
-    outcome = int(np.argmax(result.target))
-    label, down = result.labels[outcome], die.plain.poses.normals[die.plain.outcomes.main[outcome]]
+    target, way = die.plain.target, die.reading.way
+    shown = sorted({place.outcome for place in die.reading.places}) or range(
+        len(target.face_labels)
+    )
+    face = max(shown, key=lambda one: float(target.probabilities[target.outcome_of_face[one]]))
+    label, down = target.face_labels[face], die.plain.poses.normals[die.plain.outcomes.main[face]]
     pairs = zip(die.reading.places, die.engraved.placements, strict=True)
-    labels = [placement for place, placement in pairs if place.outcome == outcome]
+    labels = [placement for place, placement in pairs if place.outcome == face]
     if labels:
         surface = paint_labels(die.engraved, labels)
         ups = [placement.frame[:3, 1] for placement in labels]
@@ -211,7 +215,7 @@ def faces(die: FinishedDie) -> Sheet:
     ]
     extents = np.array([np.ptp(outline, axis=0) for outline, *_ in contours])
     scale, gap, title_room = FACE_PIXELS / float(extents.max()), 26.0, 34.0
-    columns = min(FACE_COLUMNS, len(facets))
+    columns = min(max(FACE_COLUMNS, math.ceil(1.4 * math.sqrt(len(facets)))), len(facets))
     heights = scale * np.maximum.reduceat(extents[:, 1], np.arange(0, len(facets), columns))
     bottoms = np.cumsum(heights + title_room + gap)
     sheet = Sheet(columns * (FACE_PIXELS + gap) + gap, bottoms[-1] + 3.0 * gap)

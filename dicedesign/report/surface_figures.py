@@ -185,16 +185,17 @@ def hull(die: FinishedDie) -> Sheet:
 
 
 def rests(die: FinishedDie) -> Sheet:
-    """Die at rest on a table after each outcome, with its probability, above its underside.
+    """Die at rest on a table on each face, with its outcome's probability, above its underside.
 
     The convex hull, with tinted rests, is drawn over the undersides.
     """
     assert die.reshaped is not None
-    surface, outcomes, labels = surface_of(die), die.plain.outcomes, die.result.labels
+    surface, outcomes, target = surface_of(die), die.plain.outcomes, die.plain.target
+    labels, probabilities = target.face_labels, outcomes.probabilities[target.outcome_of_face]
     count, columns = len(labels), min(REST_COLUMNS, len(labels))
     size = PIXELS if columns < REST_COLUMNS else 300
-    # An outcome without a rest is drawn in the pose that was meant for it.
-    has_rest = (outcomes.rest_counts > 0)[:, None]
+    # A face without a rest is drawn in the pose that was meant for it.
+    has_rest = (outcomes.main >= 0)[:, None]
     rest_normals = die.plain.poses.normals[outcomes.main]
     ups = -unit_vectors(np.where(has_rest, rest_normals, die.reshaped.directions))
     front = three_cameras(surface.points, die.upward)[0].direction
@@ -206,8 +207,7 @@ def rests(die: FinishedDie) -> Sheet:
     lying = [render_on_table(surface, ups[k], cameras[k], size) for k in range(count)]
     undersides = [render(surface, camera, size, shell_of(die)) for camera in cameras[count:]]
     captions = [
-        f"{label}: {100.0 * p:.2f} %"
-        for label, p in zip(labels, outcomes.probabilities, strict=True)
+        f"{label}: {100.0 * p:.2f} %" for label, p in zip(labels, probabilities, strict=True)
     ]
     below = [f"{label}: underside" for label in labels]
     pictures: list[Picture] = []

@@ -93,7 +93,7 @@ class ExactSigns:
         crossed = []
         while not elements.maximum[vertex]:
             r = self._radii[vertex]
-            edge = self._exit(vertex, np.cross(u, r), elements.ascending)
+            edge = self._exit(vertex, _cross(u, r), elements.ascending)
             u = _project(u, r, self._edges(edge))
             crossed.append(edge)
             vertex = int(self._hull.head[edge])
@@ -105,13 +105,13 @@ class ExactSigns:
         u = self._normals([facet])[0]
         while True:
             r = self._radii[vertex]
-            edge = self._exit(vertex, np.cross(r, u), elements.descending)
+            edge = self._exit(vertex, _cross(r, u), elements.descending)
             u = -_project(u, r, self._edges(edge))
             if elements.hinge[edge]:
                 break
             vertex = int(self._hull.head[edge])
         twin = int(self._hull.twin[edge])
-        to_left = r @ np.cross(self._edges(edge), u) > 0 or elements.side_sign[twin] < 0
+        to_left = r @ _cross(self._edges(edge), u) > 0 or elements.side_sign[twin] < 0
         return int(self._hull.facet[edge if to_left and elements.side_sign[edge] > 0 else twin])
 
     def _exit(self, vertex: int, left_of_travel: Exact, allowed: Booleans) -> int:
@@ -135,6 +135,12 @@ class ExactSigns:
         """(k, 3) normals of facets (k,), times twice their areas."""
         start, tail = self._hull.facet_start, self._hull.tail
         return np.array([area_vector(self._radii[tail[start[f] : start[f + 1]]]) for f in facets])
+
+
+def _cross(one: Exact, other: Exact) -> Exact:
+    """Cross product of vectors (3,) of whole numbers, which NumPy before 2.2 takes for machine
+    integers where they have no second axis."""
+    return np.cross(one[None], other[None])[0]
 
 
 def _signs(values: NDArray[Any]) -> Integers:

@@ -1,16 +1,16 @@
 """Outcomes of rests, for every kind of die; and rests of outcomes that were counted.
 
-An outcome has a direction that is meant to be down. Its own rest is the most probable one within
-`SAME_REST_ANGLE` of that direction. Every rest within this angle of an outcome's own rest counts
-for it, or for the nearest outcome if there are several: a facet that broke in two still looks like
-one. All other rests are elsewhere.
+An outcome has a direction that is meant to be down, or one for each of its faces. The own rest of a
+face is the most probable one within `SAME_REST_ANGLE` of its direction. Every rest within this
+angle of a face's own rest counts for its outcome, or for that of the nearest face if there are
+several: a facet that broke in two still looks like one. All other rests are elsewhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,10 +29,11 @@ class OutcomeProbabilities:
     Attributes
     ----------
     probabilities: (k,) of the rests that count for each outcome.
-    main: (k,) number of each outcome's own rest among the rests; -1 where it has none.
+    main: (f,) number of each face's own rest among the rests; -1 where it has none. There is one
+        face for each outcome unless said otherwise.
     outcome_of_rest: (r,) or -1.
     elsewhere: probabilities of all rests that count for none, together.
-    least_angle: between two outcomes' own rests, in radians; pi with fewer than two.
+    least_angle: between two faces' own rests, in radians; pi with fewer than two.
     """
 
     probabilities: Floats
@@ -59,18 +60,23 @@ class OutcomeProbabilities:
         return max(self.max_abs_error(target), self.elsewhere)
 
 
-def outcome_probabilities(poses: RestPoses, directions: Floats) -> OutcomeProbabilities:
-    """Probabilities of the outcomes of a body, for outcome directions (k, 3), unit."""
-    return assign_rests(poses.normals, poses.probabilities, directions)
+def outcome_probabilities(
+    poses: RestPoses, directions: Floats, outcome_of: Integers | None = None
+) -> OutcomeProbabilities:
+    """Probabilities of the outcomes of a body; see `assign_rests`."""
+    return assign_rests(poses.normals, poses.probabilities, directions, outcome_of)
 
 
 def assign_rests(
-    normals: Floats, probabilities: Floats, directions: Floats
+    normals: Floats, probabilities: Floats, directions: Floats, outcome_of: Integers | None = None
 ) -> OutcomeProbabilities:
-    """Outcomes of rests with normals (r, 3) and probabilities (r,), for outcome directions (k, 3).
+    """Outcomes of rests with normals (r, 3) and probabilities (r,), for unit directions (f, 3) that
+    are down when a die rests on its labeled faces.
 
-    Where no rest is within `SAME_REST_ANGLE` of an outcome's direction, its own rest is the nearest
-    of the rests that are nearer to it than to any other direction, if there are any.
+    Where no rest is within `SAME_REST_ANGLE` of a face's direction, its own rest is the nearest of
+    the rests that are nearer to it than to any other direction, if there are any.
+
+    outcome_of: (f,) outcome that each face shows, from 0 to k - 1; None for one outcome each.
     """
     angles = angle_between(normals[:, None, :], directions[None, :, :])
     own = angles.argmin(axis=1)[:, None] == np.arange(len(directions))
@@ -80,8 +86,9 @@ def assign_rests(
     main = np.where(own.any(axis=0), worth.argmax(axis=0), -1)
     shown = np.flatnonzero(main >= 0)
     nearest = facet_of_rest(normals, normals[main[shown]])
-    of_rest = np.where(nearest >= 0, shown[nearest], -1)
-    by_outcome = sums_by_outcome(probabilities, of_rest, len(directions))
+    of_face = np.arange(len(directions)) if outcome_of is None else outcome_of
+    of_rest = np.where(nearest >= 0, of_face[shown[nearest]], -1)
+    by_outcome = sums_by_outcome(probabilities, of_rest, int(of_face.max()) + 1)
     elsewhere = float(probabilities[of_rest < 0].sum())
     own_normals = normals[main[shown]]
     between = angle_between(own_normals[:, None], own_normals[None])
@@ -199,8 +206,9 @@ def match_by_probability(
 
     Rests with the closest normals are joined until there is one for each outcome: a facet that
     broke in two still looks like one. The most probable outcome is the most probable rest, and so
-    on. Outcomes whose probabilities differ by no more than the largest mismatch cannot be
-    distinguished, and form one group.
+    on. If that does not fit, an outcome has several faces, and rests are joined whose probabilities
+    have the sum of their outcome's. Outcomes whose probabilities differ by no more than the largest
+    mismatch cannot be distinguished, and form one group.
 
     Parameters
     ----------
@@ -229,6 +237,12 @@ def match_by_probability(
     sums = np.bincount(part, weights=probabilities)
     parts, places = np.argsort(-sums, kind="stable"), np.argsort(-given, kind="stable")
     off = float(np.abs(sums[parts] - given[places]).max())
+    faces = None
+    if off > MATCHED_PROBABILITIES:
+        faces = _split_by_sums(name, probabilities, given)
+    if faces is not None:
+        part, sums, parts = faces, np.bincount(faces, probabilities), places
+        off = float(np.abs(sums - given).max())
     if off > MATCHED_PROBABILITIES:
         worst = int(np.abs(sums[parts] - given[places]).argmax())
         raise InputError(
@@ -253,3 +267,53 @@ def match_by_probability(
     group_of_part = np.empty(len(parts), dtype=np.int64)
     group_of_part[parts] = group_of_place
     return OutcomeGroups(members, group_of_part[part])
+
+
+MOST_SPLITS: Final = 100_000
+"""Limit on the partial ways to split rests into outcomes that are tried."""
+
+SPLIT_PROBABILITIES: Final = 2e-3
+"""Largest difference of an outcome's probability from the sum of its rests."""
+
+
+def _split_by_sums(name: str, probabilities: Floats, wanted: Floats) -> Integers | None:
+    """(k,) outcome of each rest, so that the probabilities (k,) of its rests sum to each wanted one
+    (n,) to within `SPLIT_PROBABILITIES`; None if there is no way.
+
+    Raises InputError if there are several ways that differ in more than equally probable rests or
+    outcomes, or too many to try.
+    """
+    descending = np.argsort(-probabilities, kind="stable")
+    values = probabilities[descending].round(9).tolist()
+    found: dict[tuple[tuple[float, ...], ...], tuple[int, ...]] = {}
+    stack: list[tuple[tuple[int, ...], tuple[float, ...]]] = [((), tuple(wanted.tolist()))]
+    for _ in range(MOST_SPLITS):
+        if not stack or len(found) > 1:
+            break
+        chosen, left = stack.pop()
+        if len(chosen) == len(values):
+            if max(map(abs, left)) <= SPLIT_PROBABILITIES and len(set(chosen)) == len(wanted):
+                parts: list[list[float]] = [[float(each)] for each in wanted.round(9)]
+                for value, outcome in zip(values, chosen, strict=True):
+                    parts[outcome].append(value)
+                found.setdefault(tuple(sorted(map(tuple, parts))), chosen)
+            continue
+        place = len(chosen)
+        # Equally probable rests are taken in the order of the outcomes.
+        first = chosen[-1] if place > 0 and values[place] == values[place - 1] else 0
+        for outcome in range(len(left) - 1, first - 1, -1):
+            rest = left[outcome] - values[place]
+            if rest >= -SPLIT_PROBABILITIES:
+                after = (*left[:outcome], rest, *left[outcome + 1 :])
+                stack.append(((*chosen, outcome), after))
+    if len(found) > 1 or stack:
+        raise InputError(
+            f"{name}: expected one way to split the rests into outcomes with these geometric "
+            "probabilities, got several; name the folder of the die's run, which says which facet "
+            "is which, or leave the die out"
+        )
+    if not found:
+        return None
+    part = np.empty(len(values), dtype=np.int64)
+    part[descending] = next(iter(found.values()))
+    return part

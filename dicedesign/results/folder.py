@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,12 +16,12 @@ from dicedesign.errors import InputError, OutputError
 from dicedesign.results.renamed_keys import RENAMED_KEYS
 from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.files import (
-    atomic_write,
     hold_interrupts,
     lock_folder,
     open_output_folder,
     read_file,
     remove_partial_files,
+    stage_files,
 )
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
@@ -47,7 +48,7 @@ def write_results(
     """Write the files of a finished run, and remove those of an earlier run.
 
     Each file appears whole or not at all, and `RESULT` last: a folder with it is complete. An
-    interrupt waits until then.
+    interrupt waits until then. On a full disk the files of the earlier run stay.
 
     Parameters
     ----------
@@ -62,10 +63,9 @@ def write_results(
     owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *DATA_SHEETS, *names])
     result_data = result.json_text().encode("utf-8")
     with hold_interrupts("the results were complete by then"):
-        remove_files(folder, [RESULT, *(name for name in owned if name not in files)])
-        for name, data in files.items():
-            atomic_write(folder / name, data)
-        atomic_write(folder / RESULT, result_data)
+        contents = {folder / name: data for name, data in files.items()}
+        with stage_files(contents | {folder / RESULT: result_data}):
+            remove_files(folder, [RESULT, *(name for name in owned if name not in files)])
         remove_files(folder, [CHECKPOINT])
 
 
@@ -112,10 +112,15 @@ def read_result(folder: Path | str) -> Result:
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"])) or "the file"
             old = [name for name, new in RENAMED_KEYS.items() if new == re.sub(r"\.\d+", "", key)]
-            reason = f"{key}: {first['msg']}"
-            if first["type"] == "missing" and (old or key == "design"):
+            if first["type"] == "json_invalid":
+                reason = "text that is no JSON"
+            elif first["type"] != "missing":
+                reason = f"{key}: {reprlib.repr(first['input'])}"
+            elif old or key == "design":
                 reason = f"the result of an older version without the key {key!r}"
                 reason += "".join(f", which was called {name!r}" for name in old)
+            else:
+                reason = f"{key}: nothing"
         else:
             reason = getattr(error.__cause__, "strerror", None) or str(error)
         raise InputError(

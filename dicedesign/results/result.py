@@ -170,29 +170,37 @@ class Inside:
 
 @dataclass(frozen=True)
 class PrintTolerances:
-    """Deviations of printed dice from the probabilities of the file, to first order.
+    """Deviations of printed dice from the target.
 
     Attributes
     ----------
-    answer: required print accuracy for a test of `rolls` rolls, in a sentence.
+    answer: required print accuracy for a test of `rolls` rolls, or what comes up, in a sentence.
+    method: "derivatives" for flat facets, to first order; "copies" for other surfaces, each judged.
     rolls: number of rolls of the test.
-    allowed_mm: standard deviation of facet positions at which the test rejects one print in ten; 0
-        if it rejects more even for perfect prints, None if it never does.
+    allowed_mm: standard deviation of the positions of facets, or of the surface, at which the test
+        rejects one print in ten; 0 if it rejects more even for perfect prints, None if it never
+        does; of a surface at most the assumed one.
     noticed: share of prints with the assumed errors that the test rejects; 0.05 for perfect prints.
     assumed: standard deviations of the errors, see `PrintErrors`.
     deviations: (k,) standard deviations of the outcomes' probabilities over prints.
-    by_error: deviations from each error alone, by the names in `assumed`.
-    total_variation: mean total variation of prints from the file.
+    by_error: deviations from each error alone, by the names in `assumed`, and from "layers".
+    mean: (k,) mean probabilities over prints; elsewhere: mean probability of other rests.
+    total_variation: mean total variation of prints from the target; nine_in_ten: that which nine in
+        ten prints do not exceed.
     """
 
     answer: str
+    method: str
     rolls: int
     allowed_mm: float | None
     noticed: float
     assumed: dict[str, float]
     deviations: Numbers
     by_error: dict[str, Numbers]
+    mean: Numbers
+    elsewhere: float
     total_variation: float
+    nine_in_ten: float
 
 
 @dataclass(frozen=True)

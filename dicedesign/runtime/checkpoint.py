@@ -7,6 +7,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, TypeVar
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.runtime.files import atomic_write, hold_interrupts, read_file, remove_partial_files
+from dicedesign.runtime.workers import in_order
 
 INTERVAL: Final = 5.0
 """Minimum seconds between writes."""
@@ -133,8 +135,13 @@ def read_checkpoint(
 
     Raises
     ------
-    InputError: the file is damaged, or belongs to other work; the message names the differing kind.
+    InputError: the file is missing, damaged, or belongs to other work; the message names the
+        differing kind.
     """
+    if not os.path.lexists(path):
+        raise InputError(
+            f"{path}: expected the checkpoint of a run that was interrupted, got none; {restart}"
+        )
     data = io.BytesIO(read_file(path, "a checkpoint"))
     try:
         with np.load(data, allow_pickle=False) as file:
@@ -158,6 +165,10 @@ def read_checkpoint(
     return state
 
 
+WITHOUT_OPTION: Final = "run without --resume to start again"
+"""How to start over where an option --resume decides."""
+
+
 class Checkpoint:
     """Partial results, rows of numbers by kind, saved to a file at intervals so that repeated work
     can skip them.
@@ -165,18 +176,26 @@ class Checkpoint:
     As a context, it saves the file after an error or an interrupt, and removes it on success.
     """
 
-    def __init__(self, path: Path | None = None, work: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path | None = None,
+        work: Mapping[str, str] | None = None,
+        *,
+        resume: bool | None = None,
+    ) -> None:
         """path: file, None for none. work: as in `read_checkpoint`, which raises for a file of
-        other work."""
+        other work. resume: whether to read the file, by an option --resume; None reads it if it
+        exists."""
         self._work = dict(work or {})
+        self._has_option = resume is not None
         self._rows: dict[str, list[NDArray[Any]]] = {}
         self._file = None if path is None else AutosavedFile(path, "a checkpoint", self._content)
-        if path is not None and os.path.lexists(path):
+        if path is not None and (resume or (resume is None and os.path.lexists(path))):
             self._rows = read_checkpoint(
                 path,
                 self._work,
                 _restore_rows,
-                restart="remove it to start over",
+                restart=WITHOUT_OPTION if self._has_option else "remove it to start over",
                 elsewhere="choose another with --out",
             )
 
@@ -191,14 +210,31 @@ class Checkpoint:
         if self._file is not None:
             self._file.change()
 
-    def require(self, fits: bool) -> None:
-        """Raise InputError unless the stored rows fit the work."""
-        if not fits:
-            path = None if self._file is None else self._file.path
-            raise InputError(
-                f"{path}: expected a checkpoint of this work, got rows of other lengths; remove it "
-                "to start over"
-            )
+    def results(
+        self,
+        kind: str,
+        tasks: Sequence[Callable[[], NDArray[Any]]],
+        workers: Executor | None = None,
+        on_result: Callable[[NDArray[Any]], object] = lambda _: None,
+    ) -> list[NDArray[Any]]:
+        """Results (n,) of tasks in order; those known of a kind are not run again.
+
+        workers: run the tasks; None runs them in this thread. on_result: called with each result.
+        Raises as `in_order` and `add`.
+        """
+        rows = self.rows(kind)
+        for row in rows:
+            on_result(row)
+        new = tasks[len(rows) :]
+        for row in (task() for task in new) if workers is None else in_order(new, workers):
+            self.add(kind, [row])
+            on_result(row)
+        return list(rows)
+
+    def save(self) -> None:
+        """Save results that are not in the file. Raises OutputError."""
+        if self._file is not None:
+            self._file.save()
 
     def _content(self) -> bytes:
         lengths = {kind: [len(row) for row in rows] for kind, rows in self._rows.items() if rows}
@@ -220,9 +256,12 @@ class Checkpoint:
             self._file.remove()
             return
         self._file.save()
-        if isinstance(error, KeyboardInterrupt) and any(self._rows.values()):
+        # Complete results leave no file.
+        is_resumable = any(self._rows.values()) and os.path.exists(self._file.path)
+        if isinstance(error, KeyboardInterrupt) and is_resumable:
+            again = "run it again with --resume" if self._has_option else "repeat the command"
             raise KeyboardInterrupt(
-                f"the results so far are in {self._file.path}; repeat the command to resume"
+                f"the results so far are in {self._file.path}; {again} to go on"
             ) from error
 
 

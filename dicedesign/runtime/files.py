@@ -118,11 +118,66 @@ def atomic_write(path: Path, data: bytes) -> None:
     ------
     OutputError: the file cannot be written; nothing is left behind.
     """
+    write_files({path: data})
+
+
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Write files as `stage_files` does."""
+    with stage_files(contents):
+        pass
+
+
+@contextmanager
+def stage_files(contents: Mapping[Path, bytes]) -> Iterator[None]:
+    """Write files on entry under temporary names, and rename them on exit, in their order.
+
+    If the disk has no space for all of them, or the block raises, none of them changes. Links are
+    followed; devices and pipes are written on exit.
+
+    Parameters
+    ----------
+    contents: the content of each file, in existing folders.
+
+    Raises
+    ------
+    OutputError: a file cannot be written; no temporary file is left behind.
+    """
+    partials: dict[Path, Path] = {}
     try:
-        if _is_stream(path):
-            Path(path).write_bytes(data)
-        else:
-            _replace(Path(os.path.realpath(path)), data)
+        for path, data in contents.items():
+            with _explain_failure(path):
+                if not _is_stream(path):
+                    partials[path] = partial = _partial_file(Path(os.path.realpath(path)))
+                    with partial.open("xb") as file:
+                        file.write(data)
+                        file.flush()
+                        os.fsync(file.fileno())
+        yield
+        for path, data in contents.items():
+            with _explain_failure(path):
+                if path in partials:
+                    os.replace(partials[path], os.path.realpath(path))
+                else:
+                    Path(path).write_bytes(data)
+    finally:
+        for partial in partials.values():
+            with contextlib.suppress(OSError, ValueError):
+                partial.unlink(missing_ok=True)
+    # Sync the folders where possible, so that the new names survive a power failure.
+    for parent in {partial.parent for partial in partials.values()}:
+        with contextlib.suppress(OSError):
+            folder = os.open(parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+
+
+@contextmanager
+def _explain_failure(path: Path) -> Iterator[None]:
+    """Raise OutputError for a system error while a file is written."""
+    try:
+        yield
     except (OSError, ValueError) as error:
         raise OutputError(
             f"{path}: expected to write a file in an existing, writable folder with space left, "
@@ -136,26 +191,6 @@ def _is_stream(path: Path) -> bool:
     except FileNotFoundError:
         return False
     return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
-
-
-def _replace(path: Path, data: bytes) -> None:
-    partial = _partial_file(path)
-    try:
-        with partial.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink()
-    # Sync the folder where possible, so that the new name survives a power failure.
-    with contextlib.suppress(OSError):
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
 
 def _partial_file(path: Path) -> Path:

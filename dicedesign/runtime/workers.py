@@ -346,15 +346,68 @@ class Workers:
     bar: tqdm[Any]
 
 
-def progress_bar(unit: str, total: int | None = None, done: int = 0) -> tqdm[Any]:
-    """Progress bar on stderr, hidden unless that is a terminal.
+TERMINAL_INTERVAL: Final = 1.0
+"""Seconds after which a line on a terminal is updated even without progress."""
 
-    unit: unit of work, in the plural; total: amount of work; done: work done before.
+PIPE_INTERVAL: Final = 10.0
+"""Seconds between lines of progress where stderr is no terminal."""
+
+TIME_USED: Final = "{desc}: {elapsed}{postfix}"
+"""Format of work whose amount is unknown."""
+
+
+@contextmanager
+def progress_bar(unit: str, total: int | None = None, done: int = 0) -> Iterator[tqdm[Any]]:
+    """Progress on stderr: a bar on a terminal, elsewhere a line every `PIPE_INTERVAL` seconds.
+
+    unit: unit of work, in the plural; total: amount of work; done: work done before. Without a
+    total, unit is the name of the work.
     """
     from tqdm import tqdm
 
-    hidden = not sys.stderr.isatty()
-    return tqdm(file=sys.stderr, disable=hidden, unit=f" {unit}", total=total, initial=done)
+    on_terminal, ended = sys.stderr.isatty(), threading.Event()
+
+    def show() -> None:
+        while not ended.wait(TERMINAL_INTERVAL if on_terminal else PIPE_INTERVAL):
+            with suppress(OSError, ValueError):
+                if on_terminal:
+                    bar.refresh()
+                else:
+                    print(bar, file=sys.stderr, flush=True)
+
+    with (
+        open(os.devnull, "w", encoding="utf-8") as nowhere,
+        tqdm(
+            file=sys.stderr if on_terminal else nowhere,
+            # No bar in lines of text.
+            ncols=None if on_terminal else 0,
+        ) as bar,
+    ):
+        show_part(bar, done, total, unit)
+        ticker = threading.Thread(target=show, daemon=True)
+        ticker.start()
+        try:
+            yield bar
+        finally:
+            ended.set()
+            ticker.join()
+
+
+def show_part(bar: tqdm[Any], done: int, total: int | None, unit: str) -> None:
+    """Show how much of an amount of work is done; another amount or unit, or less done than before,
+    begins anew.
+
+    total: amount of work, None if unknown. unit: as in `progress_bar`.
+    """
+    if (total, f" {unit}") == (bar.total, bar.unit) and done >= bar.n:
+        bar.update(done - bar.n)
+        return
+    bar.total, bar.unit, bar.bar_format = total, f" {unit}", None if total else TIME_USED
+    if total is None:
+        bar.set_description_str(unit, refresh=False)
+    bar.set_postfix_str("", refresh=False)
+    bar.reset()
+    bar.n = bar.initial = bar.last_print_n = done
 
 
 @contextmanager

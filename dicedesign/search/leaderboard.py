@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from dicedesign.report.curve_charts import pareto_chart
 from dicedesign.report.pages import leaderboard_page
 from dicedesign.results.folder import remove_files
 from dicedesign.runtime.arrays import Booleans, Floats
-from dicedesign.runtime.files import atomic_write, json_text
+from dicedesign.runtime.files import json_text, write_files
 from dicedesign.search.study import varies_assignment
 
 Finished = dict[str, Any]
@@ -85,7 +85,7 @@ def leaders(finished: Sequence[Finished]) -> list[Finished]:
 def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) -> list[Finished]:
     """Write the leaderboard, its chart and the recipes of the best; returns the leaderboard.
 
-    Each file is written atomically, and leaderboard.json last. Raises OutputError.
+    All files are written or none, and leaderboard.json last. Raises OutputError.
     """
     solved = rank_trials(finished)
     values = np.array([[trial["inradius_mm"], trial["margin_deg"]] for trial in solved])
@@ -119,7 +119,7 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         files[f"trial_{number}.yaml"] = recipe_text(named).encode("utf-8")
         files.setdefault(BEST, files[f"trial_{number}.yaml"])
     chart = pareto_chart(finished, front, [entry["number"] for entry in board]).png()
-    table = {
+    table: dict[str, Any] = {
         "name": recipe.name,
         "size_mm": recipe.size_mm,
         "trials": len(finished),
@@ -127,29 +127,27 @@ def write_results(folder: Path, recipe: Recipe, finished: Sequence[Finished]) ->
         "front": sorted(front),
         "leaderboard": board,
     }
+    keys = list(board[0]["varied"]) if board else []
+    rows = [{**entry, **entry["varied"]} for entry in board]
     shapes = {trial["number"]: trial for trial in solved}
     files |= {
         "pareto.png": chart,
         "leaderboard.html": leaderboard_page(table, shapes, chart).encode("utf-8"),
-        "leaderboard.csv": _csv(board).encode("utf-8"),
+        "leaderboard.csv": csv_text([*COLUMNS, *keys], rows).encode("utf-8"),
         TABLE: json_text(table).encode("utf-8"),
     }
     old = [path.name for path in (folder / BEST, *folder.glob("trial_*.yaml"))]
     remove_files(folder, [TABLE, *(name for name in old if name not in files)])
-    for name, data in files.items():
-        atomic_write(folder / name, data)
+    write_files({folder / name: data for name, data in files.items()})
     return board
 
 
-def _csv(board: Sequence[dict[str, Any]]) -> str:
-    varied = list(board[0]["varied"]) if board else []
+def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
+    """Text of a CSV file; lists become texts with commas."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*COLUMNS, *varied])
-    for entry in board:
-        changed = [
-            ", ".join(value) if isinstance(value, list) else value
-            for value in entry["varied"].values()
-        ]
-        writer.writerow([*(entry[column] for column in COLUMNS), *changed])
+    writer.writerow(columns)
+    for row in rows:
+        cells = (row[column] for column in columns)
+        writer.writerow(", ".join(cell) if isinstance(cell, list) else cell for cell in cells)
     return text.getvalue()

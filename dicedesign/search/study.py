@@ -56,7 +56,7 @@ class Range:
 def varies_assignment(recipe: Recipe) -> bool:
     """Whether a search varies the assignment of labels: with a given start and outcomes of
     different probabilities, but not with a symmetry, which allows few assignments."""
-    probabilities = recipe.target.target().probabilities
+    probabilities = recipe.target.target().face_probabilities
     given = recipe.start.kind.search is None and recipe.symmetry is None
     return given and bool(np.ptp(probabilities) > 0.0)
 
@@ -64,16 +64,16 @@ def varies_assignment(recipe: Recipe) -> bool:
 def search_space(recipe: Recipe) -> dict[str, Range]:
     """Numbers that a search of a recipe varies, by name.
 
-    "assignment.LABEL": labels are assigned to the start's directions in the order of these numbers,
-    if `varies_assignment`. "prefer.NAME": weights of preferences of the exact method. Each trial
-    also has its own seed.
+    "assignment.LABEL", or "assignment.LABEL 2" and so on for its further faces: labels are assigned
+    to the start's directions in the order of these numbers, if `varies_assignment`. "prefer.NAME":
+    weights of preferences of the exact method. Each trial also has its own seed.
     """
     space: dict[str, Range] = {}
     if varies_assignment(recipe):
-        order = recipe.assignment or recipe.target.target().labels
+        order = _assigned_labels(recipe)
         space |= {
-            f"assignment.{label}": Range(0.0, 1.0, False, (place + 0.5) / len(order))
-            for place, label in enumerate(order)
+            name: Range(0.0, 1.0, False, (place + 0.5) / len(order))
+            for place, name in enumerate(order)
         }
     for name, weight in _own_weights(recipe).items():
         low, high = WEIGHTS
@@ -82,13 +82,26 @@ def search_space(recipe: Recipe) -> dict[str, Range]:
     return space
 
 
+def _assigned_labels(recipe: Recipe) -> dict[str, str]:
+    """Label of each number of an assignment, by name."""
+    names: dict[str, str] = {}
+    for label in recipe.assignment or recipe.target.target().face_labels:
+        number = 1 + sum(other == label for other in names.values())
+        names[f"assignment.{label}" if number == 1 else f"assignment.{label} {number}"] = label
+    return names
+
+
 def vary_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Recipe:
     """Recipe of a trial, with its place in the search added to the seed, and given values of
     `search_space`. With place 0 and `Range.own` for all, it is the original recipe."""
     entries, space = recipe.as_dict(), search_space(recipe)
+    if place > 0 and recipe.is_chosen_by_looks:
+        # Trials are the many shapes.
+        entries["symmetry"] = "none"
     entries["seed"] += place
     order = sorted(values, key=values.__getitem__)
-    labels = [name.partition(".")[2] for name in order if name.startswith("assignment.")]
+    assigned = _assigned_labels(recipe)
+    labels = [assigned[name] for name in order if name in assigned]
     if labels:
         entries["assignment"] = labels
     for name in _own_weights(recipe):

@@ -11,6 +11,7 @@ from typing import Any
 from dicedesign.errors import DiceError, NoStartError, OutsideHullError
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.reading import parse_recipe
+from dicedesign.results.result import Result
 from dicedesign.runtime.workers import MOST_LOSSES, is_lost_worker, iterate_completed
 from dicedesign.search.study import SearchStudy
 
@@ -42,21 +43,34 @@ def run_trial(entries: Mapping[str, Any]) -> dict[str, Any]:
         result = {"status": NO_DIE.lower(), "message": str(error), **measured}
     else:
         die = work.result()
-        shown = [facet for facet in die.facets if facet.label is not None]
-        is_complete = len(shown) == len(die.labels)
+        room = measure_facets(die, len(work.target.face_labels))
         # With a tolerance above an outcome's probability, a die converges without it.
-        is_usable = is_complete or not die.converged
+        is_usable = room["inradius_mm"] is not None or not die.converged
         result = {
             "status": die.status if is_usable else NO_DIE.lower(),
             "message": die.message,
             "max_abs_error": die.design.max_abs_error,
-            "inradius_mm": min(facet.inradius_mm for facet in shown) if is_complete else None,
-            "margin_deg": min(facet.border_deg for facet in shown) if is_complete else None,
+            **room,
             "asymmetry": die.asymmetry,
             "vertices": work.solid.points.tolist(),
             "down": list(die.facets[0].normal),
         }
     return {**result, "seconds": time.perf_counter() - started}
+
+
+def measure_facets(die: Result, faces: int) -> dict[str, float | None]:
+    """Smallest "inradius_mm" of the labeled facets of a die, and smallest "margin_deg", the angle
+    from a labeled facet's normal to the border of its basin; both None if a label has no facet.
+
+    faces: number of labels.
+    """
+    shown = [facet for facet in die.facets if facet.label is not None]
+    if len(shown) != faces:
+        return {"inradius_mm": None, "margin_deg": None}
+    return {
+        "inradius_mm": min(facet.inradius_mm for facet in shown),
+        "margin_deg": min(facet.border_deg for facet in shown),
+    }
 
 
 @dataclass

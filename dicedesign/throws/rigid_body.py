@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from functools import cache
-from typing import Final, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +56,11 @@ class RigidBody:
     rest_normals: Floats
     rest_heights: Floats
     barriers: Floats
+
+    def digest(self, *settings: Any) -> str:
+        """SHA-256 of the body and of settings of its throws."""
+        shape = self.vertices.tobytes() + self.moments.tobytes()
+        return hashlib.sha256(shape + repr(settings).encode()).hexdigest()
 
     @property
     def inertia(self) -> Floats:

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
-from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,6 @@ from scipy.stats import qmc
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.runtime.workers import in_order
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table
 from dicedesign.throws.throw_counts import CountedDie
@@ -129,7 +127,8 @@ def round_value(value: float) -> float:
 
 
 COUNTS: Final = "counts"
-"""Name of the rows of a checkpoint: counts of each die for each set of parameters."""
+"""Name of the rows of a checkpoint, before the number of the first set of parameters: counts of
+each die for each set."""
 
 
 def set_counts(
@@ -141,7 +140,7 @@ def set_counts(
     first: int,
     workers: Executor,
     checkpoint: Checkpoint,
-    progress: Callable[[int], None] | None,
+    progress: Callable[[int], object],
 ) -> list[Integers]:
     """Counts (n, g) of each die, thrown at n points of the unit cube of simulated sets.
 
@@ -159,16 +158,7 @@ def set_counts(
             partial(outcome_counts, die, table, drops, (seed, number, i))
             for i, die in enumerate(dice)
         ]
-    begun = first * len(dice)
-    known = list(checkpoint.rows(COUNTS)[begun : begun + len(tasks)])
-    came = []
-    for place, counts in enumerate(chain(known, in_order(tasks[len(known) :], workers))):
-        if place >= len(known):
-            checkpoint.add(COUNTS, [counts])
-        checkpoint.require(len(counts) == len(dice[place % len(dice)].labels))
-        came.append(counts)
-        if progress is not None:
-            progress(drops)
+    came = checkpoint.results(f"{COUNTS} {first}", tasks, workers, lambda _: progress(drops))
     return [np.array(came[die :: len(dice)], dtype=np.int64) for die in range(len(dice))]
 
 

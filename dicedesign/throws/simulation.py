@@ -9,7 +9,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.parts import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
-from dicedesign.runtime.workers import in_order
+from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.throws.distances import measure_variation
 from dicedesign.throws.engines import ENGINES, GRAVITY, advance, contact_of, require_engine
 from dicedesign.throws.momentum_model import MomentumModel
@@ -127,7 +127,8 @@ def simulate(
     engine: str = "native",
     orientations: Orientations = "uniform",
     workers: Executor | None = None,
-    progress: Callable[[int], None] | None = None,
+    checkpoint: Checkpoint | None = None,
+    progress: Callable[[int], object] = lambda _: None,
 ) -> Throws:
     """Simulate throws of a body.
 
@@ -137,6 +138,7 @@ def simulate(
     orientations: distribution of orientations at release.
     workers: run tasks of `DROPS_PER_TASK` drops; None runs them in this thread. A task whose worker
         is lost runs again.
+    checkpoint: finished tasks are read from it, new ones are added.
     progress: called with the number of drops of each finished task.
 
     Raises
@@ -155,12 +157,10 @@ def simulate(
     tasks = [
         partial(throw_task, body, table, numbers, seed, engine, orientations) for numbers in blocks
     ]
-    ended = (task() for task in tasks) if workers is None else in_order(tasks, workers)
-    outcomes = []
-    for outcome in ended:
-        outcomes.append(outcome)
-        if progress is not None:
-            progress(len(outcome))
+    series = body.digest(table, drops, seed, engine, orientations)
+    outcomes = (checkpoint or Checkpoint()).results(
+        series, tasks, workers, lambda outcome: progress(len(outcome))
+    )
     return Throws(
         table,
         engine,
@@ -221,14 +221,19 @@ class DieOnTable:
 
     @classmethod
     def of(
-        cls, solid: Body, center_of_mass: Floats | None, directions: Floats, table: Table
+        cls,
+        solid: Body,
+        center_of_mass: Floats | None,
+        directions: Floats,
+        table: Table,
+        outcome_of: Integers | None = None,
     ) -> DieOnTable:
-        """Die from a solid with center of mass (3,), or None for the uniform solid's, and outcomes
-        of directions (k, 3)."""
+        """Die from a solid with center of mass (3,), or None for the uniform solid's, and faces of
+        directions (f, 3). outcome_of: (f,) outcome that each shows; None for one outcome each."""
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
         sized = table.for_size(2e-3 * body.radius)
-        return cls(solid, body, poses, outcome_probabilities(poses, directions), sized)
+        return cls(solid, body, poses, outcome_probabilities(poses, directions, outcome_of), sized)
 
     def momentum(self, model: MomentumModel | None) -> Floats:
         """(k,) probabilities of the outcomes by a momentum model; None is without momentum."""
@@ -237,16 +242,26 @@ class DieOnTable:
         )
         return probabilities
 
-    def simulate(self, drops: int, seed: int, engine: str, workers: Executor) -> Throws:
-        """Simulate throws. Raises InputError if none of them came to rest."""
-        throws = simulate(self.body, self.table, drops, seed, engine=engine, workers=workers)
+    def simulate(self, drops: int, seed: int, **options: Any) -> Throws:
+        """Simulate throws with options of `simulate`. Raises InputError if none of them came to
+        rest."""
+        throws = simulate(self.body, self.table, drops, seed, **options)
         throws.require_rest()
         return throws
 
     def counts_on(
-        self, tables: Sequence[Table], drops: int, seed: int, engine: str, workers: Executor
+        self,
+        tables: Sequence[Table],
+        drops: int,
+        seed: int,
+        *,
+        engine: str,
+        workers: Executor,
+        checkpoint: Checkpoint,
+        progress: Callable[[int], object],
     ) -> list[Integers]:
-        """Counts (k + 1,) of throws onto each of several tables, with consecutive seeds."""
+        """Counts (k + 1,) of throws onto each of several tables, with consecutive seeds; for other
+        parameters see `simulate`."""
 
         def count_on(place: int) -> Integers:
             table = tables[place].for_size_above(self.table.size)
@@ -254,7 +269,9 @@ class DieOnTable:
 
         # Load the engine before threads do.
         require_engine(engine)
-        return list(workers.map(count_on, range(len(tables))))
+        tasks = [partial(count_on, place) for place in range(len(tables))]
+        series = self.body.digest(tables, drops, seed, engine)
+        return checkpoint.results(series, tasks, workers, lambda _: progress(drops))
 
     def counts(self, throws: Throws) -> Integers:
         """Counts (k + 1,) of the outcomes, and of throws that came to rest elsewhere."""

@@ -132,7 +132,7 @@ def check_table(
     seed: int,
     *,
     workers: Executor | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], object] = lambda _: None,
 ) -> tuple[DieCheck, ...]:
     """Simulate throws of each die on a table, and compare them with its counts.
 
@@ -276,7 +276,7 @@ def fit_table(
     others: Sequence[CountedDie] = (),
     workers: Executor,
     checkpoint: Checkpoint | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], object] = lambda _: None,
 ) -> TableFit:
     """Fit a table to counts of real dice.
 

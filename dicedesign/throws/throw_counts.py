@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 from collections.abc import Sequence
@@ -135,14 +134,10 @@ def read_rolled_die(folder: Path, rolls: Path) -> CountedDie:
 
 def throws_digest(dice: Sequence[CountedDie]) -> str:
     """SHA-256 of dice and their counts."""
-    digest = hashlib.sha256()
-    for die in dice:
-        digest.update(repr((die.name, die.size, die.labels)).encode())
-        for array in (die.counts, die.geometric, die.group_of_rest, *vars(die.body).values()):
-            if isinstance(array, np.ndarray):
-                digest.update(repr((array.dtype.str, array.shape)).encode())
-                digest.update(array.tobytes())
-    return digest.hexdigest()
+    names = ("name", "size", "labels", "counts", "geometric", "group_of_rest")
+    return " ".join(
+        die.body.digest([np.asarray(getattr(die, name)).tolist() for name in names]) for die in dice
+    )
 
 
 def _make_counted_die(

@@ -26,14 +26,14 @@ from dicedesign.view.viewport import Viewport
 __all__ = ["View", "serve_view"]
 
 _BLOCK_SIDES: Final = (1.0, 1.2, 0.8)
-"""Sides of the body on a page without a path."""
+"""Sides of the body on a page without a path, before the first die."""
 
 
 class View:
     """Page with its panels; `close` ends it. The first body is loaded before the page opens.
 
-    path: mesh, recipe, folder of a finished die, or folder of meshes; None shows a block. host,
-    port: address of the page; port 0 is any free port.
+    path: mesh, recipe, folder of a finished die, or folder of meshes; None designs a first die.
+    host, port: address of the page; port 0 is any free port.
 
     Raises InputError: the path, the host or the port cannot be used, or viser is not installed.
     """
@@ -51,7 +51,7 @@ class View:
         self.viewport = Viewport(self.page, body)
         panels: dict[str, Callable[[], object]] = {
             "Body": lambda: BodyPanel(self.viewport, source),
-            "New die": lambda: NewDiePanel(self.viewport),
+            "New die": lambda: NewDiePanel(self.viewport, begins=source is None),
         }
         for title in panels if source is not None else reversed(panels):
             with self.page.tabs.add_tab(title):
@@ -68,7 +68,7 @@ def _first_body(source: Source | None) -> ViewedBody:
     if source is None:
         corners = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
         return ViewedBody.of(make_body(corners * _BLOCK_SIDES, name="a block"))
-    with progress_bar("bodies", 1) as bar:
+    with progress_bar("body") as bar:
         body = source.load(source.names[0], bar.set_description_str)
     for note in body.poses.notes:
         print(f"note: {printable(note)}", file=sys.stderr)

@@ -10,9 +10,10 @@ from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.report.palette import BASINS
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.goodness_of_fit import chi_square
 from dicedesign.throws.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.simulation import throw_film
+from dicedesign.throws.simulation import simulate, throw_film
 from dicedesign.throws.tables import TABLE_NAMES, load_table
 from dicedesign.view.dragging import DragControls
 from dicedesign.view.motion import Motion, film_motion, release_motion, turn_motion
@@ -115,8 +116,31 @@ class ProbabilityControls:
 RELEASE: Final = "Let it go"
 THROW: Final = "Throw it"
 THROW_FROM_POSE: Final = "Throw from this pose"
+THROW_MANY: Final = "Throw 100"
 
 DEFAULT_TABLE: Final = "board-game"
+
+MANY: Final = 100
+
+FEW: Final = 5.0
+"""Expected count below which a chi-square test tells little."""
+
+UNLIKELY: Final = 0.05
+
+
+def describe_tally(counts: Integers, probabilities: Floats, table: str) -> str:
+    """Sentence on whether counts (k,) of throws agree with probabilities (k,)."""
+    throws = int(counts.sum())
+    expected = throws * float(probabilities[probabilities > 0.0].min())
+    if expected < FEW:
+        enough = FEW / float(probabilities[probabilities > 0.0].min())
+        return f"{throws} throws onto {table}; from about {enough:,.0f} on, a test can tell."
+    chance = chi_square(counts, probabilities).p_value
+    says = f"{throws} throws onto {table}; so far from these probabilities are "
+    says += f"{100.0 * chance:.2g} % of dice that have them (chi-square test): "
+    return says + (
+        "this die hardly has them." if chance < UNLIKELY else "nothing speaks against it."
+    )
 
 
 class MotionControls:
@@ -134,14 +158,18 @@ class MotionControls:
         )
         buttons = page.gui.add_button_group(
             "Watch",
-            (RELEASE, THROW, THROW_FROM_POSE),
+            (RELEASE, THROW, THROW_FROM_POSE, THROW_MANY),
             hint="It rolls without momentum, or is thrown from a random or its current orientation",
         )
         actions = {
             RELEASE: lambda: self._release(rng.normal(size=3)),
             THROW: lambda: self._throw(None),
             THROW_FROM_POSE: lambda: self._throw(viewport.down),
+            THROW_MANY: self._throw_many,
         }
+        self._tally = page.gui.add_html("")
+        self._counts: tuple[str, Integers] | None = None
+        viewport.on_change.append(lambda _: self._forget())
         buttons.on_click(lambda _: page.enqueue(actions[buttons.value]))
         viewport.on_direction = self._release
 
@@ -162,6 +190,32 @@ class MotionControls:
         self._viewport.page.start(
             lambda _: film_motion(throw_film(viewed.rigid, table, seed, down), viewed.center), show
         )
+
+    def _throw_many(self) -> None:
+        """Count simulated throws onto the chosen table, or onto one without momentum."""
+        viewed, name = self._viewport.viewed, self._probabilities.table or "carpet"
+        seed = int(self._rng.integers(2**31))
+
+        def count(_: Job) -> Integers:
+            throws = simulate(viewed.rigid, load_table(name), MANY, seed)
+            by_row = np.bincount(viewed.row_of_rest, throws.counts, len(viewed.rows))
+            return np.rint(by_row).astype(np.int64)
+
+        def show(counts: Integers) -> None:
+            if self._viewport.viewed is not viewed:
+                return
+            if self._counts is not None and self._counts[0] == name:
+                counts = counts + self._counts[1]
+            self._counts = name, counts
+            expected = viewed.throw_probabilities(momentum_model(name))
+            sentence = describe_tally(counts, expected, name)
+            rows = viewed.rows[:MAX_ROWS]
+            self._tally.content = html_part("tally", rows, counts.tolist(), BASINS, sentence)
+
+        self._viewport.page.start(count, show)
+
+    def _forget(self) -> None:
+        self._counts, self._tally.content = None, ""
 
     def _move(self, viewed: ViewedBody, motion: Motion, text: str) -> None:
         """Show a motion, and then the rest at its end after a text."""
@@ -187,11 +241,11 @@ class BodyPanel:
             file = page.gui.add_dropdown("File", source.names)
             file.on_update(lambda _: page.enqueue(lambda: self._load(source, file.value), "file"))
         probabilities = ProbabilityControls(viewport)
+        with page.gui.add_folder("Watch it"):
+            MotionControls(viewport, probabilities)
         with page.gui.add_folder("Change it"):
             DragControls(viewport)
             save = page.gui.add_button("Download STL", hint="Current hull")
-        with page.gui.add_folder("Watch it"):
-            MotionControls(viewport, probabilities)
         save.on_click(lambda event: page.enqueue(lambda: self._save(event.client)))
 
     def _load(self, source: Source, name: str) -> None:

@@ -17,6 +17,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import FEWEST_FACETS, Start
+from dicedesign.optimize.targets import Target
 from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
 from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import Recipe
@@ -77,7 +78,7 @@ class DieRequest:
             options["perturbation"] = 0.0
         entries: dict[str, Any] = {"name": self.name, "seed": self.seed, "target": self.target}
         if not is_exact and not start:
-            outcomes = len(parse_recipe(entries).target.target().labels)
+            outcomes = len(parse_recipe(entries).target.target().face_labels)
             start = {"repulsion" if outcomes >= FEWEST_FACETS else "prism": {}}
         entries["start"] = start or {"search": {}}
         return parse_recipe(entries | {"method": {self.method: options}})
@@ -94,14 +95,14 @@ class DesignedShape:
     Attributes
     ----------
     hull: convex hull.
-    directions: (k, 3) directions of the outcomes, in the order of the target.
-    target: (k,) target probabilities.
+    directions: (f, 3) directions of the labeled faces, in the order of the target.
+    target: their labels and probabilities.
     terms: weighted terms of the energy of the step, by name.
     """
 
     hull: ConvexHull
     directions: Floats
-    target: Floats
+    target: Target
     terms: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
@@ -112,12 +113,12 @@ class DesignedShape:
     @cached_property
     def outcomes(self) -> OutcomeProbabilities:
         """Probabilities of the outcomes and of all other rests."""
-        return outcome_probabilities(self.poses, self.directions)
+        return outcome_probabilities(self.poses, self.directions, self.target.outcome_of_face)
 
     @property
     def error(self) -> float:
         """Largest |p - q|, or the probability of all other rests if that is larger."""
-        return self.outcomes.error(self.target)
+        return self.outcomes.error(self.target.probabilities)
 
     def equals(self, other: DesignedShape) -> bool:
         """Whether the corners and the directions of the outcomes are equal up to rounding."""
@@ -183,14 +184,14 @@ class DesignSession:
             return "failed" if self.message else "paused"
 
     @property
-    def target(self) -> Floats:
-        """(k,) target probabilities."""
-        return self.recipe.target.target().probabilities
+    def target(self) -> Target:
+        """Labeled faces and their target probabilities."""
+        return self.recipe.target.target()
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Labels of the outcomes."""
-        return self.recipe.target.target().labels
+        return self.target.labels
 
     @property
     def shape(self) -> DesignedShape | None:
@@ -235,10 +236,10 @@ class DesignSession:
         Raises InputError: the request cannot be used, or has other outcomes; then nothing changes.
         """
         recipe = request.recipe(from_shape=bool(self.shapes))
-        labels = recipe.target.target().labels
-        if self.shapes and labels != self.labels:
+        labels, own = recipe.target.target().face_labels, self.target.face_labels
+        if self.shapes and labels != own:
             raise InputError(
-                f"target: expected the labels of this die, {', '.join(self.labels)}, got "
+                f"target: expected the labels of this die, {', '.join(own)}, got "
                 f"{', '.join(labels)}; press Reset first"
             )
         for label in request.pinned:
@@ -248,9 +249,9 @@ class DesignSession:
                 )
         with self._turn:
             if request != self.request:
-                before = self.target
+                before = self.target.face_probabilities
                 self.request, self.recipe = request, recipe
-                if not np.array_equal(before, self.target):
+                if not np.array_equal(before, self.target.face_probabilities):
                     self.shapes = tuple(replace(s, target=self.target) for s in self.shapes)
                 self._outdate()
         self.on_change()
@@ -258,20 +259,27 @@ class DesignSession:
     def swap(self, first: str, second: str) -> None:
         """Swap two labels; pinned facets stay pinned. `undo` reverts it.
 
-        Raises InputError: a label is unknown, or there is no shape yet.
+        Raises InputError: a label is unknown, one has more faces than the other, or there is no
+        shape yet.
         """
         for label in (first, second):
             if label not in self.labels:
                 raise InputError(
                     f"label: expected one of {', '.join(self.labels)}, got {label!r}; correct it"
                 )
-        pair = [self.labels.index(first), self.labels.index(second)]
+        of_face = np.array(self.target.face_labels)
+        faces, others = np.flatnonzero(of_face == first), np.flatnonzero(of_face == second)
+        if len(faces) != len(others):
+            raise InputError(
+                f"label: expected one with as many faces as {first!r}, {len(faces)}, got "
+                f"{second!r} with {len(others)}; choose another"
+            )
         with self._turn:
             shape = self.shape
             if shape is None:
                 raise InputError("label: expected a shape with labels, got none yet; design one")
             directions = shape.directions.copy()
-            directions[pair] = directions[pair[::-1]]
+            directions[faces], directions[others] = directions[others], directions[faces].copy()
             swapped = {first: second, second: first}
             pinned = tuple(swapped.get(label, label) for label in self.request.pinned)
             self.request = replace(self.request, pinned=pinned)
@@ -361,7 +369,7 @@ class DesignSession:
             if next_shape is None:
                 # The solver returned to an earlier shape; the final design has it.
                 return
-            shape = DesignedShape(*next_shape, target.probabilities, step.terms)
+            shape = DesignedShape(*next_shape, target, step.terms)
             previous, before, next_shape = before, None, None
             if previous is None or not shape.equals(previous):
                 with self._turn:
@@ -381,7 +389,8 @@ class DesignSession:
         if origin is None:
             run_stages(work, last="design")
         else:
-            pinned = tuple(target.labels.index(label) for label in request.pinned)
+            labels = enumerate(target.face_labels)
+            pinned = tuple(face for face, label in labels if label in request.pinned)
             work.start = Start(origin.hull.vertices, origin.directions, pinned=pinned)
             run_stages(work, after="start", last="design")
         return work.die

@@ -34,14 +34,14 @@ class DragControls:
 
     def __init__(self, viewport: Viewport) -> None:
         self._viewport, page = viewport, viewport.page
-        self._target = CENTER
+        self._target = NOTHING
         self._facet, self._corner = 0, 0
         self._base: ViewedBody | None = None
         self._first = viewport.viewed
         self._history: deque[ViewedBody] = deque(maxlen=MAX_UNDO_STEPS)
         target = page.gui.add_dropdown(
             "Drag",
-            (CENTER, CORNER, FACET, NOTHING),
+            (NOTHING, CENTER, CORNER, FACET),
             hint="Pull the arrows in the picture. Click the body to choose a corner or a facet.",
         )
         field: Any = page.gui.add_vector3(

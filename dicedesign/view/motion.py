@@ -15,12 +15,12 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.simulation import Film
 from dicedesign.view.viewed_body import ViewedBody
 
-BODY_POSITION: Final = np.array([-1.3, 0.0, 0.0])
+BODY_POSITION: Final = np.array([-0.9, 0.0, 0.0])
 """Position of the body on the floor, in the scene."""
 
-SPHERE_POSITION: Final = np.array([1.3, 0.0, 1.0])
+SPHERE_POSITION: Final = np.array([1.1, 0.0, 0.5])
 
-SPHERE_RADIUS: Final = 0.95
+SPHERE_RADIUS: Final = 0.45
 
 
 @dataclass(frozen=True)

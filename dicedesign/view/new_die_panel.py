@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.body import body_of, make_body
 from dicedesign.optimize.options import PaperWeights, legible
@@ -18,26 +20,29 @@ from dicedesign.runtime.registry import Number
 from dicedesign.view.design_session import DesignedShape, DesignSession, DieRequest
 from dicedesign.view.page import Job, Page, html_part
 from dicedesign.view.printable_die import PrintableDie, make_printable
-from dicedesign.view.viewed_body import Outcomes, ViewedBody
+from dicedesign.view.viewed_body import ViewedBody, outcomes_of
 from dicedesign.view.viewport import Viewport
 
 if TYPE_CHECKING:
-    from viser import ClientHandle
+    from viser import ClientHandle, GuiEvent
 
 __all__ = ["PRESETS", "NewDiePanel"]
 
 PRESETS: Final = {
-    "Two dice in one (2d6)": ("sum_of_dice: [6, 6]", ""),
-    "Two small dice in one (2d4)": ("sum_of_dice: [4, 4]", ""),
-    "Fair, 3 sides": ("fair: 3", ""),
-    "Fair, 5 sides": ("fair: 5", ""),
-    "Fair, 7 sides": ("fair: 7", ""),
+    "Two dice in one (2d6)": ("2d6", ""),
+    "Two small dice in one (2d4)": ("2d4", ""),
+    "Fair, 3 sides": ("d3", ""),
+    "Fair, 5 sides": ("d5", ""),
+    "Fair, 7 sides": ("d7", ""),
     "Heads of 4 coins (binomial)": ("binomial: 4", ""),
     "A coin that can stand": ("1/2, 1/3, 1/6", "heads, tails, edge"),
-    "Loaded: 6 twice as often": ("1/7, 1/7, 1/7, 1/7, 1/7, 2/7", ""),
-    "Yes, no, perhaps": ("0.45, 0.45, 0.1", "yes, no, perhaps"),
+    "Loaded: 6 twice as often": ("1:1:1:1:1:2", ""),
+    "Yes, no, perhaps": ("45%, 45%, 10%", "yes, no, perhaps"),
 }
 """Texts of the fields for probabilities and labels, by title; empty labels are numbers."""
+
+OWN: Final = "Your own"
+"""Title in the menu of fields that no preset has."""
 
 METHODS: Final = {"exact": "exact", "the paper's descent": "paper"}
 
@@ -143,15 +148,16 @@ def session_html(session: DesignSession, selected: int | None) -> str:
     """
     shape, state = session.shape, session.state
     texts = {"running": "designing", "paused": "paused" if shape else "nothing designed yet"}
-    facts = [texts.get(state, ""), session.message]
+    is_done = session.status is Status.CONVERGED
+    facts = [texts.get(state, ""), "done" if is_done else session.message]
     longest = 1.0
     if state == "running" and session.starts > 1:
         facts.append(f"starting shape {session.starts}")
     if shape is not None:
         facts.append(f"step {len(session.shapes) - 1}")
-        facts.append(f"largest error of a probability {100.0 * shape.error:.3g} %")
-        longest = float(max(shape.outcomes.probabilities.max(), shape.target.max()))
-    is_error = state == "failed" or session.status not in (None, Status.CONVERGED)
+        facts.append(f"the probabilities are right to {html_part('accuracy', shape.error)}")
+        longest = float(max(shape.outcomes.probabilities.max(), shape.target.probabilities.max()))
+    is_error = state == "failed" or not (is_done or session.status is None)
     return html_part(
         "session", session, list(filter(None, facts)), is_error, BASINS, longest, selected
     )
@@ -255,9 +261,12 @@ def _parse_size(text: str) -> float | None:
 
 
 class NewDiePanel:
-    """Tab with the fields, buttons and tables of a design; the viewport shows its shape."""
+    """Tab with the fields, buttons and tables of a design; the viewport shows its shape.
 
-    def __init__(self, viewport: Viewport) -> None:
+    begins: design the first die of the menu at once.
+    """
+
+    def __init__(self, viewport: Viewport, *, begins: bool = False) -> None:
         self._viewport, page = viewport, viewport.page
         self._session: DesignSession | None = None
         self._shape: DesignedShape | None = None
@@ -265,11 +274,11 @@ class NewDiePanel:
         self._panel_body: ViewedBody | None = None
         self._selected: int | None = None
         probabilities, labels = next(iter(PRESETS.values()))
-        preset = page.gui.add_dropdown("Die", tuple(PRESETS))
+        self._preset: Any = page.gui.add_dropdown("Die", (*PRESETS, OWN))
         self._probabilities: Any = page.gui.add_text(
             "Probabilities",
             probabilities,
-            hint="1/2, 1/3, 1/6; or fair: 7, binomial: 4, sum_of_dice: [6, 6]",
+            hint="1/2, 1/3, 1/6; or 50%, 30%, 20%; or d7, 2d6, 4dF, binomial: 4",
         )
         self._labels: Any = page.gui.add_text(
             "Labels", labels, hint="one for each, commas between them; empty: 1, 2, ..."
@@ -282,9 +291,7 @@ class NewDiePanel:
         self._state, self._change_error = page.gui.add_html(""), page.gui.add_html("")
         self._downloads = DownloadControls(page, lambda: self._session, self._show_printable)
         self._options = OptionControls(page, self._apply_options)
-        preset.on_update(
-            lambda event: page.enqueue(lambda: self._fill(*PRESETS[event.target.value]), "preset")
-        )
+        self._preset.on_update(lambda event: page.enqueue(lambda: self._choose(event), "preset"))
         for text in (self._probabilities, self._labels):
             text.on_update(lambda _: page.enqueue(self._read_request, "target"))
         design.on_click(lambda _: page.enqueue(self._advance))
@@ -299,6 +306,14 @@ class NewDiePanel:
         page.on_action("pin", self._toggle_pin)
         page.on_action("label", self._click_label)
         page.on_close.append(lambda: self._with_session(DesignSession.close))
+        if begins:
+            page.enqueue(self._advance)
+
+    def _choose(self, event: GuiEvent[Any]) -> None:
+        """Design the die that somebody chose in the menu."""
+        if event.client is not None and self._preset.value != OWN:
+            self._fill(*PRESETS[self._preset.value])
+            self._advance()
 
     def _fill(self, probabilities: str, labels: str) -> None:
         self._probabilities.value, self._labels.value = probabilities, labels
@@ -308,10 +323,18 @@ class NewDiePanel:
         """Fill the fields with the target of another die in view."""
         outcomes = viewed.outcomes
         if viewed is not self._panel_body and outcomes is not None and outcomes.target is not None:
-            self._fill(format_probabilities(outcomes.target.tolist()), ", ".join(outcomes.labels))
+            shares, labels = outcomes.target, outcomes.labels
+            if outcomes.outcome_of is not None:
+                faces = outcomes.outcome_of
+                shares = (shares / np.bincount(faces))[faces]
+                labels = tuple(labels[outcome] for outcome in faces.tolist())
+            quoted = (f'"{label}"' if "," in label else label for label in labels)
+            self._fill(format_probabilities(shares.tolist()), ", ".join(quoted))
 
     def _read_request(self) -> DieRequest | None:
         """Read the fields; return None and show the error if they are not valid."""
+        fields = self._probabilities.value, self._labels.value
+        self._preset.value = next((name for name in PRESETS if PRESETS[name] == fields), OWN)
         try:
             labels = self._labels.value.strip()
             target = parse_target(self._probabilities.value, labels or None)
@@ -404,7 +427,7 @@ class NewDiePanel:
         self._shape = shape = session.shape
         body = ViewedBody.of(
             make_body(shape.hull.vertices, name="new die"),
-            outcomes=Outcomes(session.labels, shape.directions, shape.target),
+            outcomes=outcomes_of(shape.target, shape.directions),
             poses=shape.poses,
         )
         was_in_view = self._viewport.viewed is self._shape_body
@@ -413,16 +436,16 @@ class NewDiePanel:
             self._viewport.update(body)
         else:
             self._viewport.show(body)
-        rest = body.rows[int(shape.target.argmax())].rest
+        rest = body.rows[int(shape.target.probabilities.argmax())].rest
         self._viewport.put(body.poses.transforms[max(rest, 0)])
 
     def _show_printable(self, die: PrintableDie) -> None:
         """Show the die with its labels."""
-        target = die.work.target
+        work = die.work
         self._panel_body = ViewedBody.of(
-            body_of(die.work.finished, die.work.recipe.name),
-            outcomes=Outcomes(target.labels, die.work.die.directions, target.probabilities),
-            poses=die.work.final.poses,
+            body_of(work.finished, work.recipe.name),
+            outcomes=outcomes_of(work.target, work.die.directions),
+            poses=work.final.poses,
         )
         self._viewport.show(self._panel_body)
 

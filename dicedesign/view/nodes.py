@@ -166,7 +166,7 @@ class Sphere:
 
     def update(self, viewed: ViewedBody) -> None:
         """Show the basins and the Morse-Smale complex of a body."""
-        poses, rows = viewed.poses, viewed.rows
+        poses = viewed.poses
         colors = COLORS[_color_of_rest(viewed)]
         if self._hull is not poses.hull:
             self._hull, self._lowest = poses.hull, lowest_corners(poses.hull, DIRECTIONS)
@@ -175,9 +175,8 @@ class Sphere:
         for kind, node in self._points.items():
             node.points = 1.025 * SPHERE_RADIUS * getattr(poses.morse, kind)
         self._labels.show(
-            (row.label, 1.06 * SPHERE_RADIUS * poses.normals[row.rest])
-            for row in rows[:MAX_LABELS]
-            if row.rest >= 0
+            (label, 1.06 * SPHERE_RADIUS * poses.normals[rest])
+            for label, rest in viewed.labeled_rests[:MAX_LABELS]
         )
 
     def point_down(self, down: Floats) -> None:
@@ -263,17 +262,29 @@ class BodyNodes:
             for number, color in enumerate(COLORS.tolist())
         ]
         self._center = scene.add_icosphere("/body/center", 0.045, color=_DARK)
+        self._engraved: tuple[Floats, Integers, dict[int, Integers]] | None = None
+        self._blank = scene.add_mesh_simple(
+            "/body/blank", *EMPTY_MESH, color=_HULL_COLOR, flat_shading=True, visible=False
+        )
         self._labels = _Labels(scene, "/body", "center-center")
 
-    def show_mesh(self, points: Floats | None, triangles: Integers | None) -> None:
-        """Show a mesh, points (n, 3) in the scene, in a transparent hull; None shows no mesh."""
-        has_mesh = points is not None
-        if points is not None and triangles is not None:
+    def show_mesh(self, mesh: Mesh | None, viewed: ViewedBody) -> None:
+        """Show a mesh, points (n, 3) in the scene, in a transparent hull; None shows no mesh.
+
+        An engraved die has its facets in color instead, and its labels in ink.
+        """
+        self._engraved = None
+        if mesh is not None:
+            points, triangles = mesh
+            self._engraved = split_engraved(mesh, viewed)
+            if self._engraved is not None:
+                triangles = self._engraved[1]
             _set_mesh(self._mesh, points, triangles)
-        self._mesh.visible = has_mesh
-        self._hull.opacity = 0.25 if has_mesh else None
+        is_inked = self._engraved is not None
+        self._mesh.visible, self._mesh.color = mesh is not None, _DARK if is_inked else _PALE
+        self._hull.opacity = None if mesh is None else 0.0 if is_inked else 0.25
         for node in self._rests:
-            node.opacity = 0.5 if has_mesh else None
+            node.opacity = None if mesh is None or is_inked else 0.5
 
     def on_click(self, on_ray: OnRay | None) -> None:
         """Call a function with the ray of each click on the hull; None lets the mouse through."""
@@ -295,17 +306,66 @@ class BodyNodes:
         for color, node in enumerate(self._rests):
             colored_facets = facets[colors == color].tolist()
             node.visible = len(colored_facets) > 0
-            if colored_facets:
+            if colored_facets and self._engraved is not None:
+                mesh, _, triangles_of = self._engraved
+                parts = [triangles_of[facet] for facet in colored_facets if facet in triangles_of]
+                node.visible = len(parts) > 0
+                if parts:
+                    _set_mesh(node, mesh, np.concatenate(parts))
+            elif colored_facets:
                 _set_mesh(node, *_raise_facets(hull, points, colored_facets))
+        self._blank.visible = False
+        if self._engraved is not None:
+            mesh, _, triangles_of = self._engraved
+            parts = [own for facet, own in triangles_of.items() if facet not in facets]
+            self._blank.visible = len(parts) > 0
+            if parts:
+                _set_mesh(self._blank, mesh, np.concatenate(parts))
         # Engraved labels stay visible.
         has_engraving = viewed.outcomes is not None and self._mesh.visible
-        rows = viewed.rows[: 0 if has_engraving else MAX_LABELS]
         self._labels.show(
-            (row.label, points[facet_vertices(hull, facet)].mean(axis=0) + 0.03 * normal)
-            for row in rows
-            if row.rest >= 0
-            for facet, normal in [(facets[row.rest], viewed.poses.normals[row.rest])]
+            (label, points[facet_vertices(hull, facets[rest])].mean(axis=0) + 0.03 * normal)
+            for label, rest in viewed.labeled_rests[: 0 if has_engraving else MAX_LABELS]
+            for normal in [viewed.poses.normals[rest]]
         )
+
+
+MOST_PAIRS: Final = 20_000_000
+"""Limit on triangles times facets of a die that is split into its colors."""
+
+DEEPEST: Final = 0.15
+"""Largest depth of a label below its facet, over the radius of the die."""
+
+LEAST_FILLED: Final = 0.9
+"""Part of its hull that an engraved convex die fills."""
+
+FLUSH: Final = 1e-4
+"""Distance from a facet's plane over the radius of the die, up to which a triangle is on it."""
+
+
+def split_engraved(
+    mesh: Mesh, viewed: ViewedBody
+) -> tuple[Floats, Integers, dict[int, Integers]] | None:
+    """Mesh of an engraved convex die: its points (n, 3), the triangles (t, 3) of its labels, and
+    those on each facet; None for other bodies."""
+    points, triangles = mesh
+    hull, surface = viewed.hull, viewed.shape.body.surface
+    source = viewed.shape.body.points
+    is_decimated = len(points) != len(source)
+    if viewed.outcomes is None or is_decimated or len(triangles) * len(hull.normals) > MOST_PAIRS:
+        return None
+    if surface.volume < LEAST_FILLED * hull.surface.volume:
+        return None
+    middles = source[triangles].mean(axis=1)
+    depths = hull.heights(np.zeros(3)) - middles @ hull.normals.T
+    facet, radius = depths.argmin(axis=1), float(np.ptp(source, axis=0).max()) / 2.0
+    is_flush = depths.min(axis=1) <= FLUSH * radius
+    if depths.min(axis=1).max() > DEEPEST * radius or not is_flush.any():
+        return None
+    triangles_of = {
+        int(each): triangles[is_flush & (facet == each)] for each in np.unique(facet[is_flush])
+    }
+    return points, triangles[~is_flush], triangles_of
 
 
 def _color_of_rest(viewed: ViewedBody) -> Integers:

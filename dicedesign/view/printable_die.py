@@ -19,7 +19,7 @@ from dicedesign.optimize.starts.shapes import mesh_start
 from dicedesign.recipe.output import die_contents
 from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
 from dicedesign.recipe.reading import parse_recipe, recipe_text
-from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.parts import Status
 from dicedesign.tolerances import SAME_REST_ANGLE
 from dicedesign.view.design_session import SHAPE_FILE, DesignedShape, DesignSession
@@ -112,6 +112,7 @@ def make_printable(
         error=shape.error,
         steps=(),
         terms=shape.terms,
+        outcome_of=shape.target.outcome_of_face,
     )
     run_stages(work, after="design", last="throws")
     return PrintableDie(work, shape, needs_shape)
@@ -122,7 +123,7 @@ def _shape_entries(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
 
     Raises InputError: the rests of the outcomes are not the most probable ones.
     """
-    labels, hull = recipe.target.target().labels, shape.hull
+    labels, hull = recipe.target.target().face_labels, shape.hull
     start = mesh_start(body_of(hull.surface), len(labels))
     angles = angle_between(start.directions[:, None], shape.directions[None])
     nearest = angles.argmin(axis=1)
@@ -141,4 +142,6 @@ def _shape_entries(shape: DesignedShape, recipe: Recipe) -> dict[str, Any]:
         "start": {"mesh": {"path": SHAPE_FILE}},
         "assignment": [labels[outcome] for outcome in nearest],
         "method": method,
+        # Of many shapes, this is the one.
+        "symmetry": "none" if recipe.symmetry in (None, AUTO) else recipe.symmetry,
     }

@@ -220,8 +220,9 @@ def _respond(
     Returns a response of `websockets`, or None to accept a WebSocket.
     """
     headers = request.headers
-    path = gate.strip_token(request.path)
-    if path is None or not gate.admits(headers.get("Host"), headers.get("Origin")):
+    path, hosts = gate.strip_token(request.path), headers.get_all("Host")
+    host = hosts[0] if len(hosts) == 1 else None
+    if path is None or not gate.admits(host, headers.get("Origin")):
         return connection.respond(403, "Open the complete address that dicedesign printed.\n")
     if headers.get("Upgrade", "").lower() == "websocket":
         return None

@@ -19,7 +19,7 @@ from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT, Result, Step
-from dicedesign.view.viewed_body import Outcomes, ViewedBody
+from dicedesign.view.viewed_body import Outcomes, ViewedBody, outcomes_of
 
 __all__ = ["Source", "open_source"]
 
@@ -74,15 +74,16 @@ def _load_die(result: Result) -> ViewedBody:
     assert result.folder is not None
     engraved = result.printed_probabilities is not result.probabilities and "die" in result.files
     path = result.folder / result.files["die"] if engraved else result.plain_file
-    # The most probable facet of an outcome comes first.
-    directions = dict(reversed(result.outcome_normals))
+    faces = [facet for facet in result.facets if facet.label is not None]
     target = dict(zip(result.labels, result.target, strict=True))
-    labels = tuple(label for label in result.labels if label in directions)
+    shown = {facet.label for facet in faces}
+    labels = tuple(label for label in result.labels if label in shown)
     outcomes = Outcomes(
         labels,
-        np.array([directions[label] for label in labels]).reshape(-1, 3),
+        np.array([facet.normal for facet in faces]).reshape(-1, 3),
         np.array([target[label] for label in labels]),
         result.prior,
+        np.array([labels.index(facet.label) for facet in faces], dtype=np.int64),
     )
     center = None if engraved else np.array(result.center_of_mass)
     return ViewedBody.of(read_body(path), center, outcomes, name=result.name)
@@ -104,7 +105,5 @@ def _design(recipe: Recipe, on_progress: OnProgress) -> ViewedBody:
     if work.engraved is not None and work.engraved.assessment is not None:
         solid = work.engraved
     body = body_of(solid, recipe.name)
-    outcomes = Outcomes(
-        work.target.labels, work.die.directions, work.target.probabilities, work.die.prior
-    )
+    outcomes = outcomes_of(work.target, work.die.directions, work.die.prior)
     return ViewedBody.of(body, work.solid.center_of_mass, outcomes)

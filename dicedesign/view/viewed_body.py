@@ -12,6 +12,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
+from dicedesign.optimize.targets import Target
 from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
@@ -91,15 +92,23 @@ class Outcomes:
     Attributes
     ----------
     labels: labels of the k outcomes.
-    directions: (k, 3) unit vectors in the frame of the body, down when the die shows the outcomes.
+    directions: (f, 3) unit vectors in the frame of the body, down on the labeled faces.
     target: (k,) target probabilities, or None.
     prior: distribution of the orientation at release; None is uniform.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     labels: tuple[str, ...]
     directions: Floats
     target: Floats | None = None
     prior: Prior | str | None = None
+    outcome_of: Integers | None = None
+
+
+def outcomes_of(target: Target, directions: Floats, prior: Prior | None = None) -> Outcomes:
+    """Outcomes of a design, with directions (f, 3) of the faces in the order of the target."""
+    wanted = target.probabilities
+    return Outcomes(target.labels, directions, wanted, prior, target.outcome_of_face)
 
 
 @dataclass(frozen=True)
@@ -212,7 +221,8 @@ class ViewedBody:
     @cached_property
     def _outcome_probabilities(self) -> OutcomeProbabilities:
         assert self.outcomes is not None
-        return outcome_probabilities(self.poses, self.outcomes.directions)
+        faces = self.outcomes.directions, self.outcomes.outcome_of
+        return outcome_probabilities(self.poses, *faces)
 
     @cached_property
     def row_of_rest(self) -> Integers:
@@ -233,10 +243,11 @@ class ViewedBody:
             )
         labels, target = self.outcomes.labels, self.outcomes.target
         outcomes = self._outcome_probabilities
+        rests = dict(reversed(self.labeled_rests))
         columns = zip(
             labels,
             range(len(labels)),
-            outcomes.main.tolist(),
+            [rests.get(label, -1) for label in labels],
             outcomes.probabilities.tolist(),
             [None] * len(labels) if target is None else target.tolist(),
             strict=True,
@@ -246,6 +257,18 @@ class ViewedBody:
         if len(others):
             rows.append(ProbabilityRow(ELSEWHERE, len(rows), int(others[0]), outcomes.elsewhere))
         return tuple(rows)
+
+    @cached_property
+    def labeled_rests(self) -> tuple[tuple[str, int], ...]:
+        """Label and rest of each face, the most probable first; of a body without outcomes, those
+        of each rest by number."""
+        if self.outcomes is None:
+            return tuple((row.label, row.rest) for row in self.rows)
+        of_face = self.outcomes.outcome_of
+        faces = range(len(self.outcomes.directions)) if of_face is None else of_face.tolist()
+        pairs = zip(faces, self._outcome_probabilities.main.tolist(), strict=True)
+        found = [(self.outcomes.labels[outcome], rest) for outcome, rest in pairs if rest >= 0]
+        return tuple(sorted(found, key=lambda pair: pair[1]))
 
     @cached_property
     def rigid(self) -> RigidBody:

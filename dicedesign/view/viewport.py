@@ -20,6 +20,10 @@ __all__ = ["Viewport"]
 
 AMBIENT_LIGHT: Final = 1.2
 
+PHONE_CAMERA: Final = (-0.9, -9.0, 2.6), (-0.9, 0.0, -1.0)
+"""Position and target of the camera on a screen that is taller than wide: the body in its upper
+half."""
+
 FRAME_SECONDS: Final = 1.0 / 50.0
 """Time between two poses of a motion."""
 
@@ -60,7 +64,13 @@ class Viewport:
         self._body = BodyNodes(scene)
         self._sphere.on_click(lambda *ray: page.enqueue(lambda: self._click_sphere(*ray)))
         camera = page.server.initial_camera
-        camera.position, camera.look_at, camera.fov = (0.7, -8.4, 3.9), (0.7, 0.0, 0.7), 0.75
+        camera.position, camera.look_at, camera.fov = (1.0, -5.3, 2.8), (1.0, 0.0, 0.75), 0.75
+
+        @page.server.on_client_connect
+        def _(client: Any) -> None:
+            # A phone has its panel in the lower half.
+            if client.camera.aspect < 1.0:
+                client.camera.position, client.camera.look_at = PHONE_CAMERA
 
     def enable_clicks(self, enabled: bool) -> None:
         """Let the hull take clicks, or let the mouse through to objects inside it."""
@@ -138,11 +148,11 @@ class Viewport:
     def _show_mesh(self, viewed: ViewedBody) -> None:
         shape = viewed.shape
         points, triangles = shape.body.points, shape.body.triangles
-        self._body.show_mesh(None, None)
+        self._body.show_mesh(None, viewed)
         if triangles is None or viewed.is_dragged or shape.is_convex:
             return
         if len(triangles) <= MAX_DRAWN_TRIANGLES:
-            self._body.show_mesh(self.frame.to_scene(points), triangles)
+            self._body.show_mesh((self.frame.to_scene(points), triangles), viewed)
             return
 
         def work(job: Job) -> Any:
@@ -151,7 +161,7 @@ class Viewport:
 
         def show(mesh: Any) -> None:
             if self.viewed.shape is shape:
-                self._body.show_mesh(self.frame.to_scene(mesh[0]), mesh[1])
+                self._body.show_mesh((self.frame.to_scene(mesh[0]), mesh[1]), viewed)
 
         self.page.start(work, show)
 

@@ -135,41 +135,6 @@ def test_a_table_has_one_set_of_options(
     assert out.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "--out: expected the path of a table that ends in .csv or .parquet, got none; a"),
-        (["--out", "t.xlsx"], "--out: expected the path of a table that ends in .csv or .parquet,"),
-        (
-            ["--out", "t.csv", "--coplanar-tolerance", "nan"],
-            "--coplanar-tolerance: expected a number in [0, 1), got nan",
-        ),
-        (["--out", "gone/t.csv"], "gone/t.csv: expected to write a file in an existing"),
-        (["--out", "t.csv", "--json"], "--json: expected one mesh, got the folder meshes"),
-        (["--out", "t.csv", "--jobs", "0"], "--jobs: expected a whole number above 0, got 0"),
-        (["--out", "t.csv", "--scheduler", "far"], "--scheduler: expected an address such as tcp"),
-        (["--out", "other.csv"], "other.csv: expected a table of an earlier run or no file, but"),
-    ],
-)
-def test_bad_input_is_one_line(
-    meshes: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    message: str,
-) -> None:
-    monkeypatch.chdir(meshes.parent)
-    Path("other.csv").write_text("something else\n")
-    assert main(["rest", "meshes", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    *notes, last = captured.err.splitlines()
-    assert last.startswith(f"dicedesign: {message}")
-    assert all(line.startswith("note: ") for line in notes)
-    assert sorted(path.name for path in Path().iterdir()) == ["meshes", "other.csv"]
-    assert Path("other.csv").read_text() == "something else\n"
-
-
 def test_folders_without_meshes_and_tables_of_other_folders(
     meshes: Path, tmp_path: Path, analyzed_files: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

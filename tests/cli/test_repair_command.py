@@ -59,6 +59,27 @@ def test_a_sound_mesh_is_written_unchanged(
     assert not (tmp_path / "copy_repair.png").exists()
 
 
+def test_where_a_repaired_mesh_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    original = bumpy_sphere(1)
+    path = write_obj(Path("a.obj"), original.points, original.triangles)
+    data = path.read_bytes()
+    Path("link.obj").symlink_to("a.obj")
+    Path("folder").mkdir()
+    for out in ("a.obj", "link.obj", "new/a.foo", "new/a"):
+        assert main(["repair", "a.obj", "--out", out]) == 2
+        assert out in capsys.readouterr().err
+    assert main(["repair", "a.obj", "b.obj", "--out", "c.obj"]) == 2
+    assert {each.name for each in tmp_path.iterdir()} == {"a.obj", "link.obj", "folder"}
+    assert path.read_bytes() == data
+    for arguments in ([], ["--out", "folder"], ["--out", "new/deep/a.stl"]):
+        assert main(["repair", "a.obj", *arguments]) == 0
+    written = ("a_repaired.obj", "folder/a_repaired.obj", "new/deep/a.stl")
+    assert all(Path(each).is_file() for each in written)
+
+
 def test_a_missing_extra(tmp_path: Path) -> None:
     original = bumpy_sphere(1)
     broken = write_obj(tmp_path / "broken.obj", original.points, original.triangles[5:])

@@ -19,6 +19,13 @@ CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)
 NORMALS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
+def roof(degrees: float) -> np.ndarray:
+    """Corners of a cube whose lower side is bent: two rests at an angle in degrees."""
+    rise = np.tan(np.radians(degrees / 2.0))
+    raised = CORNERS + np.array([0.0, 0.0, rise]) * (CORNERS[:, 2:] < 0.0)
+    return np.concatenate([raised, [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0]]])
+
+
 def dented_cube(depth: float = 0.1) -> Surface:
     """Fair d6: a cube of side 2 around the origin, with a pyramid cut out of each side."""
     points = np.concatenate([CORNERS, (1.0 - depth) * NORMALS])

@@ -85,7 +85,7 @@ def test_a_checkpoint_is_read_back_to_the_last_bit(with_best: bool, tmp_path: Pa
 
 def test_missing_damaged_and_foreign_checkpoints_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.npz"
-    with pytest.raises(InputError, match="got none; run without --resume to begin"):
+    with pytest.raises(InputError, match="got none; run without --resume to start"):
         read_checkpoint(path, SEARCH)
     whole = checkpoint_bytes(make_progress(True), SEARCH)
     path.write_bytes(whole)

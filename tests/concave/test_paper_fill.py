@@ -19,6 +19,7 @@ from dicedesign.concave.paper_fill import (
     PointsInside,
     balance,
     centering_gradient,
+    fill_as_paper,
     fill_by_quadratic_programs,
     hull_keeping_moves,
     solve_quadratic_program,
@@ -175,6 +176,16 @@ def test_the_balance_moves_the_center_of_mass_and_keeps_the_hull(direction: list
     assert energies[-1] == energy
     moved = np.linalg.norm(points - surface.points, axis=1) / surface.diagonal
     assert moved.max() < 0.2
+
+
+@needs_clarabel
+def test_a_fill_with_a_given_center_of_mass() -> None:
+    surface = bumpy_sphere(1)
+    hull = nearby_hull(surface, 0.03)
+    center = hull.centroid + surface.diagonal * np.array([0.004, -0.01, 0.003])
+    filled = fill_as_paper(surface, hull, center, OPTIONS, lambda stage, energy: None)
+    miss = centroid_of(filled[0], surface.triangles) - center
+    assert np.linalg.norm(miss) < 1e-12 * surface.diagonal
 
 
 def test_a_convex_surface_stays_as_it_is() -> None:

@@ -13,6 +13,7 @@ import pytest
 import torch
 from common.blade import blade
 from common.kernels import compiled_only, without_kernels
+from common.two_centers import both_ways
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_probabilities import (
@@ -26,7 +27,6 @@ from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.energy import Energy, energy_terms
 from dicedesign.optimize.starts.shapes import hendecahedron, prism, repulsion
 from dicedesign.optimize.terms import EnergyWeights
-from dicedesign.rest.equilibria import classify
 from tests.reference import solids
 from tests.reference.extremes import large
 
@@ -70,18 +70,6 @@ BODIES: dict[str, Callable[[], np.ndarray]] = {
 @pytest.fixture(params=BODIES)
 def points(request: pytest.FixtureRequest) -> np.ndarray:
     return BODIES[request.param]()
-
-
-def both_ways(points: np.ndarray) -> list[RestEvaluation]:
-    """Evaluations of a uniform solid, and with a given center of mass off the centroid."""
-    hull = convex_hull(points)
-    vertices = torch.tensor(hull.vertices, requires_grad=True)
-    aside = 0.9 * hull.centroid + 0.1 * hull.vertices[:3].mean(axis=0)
-    center = torch.tensor(aside, requires_grad=True)
-    return [
-        RestEvaluation(classify(hull, hull.centroid), vertices),
-        RestEvaluation(classify(hull, aside), vertices, center),
-    ]
 
 
 def copy_without_cache(rests: RestEvaluation) -> RestEvaluation:

@@ -56,6 +56,10 @@ def test_values_are_those_of_the_forward_model(random_points, seed: int) -> None
         normals, probabilities = differentiable_rest(torch.tensor(points), given)
         np.testing.assert_allclose(probabilities.numpy(), poses.probabilities, atol=1e-14)
         np.testing.assert_allclose(normals.numpy(), poses.normals, atol=1e-14)
+    rests = evaluate_rests(torch.tensor(points), offset=center - rest_poses(points).center_of_mass)
+    np.testing.assert_allclose(rests.center_of_mass.numpy(), center, atol=1e-14)
+    values = np.sort(rests.probability_values)
+    np.testing.assert_allclose(values, np.sort(poses.probabilities), atol=1e-13)
 
 
 @pytest.mark.parametrize(

@@ -189,7 +189,7 @@ def sensitivity(
 
 def test_robustness_compares_probabilities_on_other_tables() -> None:
     candidate = die(0)
-    facets, where = candidate.outcome_facets, candidate.rest_of_outcome
+    facets, where = candidate.outcome_facets, candidate.rest_of_face
     there = [BOARD_GAME.onto(table).probabilities(candidate.rests)[where] for table in OTHERS]
     wanted = BOARD_GAME.probabilities(candidate.rests)[where]
     known = sensitivity(candidate, wanted)

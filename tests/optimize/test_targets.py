@@ -11,7 +11,15 @@ import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
-from dicedesign.optimize.targets import Target, binomial, custom, fair, relabel, sum_of_dice
+from dicedesign.optimize.targets import (
+    Target,
+    binomial,
+    custom,
+    fair,
+    relabel,
+    several_faces,
+    sum_of_dice,
+)
 
 
 def enumerate_sums(outcomes: list[int]) -> tuple[tuple[str, ...], list[float]]:
@@ -64,6 +72,16 @@ def test_relabeled_keeps_the_distribution() -> None:
     np.testing.assert_array_equal(renamed.probabilities, target.probabilities)
 
 
+def test_faces_with_one_label_are_one_outcome() -> None:
+    target = relabel(custom([0.1, 0.2, 0.3, 0.4]), ["a", "b", "a", "c"])
+    assert target.labels == ("a", "b", "c")
+    np.testing.assert_allclose(target.probabilities, [0.4, 0.2, 0.4], rtol=1e-15)
+    np.testing.assert_array_equal(target.outcome_of_face, [0, 1, 0, 2])
+    shared = several_faces(["+", "-"], [0.75, 0.25], [3, 1])
+    np.testing.assert_allclose(shared.face_probabilities, [0.25] * 4, rtol=1e-15)
+    assert shared.face_labels == ("+", "+", "+", "-")
+
+
 @pytest.mark.parametrize(
     ("make", "text"),
     [
@@ -87,11 +105,19 @@ def test_relabeled_keeps_the_distribution() -> None:
         ),
         (
             lambda: relabel(fair(2), ["a"]),
-            "labels: expected 2, one for each outcome, got 1",
+            "labels: expected 2, one for each probability, got 1",
         ),
         (
-            lambda: relabel(fair(3), ["a", "b", "a"]),
-            "labels: expected distinct labels, got 'a' more than once",
+            lambda: relabel(fair(3), ["a", "a", "a"]),
+            "labels: expected at least two different ones, got 'a' alone",
+        ),
+        (
+            lambda: several_faces(["a", "b", "a"], [1 / 3] * 3, [1, 2, 1]),
+            "outcomes: expected distinct labels, got 'a' more than once",
+        ),
+        (
+            lambda: several_faces(["a", "b"], [0.5, 0.5], [0, 2]),
+            "faces: expected a whole number of at least 1, got 0",
         ),
     ],
 )

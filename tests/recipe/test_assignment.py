@@ -8,7 +8,7 @@ import pytest
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.starts.shapes import prism
-from dicedesign.recipe.convex import make_design, target_probabilities
+from dicedesign.recipe.convex import make_design, wanted_of_directions
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import parse_recipe
@@ -65,7 +65,7 @@ def test_labels_get_their_places(method: str) -> None:
 def test_results_by_direction_are_reordered_by_outcome() -> None:
     given, start = recipe("thrown"), prism(4)
     np.testing.assert_array_equal(
-        target_probabilities(given), [PROBABILITIES[label] for label in ORDER]
+        wanted_of_directions(given)[0], [PROBABILITIES[label] for label in ORDER]
     )
     requested, frequencies = (0.1, 0.2, 0.3, 0.4), (0.15, 0.25, 0.35, 0.2)
     result = DesignResult(

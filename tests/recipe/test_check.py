@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from common.dented_cube import roof
 from common.made_up_die import SIDES, box, run_to_check
 
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
-from dicedesign.runtime.arrays import Floats
 
 FROM_PRISM = {"method": {"paper": {}}, "start": {"prism": {}}}
 """Entries of a recipe by the paper's method."""
@@ -19,14 +19,6 @@ FROM_PRISM = {"method": {"paper": {}}, "start": {"prism": {}}}
 
 def message(work: Work) -> str:
     return "; ".join(work.remarks)
-
-
-def roof(degrees: float) -> Floats:
-    """Corners of a cube whose bottom is bent by an angle into two facets."""
-    rise = np.tan(np.radians(degrees / 2.0))
-    corners = box(2.0, 2.0, 2.0)
-    raised = corners + np.array([0.0, 0.0, rise]) * (corners[:, 2:] < 0.0)
-    return np.concatenate([raised, [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0]]])
 
 
 def test_a_converged_die_has_no_advice() -> None:

@@ -11,14 +11,21 @@ from common.made_up_die import SIDES, box, run_to_design
 
 from dicedesign.errors import EngravingError
 from dicedesign.fabricate.die import make_solid
-from dicedesign.fabricate.engraving import place_on_facets
+from dicedesign.fabricate.engraving import LEAST_SHARE, even_depths, place_on_facets
+from dicedesign.fabricate.engraving import engrave as cut_labels
 from dicedesign.fabricate.label_art import text_section
+from dicedesign.fabricate.printability import walls_under
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
 from dicedesign.geometry.meshes.reading import read_stl
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work, run_stages
+from dicedesign.recipe.reading import parse_recipe
+from dicedesign.recipe.solid import place_at_size
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
+from tests.reference import solids
 
 
 def engrave_box(
@@ -143,6 +150,40 @@ def test_labels_without_room_on_top_are_read_from_below() -> None:
     assert way(8.0, "auto") is None
 
 
+# Depths that keep the center of mass.
+
+
+@pytest.mark.parametrize("name", ["tetrahedron", "octahedron", "dodecahedron"])
+def test_depths_of_pockets_keep_the_center_of_mass(name: str) -> None:
+    hull = convex_hull(solids.platonic(name).points)
+    work = run_to_design(hull.vertices, hull.normals, target={"fair": len(hull.normals)})
+    work.recipe = parse_recipe({"name": "die", "target": {"fair": len(hull.normals)}})
+    placements = place_at_size(work, work.die, 30.0)
+    die, options = make_solid(work.die, 30.0), work.recipe.engrave
+    center = die.poses.hull.centroid
+    even = even_depths(placements, options.depth_mm, center)
+    assert even is not None
+    shares = [placement.depth_share for placement in even]
+    assert LEAST_SHARE <= min(shares) < max(shares) == pytest.approx(1.0)
+    plain = Surface(die.points, die.triangles)
+    assert norms(cut_labels(plain, placements, options).centroid - center) > 1e-4
+    marked = cut_labels(plain, even, options)
+    assert norms(marked.centroid - center) < 1e-12
+    assert even_depths(placements[:1], options.depth_mm, center) is None
+
+
+@pytest.mark.parametrize(("printer", "is_kept"), [("fdm", True), ("sls", False)])
+def test_a_symmetry_is_kept_if_the_printer_shows_the_labels(printer: str, is_kept: bool) -> None:
+    """By depths of pockets; otherwise facets move."""
+    work = Work(parse_recipe({"name": "die", "target": {"fair": 12}, "print": printer}))
+    run_stages(work, last="engrave")
+    assert work.status is Status.CONVERGED
+    assert work.die.symmetry is not None
+    assert (work.balance.moved_mm < 1e-9) == is_kept
+    before, after = (convex_hull(each.points) for each in (work.solid, work.engraved))
+    assert np.allclose(np.sort(before.areas), np.sort(after.areas), rtol=1e-6) == is_kept
+
+
 # Sizes.
 
 
@@ -182,6 +223,23 @@ def test_the_size_is_the_smallest_whole_number_of_millimeters() -> None:
     assert f"{size:g}" in work.notes[0]
     assert "rare outcomes" not in work.notes[0]
     assert work.recipe.engrave is not None
+
+
+@pytest.mark.parametrize(("faces", "is_wider"), [(4, True), (6, False), (12, True)])
+def test_walls_suit_the_printer(faces: int, is_wider: bool) -> None:
+    """Without a size; margins are wider where pockets of neighboring facets come close."""
+    entries = {"target": {"fair": faces}, "print": {"printer": "fdm"}}
+    work = Work(parse_recipe({"name": "die", **entries}))
+    work.enlarge = True
+    run_stages(work, last="size")
+    engrave, printing = work.recipe.engrave, work.recipe.print
+    assert engrave is not None
+    assert printing is not None
+    least = printing.selected_printer.wall_mm
+    assert (engrave.margin_mm >= least) == is_wider
+    solid = make_solid(work.die, work.recipe.size_mm)
+    placements = place_at_size(work, work.die, work.recipe.size_mm)
+    assert min(walls_under(placements, engrave.depth_mm, solid.poses.hull)) >= least
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
-import numpy as np
 import pypdf
 import pytest
 import yaml
@@ -17,10 +16,8 @@ from PIL import Image
 
 from dicedesign.fabricate import file_formats
 from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
-from dicedesign.geometry.meshes.body import make_body
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import parse_recipe
-from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import read_result
 
 FORMATS = ["3mf", "obj", "glb", "ply", "off"]
@@ -35,25 +32,11 @@ COIN = {
 QUICK = {"figures": False, "report": False, "clock": False}
 
 
-def sorted_probabilities(path: Path) -> np.ndarray:
-    points, triangles = FILE_FORMATS[path.suffix[1:]].read_back(path)
-    return np.sort(rest_poses(make_body(points, triangles)).probabilities)
-
-
 @pytest.fixture(scope="module")
 def coin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("coin")
     run({**COIN, **QUICK, "files": FORMATS}, folder)
     return folder
-
-
-def test_every_file_has_the_probabilities_of_the_stl(coin: Path) -> None:
-    expected = sorted_probabilities(coin / "die.stl")
-    for name in FORMATS:
-        np.testing.assert_allclose(sorted_probabilities(coin / f"die.{name}"), expected, atol=1e-6)
-    exact = sorted_probabilities(coin / "die.obj")
-    for name in ("3mf", "ply", "off"):
-        np.testing.assert_allclose(sorted_probabilities(coin / f"die.{name}"), exact, atol=1e-9)
 
 
 def test_the_result_lists_every_file_with_its_checksum(coin: Path) -> None:

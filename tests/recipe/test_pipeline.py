@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -151,18 +152,16 @@ def test_a_label_that_does_not_fit_leaves_old_results_alone(
 def test_an_interrupted_run_leaves_nothing_half_written(
     repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dicedesign.results import folder as results
-
     written: list[str] = []
-    real = results.atomic_write
+    replace = os.replace
 
-    def interrupt(path: Path, data: bytes) -> None:
+    def interrupt(partial: Path, path: str) -> None:
         if len(written) == 2:
             raise KeyboardInterrupt
-        written.append(path.name)
-        real(path, data)
+        written.append(Path(path).name)
+        replace(partial, path)
 
-    monkeypatch.setattr(results, "atomic_write", interrupt)
+    monkeypatch.setattr(os, "replace", interrupt)
     recipe = read_recipe(repository / CIRCUS, few_steps(1))
     (tmp_path / "result.json").write_text("{}")
     with pytest.raises(KeyboardInterrupt):
@@ -244,7 +243,7 @@ def test_a_copy_is_independent() -> None:
 # Callbacks.
 
 METHODS: list[dict[str, Any]] = [
-    {"start": {"search": {}}},
+    {"start": {"search": {}}, "symmetry": "none"},
     {"start": {"prism": {}}, "assignment": ["c", "a", "b"]},
     {"start": {"prism": {}}, "method": {"paper": {"steps": 40}}, "assignment": ["c", "a", "b"]},
 ]
@@ -290,3 +289,15 @@ def test_an_exception_of_a_callback_ends_the_run() -> None:
     with pytest.raises(Enough):
         design_recipe(recipe, Callbacks(on_shape=on_shape), last="design")
     assert len(shapes) == 3
+
+
+def test_a_search_for_the_most_handsome_die_counts_dice() -> None:
+    parts: list[tuple[int, int, str]] = []
+    callbacks = Callbacks(on_part=lambda *part: parts.append(part))
+    design_recipe(parse_recipe({"name": "d4", "target": {"fair": 4}}), callbacks, last="design")
+    done, wholes, units = zip(*parts, strict=True)
+    assert set(units) == {"dice"}
+    assert len(set(wholes)) == 1
+    assert done[0] == 0
+    assert 0 < done[1] <= done[-1] < wholes[0]
+    assert list(done) == sorted(done)

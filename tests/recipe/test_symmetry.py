@@ -10,6 +10,7 @@ import pytest
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.coordinates import orbits_of_directions
+from dicedesign.optimize.looks import rate_looks
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe
@@ -129,7 +130,8 @@ def design_symmetric(**entries: Any) -> Work:
 
 
 def test_a_fair_die_is_fair_by_symmetry_alone() -> None:
-    work, name = design_symmetric(target={"fair": 10}), "D5d"
+    thrown = {"exact": {"probabilities": "thrown"}}
+    work, name = design_symmetric(target={"fair": 10}, method=thrown), "D5d"
     assert work.status is Status.CONVERGED
     assert work.recipe.symmetry == name
     assert work.recipe.as_dict()["symmetry"] == name
@@ -152,7 +154,8 @@ def test_auto_takes_a_symmetry_of_a_given_start() -> None:
 
 
 def test_auto_is_none_without_equal_probabilities() -> None:
-    work = design_symmetric(target={"probabilities": [0.5, 0.3, 0.2]})
+    thrown = {"exact": {"probabilities": "thrown"}}
+    work = design_symmetric(target={"probabilities": [0.5, 0.3, 0.2]}, method=thrown)
     assert work.recipe.symmetry is None
     assert work.recipe.group() is None
     assert work.status is Status.CONVERGED
@@ -168,6 +171,27 @@ def test_equally_probable_outcomes_of_a_thrown_die_are_images() -> None:
     assert len(np.unique(orbits)) == 3
 
 
+@pytest.mark.parametrize(("sides", "group"), [(4, "Td"), (6, "Oh"), (20, "Ih")])
+def test_the_most_handsome_fair_die_is_the_platonic_solid(sides: int, group: str) -> None:
+    work = design_symmetric(target={"fair": sides})
+    assert work.die.symmetry == group
+    assert len(work.die.hull.normals) == sides
+    # The recipe that is written makes the same die again.
+    assert work.recipe.symmetry == "auto"
+    again = design_symmetric(**work.recipe.as_dict())
+    np.testing.assert_array_equal(again.die.hull.vertices, work.die.hull.vertices)
+
+
+def test_the_chosen_die_is_at_least_as_handsome_as_the_first() -> None:
+    for target in ({"binomial": 3}, {"probabilities": [0.4, 0.3, 0.2, 0.1]}):
+        chosen = design_symmetric(target=target)
+        first = design_symmetric(target=target, symmetry="none")
+        assert chosen.status is first.status is Status.CONVERGED
+        looks = [rate_looks(each.die.hull, each.die.directions) for each in (first, chosen)]
+        assert looks[1].measure >= looks[0].measure
+        assert all(0.0 <= quality <= 1.0 for quality in vars(looks[1]).values())
+
+
 def test_thrown_dice_are_symmetric_by_default() -> None:
     thrown = {"method": {"exact": {"probabilities": "thrown"}}}
     for entries, expected in (
@@ -175,7 +199,10 @@ def test_thrown_dice_are_symmetric_by_default() -> None:
         ({**thrown, "symmetry": "none"}, None),
         ({**thrown, "symmetry": "Cs"}, "Cs"),
         ({**thrown, "start": {"prism": {}}}, None),
-        ({}, None),
+        ({}, "auto"),
+        ({"start": {"prism": {}}}, None),
+        ({"method": {"exact": {"coordinates": "vertices"}}}, None),
+        ({"prior": "vmf:0,0,-1:5"}, None),
     ):
         recipe = parse_recipe({"name": "d", "target": {"fair": 5}, **entries})
         assert recipe.symmetry == expected

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from common.inline_executor import Inline
+from common.killed import kill_at_write
 
+from dicedesign.cli.main import main
+from dicedesign.errors import InputError
 from dicedesign.gradient.probability_model import TableSensitivity, ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.options import ExactOptions
@@ -18,7 +24,7 @@ from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_near
-from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
+from dicedesign.recipe.pipeline import Callbacks, Work, run, run_stages
 from dicedesign.recipe.reading import parse_recipe
 from dicedesign.results.parts import RoundOfThrows, Status
 from dicedesign.throws import simulation as die_on_table
@@ -116,10 +122,11 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
 
     monkeypatch.setattr(die_on_table, "simulate", record)
     rounds: list[RoundOfThrows] = []
+    parts: list[tuple[int, int, str]] = []
     exact = {**ROBUST["method"]["exact"], "table": fitted_table}
     work = Work(
         parse_recipe({**ROBUST, "method": {"exact": exact}}),
-        callbacks=Callbacks(on_round=rounds.append),
+        callbacks=Callbacks(on_round=rounds.append, on_part=lambda *part: parts.append(part)),
     )
     run_stages(work, last="throws")
     assert work.status is Status.CONVERGED
@@ -129,6 +136,10 @@ def test_rounds_throw_onto_the_tables_of_robust_dice(
     assert [r.drops for r in rounds] == [r.drops for r in work.die.rounds]
     assert [r.deviation for r in rounds] == [r.deviation for r in work.die.rounds]
     on_others = sum(drops for *table, drops, _ in thrown if tuple(table) in others)
+    # The last part is the whole verdict.
+    assert {unit for *_, unit in parts} == {"symmetries", "throws"}
+    assert all(0 <= done <= whole for done, whole, _ in parts)
+    assert parts[-1][0] == parts[-1][1] > 300
     section = work.result().thrown
     assert section.simulated.drops == 300
     assert len(section.elsewhere.values) == 4
@@ -144,6 +155,93 @@ def test_a_die_without_robustness_is_thrown_onto_its_table_only(fitted_table: st
     run_stages(work, last="design")
     assert len(work.die.rounds) >= 1
     assert all(one.elsewhere_drops == 0 and one.elsewhere is None for one in work.die.rounds)
+
+
+# Interrupted and resumed.
+
+
+@pytest.fixture
+def recipe_path(fitted_table: str, tmp_path: Path) -> Path:
+    """Recipe of a die for a table with few throws."""
+    exact = {**ROBUST["method"]["exact"], "table": fitted_table}
+    path = tmp_path / "robust.yaml"
+    recipe = {**ROBUST, "method": {"exact": exact}, "figures": False, "report": False}
+    path.write_text(json.dumps({**recipe, "clock": False}))
+    return path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("writes", [24, 35])
+def test_a_killed_run_is_resumed_with_the_same_die(
+    recipe_path: Path, tmp_path: Path, writes: int
+) -> None:
+    """Killed in a round, and in the verdict."""
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    run(recipe_path, whole)
+    kill_at_write(["run", str(recipe_path), "--out", str(parts)], writes)
+    assert "checkpoint.npz" in contents(parts)
+    assert "result.json" not in contents(parts)
+    run(recipe_path, parts, resume=True)
+    assert contents(parts) == contents(whole)
+
+
+def test_a_resumed_run_repeats_no_throws(
+    recipe_path: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    thrown: list[tuple[str, int]] = []
+    throw_task = die_on_table.throw_task
+
+    def record(body: RigidBody, table: Table, numbers: Any, seed: int, *others: Any) -> Any:
+        # Tables are thrown onto in parallel.
+        if len(thrown) == 20:
+            raise KeyboardInterrupt
+        outcomes = throw_task(body, table, numbers, seed, *others)
+        thrown.append((repr(table), seed))
+        return outcomes
+
+    monkeypatch.setattr(die_on_table, "throw_task", record)
+    monkeypatch.setattr(die_on_table, "throwing_threads", lambda: nullcontext(Inline()))
+    monkeypatch.setattr("dicedesign.recipe.thrown.throwing_threads", lambda: nullcontext(Inline()))
+    folder = tmp_path / "out"
+    assert main(["run", str(recipe_path), "--out", str(folder)]) == 130
+    error = capsys.readouterr().err
+    assert error.startswith("dicedesign: interrupted; the results so far are in ")
+    assert error.endswith("checkpoint.npz; run it again with --resume to go on\n")
+    assert list(contents(folder)) == ["checkpoint.npz"]
+    with pytest.raises(InputError, match="of this recipe, got one of another; run without --resu"):
+        run(recipe_path, folder, changes=["seed=3"], resume=True)
+    before = list(thrown)
+
+    def record_all(body: RigidBody, table: Table, numbers: Any, seed: int, *others: Any) -> Any:
+        thrown.append((repr(table), seed))
+        return throw_task(body, table, numbers, seed, *others)
+
+    monkeypatch.setattr(die_on_table, "throw_task", record_all)
+    run(recipe_path, folder, resume=True)
+    after = thrown[len(before) :]
+    assert after
+    # Only the series that was interrupted begins anew.
+    assert len(set(before) & set(after)) < 4
+    assert "checkpoint.npz" not in contents(folder)
+
+
+def test_progress_counts_throws_in_a_pipe(
+    recipe_path: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("dicedesign.runtime.workers.PIPE_INTERVAL", 0.002)
+    assert main(["run", str(recipe_path), "--out", str(tmp_path / "out")]) == 0
+    shown = capsys.readouterr().err
+    assert re.search(r"^throws: +\d+% \d+/\d+ \[\d\d:\d\d<\d\d:\d\d, +\S+ throws/s\]$", shown, re.M)
+    assert re.search(r"^printing: \d\d:\d\d$", shown, re.M)
 
 
 def test_a_table_without_bounces_has_no_known_sensitivity() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,9 +17,7 @@ from dicedesign.runtime.arrays import Floats
 
 def only(errors: PrintErrors, name: str) -> PrintErrors:
     """Print errors, all 0 but one."""
-    return PrintErrors(
-        **{key: value if key == name else 0.0 for key, value in asdict(errors).items()}
-    )
+    return replace(PrintErrors(0.0, 0.0, 0.0, 0.0, 0.0), **{name: getattr(errors, name)})
 
 
 @dataclass(frozen=True, eq=False)

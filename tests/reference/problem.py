@@ -76,6 +76,7 @@ class Case:
     turns: number of random rotations in which it is also tried.
     points: rough number of points of a large problem, 0 for small ones.
     quick: whether it belongs to the short suite.
+    kind: what it is summed up with.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Case:
     turns: int = 0
     points: int = 0
     quick: bool = True
+    kind: str = ""
 
 
 def rotate_problem(problem: Problem, seed: int) -> Problem:

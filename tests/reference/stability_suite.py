@@ -22,20 +22,17 @@ QUICK_SIDES = (3, 4, 5, 6, 7, 12, 17, 32, 64)
 
 def stability_cases() -> tuple[Case, ...]:
     """All cases, with unique names."""
-    return tuple(
-        case
-        for family in (
-            _symmetric,
-            _degenerate,
-            _balanced_cases,
-            _placed_cases,
-            _few_rests,
-            _large,
-            _inputs,
-            stiff_designs.design_cases,
-        )
-        for case in family()
-    )
+    families = {
+        "symmetric": _symmetric,
+        "flat angles, needles, plates": _degenerate,
+        "barely balanced": _balanced_cases,
+        "tiny, huge, far away": _placed_cases,
+        "one rest or few": _few_rests,
+        "large": _large,
+        "untidy points": _inputs,
+    }
+    bodies = [replace(case, kind=kind) for kind, family in families.items() for case in family()]
+    return (*bodies, *stiff_designs.design_cases())
 
 
 def _symmetric() -> Iterator[Case]:

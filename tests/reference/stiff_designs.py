@@ -24,7 +24,7 @@ from tests.reference.stiff import off_balance
 AXES = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 
 METHODS = {
-    "": {},
+    ", paper, line search": {},
     ", exact": {"method": "exact", "tolerance": 1e-12, "steps": 3000},
     ", exact, vertices": {
         "method": "exact",
@@ -47,8 +47,12 @@ def design_cases() -> Iterator[Case]:
         for method in METHODS:
             if (name, method) in TOO_LONG:
                 continue
-            short = quick and method in ("", ", exact")
-            yield Case(f"design: {name}{method}", partial(_by_method, build, method), quick=short)
+            yield Case(
+                f"design: {name}{method}",
+                partial(_by_method, build, method),
+                quick=quick and method in (", paper, line search", ", exact"),
+                kind=f"designs{method}",
+            )
 
 
 def _by_method(build: Callable[[], DesignProblem], name: str) -> DesignProblem:

@@ -61,7 +61,7 @@ def toy() -> Iterator[Figure]:
 
 def test_a_figure_from_outside_is_drawn_and_shown(toy: Figure) -> None:
     die = finished_box()
-    files = figure_files(die)
+    files = figure_files(die, lambda *_: None)
     assert files["toy"] == b"GIF89aa < box"
     page = parse_page(page_text(die, files))
     places = [page.text.index(FIGURES[name].title) for name in ("bars", "toy", "convergence")]
@@ -72,10 +72,12 @@ def test_a_figure_from_outside_is_drawn_and_shown(toy: Figure) -> None:
 
 
 def test_a_convex_die_has_its_figures() -> None:
-    files = figure_files(finished_box())
+    parts: list[tuple[int, int, str]] = []
+    files = figure_files(finished_box(), lambda *part: parts.append(part))
     assert list(files) == ["bars", "convergence", "gauss_map", "views"]
+    assert parts == [(number, 4, "figures") for number in range(4)]
     assert all(data.startswith(b"\x89PNG") for data in files.values())
-    assert files == figure_files(finished_box())
+    assert files == figure_files(finished_box(), lambda *_: None)
 
 
 def test_listing_figures_does_not_import_their_libraries() -> None:

@@ -61,19 +61,14 @@ def test_texts_stay_in_their_region():
     assert x < -0.02
 
 
-def test_areas_on_paper_are_the_probabilities():
-    poses = body("box")
+@pytest.mark.parametrize("prior", [None, "cap:0.3,-0.5,0.7:100"])
+def test_strong_areas_are_the_probabilities(prior):
+    poses = body("box") if prior is None else body("box").under(prior)
     figure = gauss_map_figure(poses)
     areas = np.array([color_mask(figure, color).sum() for color in BASINS[: len(poses.normals)]])
     np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
-
-
-def test_strong_areas_are_the_probabilities_under_a_cap():
-    poses = body("box").under("cap:0.3,-0.5,0.7:100")
-    figure = gauss_map_figure(poses)
-    areas = np.array([color_mask(figure, color).sum() for color in BASINS[: len(poses.normals)]])
-    np.testing.assert_allclose(areas / areas.sum(), poses.probabilities, atol=0.02)
-    assert not any("areas on paper are probabilities" in text for text in figure.texts)
+    said = any("areas on paper are probabilities" in text for text in figure.texts)
+    assert said == (prior is None)
 
 
 def test_a_figure_under_samples_says_so():

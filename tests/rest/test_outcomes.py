@@ -3,13 +3,16 @@ with rests."""
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
-from common.dented_cube import CORNERS, NORMALS
+from common.dented_cube import CORNERS, NORMALS, roof
 from numpy.typing import NDArray
 
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.outcomes import (
     assign_rests,
     match_by_normals,
@@ -19,13 +22,6 @@ from dicedesign.rest.outcomes import (
 )
 
 Floats = NDArray[np.float64]
-
-
-def roof(degrees: float) -> Floats:
-    """Corners of a cube whose lower side is bent: two rests at an angle in degrees."""
-    rise = np.tan(np.radians(degrees / 2.0))
-    raised = CORNERS + np.array([0.0, 0.0, rise]) * (CORNERS[:, 2:] < 0.0)
-    return np.concatenate([raised, [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0]]])
 
 
 def test_a_cube_is_a_fair_die() -> None:
@@ -63,6 +59,16 @@ def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: boo
     assert outcomes.probabilities[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
     assert outcomes.elsewhere == pytest.approx(0.0 if together else both / 2.0, abs=1e-12)
     assert outcomes.probabilities.sum() + outcomes.elsewhere == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_rest_at_the_limit_is_of_the_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So it may be the outcome's main rest, being more probable."""
+    normals = np.array([[0.0, 0.0, -1.0], [0.08, 0.0, -1.0] / np.hypot(0.08, 1.0)])
+    limit = float(angle_between(*normals))
+    for angle, main, rests in ((limit, 1, 2), (np.nextafter(limit, 0.0), 0, 1)):
+        monkeypatch.setattr("dicedesign.rest.outcomes.SAME_REST_ANGLE", angle)
+        outcomes = assign_rests(normals, np.array([0.3, 0.7]), normals[:1])
+        assert (outcomes.main.tolist(), outcomes.rest_counts.tolist()) == ([main], [rests])
 
 
 def test_margins_are_the_angles_at_which_a_box_tips() -> None:
@@ -115,6 +121,20 @@ def test_outcomes_take_the_rests_of_their_rank(
     groups = match_by_probability("die", units, np.array(probabilities), wanted)
     assert groups.members == tuple(m if isinstance(m, tuple) else (m,) for m in members)
     assert groups.group_of_rest.tolist() == group_of_rest
+
+
+@pytest.mark.parametrize("height", [0.47, 0.93, 1.0, 1.6])
+def test_an_outcome_of_several_faces_is_matched_by_their_sum(height: float) -> None:
+    """Both squares of a cuboid are one outcome, and its four sides another."""
+    poses = rest_poses(np.array(list(product((0.0, 1.0), (0.0, 1.0), (0.0, height)))))
+    is_square = np.abs(poses.normals[:, 2]) > 0.5
+    square = float(poses.probabilities[is_square].sum())
+    groups = match_by_probability("c", poses.normals, poses.probabilities, [square, 1.0 - square])
+    of_rest = [groups.members[group] for group in groups.group_of_rest]
+    if height == 1.0:
+        assert of_rest.count((0,)) == 2
+    else:
+        assert of_rest == [(0,) if one else (1,) for one in is_square]
 
 
 @pytest.mark.parametrize(

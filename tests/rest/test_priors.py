@@ -105,12 +105,36 @@ def test_cubature_of_a_function_and_the_one_integral_agree(seed: int, concentrat
         np.testing.assert_allclose(by_facet(by_cubature), by_facet(poses.under(known)), atol=1e-13)
 
 
-def test_the_error_of_a_rough_density_is_estimated() -> None:
-    poses, axis = dd.rest_poses(random_body(1, 8)), AXES[0]
+def errors_by_facet(poses: dd.RestPoses) -> Floats:
+    errors = np.zeros(len(poses.hull.normals))
+    errors[poses.facets] = poses.errors
+    return errors
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_bound_what_is_missed(
+    monkeypatch: pytest.MonkeyPatch, seed: int, axis: Floats
+) -> None:
+    poses = dd.rest_poses(random_body(seed, 8))
     rough = poses.under(dd.DensityFunction(lambda u: (u @ axis > 0.0).astype(float)))
-    off = np.abs(by_facet(rough) - by_facet(poses.under(dd.SphericalCap(axis)))).max()
-    assert rough.errors is not None
-    assert 1e-12 < off <= rough.errors.max() < 1e-3
+    off = np.abs(by_facet(rough) - by_facet(poses.under(dd.SphericalCap(axis))))
+    assert off.max() > 1e-12
+    assert (off <= errors_by_facet(rough)).all()
+    assert errors_by_facet(rough).max() < 1e-3
+
+    exact = poses.under(dd.VonMisesFisher(axis, 1e4))
+    monkeypatch.setattr("dicedesign.rest.density_priors.TOLERANCE", 1e-3)
+    coarse = poses.under(dd.VonMisesFisher(axis, 1e4))
+    assert (np.abs(by_facet(coarse) - by_facet(exact)) <= errors_by_facet(coarse)).all()
+    assert errors_by_facet(exact).max() < 1e-13 < errors_by_facet(coarse).max() < 1e-3
+
+    # A cap and what it leaves out make up the sphere.
+    cap, rest = poses.under(dd.SphericalCap(axis, 90.0)), poses.under(dd.SphericalCap(-axis, 90.0))
+    off = np.abs((by_facet(cap) + by_facet(rest)) / 2.0 - by_facet(poses))
+    bound = (errors_by_facet(cap) + errors_by_facet(rest)) / 2.0
+    assert (off <= bound).all()
+    assert bound.max() < 1e-14
 
 
 @pytest.mark.parametrize("concentration", [2.0, 30.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from typing import Any
 import pytest
 from common.finished_run import finished_result
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.pipeline import run
 from dicedesign.results.folder import open_results_folder, write_results
 
@@ -56,6 +57,21 @@ def test_an_interrupt_waits_until_results_are_complete(tmp_path: Path) -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     assert {path.name for path in tmp_path.iterdir()} == {*files, "result.json"}
+
+
+def test_a_full_disk_keeps_the_earlier_run(tmp_path: Path) -> None:
+    result = finished_result(["a"], [1.0])
+    write_results(tmp_path, {"die_plain.stl": b"old", "recipe.yaml": b"old"}, result, ())
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match=r"die\.stl"):
+            write_results(tmp_path, {"die_plain.stl": b"new", "die.stl": bytes(10_001)}, result, ())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    names = ["die_plain.stl", "recipe.yaml", "result.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert (tmp_path / "die_plain.stl").read_bytes() == b"old"
 
 
 HOLDER = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -159,3 +160,58 @@ def test_partial_files_of_a_killed_process_are_removed(tmp_path: Path) -> None:
     other.write_bytes(b"of another file")
     Checkpoint(path, WORK)
     assert list(tmp_path.iterdir()) == [other]
+
+
+# Tasks, and an option --resume.
+
+
+def test_finished_tasks_are_not_run_again(tmp_path: Path) -> None:
+    path, begun = tmp_path / "c.npz", []
+
+    def run(stop: int) -> list[list[int]]:
+        def task(number: int) -> np.ndarray:
+            begun.append(number)
+            if number == stop:
+                raise ZeroDivisionError
+            return np.arange(number)
+
+        tasks = [partial(task, number) for number in range(5)]
+        with Checkpoint(path, WORK) as stored:
+            return [row.tolist() for row in stored.results("tasks", tasks)]
+
+    with pytest.raises(ZeroDivisionError):
+        run(3)
+    assert run(9) == [list(range(number)) for number in range(5)]
+    assert begun == [0, 1, 2, 3, 3, 4]
+
+
+def test_an_option_decides_whether_a_file_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "c.npz"
+    with pytest.raises(InputError, match="got none; run without --resume to start again"):
+        Checkpoint(path, WORK, resume=True)
+    Checkpoint(path, WORK).add("whole", ROWS)
+    assert are_equal(Checkpoint(path, WORK, resume=True).rows("whole"), ROWS)
+    begun = Checkpoint(path, {"seed": "4"}, resume=False)
+    begun.add("real", REAL)
+    with pytest.raises(InputError, match="this seed, got one of another; run without --resume"):
+        Checkpoint(path, WORK, resume=True)
+    with (
+        pytest.raises(KeyboardInterrupt, match=r"c\.npz; run it again with --resume to go on"),
+        Checkpoint(path, {"seed": "4"}, resume=True),
+    ):
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_after_the_end_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "c.npz"
+
+    def run() -> None:
+        with Checkpoint(path, WORK) as stored:
+            stored.add("whole", ROWS)
+            stored.save()
+            path.unlink()
+            raise KeyboardInterrupt("complete")
+
+    with pytest.raises(KeyboardInterrupt, match=r"^complete$"):
+        run()
+    assert not path.exists()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from common.inline_executor import Inline
 from common.kernels import usual_notes
+from common.killed import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -50,6 +51,24 @@ def test_a_search_and_a_run_of_its_best_recipe(
     assert (tmp_path / "die" / "die_plain.stl").read_bytes() == stl_bytes(die.surface)
 
 
+def test_a_killed_search_ends_with_the_same_leaderboard(tmp_path: Path, recipe_path: Path) -> None:
+    """The kills come before the first file of the leaderboard, and between two of its files."""
+    search = ["search", str(recipe_path), "--trials", "2", "--jobs", "1", "--out"]
+    contents = []
+    for name, kills in (("whole", ()), ("killed", (2, 3))):
+        folder = tmp_path / name
+        for count in kills:
+            kill_at_write([*search, str(folder)], count)
+            assert not (folder / "leaderboard.json").exists()
+        assert main([*search, str(folder)]) == 0
+        board = json.loads((folder / "leaderboard.json").read_text())
+        for entry in board["leaderboard"]:
+            assert entry.pop("seconds") > 0.0
+        recipes = {path.name: path.read_bytes() for path in folder.glob("*.yaml")}
+        contents.append((board, recipes, {path.name for path in folder.iterdir()}))
+    assert contents[0] == contents[1]
+
+
 def test_no_die_in_reach(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -66,12 +85,3 @@ def test_no_die_in_reach(
     assert captured.err == usual_notes()
     assert json.loads((tmp_path / "leaderboard.json").read_text())["leaderboard"] == []
     assert not (tmp_path / "best.yaml").exists()
-
-
-def test_a_search_of_refined_dice_is_refused(
-    tmp_path: Path, repository: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    recipe = str(repository / "recipes" / "2d6_table.yaml")
-    assert main(["search", recipe, "--trials", "1", "--out", str(tmp_path / "out")]) == 2
-    assert "expected a method whose trials take seconds in a search" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -178,6 +178,9 @@ def test_rare_outcomes_are_tested_exactly() -> None:
     # Pearson's test is not valid for rare outcomes.
     assert verdict.chi_square.p_value < 0.05 < verdict.p_value
     assert not verdict.rejected
+    # Rare is an expected count below five.
+    assert judge_rolls([6, 14], [0.25, 0.75], 0.95).exact is None
+    assert judge_rolls([6, 13], [0.25, 0.75], 0.95).exact is not None
 
 
 def test_as_in_cohens_table() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from common.kernels import compiled_only, without_kernels
+from common.two_centers import both_ways
 from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -69,17 +70,6 @@ def points(request: pytest.FixtureRequest) -> Floats:
 @pytest.fixture(params=[name for name in BODIES if name not in WITH_TIES])
 def smooth_points(request: pytest.FixtureRequest) -> Floats:
     return BODIES[request.param]()
-
-
-def both_ways(points: Floats) -> list[RestEvaluation]:
-    """Rests of the uniform solid, and with a given center of mass near its centroid."""
-    hull = convex_hull(points)
-    vertices = torch.tensor(hull.vertices, requires_grad=True)
-    aside = 0.95 * hull.centroid + 0.05 * hull.vertices[:3].mean(axis=0)
-    return [
-        RestEvaluation(classify(hull, hull.centroid), vertices),
-        RestEvaluation(classify(hull, aside), vertices, torch.tensor(aside, requires_grad=True)),
-    ]
 
 
 def leaves(rests: RestEvaluation) -> list[torch.Tensor]:

@@ -85,6 +85,8 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
     assert die.labels == ("z", "x", "y")
     assert die.counts.tolist() == [5, 7, 9]
     assert die.size == pytest.approx(2e-3 * np.linalg.norm([5.0, 6.0, 8.5]), rel=1e-6)
+    other_size = "die,mesh,outcome,throws,size_mm\nb,run,z,5,20\nb,run,x,7,20\n"
+    assert read_throw_counts(write_counts(tmp_path, other_size))[0].size == 0.02
     normals = die.body.rest_normals @ die.body.axes.T
     for normal, group in zip(normals.round(6).tolist(), die.group_of_rest.tolist(), strict=True):
         axis = int(np.abs(normal).argmax())
@@ -101,10 +103,15 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
         (HEADER + "b,box.obj,1,0,0.4\n", "expected throws of 'b', got none"),
         (HEADER + "b,box.obj,1,2,0.4\nb,box.obj,1,2,0.4\n", "line 3: expected each outcome of 'b'"),
         (HEADER + "b,box.obj,1,2,often\n", "line 2: expected a finite number as geometric"),
-        (HEADER + "b,box.obj,1,2,0.9\nb,box.obj,2,3,0.1\n", "expected rests with the geometric"),
+        (HEADER + "b,box.obj,1,2,.99\nb,box.obj,2,3,.01\n", "expected rests with the geometric"),
         ("die,mesh,outcome,throws\nb,box.obj,1,2\n", "expected a column geometric"),
         ("die,mesh,outcome,throws\nb,run,q,2\n", r"expected a label of the die \(x, y, z, w\)"),
         ("die,mesh,outcome,throws\nb,run,x,2\n", "expected two outcomes or more of 'b', got x"),
+        ("die,mesh,outcome,throws\nb,run,x,2\nb,box.obj,y,2\n", "line 3: expected the mesh of"),
+        (
+            "die,mesh,outcome,throws,size_mm\nb,run,x,2,20\nb,run,y,2,21\n",
+            "line 3: expected the size_mm of the other lines of 'b', '20', got '21'",
+        ),
         ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
     ],
 )

@@ -47,6 +47,7 @@ def test_probabilities_follow_a_dragged_center_and_a_dragged_corner(
     body = dd.read_body(block)
     assert matches(opened, dd.rest_poses(body))
     np.testing.assert_allclose(opened.center(), 0.0, atol=1e-5)
+    opened.choose("Drag", "Center of mass")
     opened.page.wait_for_timeout(2000.0)
 
     pull(opened, axis=0, by=0.15)

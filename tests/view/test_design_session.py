@@ -61,7 +61,9 @@ def make_session() -> Iterator[Any]:
 @pytest.mark.parametrize(("method", "target"), [("exact", {"binomial": 3}), ("paper", COIN)])
 def test_a_die_gets_the_probabilities(make_session, target: dict[str, Any], method: str) -> None:
     session = finish(make_session(target, method=method))
-    np.testing.assert_allclose(facet_probabilities(session.shape), session.target, atol=1e-11)
+    np.testing.assert_allclose(
+        facet_probabilities(session.shape), session.target.probabilities, atol=1e-11
+    )
     assert session.message == Status.CONVERGED.value
     assert session.shape.error < 1e-11
 
@@ -139,7 +141,9 @@ def test_preferences_change_the_shape_and_keep_the_probabilities(make_session) -
     assert session.state == "paused"
     finish(session)
     assert area_spread(session.shape) < 0.8 * area_spread(before)
-    np.testing.assert_allclose(facet_probabilities(session.shape), session.target, atol=1e-11)
+    np.testing.assert_allclose(
+        facet_probabilities(session.shape), session.target.probabilities, atol=1e-11
+    )
 
 
 def test_weights_change_during_a_run(make_session) -> None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import socket
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
 import viser
+from common.inline_executor import Inline
+from viser._messages import ShareUrlDisconnect, ShareUrlRequest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -84,8 +88,37 @@ def test_other_sites_are_refused(local: View) -> None:
     # DNS rebinding: a foreign name that resolves to this machine.
     assert get(local, "/", Host=f"evil.example:{port}").status == 403
     assert get(local, "/", Host=f"localhost:{port}").status == 200
-    headers = {"Sec-Fetch-Site": "cross-site"}
-    assert get(local, "/action/stand:0", **headers).status == 403
+    for site in ("cross-site", "same-site", "none"):
+        assert get(local, "/action/stand:0", **{"Sec-Fetch-Site": site}).status == 403
+    for origin in (f"http://127.0.0.1:{port}.evil.example", f"http://evil-127.0.0.1:{port}"):
+        assert get(local, "/", Origin=origin).status == 403
+        assert not socket_opens(local, "/", origin)
+
+
+def test_names_of_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other machines can resolve its name, and a loopback address is one of its own."""
+    monkeypatch.setattr(socket, "gethostname", lambda: "mine.example")
+    gate = Gate("127.0.0.2", 80, "")
+    hosts = ["127.0.0.2", "127.0.0.2:80", "localhost:9", "[::1]:80", "mine.example", "127.0.0.3"]
+    assert [gate.admits(host, None) for host in hosts] == [True] * 4 + [False] * 2
+
+
+def test_browsers_cannot_publish_the_page(local: View, monkeypatch: pytest.MonkeyPatch) -> None:
+    server, calls = local.page.server, list[str]()
+    monkeypatch.setattr(server, "_thread_executor", Inline())
+    for name in ("request_share_url", "disconnect_share_url"):
+        monkeypatch.setattr(server, name, partial(calls.append, name))
+    for message in (ShareUrlRequest(), ShareUrlDisconnect()):
+        asyncio.run(server._websock_server._handle_incoming_message(0, message))
+    assert calls == []
+
+
+def test_two_hosts_are_refused(local: View) -> None:
+    port = local.page.gate.port
+    with closing(socket.create_connection(("127.0.0.1", port), timeout=30)) as client:
+        hosts = f"Host: localhost:{port}\r\nHost: evil.example\r\n"
+        client.sendall(f"GET / HTTP/1.1\r\n{hosts}\r\n".encode())
+        assert client.recv(100).startswith(b"HTTP/1.1 403")
 
 
 def test_a_public_page_needs_its_token(public: View) -> None:

@@ -82,7 +82,7 @@ class DesignResult:
     ----------
     status: why it stopped.
     hull: the designed shape.
-    directions: (k, 3) directions of the outcomes.
+    directions: (f, 3) directions of the outcomes' faces.
     error: largest |p - q|, by the probabilities that the design is for.
     terms: energy terms of the hull, weighted.
     history: accepted steps; the first is the start.
@@ -106,7 +106,7 @@ class DesignResult:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A die with one rest for each outcome and no other.
+    """A die with one rest for each labeled face and no other.
 
     Attributes
     ----------
@@ -114,31 +114,33 @@ class Candidate:
     parameters: (n,).
     shape: shape made of the parameters.
     rests: rests of the shape.
-    rest_of_outcome: (k,) number of the rest of each outcome.
+    rest_of_face: (f,) number of the rest of each face.
     model: of the probabilities.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     coordinates: Coordinates
     parameters: Floats
     shape: Shape
     rests: RestEvaluation
-    rest_of_outcome: Integers
+    rest_of_face: Integers
     model: ProbabilityModel = RESTING
+    outcome_of: Integers | None = None
 
     @property
     def outcome_facets(self) -> Integers:
-        """(k,) facet of each outcome."""
-        return self.rests.facets[self.rest_of_outcome]
+        """(f,) facets of the faces of all outcomes."""
+        return self.rests.facets[self.rest_of_face]
 
     @property
     def directions(self) -> Floats:
-        """(k, 3) normals of the facets of the outcomes."""
+        """(f, 3) normals of these facets."""
         return self.rests.hull.normals[self.outcome_facets]
 
     @cached_property
     def probabilities(self) -> Floats:
         """(k,) probabilities of the outcomes."""
-        return self.model.probabilities(self.rests)[self.rest_of_outcome]
+        return self._by_outcome(self.model.probabilities(self.rests)[self.rest_of_face])
 
     @cached_property
     def signed_depths(self) -> Tensor:
@@ -165,8 +167,16 @@ class Candidate:
     @cached_property
     def probability_jacobian(self) -> Floats:
         """(k, n) Jacobian of the probabilities in the parameters."""
-        rows = self.model.jacobian(self.rests)[self.rest_of_outcome]
+        rows = self._by_outcome(self.model.jacobian(self.rests)[self.rest_of_face])
         return self.shape.in_parameters(rows, self.rests.hull.source)
+
+    def _by_outcome(self, of_faces: Floats) -> Floats:
+        """Sums (k, ...) of values (f, ...) over the faces of each outcome."""
+        if self.outcome_of is None:
+            return of_faces
+        sums = np.zeros((self.outcome_of.max() + 1, *of_faces.shape[1:]))
+        np.add.at(sums, self.outcome_of, of_faces)
+        return sums
 
     def jacobian(self, *values: Tensor) -> Floats:
         """(r, n) Jacobian of the entries of some vectors, r in all, in the parameters, by one
@@ -188,9 +198,11 @@ class CandidateMaker(ShapeEvaluator):
     Attributes
     ----------
     model: of the probabilities.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     model: ProbabilityModel = RESTING
+    outcome_of: Integers | None = None
 
     def attempt(
         self, coordinates: Coordinates, parameters: Floats, directions: Floats
@@ -198,7 +210,7 @@ class CandidateMaker(ShapeEvaluator):
         """Make a candidate; None if the parameters make no die with the right rests, or a tied die,
         whose probabilities jump.
 
-        parameters: (n,) of the coordinates; directions: (k, 3) near the normals of the outcomes'
+        parameters: (n,) of the coordinates; directions: (f, 3) near the normals of the outcomes'
         facets.
         """
         try:
@@ -207,7 +219,8 @@ class CandidateMaker(ShapeEvaluator):
             nearest = np.argmax(directions @ rests.hull.normals[rests.facets].T, axis=1)
             if not np.array_equal(np.sort(nearest), np.arange(len(rests.facets))):
                 return None
-            candidate = Candidate(coordinates, parameters, shape, rests, nearest, self.model)
+            die = coordinates, parameters, shape, rests, nearest
+            candidate = Candidate(*die, self.model, self.outcome_of)
             return candidate if np.isfinite(candidate.probabilities).all() else None
         except (DiceError, Tie, np.linalg.LinAlgError):
             return None

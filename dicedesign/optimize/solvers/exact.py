@@ -37,7 +37,7 @@ from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Status
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import FILE_PROBABILITIES
 
 MOST_IMPROVEMENTS: Final = 100
@@ -61,19 +61,21 @@ def solve_exact(
     least_circle: float = 0.0,
     sensitivity: TableSensitivity | None = None,
     prior: Prior | str | None = None,
+    outcome_of: Integers | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
 ) -> DesignResult:
     """Lead the first possible starting shape to the target probabilities.
 
-    The result has exactly one rest for each outcome and no other. Starts that do not are skipped.
+    The result has exactly one rest for each labeled face and no other. Starts that do not are
+    skipped.
 
     Parameters
     ----------
-    starts: shapes with (k, 3) outcome directions, made as they are needed; None for a turn of a
+    starts: shapes with (f, 3) directions of faces, made as they are needed; None for a turn of a
         search that found nothing, and `MOST_EMPTY_TURNS` of these end it. Pinned facets stay in
         their planes, with `coordinates` "facets" and no group.
-    target: (k,) target probability of each direction.
+    target: (k,) target probability of each outcome.
     options: see `ExactOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `Start.points`, or None for the uniform solid.
     group: (g, 3, 3) point group about the origin that the starts and the die have as symmetry, or
@@ -84,12 +86,14 @@ def solve_exact(
         probabilities without momentum.
     prior: distribution of the start orientations, in the coordinates of `Start.points`, see
         `RestPoses.under`; None is uniform. Not with a sensitivity or a group.
+    outcome_of: (f,) outcome that each face shows, whose probabilities sum to its own in any shares;
+        None for one outcome each, f = k.
     on_step: called after every accepted step.
     on_candidate: called before that with the die of the step.
 
     Raises
     ------
-    NoStartError: no start has one rest for each outcome and no other.
+    NoStartError: no start has one rest for each face and no other.
     InputError: a start without the symmetry; a symmetry with `coordinates` "vertices"; least_circle
         out of range; a prior without a density, or with a symmetry or thrown probabilities.
     """
@@ -111,7 +115,8 @@ def solve_exact(
     model: ProbabilityModel = RESTING if sensitivity is None else sensitivity.thrown
     if prior is not None:
         model = ProbabilitiesUnderPrior.of(prior)
-    maker, log = CandidateMaker(center_of_mass, model=model), StepLog(on_step, on_candidate)
+    maker = CandidateMaker(center_of_mass, model=model, outcome_of=outcome_of)
+    log = StepLog(on_step, on_candidate)
     search = ExactSearch(target, options, maker, log, group, least_circle, sensitivity)
     return search.run(starts)
 
@@ -302,12 +307,14 @@ class ExactSearch:
 
     def _no_start(self) -> NoStartError:
         first, remedy = "got none", "take another start"
+        of_face = self.maker.outcome_of
+        faces = len(self.target if of_face is None else of_face)
         if self.first is not None:
             center = self.maker.center_of_mass
             with suppress(DiceError):
                 poses = rest_poses(self.first.points, "hull" if center is None else center)
                 first = f"but the start has {len(poses.normals)} rests"
-                if len(poses.normals) > len(self.target):
+                if len(poses.normals) > faces:
                     remedy = "remove the extra rests, use method: paper, or take another start"
         if self.is_spent():
             limit = "seconds" if self.is_out_of_time() else "evaluations"
@@ -315,7 +322,7 @@ class ExactSearch:
         if self.group is not None:
             remedy += ", or take a smaller symmetry or none"
         return NoStartError(
-            f"start: expected a shape with one rest for each of {len(self.target)} outcomes "
+            f"start: expected a shape with one rest for each of {faces} labeled faces "
             f"and no other, {first}; {remedy}"
         )
 
@@ -340,7 +347,8 @@ def largest_jump(candidate: Candidate, target: Floats, prior: Prior) -> float:
         try:
             hull = convex_hull(corners + noise, single_precision=True)
             poses = analyze(hull, hull.centroid if center is None else center.numpy()).under(prior)
-            errors.append(outcome_probabilities(poses, candidate.directions).error(target))
+            faces = candidate.directions, candidate.outcome_of
+            errors.append(outcome_probabilities(poses, *faces).error(target))
         except DiceError:
             errors.append(1.0)
     return max(errors)

@@ -34,7 +34,7 @@ from dicedesign.optimize.terms import EnergyWeights
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.parts import Status
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 MAX_LINE_SEARCH_STEPS: Final = 300
 """Limit on the steps of a line search after steps with momentum."""
@@ -52,6 +52,7 @@ def solve_paper(
     center_of_mass: Floats | None = None,
     drift: bool = True,
     seed: int = 0,
+    outcome_of: Integers | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
     on_evaluation: Callable[[Evaluation], None] | None = None,
     on_candidate: Callable[[Candidate], None] | None = None,
@@ -61,25 +62,28 @@ def solve_paper(
     Parameters
     ----------
     start: shape and outcome directions.
-    target: (k,) target probability of each direction of the start.
+    target: (k,) target probability of each outcome.
     options: see `PaperOptions`.
     center_of_mass: (3,) fixed, in the coordinates of `start.points`, or None for the uniform solid.
     drift: whether steps may move the mean of the vertices.
     seed: seed of the perturbation.
+    outcome_of: (f,) outcome of each direction of the start, whose probabilities sum to its own in
+        any shares; None for one outcome each, f = k.
     on_step: called after every step.
     on_evaluation: called before that with the evaluation of a step before the finish.
     on_candidate: called before that with the die of a step of the finish.
 
     Raises
     ------
-    InputError: the target does not have one probability for each direction, or the center of mass
-        is not three finite numbers.
+    InputError: the target does not suit the directions, or the center of mass is not three finite
+        numbers.
     DegenerateBodyError, OutsideHullError: the start is no solid with the center inside.
     """
-    if len(target) != len(start.directions):
+    faces = len(target if outcome_of is None else outcome_of)
+    if faces != len(start.directions):
         raise InputError(
             f"target: expected {len(start.directions)} outcomes, one for each direction of the "
-            f"start, got {len(target)}; take another start"
+            f"start, got {faces}; take another start"
         )
     log, evaluator = StepLog(on_step, on_evaluation), ShapeEvaluator(None)
     hull = evaluator.shapes.hull(start.points)
@@ -89,14 +93,14 @@ def solve_paper(
     weights = options.weights.of_probabilities
     if options.step == "line_search":
         weights = weights.replace(hold=0.0, clear=0.0)
-    objective = Objective(coordinates, target, weights, evaluator)
+    objective = Objective(coordinates, target, weights, evaluator, outcome_of)
     first = objective.first(parameters, start.directions, options.perturbation, seed)
     descent = _Descent(first, SobolevGradient(options.sobolev, drift), log)
     result = descent.run(options, seed)
     if options.finish == "none":
         return result
     log.on_shape = on_candidate
-    return finish_exactly(result, target, options, evaluator.center_of_mass, log)
+    return finish_exactly(result, target, options, evaluator.center_of_mass, log, outcome_of)
 
 
 FADES: Final = {
@@ -144,14 +148,14 @@ def fade_weights(weights: EnergyWeights, part: float) -> EnergyWeights:
 
 
 def _rank(evaluation: Evaluation) -> tuple[int, float]:
-    """Number of outcomes without a rest, and the sum of the terms that do not fade: the lower, the
+    """Number of faces without a rest, and the sum of the terms that do not fade: the lower, the
     better the shape."""
     terms = evaluation.energy.terms.items()
     return evaluation.clusters.empty, sum(value for name, value in terms if name not in FADES)
 
 
 def assign_facets(evaluation: Evaluation) -> Evaluation:
-    """Give the outcomes distinct facets, whose normals become their directions: those with the
+    """Give the faces distinct facets, whose normals become their directions: those with the
     largest sum of cosines and depths, where rests have an advantage."""
     # Imported late, as few descents use it.
     from scipy.optimize import linear_sum_assignment
@@ -317,13 +321,14 @@ def finish_exactly(
     options: PaperOptions,
     center_of_mass: Floats | None = None,
     log: StepLog | None = None,
+    outcome_of: Integers | None = None,
 ) -> DesignResult:
     """Continue a result to probabilities (k,) exact to `options.tolerance`, and improve the die by
     `options.prefer`. If that fails, the die stays as it is.
 
-    log: log of the result, which is continued, if there is one.
+    log: log of the result, which is continued, if there is one. outcome_of: see `solve_paper`.
     """
-    before, maker = result.history[-1], CandidateMaker(center_of_mass)
+    before, maker = result.history[-1], CandidateMaker(center_of_mass, outcome_of=outcome_of)
     log = log or StepLog(steps=list(result.history))
     exact = ExactOptions(tolerance=options.effective_tolerance, prefer=options.prefer)
     best = result
@@ -354,7 +359,7 @@ def _starts(result: DesignResult, target: Floats, maker: CandidateMaker) -> Iter
             continue
         candidate = maker.attempt(coordinates, parameters, directions)
         if candidate is None:
-            objective = Objective(coordinates, target, REPAIRING, maker)
+            objective = Objective(coordinates, target, REPAIRING, maker, maker.outcome_of)
             candidate = _repair(objective, parameters, directions, maker)
         if candidate is not None:
             yield Start(candidate.rests.hull.vertices, candidate.directions)

@@ -31,7 +31,7 @@ from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, Lev
 from dicedesign.rest.outcomes import assign_rests, outcome_probabilities
 from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.rest.prior import Prior
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import BALANCED_PROBABILITIES, FILE_PROBABILITIES
 
 MOST_ROUNDS: Final = 6
@@ -111,6 +111,7 @@ def reshape(
     *,
     rounds: int = MOST_ROUNDS,
     model: ProbabilityModel = RESTING,
+    outcome_of: Integers | None = None,
 ) -> Reshaped:
     """Reshape a plain shape until the object made from it has the target probabilities.
 
@@ -125,13 +126,14 @@ def reshape(
 
     Parameters
     ----------
-    core: the plain shape, with a rest for each outcome and no other.
-    directions: (k, 3) normals of the outcomes' facets.
+    core: the plain shape, with a rest for each labeled face and no other.
+    directions: (f, 3) normals of the faces' facets.
     placements: labels on facets of the shape.
     target: (k,) target probabilities of the object.
-    labeled: makes the object; measure: measures it, with the directions of its outcomes.
+    labeled: makes the object; measure: measures it, with the directions of its faces.
     rounds: limit on the objects that are made and measured after the first.
     model: of the probabilities.
+    outcome_of: (f,) outcome that each face shows; None for one outcome each.
 
     Raises
     ------
@@ -154,7 +156,8 @@ def reshape(
             offset = measured.center_of_mass - core.centroid
             rests = evaluate_rests(torch.from_numpy(core.vertices), offset=offset)
             normals = rests.hull.normals[rests.facets]
-            plain = assign_rests(normals, model.probabilities(rests), directions).probabilities
+            on_rests = model.probabilities(rests)
+            plain = assign_rests(normals, on_rests, directions, outcome_of).probabilities
             images.append(np.concatenate([offset / size, measured.probabilities - plain]))
             changes, guess = np.stack(images) - np.stack(guessed), images[-1]
             if len(images) > 1:
@@ -165,7 +168,7 @@ def reshape(
 
             bearing = np.concatenate([directions, labeled.bearing(labels)])
             coordinates, parameters = tie_coordinates(core, bearing, FOLD)
-            maker = CandidateMaker(None, guess[:3] * size, model=model)
+            maker = CandidateMaker(None, guess[:3] * size, model=model, outcome_of=outcome_of)
             shape = _solve(coordinates, parameters, directions, target - guess[3:], maker)
             if shape is None:
                 break
@@ -248,7 +251,7 @@ class Stretched:
     Attributes
     ----------
     matrix: (3, 3) symmetric, the linear map. surface: the stretched surface.
-    directions: (k, 3) unit directions of the outcomes after the stretch.
+    directions: (f, 3) unit directions of the faces after the stretch.
     unbalanced: (k,) probabilities before; errors: largest |p - q| before and after.
     """
 
@@ -260,7 +263,11 @@ class Stretched:
 
 
 def stretch(
-    surface: Surface, directions: Floats, target: Floats, prior: Prior | None = None
+    surface: Surface,
+    directions: Floats,
+    target: Floats,
+    prior: Prior | None = None,
+    outcome_of: Integers | None = None,
 ) -> Stretched:
     """Stretch a solid until its probabilities are as near to the target as possible.
 
@@ -269,10 +276,11 @@ def stretch(
     has five parameters besides the size, so that up to six outcomes can be met exactly. Newton's
     method takes the shortest way, with difference quotients.
 
-    surface: surface of the solid; directions: (k, 3) unit, down in its outcomes; target: (k,)
+    surface: surface of the solid; directions: (f, 3) unit, down on its faces; target: (k,)
     probabilities; prior: distribution of the start orientations, which is not stretched; None is
-    uniform. The best stretch is returned, and the identity if none is better. Raises DiceError if
-    the body has no rests.
+    uniform; outcome_of: (f,) outcome that each face shows; None for one outcome each. The best
+    stretch is returned, and the identity if none is better. Raises DiceError if the body has no
+    rests.
     """
     poses = rest_poses(surface)
     corners = poses.hull.vertices - poses.center_of_mass
@@ -289,7 +297,8 @@ def stretch(
             rests = analyze(hull, np.zeros(3)).under(prior)
         except DiceError:
             return np.full(len(target), np.inf)
-        return outcome_probabilities(rests, _map_normals(directions, matrix)).probabilities
+        moved = _map_normals(directions, matrix)
+        return outcome_probabilities(rests, moved, outcome_of).probabilities
 
     def error_of(probabilities: Floats) -> float:
         return float(np.linalg.norm(probabilities - target))

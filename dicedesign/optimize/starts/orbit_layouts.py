@@ -3,6 +3,7 @@ the most helpful first."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -192,7 +193,11 @@ def fitting_groups(target: Floats) -> list[str]:
     target: (k,) target probabilities.
     """
     all_layouts = []
+    _, equal = np.unique(target.round(SAME), return_counts=True)
     for place, name in enumerate(group_names()):
+        # Two outcomes may be on one axis; of more, some fill an orbit around it.
+        if len(target) > 2 and _smallest_orbit(name) > equal.max():
+            continue
         group = point_group(name)
         try:
             layouts = OrbitLayouts(target, group)
@@ -205,6 +210,13 @@ def fitting_groups(target: Floats) -> list[str]:
             is_open = is_open or all(_is_unbounded(layouts.draw(rng), rng) for _ in range(DRAWS))
             all_layouts.append((layouts.fewest, is_open, -len(group), place, name))
     return [entry[-1] for entry in sorted(all_layouts)]
+
+
+def _smallest_orbit(name: str) -> int:
+    """Number of facets of the smallest orbit that is not on the main axis."""
+    several = {"T": 4, "Td": 4, "Th": 6, "O": 6, "Oh": 6, "I": 12, "Ih": 12, "Cs": 1, "Ci": 1}
+    order = re.search("[0-9]+", name)
+    return several[name] if order is None else int(order[0])
 
 
 def _is_unbounded(layout: Layout, rng: np.random.Generator) -> bool:

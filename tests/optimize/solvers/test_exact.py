@@ -197,7 +197,9 @@ def test_the_solver_accepts_a_prior_as_text() -> None:
 def test_a_start_without_the_wanted_rests_is_refused_in_words() -> None:
     cube = repulsion(6, 0)
     pair = Start(cube.points, cube.directions[:2])
-    with pytest.raises(InputError, match="expected a shape with one rest for each of 2 outcomes"):
+    with pytest.raises(
+        InputError, match="expected a shape with one rest for each of 2 labeled faces"
+    ):
         solve_exact([pair], np.array([0.5, 0.5]), ExactOptions())
 
 

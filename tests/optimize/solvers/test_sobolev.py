@@ -103,7 +103,7 @@ def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) ->
     approach.solve(candidate)
     step = candidates[1].parameters - candidate.parameters
 
-    probabilities = candidate.jacobian(candidate.rests.probabilities[candidate.rest_of_outcome])
+    probabilities = candidate.jacobian(candidate.rests.probabilities[candidate.rest_of_face])
     hull = candidate.rests.hull
     metric = np.eye(probabilities.shape[1])
     if options is not None:

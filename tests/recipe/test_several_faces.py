@@ -1,0 +1,192 @@
+"""Outcomes of several faces: exact in every method, and the same dice as with a label for each
+face."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from dicedesign.fabricate.numbering import spread_labels
+from dicedesign.gradient.rest_probabilities import evaluate_rests
+from dicedesign.optimize.clusters import ClusteredRests
+from dicedesign.optimize.energy import Energy, energy_terms
+from dicedesign.optimize.options import PaperWeights
+from dicedesign.optimize.starts.shapes import repulsion
+from dicedesign.recipe.pipeline import Work, run_stages
+from dicedesign.recipe.reading import parse_recipe, parse_target
+from dicedesign.results.result import Result
+from tests.reference.oracle import hull_probabilities
+
+LABELS = ["a", "b", "a", "c", "b", "b", "c"]
+SHARES = [0.1, 0.12, 0.2, 0.18, 0.15, 0.05, 0.2]
+
+
+def make(last: str = "engrave", **entries: Any) -> Work:
+    given = {"name": "die", "symmetry": "none", "size_mm": 40, "print": False}
+    work = Work(parse_recipe({**given, **entries}))
+    run_stages(work, last=last)
+    return work
+
+
+def sums_by_label(result: Result) -> dict[str, float]:
+    """Probabilities of the facets of the plain file by label."""
+    sums: dict[str, float] = {}
+    for facet in result.facets:
+        assert facet.label is not None
+        sums[facet.label] = sums.get(facet.label, 0.0) + facet.probability
+    return sums
+
+
+def oracle_error(work: Work) -> float:
+    """Largest |p - q| of a designed die in 60 digits, by outcome."""
+    hull, target = work.die.hull, work.target
+    shares = hull_probabilities(hull, [hull.centroid])
+    facets = np.argmax(work.die.directions @ hull.normals.T, axis=1)
+    sums = [0 * shares[0]] * len(target.labels)
+    for facet, outcome in zip(facets, target.outcome_of_face.tolist(), strict=True):
+        sums[outcome] += shares[facet]
+    pairs = zip(sums, target.probabilities.tolist(), strict=True)
+    return max(abs(float(p - q)) for p, q in pairs)
+
+
+@pytest.mark.parametrize("method", ["exact", "paper"])
+def test_the_faces_of_an_outcome_share_its_probability(method: str) -> None:
+    entries: dict[str, Any] = {"target": {"probabilities": SHARES, "labels": LABELS}}
+    if method == "paper":
+        entries |= {"method": "paper", "start": {"repulsion": {}}}
+    work = make(**entries)
+    result = work.result()
+    assert result.status == "converged"
+    assert result.labels == ("a", "b", "c")
+    np.testing.assert_allclose(result.target, [0.3, 0.32, 0.38], rtol=1e-14)
+    assert oracle_error(work) <= 1e-12
+    assert len(result.facets) == 7
+    for label, p in zip(result.labels, result.target, strict=True):
+        assert sums_by_label(result)[label] == pytest.approx(p, abs=2e-8)
+    assert result.engraved is not None
+    assert result.engraved.max_abs_error <= 2e-8
+    assert sorted(placement.text for placement in work.finished.placements) == sorted(LABELS)
+    # The shares are free: they are no longer those given.
+    own = sorted(facet.probability for facet in result.facets)
+    assert np.abs(np.array(own) - np.sort(SHARES)).max() > 1e-4
+
+
+def test_kept_shares_make_the_die_of_a_label_for_each_face() -> None:
+    names = [f"{label}{place}" for place, label in enumerate(LABELS)]
+    target = {"probabilities": SHARES, "labels": LABELS, "share": "equal"}
+    joined = make("check", target=target, assignment=LABELS)
+    apart = make("check", target={"probabilities": SHARES, "labels": names})
+    # Faces with one label are assigned in their order.
+    np.testing.assert_array_equal(joined.die.hull.vertices, apart.die.hull.vertices)
+    result, split = joined.result(), apart.result()
+    by_name = dict(zip(split.labels, split.probabilities, strict=True))
+    for label, p in zip(result.labels, result.probabilities, strict=True):
+        assert p == pytest.approx(sum(by_name[name] for name in names if name[0] == label))
+
+
+def test_thrown_probabilities_are_those_of_outcomes() -> None:
+    method = {"exact": {"probabilities": "thrown", "prefer": {}, "starts": 20}}
+    target = {"probabilities": SHARES, "labels": LABELS}
+    result = make("throws", target=target, method=method).result()
+    assert result.thrown is not None
+    np.testing.assert_allclose(result.thrown.momentum, [0.3, 0.32, 0.38], atol=2e-3)
+
+
+def test_a_thick_coin_has_the_known_thickness() -> None:
+    """A third each: the height of a cylinder is its diameter over the root of 8 (von Neumann). As
+    the rim has 12 sides, the height is that at which its regular pyramids have the solid angle."""
+    outcomes = [
+        {"label": "heads", "probability": "1/3"},
+        {"label": "tails", "probability": "1/3"},
+        {"label": "rim", "probability": "1/3", "faces": 12},
+    ]
+    work = make(
+        target={"outcomes": outcomes}, symmetry="D12h", engrave={"blank": ["rim"]}, last="engrave"
+    )
+    assert work.result().status == "converged"
+    assert [placement.text for placement in work.finished.placements] == ["heads", "tails"]
+    hull = work.die.hull
+    caps = hull.vertices[:, 2]
+    height, radius = float(np.ptp(caps)), float(np.hypot(*hull.vertices.T[:2]).max())
+    # Solid angle of a right pyramid on a regular polygon, from its spherical excess.
+    corner = np.array([radius, 0.0, height / 2.0])
+    turn = Rotation.from_rotvec([0.0, 0.0, np.pi / 6.0])
+    a, b, c = (
+        v / np.linalg.norm(v) for v in (turn.inv().apply(corner), corner, turn.apply(corner))
+    )
+    before, after = np.cross(b, np.cross(a, b)), np.cross(b, np.cross(c, b))
+    cosine = before @ after / (np.linalg.norm(before) * np.linalg.norm(after))
+    angle = 12.0 * float(np.arccos(cosine)) - 10.0 * np.pi
+    assert angle == pytest.approx(4.0 * np.pi / 3.0, abs=1e-9)
+    assert height / (2.0 * radius) == pytest.approx(8.0**-0.5, rel=0.03)
+
+
+def test_equal_labels_come_on_opposite_sides_of_a_cube() -> None:
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    labels = np.array(["+", "+", "0", "0", "-", "-"])
+    order = spread_labels(normals, labels.tolist(), np.full(6, 1 / 6))
+    shown = labels[order]
+    assert (shown[:3] == shown[3:]).all()
+    # Faces of other probabilities keep their labels.
+    unequal = np.array([0.1, 0.2, 0.3, 0.05, 0.15, 0.2])
+    kept = spread_labels(normals, labels.tolist(), unequal)
+    assert [int(k) for k in kept if kept[k] != k] in ([], [1, 5], [5, 1])
+
+
+def test_energies_of_shared_outcomes_agree_with_torch() -> None:
+    """The kernels' energy and gradient, against those of torch and difference quotients."""
+    start = repulsion(9, 0)
+    points = start.points * [1.0, 0.9, 0.8] + 0.02 * np.random.default_rng(0).normal(
+        size=start.points.shape
+    )
+    outcome_of, target = np.array([0, 1, 2, 0, 1, 2, 2, 2, 1]), np.array([0.2, 0.3, 0.5])
+    weights = PaperWeights().of_probabilities
+
+    def state(moved: np.ndarray) -> ClusteredRests:
+        rests = evaluate_rests(torch.from_numpy(moved).requires_grad_())
+        return ClusteredRests.of(rests, start.directions, target, outcome_of)
+
+    here = state(points)
+    energy, terms = Energy(here, weights), energy_terms(here, weights)
+    for name, value in energy.terms.items():
+        assert value == pytest.approx(terms[name].item(), rel=1e-10, abs=1e-14)
+    sums = np.bincount(
+        outcome_of, np.bincount(here.clusters.of_rest, here.rests.probability_values, 9)
+    )
+    assert energy.terms["dice"] == pytest.approx(float(((sums - target) ** 2).sum()), rel=1e-12)
+    along = np.random.default_rng(1).normal(size=points.shape)
+    step = 1e-6
+    ends = [sum(Energy(state(points + s * along), weights).terms.values()) for s in (step, -step)]
+    slope = (ends[0] - ends[1]) / (2.0 * step)
+    hull_points = here.rests.vertices.detach().numpy()
+    source = [int(np.argmin(np.abs(points - p).sum(axis=1))) for p in hull_points]
+    assert float((energy.gradient * along[source]).sum()) == pytest.approx(slope, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "labels", "probabilities"),
+    [
+        ("d7", list("1234567"), [1 / 7] * 7),
+        (
+            "2d6",
+            [str(k) for k in range(2, 13)],
+            [k / 36 for k in (1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1)],
+        ),
+        ("2dF", ["-2", "-1", "0", "+1", "+2"], [k / 9 for k in (1, 2, 3, 2, 1)]),
+        ("dF", ["+", "0", "-"], [1 / 3] * 3),
+        ("d4 + d6", [str(k) for k in range(2, 11)], [k / 24 for k in (1, 2, 3, 4, 4, 4, 3, 2, 1)]),
+        ("1:2:3", list("123"), [1 / 6, 1 / 3, 1 / 2]),
+        ("50%, 30 %,20%", list("123"), [0.5, 0.3, 0.2]),
+    ],
+)
+def test_targets_as_people_type_them(
+    text: str, labels: Sequence[str], probabilities: Sequence[float]
+) -> None:
+    target = parse_recipe({"name": "die", "target": parse_target(text)}).target.target()
+    assert list(target.labels) == list(labels)
+    np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
