@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -37,6 +38,10 @@ from dicedesign.rest.poses import analyze
 from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
 
+JudgePrints: TypeAlias = Callable[[Surface, Floats, Floats], float]
+"""Mean total variation of prints of a surface with a center of mass (3,) from the target, for down
+directions (k, 3) of the outcomes."""
+
 DESIGN_SHARE = 0.8
 """Share of the tolerance that the design of the hull may use: the file is rounded afterwards."""
 
@@ -53,7 +58,11 @@ EASING_GROWTH = 1.3
 EASED_SHARE = 0.8
 """Share of the intersecting pairs of triangles that may remain for easing to continue."""
 
-SLOPES = SlopeOptions(fall=3e-3, rise=4e-3, circle=math.radians(3.0))
+CLEARANCE = 0.02
+"""Minimum clearance of a hull (`HullDraft.clearance`), over the circumscribed radius: 0.3 mm for a
+die of 30 mm, about what the foot of the center of mass moves in prints."""
+
+SLOPES = SlopeOptions(fall=CLEARANCE, rise=4e-3, circle=math.radians(3.0))
 """Slopes of the first attempts, if the margin needs no larger circle."""
 
 CIRCLE_SHARE = 0.75
@@ -88,6 +97,7 @@ class Attempts:
     ----------
     surface, target, options, seed, wall: see `make_concave_die`.
     on_step: receives the stage, the energy, and the largest |p - q| if the stage knows it.
+    judge_prints: see `JudgePrints`; None if no prints are judged.
     """
 
     surface: Surface
@@ -96,6 +106,7 @@ class Attempts:
     seed: int
     on_step: Callable[..., None]
     wall: float | None = None
+    judge_prints: JudgePrints | None = None
 
     @cached_property
     def center(self) -> Floats:
@@ -117,6 +128,7 @@ class Attempts:
             tolerance=DESIGN_SHARE * options.tolerance,
             apart=math.radians(options.apart_deg),
             margin=math.radians(options.margin_deg),
+            clearance=CLEARANCE if options.hull == "gauss_newton" else 0.0,
             coarse=options.hull == "gauss_newton",
         )
 
@@ -306,7 +318,7 @@ class Attempts:
         outcomes = outcome_probabilities(poses, directions)
         error = outcomes.error(self.target)
         self.on_step("fill", energy, error)
-        return FilledHull(
+        filled = FilledHull(
             Draft(
                 attempt=0,
                 seconds=None,
@@ -321,3 +333,8 @@ class Attempts:
             center_of_mass=self.center + self.radius * (solid.centroid + shift),
             directions=directions,
         )
+        if self.judge_prints is None or missing(filled.draft, self.options) > 0.0:
+            return filled
+        surface = self.surface.with_points(filled.points)
+        prints = self.judge_prints(surface, filled.center_of_mass, directions)
+        return replace(filled, draft=replace(filled.draft, prints=prints))

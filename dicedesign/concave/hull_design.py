@@ -36,6 +36,7 @@ from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import CandidateMaker, LevenbergMarquardt
 from dicedesign.rest.outcomes import assign_rests
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import SAME_REST_ANGLE
 
 MAX_GAIN = 0.05
 """Maximum change of a probability that one step aims at."""
@@ -131,9 +132,24 @@ class HullDraft:
         return outcomes.error(target)
 
     def shortfall(self, problem: HullProblem) -> float:
-        """Sum of the relative violations by probabilities and angles; 0 if all limits are met."""
-        apart, margin = (self.apart, problem.apart), (self.margin, problem.margin)
-        return shortfall(self.error(problem.target), problem.tolerance, apart, margin)
+        """Sum of the relative violations of all limits: of probabilities, angles and clearance; 0
+        if they are met."""
+        limits = [(self.apart, problem.apart), (self.margin, problem.margin)]
+        if problem.clearance > 0.0:
+            limits.append((self.clearance, problem.clearance))
+        return shortfall(self.error(problem.target), problem.tolerance, *limits)
+
+    @cached_property
+    def clearance(self) -> float:
+        """Smallest depth of the foot of the center of mass in an outcome's facet, or distance of it
+        outside of a facet that is no rest and not near the main rest of an outcome, over the
+        circumscribed radius; 0 if there are rests beside the main ones."""
+        depths, normals, main = self.rests.depths, self.rests.hull.normals, self.normals
+        if not self.alone:
+            return 0.0
+        aside = (normals @ main.T).max(axis=1) < math.cos(SAME_REST_ANGLE)
+        rests = depths[self.rests.paths.rests]
+        return max(0.0, float(np.concatenate([rests, -depths[aside]]).min()))
 
     @property
     def jacobian(self) -> Floats:

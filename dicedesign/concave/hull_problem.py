@@ -162,43 +162,9 @@ class HeldCorners:
         return forces, np.tensordot(forces, mixed - own, 2)
 
 
-INITIAL_CORNERS = 60
-"""Number of spread vertices with which `coarse_corners` begins."""
-
-MAX_CORNERS = 300
-"""Number of vertices above which none is added."""
-
-CLOSE = 1e-3
-"""Largest distance of the omitted vertices from the hull of the others, over the circumscribed
-radius, at which that is close enough."""
-
-
-def coarse_corners(hull: ConvexHull) -> Integers:
-    """Increasing indices (c,) of vertices of a hull whose own hull is close to it.
-
-    Vertices that are farthest outside the hull of the chosen ones are added in turn, one above each
-    facet at a time. hull: of circumscribed radius about 1.
-    """
-    corners = hull.vertices
-    if len(corners) <= INITIAL_CORNERS:
-        return np.arange(len(corners))
-    chosen = spread_points(corners, INITIAL_CORNERS)
-    while True:
-        coarse = convex_hull(corners[chosen])
-        middle = coarse.vertices.mean(axis=0)
-        above = (corners - middle) @ coarse.normals.T - coarse.heights(middle)
-        facet = above.argmax(axis=1)
-        height = above.max(axis=1)
-        height[chosen] = 0.0
-        # The highest vertex above each facet, the highest of all first.
-        order = np.argsort(-height, kind="stable")
-        order = order[height[order] > CLOSE]
-        first = np.sort(np.unique(facet[order], return_index=True)[1])
-        farthest = order[first][: MAX_CORNERS - len(chosen)]
-        if len(farthest) == 0:
-            return np.sort(chosen)
-        chosen = np.concatenate([chosen, farthest])
-
+CORNERS = 60
+"""Number of corners of the hull that is designed, spread over those of the surface. Facets between
+corners that are far apart turn little with the errors of a print."""
 
 SAMPLES = 600
 """Points of the surface that represent the points around them."""
@@ -234,7 +200,8 @@ class HullProblem:
     tolerance: maximum error (`DesignedHull.error`).
     apart: minimum angle between two outcomes, in radians.
     margin: minimum angle of tipping that leaves an outcome, in radians.
-    coarse: whether to design with some of the vertices (`coarse_corners`), or with all.
+    clearance: minimum of `HullDraft.clearance`.
+    coarse: whether to design with `CORNERS` of the vertices, or with all.
     room: convex region to which cavities can move the center of mass, around the centroid of the
         uniform solid; None for a solid die.
     """
@@ -244,6 +211,7 @@ class HullProblem:
     tolerance: float
     apart: float = 0.0
     margin: float = 0.0
+    clearance: float = 0.0
     coarse: bool = False
     room: ConvexHull | None = None
 
@@ -272,7 +240,9 @@ class HullProblem:
     def _candidates(self) -> Integers:
         """Indices of the surface points from which the hull is made."""
         hull = self.whole_hull
-        return hull.source[coarse_corners(hull)] if self.coarse else hull.source
+        if not self.coarse:
+            return hull.source
+        return hull.source[np.sort(spread_points(hull.vertices, CORNERS))]
 
     @cached_property
     def elasticity(self) -> Elasticity:

@@ -138,6 +138,7 @@ class ConcaveOptions:
         180.
     margin_deg: minimum angle by which the die can be tipped without leaving an outcome, in degrees;
         at least 0 and below 90.
+    prints_within: largest mean total variation of prints from the target; above 0 and at most 1.
     hollow: cavities that move the center of mass, so that the surface needs less bending; None for
         a solid die.
     points: approximate number of points to which the surface is decimated or refined first; None
@@ -157,6 +158,7 @@ class ConcaveOptions:
     paper: ConcavePaperOptions | None = None
     apart_deg: float = 45.0
     margin_deg: float = 10.0
+    prints_within: float = 0.03
     hollow: HollowOptions | None = None
     points: int | None = None
     attempts: int = 60
@@ -187,6 +189,7 @@ class ConcaveOptions:
             tolerance=(0.0 < self.tolerance < 1.0, "a number above 0 and below 1"),
             apart_deg=(0.0 <= self.apart_deg < 180.0, "degrees from 0 to below 180"),
             margin_deg=(0.0 <= self.margin_deg < 90.0, "degrees from 0 to below 90"),
+            prints_within=(0.0 < self.prints_within <= 1.0, "a number above 0 and at most 1"),
             attempts=(self.attempts >= 1, "a whole number above 0"),
             enough=(self.enough >= 1, "a whole number above 0"),
             displacement=(0.0 < self.displacement < np.inf, "a positive number"),

@@ -103,7 +103,7 @@ class ConcaveDie:
 def shortfall(error: float, tolerance: float, *angles: tuple[float, float]) -> float:
     """Sum of the relative violations of all limits; 0 if all are met.
 
-    error: largest |p - q|, at most the tolerance; angles: each with its minimum, in one unit.
+    error: largest |p - q|, at most the tolerance; angles: or lengths, each with its minimum.
     """
     excess = max(error / tolerance - 1.0, 0.0)
     return excess + sum(1.0 - angle / least for angle, least in angles if angle < least)
@@ -121,20 +121,29 @@ PREFERRED_APART = 1.5
 PREFERRED_MARGIN = 2.0
 """Tipping margin, over its minimum, above which a larger one is not preferred."""
 
+PREFERRED_PRINTS = 0.5
+"""Mean total variation of prints, over its limit, below which a smaller one is not preferred."""
+
 
 def missing(die: Draft, options: ConcaveOptions) -> float:
-    """Sum of the relative violations by probabilities, angles and self-intersections; 0 for a
-    converged die."""
+    """Sum of the relative violations by probabilities, angles, self-intersections and prints; 0 for
+    a converged die."""
     angles = (die.apart_deg, options.apart_deg), (die.margin_deg, options.margin_deg)
     violation = shortfall(die.error, options.tolerance, *angles)
     if die.self_intersections > 0:
         violation += INTERSECTION_SHORTFALL + die.self_intersections / MOST_EASED
+    if die.prints is not None and die.prints > options.prints_within:
+        violation += 1.0 - options.prints_within / die.prints
     return violation
 
 
 def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float]:
-    """Sort key, best first: violations, then the displacement times 1 + `angle_penalty`."""
+    """Sort key, best first: violations, then the displacement times 1 + `angle_penalty`, and more
+    for prints that are off by more than the preferred share of their limit."""
     penalty = angle_penalty(die.apart_deg, die.margin_deg, options)
+    if die.prints is not None:
+        off = die.prints / options.prints_within
+        penalty += min(max((off - PREFERRED_PRINTS) / (1.0 - PREFERRED_PRINTS), 0.0), 1.0)
     return missing(die, options), (1.0 + penalty) * die.displacement
 
 

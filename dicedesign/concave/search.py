@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dicedesign.balance.regions import is_shifted
-from dicedesign.concave.attempt import Attempts
+from dicedesign.concave.attempt import Attempts, JudgePrints
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull, Hollow, missing
 from dicedesign.errors import NoStartError
@@ -69,6 +69,7 @@ def make_concave_die(
     options: ConcaveOptions,
     *,
     wall: float | None = None,
+    judge_prints: JudgePrints | None = None,
     seed: int = 0,
     resume: ConcaveProgress | None = None,
     on_step: Callable[[Step], None] = lambda _: None,
@@ -86,6 +87,7 @@ def make_concave_die(
     options: see `ConcaveOptions`.
     wall: minimum thickness of walls around cavities, over the largest distance of two points of the
         die, positive; None for a solid die.
+    judge_prints: see `JudgePrints`; None if no prints are judged.
     seed: seed of the attempts' slopes and choices. Attempt n does not depend on the session or
         the number of threads.
     resume: state of an earlier session.
@@ -123,7 +125,7 @@ def make_concave_die(
             return False
         return best.draft.displacement <= options.displacement or done >= options.enough
 
-    attempts = Attempts(surface, target, options, seed, record, wall)
+    attempts = Attempts(surface, target, options, seed, record, wall, judge_prints)
     with one_thread():
         while not has_ended():
             number, begun = progress.attempts + 1, seconds()

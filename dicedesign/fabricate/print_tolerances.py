@@ -315,11 +315,16 @@ def _roots(covariance: Floats) -> tuple[float, ...]:
     return tuple(np.sqrt(np.diag(covariance)).tolist())
 
 
+def total_variations(target: Floats, prints: Floats) -> Floats:
+    """(n,) total variations from a target (k,) of prints with probabilities (n, k); what is missing
+    from 1 falls elsewhere."""
+    missing = 1.0 - prints.sum(axis=1)
+    return np.asarray((np.abs(prints - target).sum(axis=1) + np.abs(missing)) / 2.0)
+
+
 def variation_of_prints(target: Floats, prints: Floats, elsewhere: float) -> dict[str, Any]:
     """Facts on prints with probabilities (n, k) and a mean probability elsewhere."""
-    # What is missing from 1 falls elsewhere.
-    missing = 1.0 - prints.sum(axis=1)
-    off = (np.abs(prints - target).sum(axis=1) + np.abs(missing)) / 2.0
+    off = total_variations(target, prints)
     return {
         "mean": tuple(prints.mean(axis=0).tolist()),
         "elsewhere": elsewhere,

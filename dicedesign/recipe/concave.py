@@ -14,11 +14,15 @@ from dicedesign.concave.result import ConcaveDie, ConcaveProgress
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die, read_checkpoint
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
+from dicedesign.fabricate.print_copies import CopiedBody
+from dicedesign.fabricate.print_tolerances import total_variations
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work
 from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.parts import Search, Status, TradeOff
 from dicedesign.runtime.arrays import Floats
@@ -44,7 +48,8 @@ def design_concave(work: Work) -> Design:
     target = work.target.face_probabilities
     size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
     choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
-    # Searches with equal texts are identical.
+    # Searches with equal texts are identical, but for the size and the printer that judge prints:
+    # a die that is too small, or fragile, is resumed with others.
     identity = {
         "target": json.dumps(target.tolist()),
         "seed": str(recipe.seed),
@@ -65,6 +70,16 @@ def design_concave(work: Work) -> Design:
         work.callbacks.on_part(latest.attempts, options.attempts, "attempts")
         work.callbacks.on_attempt(line)
 
+    def judge_prints(bent: Surface, center: Floats, directions: Floats) -> float:
+        assert recipe.print is not None
+        errors, printer = recipe.print.expected_errors, recipe.print.selected_printer
+        scaled = (bent.points - center) * (recipe.size_mm / convex_hull(bent.points).diameter)
+        poses = analyze(convex_hull(scaled), np.zeros(3))
+        body = body_of(bent.with_points(scaled))
+        copied = CopiedBody.of(body, poses, np.eye(3), errors.correlation_mm)
+        prints = copied.probabilities(errors, printer.layer_mm, directions)
+        return float(total_variations(target, prints[:, :-1]).mean())
+
     if work.resume and path is not None:
         progress = read_checkpoint(path, identity)
     report(progress)
@@ -74,6 +89,7 @@ def design_concave(work: Work) -> Design:
             target,
             options,
             wall=None if options.hollow is None else options.hollow.wall_mm / recipe.size_mm,
+            judge_prints=None if recipe.print is None else judge_prints,
             seed=recipe.seed,
             resume=progress,
             on_step=work.callbacks.on_step,
@@ -117,7 +133,8 @@ def _keep_surface(surface: Surface, target: Floats, progress: ConcaveProgress) -
 
 
 def _trade_off(progress: ConcaveProgress, options: ConcaveOptions) -> TradeOff:
-    return TradeOff(options.tolerance, options.apart_deg, options.margin_deg, progress.tried)
+    limits = options.tolerance, options.apart_deg, options.margin_deg, options.prints_within
+    return TradeOff(*limits, progress.tried)
 
 
 def _describe(progress: ConcaveProgress, options: ConcaveOptions) -> str:

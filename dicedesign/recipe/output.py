@@ -123,6 +123,8 @@ def find_tolerances(work: Work) -> None:
         faces = directions, outcome_of, work.die.prior
         printer = options.selected_printer
         work.tolerances = copied_tolerances(copied, target, errors, printer, faces)
+        if work.tolerances.total_variation > work.recipe.method.options.prints_within:
+            work.fail(Status.FRAGILE)
     if options.infill == 1.0:
         return
     engrave, marked = work.recipe.engrave, None if verdict is work.plain else work.engraved

@@ -243,6 +243,7 @@ def trade_off_chart(die: FinishedDie) -> Sheet:
         (Status.SELF_INTERSECTING, "intersects itself", DISTINCT[4], "^", 14.0),
         (Status.TOO_NEAR, f"outcomes nearer than {trade_off.apart_deg:g}°", DISTINCT[1], "s", 11.0),
         (Status.TIPPY, f"tips over below {trade_off.margin_deg:g}°", DISTINCT[2], "D", 11.0),
+        (Status.FRAGILE, "prints off", DISTINCT[3], "v", 14.0),
     ):
         group = [places[attempt] for attempt in worst if worst[attempt] is status]
         style = {"color": color, "marker": marker, "ms": size, "mew": 3.0 if marker == "x" else 1.0}

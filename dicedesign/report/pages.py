@@ -52,6 +52,7 @@ FLAWS: Final = {
     Status.SELF_INTERSECTING: "intersects itself",
     Status.TOO_NEAR: "outcomes near",
     Status.TIPPY: "margin",
+    Status.FRAGILE: "prints",
 }
 
 MAX_TRIANGLES: Final = 60_000

@@ -27,6 +27,10 @@ class Status(Enum):
     UNSTEADY = "an outcome tips over at less than 0.1 degrees"
     TOO_NEAR = "two outcomes are nearer to each other than method.concave.apart_deg"
     TIPPY = "an outcome tips over at less than method.concave.margin_deg"
+    FRAGILE = (
+        "prints of it do not, by more than method.concave.prints_within on average; print it "
+        "larger or on a finer printer, or take another seed or surface"
+    )
     LOOSE = "the surface does not fill the designed hull"
     SELF_INTERSECTING = "the surface intersects itself"
     OPEN = "the surface is not closed, as rounded to the single precision of its file"
@@ -178,6 +182,7 @@ class Draft:
     apart_deg: smallest angle between two outcomes' rests.
     margin_deg: smallest tilt that leaves an outcome.
     self_intersections: pairs of intersecting triangles.
+    prints: mean total variation of prints from the target; None if they were not judged.
     """
 
     attempt: int
@@ -187,6 +192,7 @@ class Draft:
     apart_deg: float
     margin_deg: float
     self_intersections: int
+    prints: float | None = None
 
 
 @dataclass(frozen=True)
@@ -195,13 +201,15 @@ class TradeOff:
 
     Attributes
     ----------
-    tolerance: error limit. apart_deg, margin_deg: minimum angles, see `Draft`.
+    tolerance: error limit. apart_deg, margin_deg: minimum angles, see `Draft`. prints_within: limit
+        of `Draft.prints`.
     drafts: best dice of the attempts that have one, by number.
     """
 
     tolerance: float
     apart_deg: float
     margin_deg: float
+    prints_within: float
     drafts: tuple[Draft, ...]
 
     def flaws(self, draft: Draft) -> Iterator[Status]:
@@ -214,6 +222,8 @@ class TradeOff:
             yield Status.TOO_NEAR
         if draft.margin_deg < self.margin_deg - math.degrees(FILE_ANGLE):
             yield Status.TIPPY
+        if draft.prints is not None and draft.prints > self.prints_within:
+            yield Status.FRAGILE
 
 
 @dataclass(frozen=True)

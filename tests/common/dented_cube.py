@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dicedesign.concave.attempt import JudgePrints
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull
 from dicedesign.errors import NoStartError
@@ -65,6 +66,7 @@ class MadeUpSearch:
         options: ConcaveOptions,
         *,
         wall: float | None = None,
+        judge_prints: JudgePrints | None = None,
         seed: int = 0,
         resume: ConcaveProgress | None = None,
         on_step: Callable[[Step], None] = lambda _: None,
@@ -79,9 +81,12 @@ class MadeUpSearch:
             )
             for step in history:
                 on_step(step)
-            draft = Draft(attempt, 0.6, 0.0, 0.01 * attempt, 90.0, 45.0, 0)
-            points = self.change(dented_cube(0.1 + 0.01 * attempt).points)
-            best = FilledHull(draft, points, CORNERS, np.zeros(3), NORMALS[: len(target)])
+            bent, downs = dented_cube(0.1 + 0.01 * attempt), NORMALS[: len(target)]
+            prints = None
+            if judge_prints is not None and not self.leads_nowhere:
+                prints = judge_prints(bent, np.zeros(3), downs)
+            draft = Draft(attempt, 0.6, 0.0, 0.01 * attempt, 90.0, 45.0, 0, prints)
+            best = FilledHull(draft, self.change(bent.points), CORNERS, np.zeros(3), downs)
             progress = ConcaveProgress(
                 attempt,
                 0.6 * attempt,

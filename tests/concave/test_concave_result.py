@@ -29,6 +29,7 @@ DIE = Draft(
         ("apart_deg", (40.0, 39.999, 20.0, 0.0)),
         ("margin_deg", (10.0, 9.999, 3.0, 0.0)),
         ("self_intersections", (0, 1, 7, 1000)),
+        ("prints", (0.03, 0.031, 0.1, 1.0)),
     ],
 )
 def test_larger_violations_rank_lower(name: str, values: tuple[float, ...]) -> None:
@@ -54,6 +55,14 @@ def test_larger_angles_outweigh_some_displacement() -> None:
     hard, easy = DIE, replace(DIE, displacement=0.04, apart_deg=90.0, margin_deg=30.0)
     assert rank(easy, OPTIONS) < rank(hard, OPTIONS)
     assert rank(replace(DIE, displacement=0.01), OPTIONS) < rank(easy, OPTIONS)
+
+
+def test_better_prints_outweigh_some_displacement() -> None:
+    fragile, sound = replace(DIE, prints=0.029), replace(DIE, displacement=0.035, prints=0.01)
+    assert rank(sound, OPTIONS) < rank(fragile, OPTIONS)
+    assert rank(replace(fragile, displacement=0.01), OPTIONS) < rank(sound, OPTIONS)
+    # Prints that are good enough are equal.
+    assert rank(replace(sound, prints=0.001), OPTIONS) == rank(sound, OPTIONS)
 
 
 SEARCH = {"target": "[0.5, 0.5]", "surface": "abc"}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from common.bumpy import bent_capsule, bumpy_sphere
 from common.hull_problems import SLOPES, choices_of, design_draft, original_draft, problem_of
+from scipy.spatial import ConvexHull as OtherHull
 
 from dicedesign import rest_poses
 from dicedesign.concave.hull_design import (
@@ -81,7 +82,33 @@ def test_angles_and_probabilities_of_a_draft_are_those_of_the_body(place: int) -
     assert draft.probabilities.sum() == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("violated", ["", "probabilities", "apart", "probabilities apart margin"])
+def test_the_clearance_of_a_draft_is_the_least_distance_of_a_foot_from_the_rim_of_its_facet() -> (
+    None
+):
+    crowded, draft = drafts()
+    assert crowded.clearance == 0.0
+    hull = OtherHull(draft.corners)
+    normals, heights = hull.equations[:, :3], -hull.equations[:, 3]
+    cosines, distances = normals @ draft.normals.T, []
+    for place, (normal, height) in enumerate(zip(normals, heights, strict=True)):
+        facet = hull.simplices[place]
+        corners = draft.corners[facet]
+        # From a corner to the next, seen from outside.
+        if np.linalg.det(np.stack([corners[1] - corners[0], corners[2] - corners[0], normal])) < 0:
+            corners = corners[::-1]
+        inward = np.cross(normal, np.roll(corners, -1, axis=0) - corners)
+        inward /= np.linalg.norm(inward, axis=1)[:, None]
+        depth = ((height * normal - corners) * inward).sum(axis=1).min()
+        is_main = place in cosines.argmax(axis=0)
+        if is_main or cosines[place].max() < np.cos(np.radians(5.0)):
+            distances.append(depth if is_main else -depth)
+    radius = np.linalg.norm(draft.corners, axis=1).max()
+    assert draft.clearance == pytest.approx(min(distances) / radius, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "violated", ["", "probabilities", "apart", "clearance", "probabilities apart margin"]
+)
 def test_the_shortfall_sums_relative_violations(violated: str) -> None:
     draft = good()
     error, apart, margin = draft.error(problem().target), draft.apart, draft.margin
@@ -98,7 +125,12 @@ def test_the_shortfall_sums_relative_violations(violated: str) -> None:
     if "margin" in violated:
         leave = 2.0 * margin
         expected += 0.5
-    shortfall = draft.shortfall(HullProblem(problem().surface, target, tolerance, least, leave))
+    clear = 0.99 * draft.clearance
+    if violated == "clearance":
+        clear = 2.0 * draft.clearance
+        expected += 0.5
+    wanted = HullProblem(problem().surface, target, tolerance, least, leave, clear)
+    shortfall = draft.shortfall(wanted)
     assert (shortfall == 0.0) == (not violated)
     assert shortfall == pytest.approx(expected, abs=1e-9)
 

@@ -1,4 +1,4 @@
-"""Coarse hulls, elastic space and displacement of a surface, computed in other ways."""
+"""Corners of a design, elastic space and displacement of a surface, computed in other ways."""
 
 from __future__ import annotations
 
@@ -8,19 +8,16 @@ import numpy as np
 import pytest
 from common.bumpy import ball, bumpy_sphere, unit
 from scipy.spatial import ConvexHull as OtherHull
-from scipy.spatial.distance import cdist
+from scipy.spatial.distance import cdist, pdist
 
 from dicedesign.concave.hull_problem import (
-    CLOSE,
+    CORNERS,
     HANDLES,
-    INITIAL_CORNERS,
     KERNEL_CONSTANT,
-    MAX_CORNERS,
     Elasticity,
     HeldCorners,
     HullMetric,
     HullProblem,
-    coarse_corners,
     point_masses,
     spread_points,
 )
@@ -31,12 +28,6 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 
 
-def heights_above(points: Floats, corners: Floats) -> Floats:
-    """(n,) heights of points above the hull of others, negative inside."""
-    equations = OtherHull(corners).equations
-    return np.asarray((points @ equations[:, :3].T + equations[:, 3]).max(axis=1))
-
-
 def squashed_ball(subdivisions: int) -> Surface:
     """Ellipsoid, all of whose points are vertices of its hull."""
     surface = ball(subdivisions)
@@ -44,16 +35,12 @@ def squashed_ball(subdivisions: int) -> Surface:
 
 
 @pytest.mark.parametrize("surface", [unit(bumpy_sphere(3)), squashed_ball(3)])
-def test_omitted_vertices_are_close_unless_many_are_chosen(surface: Surface) -> None:
-    hull = convex_hull(surface.points)
-    chosen = coarse_corners(hull)
-    assert (np.diff(chosen) > 0).all()
-    assert INITIAL_CORNERS < len(chosen) < len(hull.vertices)
-    out = heights_above(hull.vertices, hull.vertices[chosen]).max()
-    assert out <= 1.01 * CLOSE or len(chosen) == MAX_CORNERS
-    # As many random vertices leave others much farther away.
-    random = np.random.default_rng(0).choice(len(hull.vertices), len(chosen), replace=False)
-    assert out < 0.7 * heights_above(hull.vertices, hull.vertices[random]).max()
+def test_corners_of_a_design_are_few_and_spread(surface: Surface) -> None:
+    problem = HullProblem(surface, np.array([0.5, 0.5]), 0.004, coarse=True)
+    corners, vertices = problem.hull.vertices, OtherHull(surface.points).vertices
+    assert len(corners) == CORNERS < len(vertices)
+    # No vertex is farther from all corners than they are from each other.
+    assert cdist(surface.points[vertices], corners).min(axis=1).max() <= pdist(corners).min()
 
 
 @pytest.mark.parametrize("coarse", [True, False])

@@ -265,7 +265,7 @@ DRAFTS = (
 def trade_off(drafts: tuple[Draft, ...], attempt: int | None, elsewhere: float) -> Sheet:
     """Chart of a search; the original surface has an error of `elsewhere`."""
     concave = replace(CONCAVE, probabilities_before=(1 / 6,) * 6, elsewhere_before=elsewhere)
-    search = Search(9, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
+    search = Search(9, None, attempt, TradeOff(0.005, 45.0, 10.0, 0.03, drafts))
     return trade_off_chart(finished_box(concave=concave, search=search))
 
 

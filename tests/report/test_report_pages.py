@@ -184,12 +184,12 @@ def test_figures_that_are_absent_leave_their_section_out() -> None:
         assert FIGURES[name].caption not in text
 
 
-HEADER = 8
+HEADER = 9
 """Columns of the table of attempts."""
 
 
 def cells(drafts: tuple[Draft, ...], attempts: int, attempt: int | None = None) -> list[str]:
-    search = Search(attempts, None, attempt, TradeOff(0.005, 45.0, 10.0, drafts))
+    search = Search(attempts, None, attempt, TradeOff(0.005, 45.0, 10.0, 0.03, drafts))
     die = finished_box(concave=CONCAVE, search=search)
     assert die.result.error_before == 0.25
     return parse_page(page_text(die)).cells
@@ -210,16 +210,25 @@ def test_the_best_attempts_are_listed_and_the_die_first() -> None:
     """Even attempts have the probabilities, the larger the number the farther they were moved; the
     third has become the die."""
     drafts = tuple(
-        Draft(k, None if k == 2 else 1.5, 0.001 if k % 2 == 0 else 0.1, 0.01 * k, 50.0, 12.0, 0)
+        Draft(
+            k,
+            None if k == 2 else 1.5,
+            0.001 if k % 2 == 0 else 0.1,
+            0.01 * k,
+            50.0,
+            12.0,
+            0,
+            0.01 if k % 2 == 0 else None,
+        )
         for k in range(1, 31)
     )
     listed = cells(drafts, attempts=40, attempt=3)
     at = listed.index("3, this die")
     rows = [listed[at + HEADER * k : at + HEADER * (k + 1)] for k in range(12)]
     assert [row[0] for row in rows[1:]] == [str(2 * k) for k in range(1, 12)]
-    assert rows[0][1:7] == ["3.00", "1.0e-01", "50.0", "12.0", "0", "1.5"]
-    assert rows[1][1:7] == ["2.00", "1.0e-03", "50.0", "12.0", "0", "-"]
-    assert {row[7] for row in rows[1:]} == {"nothing"} != {rows[0][7]}
+    assert rows[0][1:8] == ["3.00", "1.0e-01", "50.0", "12.0", "0", "-", "1.5"]
+    assert rows[1][1:8] == ["2.00", "1.0e-03", "50.0", "12.0", "0", "0.01", "-"]
+    assert {row[8] for row in rows[1:]} == {"nothing"} != {rows[0][8]}
     assert "24" not in listed
 
 

@@ -64,7 +64,7 @@ RESULT = Result(
     notes=("reversed 1 triangles",),
     engraved=Engraved((0.26, 0.74), 0.0, 0.01, balance=Balance("shape", (0.3, 0.7), (0.05,), 0.1)),
     search=Search(
-        4, 2.5, 2, TradeOff(0.005, 45.0, 10.0, (Draft(2, 1.5, 0.001, 0.02, 50.0, 12.0, 3),))
+        4, 2.5, 2, TradeOff(0.005, 45.0, 10.0, 0.03, (Draft(2, 1.5, 0.001, 0.02, 50.0, 12.0, 3),))
     ),
     thrown=TableResult(
         {"name": "carpet", "friction": 0.2},
@@ -107,7 +107,7 @@ def test_missing_values_have_no_key() -> None:
 
 
 def test_flaws_of_a_draft_exceed_the_rounding_of_files() -> None:
-    wanted = TradeOff(0.005, 45.0, 10.0, ())
+    wanted = TradeOff(0.005, 45.0, 10.0, 0.03, ())
     good = Draft(1, None, 0.005, 0.02, 45.0, 10.0, 0)
     assert list(wanted.flaws(good)) == []
     assert list(wanted.flaws(replace(good, apart_deg=44.99, margin_deg=9.99))) == []
@@ -116,6 +116,7 @@ def test_flaws_of_a_draft_exceed_the_rounding_of_files() -> None:
         ({"self_intersections": 1}, Status.SELF_INTERSECTING),
         ({"apart_deg": 44.9}, Status.TOO_NEAR),
         ({"margin_deg": 9.9}, Status.TIPPY),
+        ({"prints": 0.031}, Status.FRAGILE),
     ):
         assert list(wanted.flaws(replace(good, **change))) == [flaw]
     assert len(list(wanted.flaws(Draft(1, None, 0.5, 0.0, 0.0, 0.0, 9)))) == 4
