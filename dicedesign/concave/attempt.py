@@ -23,11 +23,17 @@ from dicedesign.concave.hull_design import (
     relax_hull,
     settle_draft,
 )
-from dicedesign.concave.hull_problem import DesignedHull, HullProblem, point_masses
+from dicedesign.concave.hull_problem import (
+    DesignedHull,
+    HeldCorners,
+    HullProblem,
+    point_masses,
+)
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.concave.result import MOST_EASED, FilledHull, angle_penalty, missing, rank
 from dicedesign.concave.slopes import SlopeOptions
+from dicedesign.concave.untangling import untangle
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import best_similarity, norms
@@ -47,6 +53,9 @@ DESIGN_SHARE = 0.8
 
 MAX_EASINGS = 6
 """Maximum number of times that the hull is eased where the surface intersects itself."""
+
+MOST_UNTANGLED = 30
+"""Number of intersecting pairs of triangles above which they are not in a few places."""
 
 EASING_WIDTH = 0.08
 """Distance from an intersection within which the hull is eased at first, over the circumscribed
@@ -291,6 +300,11 @@ class Attempts:
                 break
             eased = self._measure(design, *fill)
             crossings = eased.draft.self_intersections
+            if 0 < crossings <= MOST_UNTANGLED:
+                held = HeldCorners(self.problem.elasticity, design.corners)
+                parted = untangle(held, design.hull, design.center_of_mass, fill[0])
+                if parted is not None:
+                    return self._measure(design, *parted)
             if best and crossings > EASED_SHARE * best.draft.self_intersections:
                 break
             best = eased

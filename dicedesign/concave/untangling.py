@@ -1,0 +1,85 @@
+"""Part the triangles of a filled hull that meet in a few places.
+
+A point of the surface near a corner of the hull is pressed inward while the corner is held. Where
+both are a hair apart, this can turn a triangle over. Around such triangles the displacement of the
+surface is replaced by the smoothest one with the same values on the rim, points outside the hull
+are drawn toward its middle, which turns no triangle of a cap over, and the center of mass is put
+back.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import splu
+
+from dicedesign.concave.correspondence import CENTERED, DEPTH
+from dicedesign.concave.hull_problem import HeldCorners, center_gradient
+from dicedesign.concave.result import Fill
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import norms
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.runtime.arrays import Floats, Integers
+
+ROUNDS: Final = 3
+"""Maximum number of rounds, each of which takes in the triangles that still meet."""
+
+RETURNS: Final = 12
+"""Maximum number of steps that put the center of mass back; 3 to 5 usually suffice."""
+
+
+def untangle(
+    held: HeldCorners, hull: ConvexHull, center_of_mass: Floats, points: Floats
+) -> Fill | None:
+    """Points (n, 3) of a surface without triangles that meet, and their mean squared displacement;
+    None if that fails.
+
+    held: corners of the hull as points of the original surface. hull: filled by `points` (n, 3),
+    some triangles of which meet. center_of_mass: of the uniform solid.
+    """
+    surface, corners = held.elasticity.surface, held.corners
+    triangles, original = surface.triangles, surface.points
+    middle = hull.vertices.mean(axis=0)
+    room = hull.heights(middle) - DEPTH * surface.diagonal
+    tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    ends = np.concatenate([tails, heads]), np.concatenate([heads, tails])
+    links = csr_array((np.ones(len(ends[0])), ends), shape=(len(points),) * 2)
+    links.data[:] = 1.0
+    laplacian = (diags_array(links.sum(axis=1)) - links).tocsr()
+    gradient = center_gradient(surface.with_points(points))
+    responses = held.elasticity.center_responses(gradient).reshape(-1, 9)
+    raised = held.hold(responses).reshape(gradient.shape)
+    by_force = np.einsum("nab,nac->bc", gradient, raised)
+
+    def draw_in(moved: Floats) -> Floats:
+        """Points inside the hull, but for the corners, which are exact."""
+        radii = moved - middle
+        stretch = (radii @ hull.normals.T / room).max(axis=1)
+        inside = middle + radii / np.maximum(stretch, 1.0)[:, None]
+        inside[corners] = hull.vertices
+        return inside
+
+    loose = np.zeros(len(points), dtype=bool)
+    for _ in range(ROUNDS):
+        met: Integers = np.unique(intersecting_triangles(points, triangles))
+        loose[triangles[met]] = True
+        loose |= links @ loose > 0
+        loose[corners] = False
+        free, rim = np.flatnonzero(loose), np.flatnonzero(~loose)
+        pulls = -laplacian[free][:, rim] @ (points - original)[rim]
+        points = points.copy()
+        points[free] = original[free] + splu(laplacian[free][:, free].tocsc()).solve(pulls)
+        points = draw_in(points)
+        for _ in range(RETURNS):
+            miss = center_of_mass - surface.with_points(points).centroid
+            if norms(miss) <= CENTERED * surface.diagonal:
+                break
+            points = draw_in(points + raised @ np.linalg.solve(by_force, miss))
+        else:
+            return None
+        if len(intersecting_triangles(points, triangles)) == 0:
+            moved = points - original
+            return points, float((moved * moved).sum(-1).mean())
+    return None
