@@ -26,8 +26,8 @@ from dicedesign.runtime.arrays import Floats, Integers
 ROUNDS: Final = 3
 """Maximum number of rounds, each of which takes in the triangles that still meet."""
 
-RETURNS: Final = 12
-"""Maximum number of steps that put the center of mass back; 3 to 5 usually suffice."""
+RETURNS: Final = 30
+"""Maximum number of steps that put the center of mass back; about ten suffice."""
 
 
 def untangle(
@@ -72,11 +72,16 @@ def untangle(
         points = points.copy()
         points[free] = original[free] + splu(laplacian[free][:, free].tocsc()).solve(pulls)
         points = draw_in(points)
+        miss, response = center_of_mass - surface.with_points(points).centroid, by_force
         for _ in range(RETURNS):
-            miss = center_of_mass - surface.with_points(points).centroid
             if norms(miss) <= CENTERED * surface.diagonal:
                 break
-            points = draw_in(points + raised @ np.linalg.solve(by_force, miss))
+            force = np.linalg.solve(response, miss)
+            points = draw_in(points + raised @ force)
+            left = center_of_mass - surface.with_points(points).centroid
+            # Broyden's update: points that are drawn in follow the force less.
+            response = response + np.outer(miss - left - response @ force, force) / (force @ force)
+            miss = left
         else:
             return None
         if len(intersecting_triangles(points, triangles)) == 0:

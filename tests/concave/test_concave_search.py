@@ -111,6 +111,26 @@ def test_the_die_meets_all_limits(
     assert attempts[0] == 1
 
 
+def test_the_die_whose_prints_are_best_is_kept() -> None:
+    """Prints of three dice miss, and the last ones least."""
+    judged: list[Surface] = []
+
+    def judge(surface: Surface, center: Floats, directions: Floats) -> float:
+        outcomes = outcome_probabilities(rest_poses(surface, center), directions)
+        assert outcomes.error(HALVES) <= options.tolerance
+        judged.append(surface)
+        return 0.9 - 0.1 * len(judged)
+
+    options = ConcaveOptions(tolerance=0.02, attempts=6, displacement=0.5)
+    die = make_concave_die(small(), HALVES, options, judge_prints=judge)
+    best = die.progress.best.draft
+    assert die.progress.attempts == 6
+    assert len(judged) > 1
+    assert best.prints == pytest.approx(0.9 - 0.1 * len(judged))
+    assert missing(best, options) == pytest.approx(1.0 - options.prints_within / best.prints)
+    np.testing.assert_array_equal(die.after.points, judged[-1].points)
+
+
 @pytest.mark.parametrize("limit", [{"attempts": 2}, {"attempts": 9, "seconds": 1e-9}])
 def test_a_failed_search_returns_its_best_die(limit: dict[str, Any], tmp_path: Path) -> None:
     """No three directions are farther apart than 120 degrees."""

@@ -154,6 +154,23 @@ def test_the_verdict_is_that_of_the_file(
     assert "this is the best of 3 attempts" in result.message
 
 
+def test_a_die_whose_prints_miss_is_fragile(
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
+) -> None:
+    result = run(recipe_path, tmp_path / "out", "method.concave.prints_within=1e-4")
+    assert result.status == "fragile"
+    assert result.max_abs_error < 1e-6
+    assert result.tolerances.total_variation > 1e-4
+    assert all(draft.prints > 1e-4 for draft in result.search.trade_off.drafts)
+    assert "The die has your probabilities, but prints of it do not" in result.message
+    check(result.folder)
+    unprinted = run(
+        recipe_path, tmp_path / "plain", "method.concave.prints_within=1e-4", "print=null"
+    )
+    assert unprinted.converged
+    assert [draft.prints for draft in unprinted.search.trade_off.drafts] == [None] * 3
+
+
 def test_rests_without_outcome_are_a_flaw(
     recipe_path: Path, tmp_path: Path, search: MadeUpSearch, quick: None
 ) -> None:
