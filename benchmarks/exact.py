@@ -106,8 +106,8 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     row = report.table(
         "concave recipes",
         "recipe 26s | outcomes 8d | status 12s | max |p - q| 9.1e | elsewhere 9.1e | "
-        "displacement 6.1% | printed file 9.1e | hull kept 10s | apart deg 6.0f | "
-        "margin deg 6.0f | search s 6.1f",
+        "displacement 6.1% | printed file 9.1e | prints 6.4f | 9 in 10 7.4f | hull kept 10s | "
+        "apart deg 6.0f | margin deg 6.0f | search s 6.1f",
     )
     for recipe in concave:
         row(*make_concave(recipe))
@@ -175,12 +175,13 @@ def design_recipe(recipe: Recipe) -> tuple[object, ...]:
 
 def make_concave(recipe: Recipe) -> tuple[object, ...]:
     """A row: what the plain file and the printed one hold, and how far the surface was bent."""
-    die = make_die(recipe, "engrave").result()
-    hull = die.concave.hull
+    die = make_die(recipe, "tolerances").result()
+    hull, prints = die.concave.hull, die.tolerances
     return (
         *(recipe.name, len(die.labels), die.status, die.max_abs_error, die.elsewhere),
         die.concave.displacement.mean,
         None if die.engraved is None else die.engraved.max_abs_error,
+        *(prints.total_variation, prints.nine_in_ten),
         f"{hull.vertices_after} of {hull.vertices_before}",
         *(die.least_angle_deg, die.least_margin_deg, die.search.seconds),
     )

@@ -124,6 +124,9 @@ PREFERRED_MARGIN = 2.0
 PREFERRED_PRINTS = 0.5
 """Mean total variation of prints, over its limit, below which a smaller one is not preferred."""
 
+PRINT_PENALTY = 4.0
+"""Penalty of prints at their limit."""
+
 
 def missing(die: Draft, options: ConcaveOptions) -> float:
     """Sum of the relative violations by probabilities, angles, self-intersections and prints; 0 for
@@ -143,7 +146,8 @@ def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float]:
     penalty = angle_penalty(die.apart_deg, die.margin_deg, options)
     if die.prints is not None:
         off = die.prints / options.prints_within
-        penalty += min(max((off - PREFERRED_PRINTS) / (1.0 - PREFERRED_PRINTS), 0.0), 1.0)
+        above = min(max((off - PREFERRED_PRINTS) / (1.0 - PREFERRED_PRINTS), 0.0), 1.0)
+        penalty += PRINT_PENALTY * above
     return missing(die, options), (1.0 + penalty) * die.displacement
 
 

@@ -29,7 +29,7 @@ def test_triangles_that_are_turned_over_are_parted(seed: int) -> None:
     is_free = ~np.isin(surface.triangles, held.corners).any(axis=1)
     for triangle in surface.triangles[is_free][[5 * seed, -1 - seed]]:
         tangled[triangle[:2]] = tangled[triangle[1::-1]]
-    assert 0 < len(intersecting_triangles(tangled, surface.triangles))
+    assert len(intersecting_triangles(tangled, surface.triangles)) > 0
     parted = untangle(held, hull, surface.centroid, tangled)
     assert parted is not None
     points, _ = parted
