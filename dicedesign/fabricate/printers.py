@@ -64,6 +64,7 @@ class Printer(Extension):
     overhang_deg: angle to level below which surfaces that face down need supports; 0 for a printer
         without supports.
     dimensional_error_mm: largest error of a dimension of a die's size, either way.
+    roughness_mm: standard deviation of the surface beside its layers.
     shrinkage: linear, after the printer's own compensation, as a share.
     materials: names from `MATERIALS`, the usual one first.
     sources: of these numbers: author, title, year.
@@ -79,6 +80,7 @@ class Printer(Extension):
     raised_mm: float
     overhang_deg: float
     dimensional_error_mm: float
+    roughness_mm: float
     shrinkage: float
     materials: tuple[str, ...]
     sources: tuple[str, ...]
@@ -109,12 +111,15 @@ FDM: Final = Printer(
     raised_mm=0.8,
     overhang_deg=45.0,
     dimensional_error_mm=0.2,
+    roughness_mm=0.02,
     shrinkage=0.002,
     materials=("pla", "petg", "abs", "asa", "pc"),
     sources=(
         "wall, overhang, error: Print It 4 Me, Designing parts for 3D printing, read 2026",
         "groove, raised: Smith3D, 3D printing design guide, read 2026",
         "ridge: one line of the nozzle, the thinnest wall that slicers draw",
+        "roughness: a guess, three times the Ra of 0.007 to 0.008 mm across strands in Scientific "
+        "Reports, s41598-025-26253-0, figure 14, 2025, as blobs and seams stand out",
         "shrinkage: Novalab3D, Dimensional accuracy and shrinkage in FDM engineering "
         "filaments, 2026 (PLA, 0.1 to 0.2 %)",
     ),
@@ -134,6 +139,7 @@ SLA: Final = Printer(
     raised_mm=0.4,
     overhang_deg=19.0,
     dimensional_error_mm=0.1,
+    roughness_mm=0.003,
     shrinkage=0.002,
     materials=("resin",),
     sources=(
@@ -142,6 +148,8 @@ SLA: Final = Printer(
         "wall, groove, ridge, overhang: Formlabs, Form 2 design guide, 2017 (supported walls)",
         "raised: Micro Workshops, 3D printing design guide, read 2026",
         "error: Print It 4 Me, Designing parts for 3D printing, read 2026",
+        "roughness: Yigu, roughness of 3D printed light-cured surfaces, read 2026 (Ra of 0.001 to "
+        "0.003 mm)",
         "shrinkage: Layer X, 3D printing tolerances and dimensional accuracy, 2026 (after "
         "printing, 0.1 to 0.2 %)",
     ),
@@ -161,12 +169,14 @@ SLS: Final = Printer(
     raised_mm=0.5,
     overhang_deg=0.0,
     dimensional_error_mm=0.3,
+    roughness_mm=0.02,
     shrinkage=0.003,
     materials=("pa12",),
     sources=(
         "spot, layer: Formlabs, Fuse 1 technical specifications, 2021",
         "wall, ridge, overhang, error: Print It 4 Me, Designing parts for 3D printing, read 2026",
         "groove, raised: JLCPCB, 3D printing design guidelines, read 2026 (PA12)",
+        "roughness: a guess, that of filament",
         "shrinkage: Tempus 3D, How to design for HP Multi Jet Fusion, read 2026 (accuracy of "
         "PA12 from powder, 0.3 %)",
     ),
@@ -301,10 +311,11 @@ class PrintOptions:
     @property
     def expected_errors(self) -> PrintErrors:
         """Print errors of the options, or the printer's."""
+        printer = self.selected_printer
         # Twice the standard deviation of the difference of two planes.
-        plane = self.selected_printer.dimensional_error_mm / math.sqrt(8.0)
+        plane = printer.dimensional_error_mm / math.sqrt(8.0)
         return self.errors or PrintErrors(
-            dimensional_mm=plane, shrinkage=self.selected_printer.shrinkage
+            dimensional_mm=plane, shrinkage=printer.shrinkage, roughness_mm=printer.roughness_mm
         )
 
     @property
