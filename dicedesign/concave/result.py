@@ -144,11 +144,17 @@ def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float]:
     """Sort key, best first: violations, then the displacement times 1 + `angle_penalty`, and more
     for prints that are off by more than the preferred share of their limit."""
     penalty = angle_penalty(die.apart_deg, die.margin_deg, options)
-    if die.prints is not None:
-        off = die.prints / options.prints_within
-        above = min(max((off - PREFERRED_PRINTS) / (1.0 - PREFERRED_PRINTS), 0.0), 1.0)
-        penalty += PRINT_PENALTY * above
+    penalty += PRINT_PENALTY * prints_above_preferred(die, options)
     return missing(die, options), (1.0 + penalty) * die.displacement
+
+
+def prints_above_preferred(die: Draft, options: ConcaveOptions) -> float:
+    """How far prints of a die are off: 0 up to the preferred share of their limit, 1 from
+    the limit on; 0 if they were not judged."""
+    if die.prints is None:
+        return 0.0
+    off = die.prints / options.prints_within
+    return min(max((off - PREFERRED_PRINTS) / (1.0 - PREFERRED_PRINTS), 0.0), 1.0)
 
 
 def angle_penalty(apart: float, margin: float, options: ConcaveOptions) -> float:

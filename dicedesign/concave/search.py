@@ -12,7 +12,14 @@ from typing import Any
 from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.attempt import Attempts, JudgePrints
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull, Hollow, missing
+from dicedesign.concave.result import (
+    ConcaveDie,
+    ConcaveProgress,
+    FilledHull,
+    Hollow,
+    missing,
+    prints_above_preferred,
+)
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
@@ -22,6 +29,9 @@ from dicedesign.runtime import checkpoint
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.checkpoint import Arrays
 from dicedesign.runtime.workers import one_thread
+
+PATIENCE = 1.5
+"""Factor of the attempts after which a die is accepted whose prints could be better."""
 
 
 def checkpoint_bytes(progress: ConcaveProgress, search: Mapping[str, str]) -> bytes:
@@ -115,7 +125,7 @@ def make_concave_die(
 
     def has_ended() -> bool:
         """Whether attempts or time are used up, or the best die has converged and is near the
-        original or the best of enough attempts."""
+        original or the best of enough attempts; more attempts if its prints could be better."""
         best, done = progress.best, progress.attempts
         if done >= options.attempts:
             return True
@@ -123,6 +133,8 @@ def make_concave_die(
             return True
         if best is None or missing(best.draft, options) > 0.0:
             return False
+        if prints_above_preferred(best.draft, options) > 0.0:
+            return done >= PATIENCE * options.enough
         return best.draft.displacement <= options.displacement or done >= options.enough
 
     attempts = Attempts(surface, target, options, seed, record, wall, judge_prints)

@@ -44,10 +44,9 @@ def untangle(
     middle = hull.vertices.mean(axis=0)
     room = hull.heights(middle) - DEPTH * surface.diagonal
     tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    ends = np.concatenate([tails, heads]), np.concatenate([heads, tails])
-    links = csr_array((np.ones(len(ends[0])), ends), shape=(len(points),) * 2)
-    links.data[:] = 1.0
-    laplacian = (diags_array(links.sum(axis=1)) - links).tocsr()
+    # Each edge belongs to two triangles, once in each direction.
+    links = csr_array((np.ones(len(tails)), (tails, heads)), shape=(len(points),) * 2)
+    laplacian = (diags_array(links @ np.ones(len(points))) - links).tocsr()
     gradient = center_gradient(surface.with_points(points))
     responses = held.elasticity.center_responses(gradient).reshape(-1, 9)
     raised = held.hold(responses).reshape(gradient.shape)
