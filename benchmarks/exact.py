@@ -181,7 +181,7 @@ def make_concave(recipe: Recipe) -> tuple[object, ...]:
         *(recipe.name, len(die.labels), die.status, die.max_abs_error, die.elsewhere),
         die.concave.displacement.mean,
         None if die.engraved is None else die.engraved.max_abs_error,
-        *(prints.total_variation, prints.nine_in_ten),
+        *((None, None) if prints is None else (prints.total_variation, prints.nine_in_ten)),
         f"{hull.vertices_after} of {hull.vertices_before}",
         *(die.least_angle_deg, die.least_margin_deg, die.search.seconds),
     )

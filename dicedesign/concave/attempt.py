@@ -31,7 +31,14 @@ from dicedesign.concave.hull_problem import (
 )
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
-from dicedesign.concave.result import MOST_EASED, FilledHull, angle_penalty, missing, rank
+from dicedesign.concave.result import (
+    MOST_EASED,
+    FilledHull,
+    angle_penalty,
+    is_fragile,
+    missing,
+    rank,
+)
 from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.concave.untangling import untangle
 from dicedesign.errors import InputError
@@ -70,6 +77,10 @@ EASED_SHARE = 0.8
 CLEARANCE = 0.02
 """Minimum clearance of a hull (`HullDraft.clearance`), over the circumscribed radius: 0.3 mm for a
 die of 30 mm, about what the foot of the center of mass moves in prints."""
+
+SETTLED = 0.05
+"""Shortfall of a draft up to which it may become a die: the last steps to the probabilities do not
+see the clearance."""
 
 SLOPES = SlopeOptions(fall=CLEARANCE, rise=4e-3, circle=math.radians(3.0))
 """Slopes of the first attempts, if the margin needs no larger circle."""
@@ -248,24 +259,28 @@ class Attempts:
         draft = settle_draft(problem, draft)
         if not self._is_promising(problem, draft, best):
             return None
-        if best is not None and missing(best.draft, self.options) == 0.0:
+        if (
+            best is not None
+            and missing(best.draft, self.options) == 0.0
+            and not is_fragile(best.draft, self.options)
+        ):
             # The displacement of the hull's vertices alone must be better: the fill usually adds
             # to it.
             apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
             moved = problem.displacement(draft.corners - problem.hull.vertices)
             cost = (1.0 + angle_penalty(apart, margin, self.options)) * moved
-            if cost >= rank(best.draft, self.options)[1]:
+            if cost >= rank(best.draft, self.options)[-1]:
                 return None
         return self._fill(problem, make_designed_hull(problem, draft), best)
 
     def _is_promising(
         self, problem: HullProblem, draft: HullDraft, best: FilledHull | None
     ) -> bool:
-        """Whether a draft meets all limits, or violates them less than the best die."""
+        """Whether a draft meets all limits, or nearly, or violates them less than the best die."""
         if best is None:
             return True
         violation = draft.shortfall(problem)
-        return violation == 0.0 or violation < missing(best.draft, self.options)
+        return violation <= SETTLED or violation < missing(best.draft, self.options)
 
     def _fill(
         self, problem: HullProblem, design: DesignedHull, best: FilledHull | None
@@ -303,8 +318,9 @@ class Attempts:
             if 0 < crossings <= MOST_UNTANGLED:
                 held = HeldCorners(self.problem.elasticity, design.corners)
                 parted = untangle(held, design.hull, design.center_of_mass, fill[0])
-                if parted is not None:
-                    return self._measure(design, *parted)
+                apart = None if parted is None else self._measure(design, *parted)
+                if apart is not None and apart.draft.self_intersections == 0:
+                    return apart
             if best and crossings > EASED_SHARE * best.draft.self_intersections:
                 break
             best = eased
@@ -347,8 +363,12 @@ class Attempts:
             center_of_mass=self.center + self.radius * (solid.centroid + shift),
             directions=directions,
         )
-        if self.judge_prints is None or missing(filled.draft, self.options) > 0.0:
-            return filled
-        surface = self.surface.with_points(filled.points)
-        prints = self.judge_prints(surface, filled.center_of_mass, directions)
+        return self.judge(filled)
+
+    def judge(self, filled: FilledHull) -> FilledHull:
+        """Judge the prints of a filled hull that is right otherwise."""
+        prints = None
+        if self.judge_prints is not None and missing(filled.draft, self.options) == 0.0:
+            surface = self.surface.with_points(filled.points)
+            prints = self.judge_prints(surface, filled.center_of_mass, filled.directions)
         return replace(filled, draft=replace(filled.draft, prints=prints))

@@ -1,6 +1,6 @@
 """Design of the hull of a surface for target probabilities, with a fixed center of mass.
 
-The hull stays dense: its vertices move as smoothly and as little as the probabilities allow.
+The hull keeps its vertices, which move as smoothly and as little as the probabilities allow.
 Gauss-Newton steps in the metric of `HullMetric` bring the probabilities of clusters of rests to the
 target, while slopes (`SlopeMemory`) remove all rests but one of each outcome, which its direction
 follows. Levenberg-Marquardt steps then meet the probabilities to rounding, and further steps reduce

@@ -1,6 +1,6 @@
 """Design problem of the hull of a surface, elastic space around the surface, and designed hull.
 
-A few hundred vertices, moved smoothly, suffice to design the hull. The surface follows them at full
+Some sixty vertices, moved smoothly, suffice to design the hull. The surface follows them at full
 resolution, by smooth displacements of the surrounding space. The displacement of minimum work for
 forces on points is a sum of kernels at these points, in each coordinate. The kernel belongs to the
 biharmonic operator in space, so the work is the integral of squared second derivatives. Close parts

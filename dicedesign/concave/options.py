@@ -145,7 +145,9 @@ class ConcaveOptions:
         to keep its own.
     attempts: maximum number of attempts at a hull, at least 1; the best is kept.
     displacement: mean displacement over the diagonal at which the search ends, positive.
-    enough: attempts after which a converged die is accepted at any displacement, at least 1.
+    enough: attempts after which a converged die is accepted at any displacement, at least 1; half
+        as many more if its prints are off by more than half of `prints_within`, at any
+        displacement.
     seconds: wall-clock limit after which no further attempt starts, positive; None for no limit.
         With one, the result depends on the speed of the machine.
     """

@@ -92,7 +92,7 @@ def outcome_choices(hull: ConvexHull, target: Floats, apart: float, seed: int) -
     if count > most:
         raise InputError(
             f"target: expected at most {most} outcomes for a hull of {len(hull.vertices)} corners, "
-            f"got {count}; join some, or refine the surface with method.concave.points"
+            f"got {count}; join some, or take a surface with more corners"
         )
     random = np.random.default_rng([seed, count])
     # The rests, the most probable first, and directions between them.

@@ -129,23 +129,28 @@ PRINT_PENALTY = 4.0
 
 
 def missing(die: Draft, options: ConcaveOptions) -> float:
-    """Sum of the relative violations by probabilities, angles, self-intersections and prints; 0 for
-    a converged die."""
+    """Sum of the relative violations by probabilities, angles and self-intersections of the file; 0
+    for a die that is right in it."""
     angles = (die.apart_deg, options.apart_deg), (die.margin_deg, options.margin_deg)
     violation = shortfall(die.error, options.tolerance, *angles)
     if die.self_intersections > 0:
         violation += INTERSECTION_SHORTFALL + die.self_intersections / MOST_EASED
-    if die.prints is not None and die.prints > options.prints_within:
-        violation += 1.0 - options.prints_within / die.prints
     return violation
 
 
-def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float]:
-    """Sort key, best first: violations, then the displacement times 1 + `angle_penalty`, and more
-    for prints that are off by more than the preferred share of their limit."""
+def is_fragile(die: Draft, options: ConcaveOptions) -> bool:
+    """Whether prints of a die are off by more than the limit."""
+    return die.prints is not None and die.prints > options.prints_within
+
+
+def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float, float]:
+    """Sort key, best first: violations of the file, prints beyond their limit, then the
+    displacement times 1 + `angle_penalty`, and more for prints that are off by more than the
+    preferred share of their limit."""
     penalty = angle_penalty(die.apart_deg, die.margin_deg, options)
     penalty += PRINT_PENALTY * prints_above_preferred(die, options)
-    return missing(die, options), (1.0 + penalty) * die.displacement
+    beyond = (die.prints or 0.0) if is_fragile(die, options) else 0.0
+    return missing(die, options), beyond, (1.0 + penalty) * die.displacement
 
 
 def prints_above_preferred(die: Draft, options: ConcaveOptions) -> float:

@@ -17,6 +17,7 @@ from dicedesign.concave.result import (
     ConcaveProgress,
     FilledHull,
     Hollow,
+    is_fragile,
     missing,
     prints_above_preferred,
 )
@@ -31,7 +32,7 @@ from dicedesign.runtime.checkpoint import Arrays
 from dicedesign.runtime.workers import one_thread
 
 PATIENCE = 1.5
-"""Factor of the attempts after which a die is accepted whose prints could be better."""
+"""Factor of `ConcaveOptions.enough` while prints of the best die could be better."""
 
 
 def checkpoint_bytes(progress: ConcaveProgress, search: Mapping[str, str]) -> bytes:
@@ -131,7 +132,7 @@ def make_concave_die(
             return True
         if options.seconds is not None and done > 0 and seconds() >= options.seconds:
             return True
-        if best is None or missing(best.draft, options) > 0.0:
+        if best is None or missing(best.draft, options) > 0.0 or is_fragile(best.draft, options):
             return False
         if prints_above_preferred(best.draft, options) > 0.0:
             return done >= PATIENCE * options.enough
@@ -139,6 +140,9 @@ def make_concave_die(
 
     attempts = Attempts(surface, target, options, seed, record, wall, judge_prints)
     with one_thread():
+        if progress.best is not None:
+            # The size or the printer may be others.
+            progress = replace(progress, best=attempts.judge(progress.best))
         while not has_ended():
             number, begun = progress.attempts + 1, seconds()
             steps.clear()

@@ -67,6 +67,8 @@ def untangle(
         loose |= links @ loose > 0
         loose[corners] = False
         free, rim = np.flatnonzero(loose), np.flatnonzero(~loose)
+        if len(free) == 0:
+            return None
         pulls = -laplacian[free][:, rim] @ (points - original)[rim]
         points = points.copy()
         points[free] = original[free] + splu(laplacian[free][:, free].tocsc()).solve(pulls)
@@ -75,7 +77,8 @@ def untangle(
         for _ in range(RETURNS):
             if norms(miss) <= CENTERED * surface.diagonal:
                 break
-            force = np.linalg.solve(response, miss)
+            # Where hardly a point is free, nothing moves the center of mass.
+            force = np.linalg.lstsq(response, miss)[0]
             points = draw_in(points + raised @ force)
             left = center_of_mass - surface.with_points(points).centroid
             # Broyden's update: points that are drawn in follow the force less.

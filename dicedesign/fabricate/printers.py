@@ -208,8 +208,9 @@ class PrintErrors:
 
     Defaults are of an ordinary desktop printer for filament: ±0.2 mm between two faces, as two
     standard deviations of the difference of two planes, and shrinkage of 0.2 % that slicers do not
-    compensate. Resin has about half of that distance. Density drift, bubbles, roughness and the
-    length over which offsets are alike are guesses, as no source specifies them.
+    compensate. Resin has about half of that distance. Density drift, bubbles and the
+    length over which offsets are alike are guesses, as no source specifies them; roughness is a
+    printer's own.
 
     Raises InputError for a value out of its range.
     Source: Layer X, 3D printing tolerances and dimensional accuracy, 2026, with ±0.2 to ±0.3 mm for

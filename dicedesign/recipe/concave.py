@@ -48,8 +48,8 @@ def design_concave(work: Work) -> Design:
     target = work.target.face_probabilities
     size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
     choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
-    # Searches with equal texts are identical, but for the size and the printer that judge prints:
-    # a die that is too small, or fragile, is resumed with others.
+    # Searches with equal texts are identical, but for the size and the printer by which prints are
+    # judged: a die that is too small, or fragile, is resumed with others, and judged again.
     identity = {
         "target": json.dumps(target.tolist()),
         "seed": str(recipe.seed),
@@ -77,8 +77,9 @@ def design_concave(work: Work) -> Design:
         poses = analyze(convex_hull(scaled), np.zeros(3))
         body = body_of(bent.with_points(scaled))
         copied = CopiedBody.of(body, poses, np.eye(3), errors.correlation_mm)
-        prints = copied.probabilities(errors, printer.layer_mm, directions)
-        return float(total_variations(target, prints[:, :-1]).mean())
+        outcome_of = work.target.outcome_of_face
+        prints = copied.probabilities(errors, printer.layer_mm, directions, outcome_of)
+        return float(total_variations(work.target.probabilities, prints[:, :-1]).mean())
 
     if work.resume and path is not None:
         progress = read_checkpoint(path, identity)

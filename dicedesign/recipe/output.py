@@ -123,8 +123,10 @@ def find_tolerances(work: Work) -> None:
         faces = directions, outcome_of, work.die.prior
         printer = options.selected_printer
         work.tolerances = copied_tolerances(copied, target, errors, printer, faces)
-        if work.tolerances.total_variation > work.recipe.method.options.prints_within:
+        off, within = work.tolerances.total_variation, work.recipe.method.options.prints_within
+        if off > within:
             work.fail(Status.FRAGILE)
+            work.remarks.append(f"prints are off by {off:.2g}, wanted are at most {within:g}")
     if options.infill == 1.0:
         return
     engrave, marked = work.recipe.engrave, None if verdict is work.plain else work.engraved

@@ -28,8 +28,8 @@ class Status(Enum):
     TOO_NEAR = "two outcomes are nearer to each other than method.concave.apart_deg"
     TIPPY = "an outcome tips over at less than method.concave.margin_deg"
     FRAGILE = (
-        "prints of it do not, by more than method.concave.prints_within on average; print it "
-        "larger or on a finer printer, or take another seed or surface"
+        "its prints are off by more than method.concave.prints_within on average; print it larger "
+        "or on a finer printer, or take another seed or surface"
     )
     LOOSE = "the surface does not fill the designed hull"
     SELF_INTERSECTING = "the surface intersects itself"

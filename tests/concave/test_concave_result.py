@@ -29,7 +29,6 @@ DIE = Draft(
         ("apart_deg", (40.0, 39.999, 20.0, 0.0)),
         ("margin_deg", (10.0, 9.999, 3.0, 0.0)),
         ("self_intersections", (0, 1, 7, 1000)),
-        ("prints", (0.03, 0.031, 0.1, 1.0)),
     ],
 )
 def test_larger_violations_rank_lower(name: str, values: tuple[float, ...]) -> None:
@@ -61,6 +60,11 @@ def test_better_prints_outweigh_some_displacement() -> None:
     fragile, sound = replace(DIE, prints=0.029), replace(DIE, displacement=0.035, prints=0.01)
     assert rank(sound, OPTIONS) < rank(fragile, OPTIONS)
     assert rank(replace(fragile, displacement=0.01), OPTIONS) < rank(sound, OPTIONS)
+    # Prints beyond their limit do at no displacement, and a file that is wrong is worse still.
+    broken = replace(DIE, displacement=0.001, prints=0.031)
+    assert rank(replace(sound, displacement=0.5), OPTIONS) < rank(broken, OPTIONS)
+    assert rank(replace(broken, prints=1.0), OPTIONS) > rank(broken, OPTIONS)
+    assert rank(replace(DIE, error=0.011), OPTIONS) > rank(replace(broken, prints=1.0), OPTIONS)
     # Prints that are good enough are equal.
     assert rank(replace(sound, prints=0.001), OPTIONS) == rank(sound, OPTIONS)
 

@@ -128,7 +128,7 @@ def test_more_outcomes_than_facets() -> None:
         assert (directions @ directions.T - 2.0 * np.eye(7)).max() < 0.95
     text = (
         "target: expected at most 12 outcomes for a hull of 8 corners, got 13; join some, or "
-        "refine the surface with method.concave.points"
+        "take a surface with more corners"
     )
     with pytest.raises(InputError, match=text):
         outcome_choices(cube, np.full(13, 1.0 / 13.0), APART, 0)

@@ -162,7 +162,8 @@ def test_a_die_whose_prints_miss_is_fragile(
     assert result.max_abs_error < 1e-6
     assert result.tolerances.total_variation > 1e-4
     assert all(draft.prints > 1e-4 for draft in result.search.trade_off.drafts)
-    assert "The die has your probabilities, but prints of it do not" in result.message
+    assert "The die has your probabilities, but its prints are off" in result.message
+    assert f"{result.tolerances.total_variation:.2g}, wanted are at most 0.0001" in result.message
     check(result.folder)
     unprinted = run(
         recipe_path, tmp_path / "plain", "method.concave.prints_within=1e-4", "print=null"
