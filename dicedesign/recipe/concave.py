@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Final
 
 import numpy as np
@@ -77,9 +77,15 @@ def design_concave(work: Work) -> Design:
         poses = analyze(convex_hull(scaled), np.zeros(3))
         body = body_of(bent.with_points(scaled))
         copied = CopiedBody.of(body, poses, np.eye(3), errors.correlation_mm)
-        outcome_of = work.target.outcome_of_face
-        prints = copied.probabilities(errors, printer.layer_mm, directions, outcome_of)
-        return float(total_variations(work.target.probabilities, prints[:, :-1]).mean())
+        layers, outcome_of = printer.layer_mm, work.target.outcome_of_face
+        worst = 0.0
+        # How the finished die lies on the bed is not known yet.
+        for up in range(3):
+            lying = replace(copied, axes=np.roll(np.eye(3), up, axis=0))
+            prints = lying.probabilities(errors, layers, directions, outcome_of)
+            off = total_variations(work.target.probabilities, prints[:, :-1])
+            worst = max(worst, float(off.mean()))
+        return worst
 
     if work.resume and path is not None:
         progress = read_checkpoint(path, identity)

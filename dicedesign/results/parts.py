@@ -182,7 +182,8 @@ class Draft:
     apart_deg: smallest angle between two outcomes' rests.
     margin_deg: smallest tilt that leaves an outcome.
     self_intersections: pairs of intersecting triangles.
-    prints: mean total variation of prints from the target; None if they were not judged.
+    prints: mean total variation of prints from the target, for the worst of three orientations in
+        print; None if they were not judged.
     """
 
     attempt: int
