@@ -61,7 +61,7 @@ def test_a_recipe_gives_its_die_with_little_work(path: Path, tmp_path: Path) -> 
     assert error_of_file(obj, work) <= DOUBLE
 
 
-FEW = {"drops": 4000, "rounds": 8, "verdict": 5000, "within": 0.03}
+FEW = {"drops": 8000, "rounds": 8, "verdict": 10_000, "within": 0.03}
 """Throws in tests; the recipes have more."""
 
 
