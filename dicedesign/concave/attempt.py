@@ -35,7 +35,7 @@ from dicedesign.concave.result import (
     MOST_EASED,
     FilledHull,
     angle_penalty,
-    is_fragile,
+    is_right,
     missing,
     rank,
 )
@@ -259,11 +259,7 @@ class Attempts:
         draft = settle_draft(problem, draft)
         if not self._is_promising(problem, draft, best):
             return None
-        if (
-            best is not None
-            and missing(best.draft, self.options) == 0.0
-            and not is_fragile(best.draft, self.options)
-        ):
+        if best is not None and is_right(best.draft, self.options):
             # The displacement of the hull's vertices alone must be better: the fill usually adds
             # to it.
             apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
@@ -304,19 +300,14 @@ class Attempts:
         points, triangles = problem.surface.points, self.surface.triangles
         best: FilledHull | None = None
         for easing in range(MAX_EASINGS + 1):
-            fill = fill_by_correspondence(
-                self.problem.elasticity,
-                design.hull,
-                design.corners,
-                design.center_of_mass,
-                partial(self.on_step, "fill"),
-            )
+            held = HeldCorners(self.problem.elasticity, design.corners)
+            on_step = partial(self.on_step, "fill")
+            fill = fill_by_correspondence(held, design.hull, design.center_of_mass, on_step)
             if fill is None:
                 break
             eased = self._measure(design, *fill)
             crossings = eased.draft.self_intersections
             if 0 < crossings <= MOST_UNTANGLED:
-                held = HeldCorners(self.problem.elasticity, design.corners)
                 parted = untangle(held, design.hull, design.center_of_mass, fill[0])
                 apart = None if parted is None else self._measure(design, *parted)
                 if apart is not None and apart.draft.self_intersections == 0:

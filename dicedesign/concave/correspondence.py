@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from dicedesign.concave.hull_problem import Elasticity, HeldCorners, center_gradient
+from dicedesign.concave.hull_problem import HeldCorners, center_gradient
 from dicedesign.concave.result import Fill, OnEnergy
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
@@ -146,9 +146,8 @@ rounds."""
 
 
 def fill_by_correspondence(
-    elasticity: Elasticity,
+    held: HeldCorners,
     hull: ConvexHull,
-    corners: Integers,
     center_of_mass: Floats,
     on_step: OnEnergy,
 ) -> Fill | None:
@@ -160,13 +159,13 @@ def fill_by_correspondence(
 
     Parameters
     ----------
-    elasticity: elastic space around the surface.
+    held: points of the surface that become the hull's vertices, in their order.
     hull: required hull, in the unit and near the place of the surface.
-    corners: (v,) distinct indices of the surface points that become its vertices.
     center_of_mass: (3,) required center of mass of the uniform solid, inside the hull.
     on_step: see `OnEnergy`; the energy is the mean squared displacement.
     """
-    surface, held = elasticity.surface, HeldCorners(elasticity, corners)
+    elasticity, corners = held.elasticity, held.corners
+    surface = elasticity.surface
     following = held.follow(hull.vertices - surface.points[corners])
     contacts, moved = Contacts(held), following.copy()
     middle = hull.vertices.mean(axis=0)

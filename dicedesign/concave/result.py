@@ -138,9 +138,9 @@ def missing(die: Draft, options: ConcaveOptions) -> float:
     return violation
 
 
-def is_fragile(die: Draft, options: ConcaveOptions) -> bool:
-    """Whether prints of a die are off by more than the limit."""
-    return die.prints is not None and die.prints > options.prints_within
+def is_right(die: Draft, options: ConcaveOptions) -> bool:
+    """Whether a die is right in its file and its prints."""
+    return missing(die, options) == 0.0 and not die.is_fragile(options.prints_within)
 
 
 def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float, float]:
@@ -149,7 +149,7 @@ def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float, float]:
     preferred share of their limit."""
     penalty = angle_penalty(die.apart_deg, die.margin_deg, options)
     penalty += PRINT_PENALTY * prints_above_preferred(die, options)
-    beyond = (die.prints or 0.0) if is_fragile(die, options) else 0.0
+    beyond = (die.prints or 0.0) if die.is_fragile(options.prints_within) else 0.0
     return missing(die, options), beyond, (1.0 + penalty) * die.displacement
 
 

@@ -17,8 +17,7 @@ from dicedesign.concave.result import (
     ConcaveProgress,
     FilledHull,
     Hollow,
-    is_fragile,
-    missing,
+    is_right,
     prints_above_preferred,
 )
 from dicedesign.errors import NoStartError
@@ -132,7 +131,7 @@ def make_concave_die(
             return True
         if options.seconds is not None and done > 0 and seconds() >= options.seconds:
             return True
-        if best is None or missing(best.draft, options) > 0.0 or is_fragile(best.draft, options):
+        if best is None or not is_right(best.draft, options):
             return False
         if prints_above_preferred(best.draft, options) > 0.0:
             return done >= PATIENCE * options.enough

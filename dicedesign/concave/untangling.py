@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from dicedesign.concave.correspondence import CENTERED, DEPTH
@@ -21,6 +20,7 @@ from dicedesign.concave.result import Fill
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
+from dicedesign.optimize.solvers.descent import edge_laplacian
 from dicedesign.runtime.arrays import Floats, Integers
 
 ROUNDS: Final = 3
@@ -45,8 +45,7 @@ def untangle(
     room = hull.heights(middle) - DEPTH * surface.diagonal
     tails, heads = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     # Each edge belongs to two triangles, once in each direction.
-    links = csr_array((np.ones(len(tails)), (tails, heads)), shape=(len(points),) * 2)
-    laplacian = (diags_array(links @ np.ones(len(points))) - links).tocsr()
+    laplacian = edge_laplacian(tails, heads, len(points)).tocsr()
     gradient = center_gradient(surface.with_points(points))
     responses = held.elasticity.center_responses(gradient).reshape(-1, 9)
     raised = held.hold(responses).reshape(gradient.shape)
@@ -64,7 +63,8 @@ def untangle(
     for _ in range(ROUNDS):
         met: Integers = np.unique(intersecting_triangles(points, triangles))
         loose[triangles[met]] = True
-        loose |= links @ loose > 0
+        # Neighbors too, which the Laplacian counts.
+        loose |= laplacian @ loose.astype(np.float64) < 0.0
         loose[corners] = False
         free, rim = np.flatnonzero(loose), np.flatnonzero(~loose)
         if len(free) == 0:

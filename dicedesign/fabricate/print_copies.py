@@ -32,7 +32,7 @@ from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.rest.prior import Prior
 from dicedesign.results.result import PrintTolerances
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.throws.goodness_of_fit import chances_noticed
 
 COPIES: Final = 64
@@ -89,10 +89,8 @@ class CopiedBody:
         doubled = doubled_area_vectors(points, triangles)
         # A third of the area and of the moment of each triangle belongs to each of its corners.
         moments = norms(doubled)[:, None] * radii[triangles].mean(axis=1) / 6.0
-        normals, shares = np.zeros_like(points), np.zeros_like(points)
-        for corners in triangles.T:
-            np.add.at(normals, corners, doubled)
-            np.add.at(shares, corners, moments)
+        thrice = np.repeat(np.hstack([doubled, moments]), 3, axis=0)
+        normals, shares = np.hsplit(sums_by_index(triangles.ravel(), thrice, len(points)), 2)
         squares, volume = second_moments(radii, triangles, np)
         random = np.random.default_rng(0)
         phases = radii @ (random.normal(size=(3, WAVES)) / correlation_mm)

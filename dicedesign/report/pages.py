@@ -308,17 +308,12 @@ def leaderboard_page(
         shape = shapes[number]
         solid = convex_hull(shape["vertices"]).surface
         pictures[number] = _small_picture(solid, -np.array(shape["down"]))
-    return (
-        _environment()
-        .get_template("leaderboard.html.j2")
-        .render(
-            title=f"{table['name']}: search",
-            policy=POLICY,
-            style=_template_file("page.css"),
-            table=table,
-            pictures=pictures,
-            pareto=picture,
-        )
+    return _table_page(
+        "leaderboard",
+        title=f"{table['name']}: search",
+        table=table,
+        pictures=pictures,
+        pareto=picture,
     )
 
 
@@ -336,17 +331,12 @@ def sweep_page(
     solids: surface in mm and direction upward (3,) of each die that was made, by its folder.
     """
     pictures = {folder: _small_picture(*solid) for folder, solid in solids.items()}
-    return (
-        _environment()
-        .get_template("sweep.html.j2")
-        .render(
-            title=f"{name}: sweep",
-            policy=POLICY,
-            style=_template_file("page.css"),
-            rows=rows,
-            keys=keys,
-            pictures=pictures,
-        )
+    return _table_page(
+        "sweep",
+        title=f"{name}: sweep",
+        rows=rows,
+        keys=keys,
+        pictures=pictures,
     )
 
 
@@ -409,3 +399,9 @@ def _lengths(meters: Spread) -> str:
 def _ends(spread: Spread, digits: int) -> str:
     ends = spread if isinstance(spread, tuple) else (spread,)
     return " to ".join(f"{end:.{digits}g}" for end in ends)
+
+
+def _table_page(name: str, **content: Any) -> str:
+    """HTML of a page without scripts, by its template."""
+    template = _environment().get_template(f"{name}.html.j2")
+    return template.render(policy=POLICY, style=_template_file("page.css"), **content)

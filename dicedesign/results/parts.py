@@ -195,6 +195,10 @@ class Draft:
     self_intersections: int
     prints: float | None = None
 
+    def is_fragile(self, within: float) -> bool:
+        """Whether prints were judged and are off by more than a limit."""
+        return self.prints is not None and self.prints > within
+
 
 @dataclass(frozen=True)
 class TradeOff:
@@ -223,7 +227,7 @@ class TradeOff:
             yield Status.TOO_NEAR
         if draft.margin_deg < self.margin_deg - math.degrees(FILE_ANGLE):
             yield Status.TIPPY
-        if draft.prints is not None and draft.prints > self.prints_within:
+        if draft.is_fragile(self.prints_within):
             yield Status.FRAGILE
 
 

@@ -89,7 +89,9 @@ def fill(
     surface: Surface, hull: ConvexHull, corners: Integers, center: Floats
 ) -> tuple[Floats | None, list[float]]:
     energies: list[float] = []
-    result = fill_by_correspondence(Elasticity(surface), hull, corners, center, energies.append)
+    result = fill_by_correspondence(
+        HeldCorners(Elasticity(surface), corners), hull, center, energies.append
+    )
     if result is None:
         return None, energies
     points, energy = result

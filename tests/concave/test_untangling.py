@@ -19,11 +19,9 @@ def test_triangles_that_are_turned_over_are_parted(seed: int) -> None:
     """Pairs of neighbors that have changed their places get free places without leaving the hull or
     moving its corners or the center of mass."""
     surface = unit(bumpy_sphere(3))
-    hull, elasticity = nearby_hull(surface, 0.02, seed), Elasticity(surface)
-    held = HeldCorners(elasticity, convex_hull(surface.points).source[hull.source])
-    fill = fill_by_correspondence(
-        elasticity, hull, held.corners, surface.centroid, lambda energy: None
-    )
+    hull = nearby_hull(surface, 0.02, seed)
+    held = HeldCorners(Elasticity(surface), convex_hull(surface.points).source[hull.source])
+    fill = fill_by_correspondence(held, hull, surface.centroid, lambda energy: None)
     assert fill is not None
     tangled: Floats = fill[0].copy()
     is_free = ~np.isin(surface.triangles, held.corners).any(axis=1)
