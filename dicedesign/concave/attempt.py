@@ -7,7 +7,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TypeAlias
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.concave.result import (
     MOST_EASED,
     FilledHull,
+    JudgePrints,
     angle_penalty,
     is_right,
     missing,
@@ -50,10 +50,6 @@ from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
-
-JudgePrints: TypeAlias = Callable[[Surface, Floats, Floats], float]
-"""Mean total variation of prints of a surface with a center of mass (3,) from the target, for down
-directions (k, 3) of the outcomes."""
 
 DESIGN_SHARE = 0.8
 """Share of the tolerance that the design of the hull may use: the file is rounded afterwards."""

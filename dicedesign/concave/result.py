@@ -17,6 +17,10 @@ OnEnergy: TypeAlias = Callable[[float], None]
 """Callback that receives the energy at the start and after every accepted step."""
 
 
+JudgePrints: TypeAlias = Callable[[Surface, Floats, Floats], float]
+"""Mean total variation of prints of a surface with a center of mass (3,) from the target, for down
+directions (k, 3) of the outcomes."""
+
 Fill: TypeAlias = tuple[Floats, float]
 """Points (n, 3) of a surface that fills a hull, in their original order, and the final energy; each
 fill method has its own energy."""

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from dicedesign.balance.regions import is_shifted
-from dicedesign.concave.attempt import Attempts, JudgePrints
+from dicedesign.concave.attempt import Attempts
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
     ConcaveDie,
     ConcaveProgress,
     FilledHull,
     Hollow,
+    JudgePrints,
     is_right,
     prints_above_preferred,
 )

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dicedesign.concave.attempt import JudgePrints
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull
+from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull, JudgePrints
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
