@@ -151,7 +151,8 @@ def test_notes_about_a_mesh_start_go_to_stderr(tmp_path: Path) -> None:
     )
     done = run(["run", "d4.yaml"], tmp_path)
     assert done.returncode == 0
-    assert done.stderr == "note: welded 1 points to others at equal positions\n"
+    # A slow machine prints lines of progress before it.
+    assert done.stderr.splitlines()[-1] == "note: welded 1 points to others at equal positions"
 
 
 def test_rest_with_a_table_adds_throw_probabilities(

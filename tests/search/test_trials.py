@@ -143,7 +143,8 @@ def test_an_interrupted_search_can_be_resumed(
     os.killpg(process.pid, signal.SIGINT)
     _, error = process.communicate(timeout=30.0)
     assert process.returncode == 130
-    assert error == "dicedesign: interrupted; nothing half-written was left\n"
+    # A slow machine prints lines of progress before it.
+    assert error.splitlines()[-1] == "dicedesign: interrupted; nothing half-written was left"
     deadline = time.monotonic() + 30.0
     while running_processes(process.pid):
         assert time.monotonic() < deadline, "workers live on"
