@@ -18,7 +18,6 @@ from dicedesign.concave.hull_design import (
     HullDraft,
     design_hull,
     make_designed_hull,
-    nearer_draft,
     relax_hull,
     settle_draft,
 )
@@ -28,6 +27,7 @@ from dicedesign.concave.hull_problem import (
     HullProblem,
     point_masses,
 )
+from dicedesign.concave.nearer_hull import nearer_draft
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.concave.result import (
@@ -70,9 +70,9 @@ EASING_GROWTH = 1.3
 EASED_SHARE = 0.8
 """Share of the intersecting pairs of triangles that may remain for easing to continue."""
 
-CLEARANCE = 0.02
-"""Minimum clearance of a hull (`HullDraft.clearance`), over the circumscribed radius: 0.3 mm for a
-die of 30 mm, about what the foot of the center of mass moves in prints."""
+CLEARANCE = 0.01
+"""Minimum clearance of a hull (`HullDraft.clearance`), over the circumscribed radius: 0.15 mm for a
+die of 30 mm. Steps back toward the original keep more at narrow facets."""
 
 SETTLED = 0.05
 """Shortfall of a draft up to which it may become a die: the last steps to the probabilities do not
@@ -180,10 +180,10 @@ class Attempts:
         if draft is None or not self._is_promising(problem, draft, best):
             return None
         if self.wall is not None:
-            return self._fill_about_cavity(draft, slopes, best, self.wall)
+            return self._fill_about_cavity(draft, best, self.wall)
         best_fill = None
         for metric in (NEAREST, UNCROSSED):
-            filled = self._finish(problem, nearer_draft(problem, draft, slopes, metric), best)
+            filled = self._finish(problem, nearer_draft(problem, draft, metric), best)
             if filled is None:
                 break
             if self.is_better(filled, best_fill):
@@ -193,7 +193,7 @@ class Attempts:
         return best_fill
 
     def _fill_about_cavity(
-        self, draft: HullDraft, slopes: SlopeOptions, best: FilledHull | None, wall: float
+        self, draft: HullDraft, best: FilledHull | None, wall: float
     ) -> FilledHull | None:
         """Fill a hull whose center of mass is moved by a cavity, as far as that reduces the
         bending."""
@@ -217,13 +217,13 @@ class Attempts:
             return False
 
         problem = with_room(self.problem.surface, SAFE_REACH)
-        nearer = nearer_draft(problem, draft, slopes)
+        nearer = nearer_draft(problem, draft)
         filled = self._finish(problem, nearer, best)
         if filled is None or not self.is_better(filled, best):
             return None
         if not has_room(filled):
             # Begin with a solid die, which has more room when it is bent less.
-            nearer = nearer_draft(self.problem, draft, slopes)
+            nearer = nearer_draft(self.problem, draft)
             filled = self._finish(self.problem, nearer, None)
         share = SAFE_REACH
         for _ in range(MAX_SHIFTS):
@@ -234,7 +234,7 @@ class Attempts:
                 problem = with_room(bent, share)
             except InputError:
                 break
-            further = nearer_draft(problem, nearer, slopes)
+            further = nearer_draft(problem, nearer)
             following = self._finish(problem, further, filled)
             if following is None or not self.is_better(following, filled):
                 break

@@ -8,8 +8,8 @@ forces along the gradient of the center of mass hold it in place.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
+from dicedesign.concave.complementarity import solve_complementarity
 from dicedesign.concave.hull_problem import HeldCorners, center_gradient
 from dicedesign.concave.result import Fill, OnEnergy
 from dicedesign.geometry.hulls.hull import ConvexHull
@@ -18,15 +18,6 @@ from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 
 CONTACT_REGULARIZATION = 1e-10
 """Relative increase of the diagonal, as contacts may depend on each other."""
-
-MAX_FAILED_PIVOTS = 10
-"""Number of exchanges of all wrong contacts at once that may fail to reduce their number."""
-
-MAX_PIVOTS = 200
-"""Maximum number of exchanges."""
-
-BOUND_TOLERANCE = 1e-9
-"""Allowed violation of a bound, relative to the largest one."""
 
 
 class Contacts:
@@ -72,7 +63,6 @@ class Contacts:
         them; gradient: (n, 3, 3) gradient of the three values, which are last; raised: (n, 3, 3)
         displacements for forces along it; misses: (3,) required changes of the values.
 
-        Source: Judice and Pires, Comput. Oper. Res. 21(5), 1994 (block pivoting).
         """
         count, columns = len(normals), self.place[self.points]
         system = np.zeros((count + 3, count + 3))
@@ -85,48 +75,12 @@ class Contacts:
         system[count:, count:] = np.einsum("nab,nac->bc", gradient, raised)
         values = np.concatenate([bounds, misses])
         fresh = np.ones(count - len(self.active), dtype=bool)
-        strengths = _solve_complementarity(system, values, np.concatenate([self.active, fresh]))
+        strengths = solve_complementarity(system, values, np.concatenate([self.active, fresh]))
         self.active = strengths[:count] < 0.0
         pushes = strengths[:count, None] * normals
         forces = sums_by_index(columns, pushes, self.responses.shape[1])
         displacement: Floats = self.responses @ forces + raised @ strengths[count:]
         return displacement
-
-
-def _solve_complementarity(system: Floats, values: Floats, active: Booleans) -> Floats:
-    """Strengths x (c + 3,) with `system @ x = values` in the last three rows and in those of active
-    contacts, where x < 0, and `system @ x <= values` in the others, where x = 0.
-
-    active: (c,) first guess of the active contacts.
-    """
-    count = len(active)
-    fewest, patience = count + 1, MAX_FAILED_PIVOTS
-    strengths = np.zeros(count + 3)
-    tolerance = BOUND_TOLERANCE * float(np.abs(values).max(initial=0.0))
-    for _ in range(MAX_PIVOTS):
-        rows = np.flatnonzero(active)
-        factor = cho_factor(system[np.ix_(rows, rows)])
-        sides = np.column_stack([values[rows], system[rows, count:]])
-        alone, mixed = np.split(cho_solve(factor, sides), [1], axis=1)
-        across = system[count:, rows]
-        rest = np.linalg.solve(
-            system[count:, count:] - across @ mixed, values[count:] - across @ alone[:, 0]
-        )
-        strengths[:] = 0.0
-        strengths[rows], strengths[count:] = alone[:, 0] - mixed @ rest, rest
-        over = system[:count] @ strengths - values[:count]
-        changes = np.flatnonzero(np.where(active, strengths[:count] > 0.0, over > tolerance))
-        if len(changes) == 0:
-            break
-        if len(changes) < fewest:
-            fewest, patience = len(changes), MAX_FAILED_PIVOTS
-        elif patience > 0:
-            patience -= 1
-        else:
-            changes = changes[-1:]
-        active = active.copy()
-        active[changes] = ~active[changes]
-    return strengths
 
 
 DEPTH = 2e-5

@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
 
 from dicedesign.concave.hull_problem import (
     DesignedHull,
@@ -292,21 +291,6 @@ def design_hull(
     return best
 
 
-MAX_ROUNDS = 5
-"""Maximum number of rounds back toward the original."""
-
-WORTHWHILE = 0.98
-"""Share of the displacement below which a round must reduce it for another to follow."""
-
-SWEEPS = 4
-"""Sweeps over the hull in each round."""
-
-PLACES = 40
-"""Places in each sweep, spread over the hull."""
-
-PLACE_WIDTH = 1.0
-"""Width of a place, times the square root of their number, over the circumscribed radius."""
-
 HALVINGS = 3
 """Number of step lengths that are tried, each half of the one before."""
 
@@ -321,36 +305,6 @@ NEAREST = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
 
 UNCROSSED = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
 """Metric that mainly reduces the elastic work, for surfaces that would intersect themselves."""
-
-
-def nearer_draft(
-    problem: HullProblem, draft: HullDraft, slopes: SlopeOptions, metric: HullMetric = NEAREST
-) -> HullDraft:
-    """Reduce the displacement of a draft without a larger shortfall, by steps of all corners and of
-    the corners around one place after the other."""
-    compliance, original = problem.compliance(metric), problem.hull.vertices
-    centers = original[spread_points(original, PLACES)]
-    widths = PLACE_WIDTH / np.sqrt(len(centers))
-    squares = cdist(centers, original, "sqeuclidean")
-    about = np.exp(-squares / (2.0 * widths**2))[:, :, None]
-    for _ in range(MAX_ROUNDS):
-        nearer, memory, violation = draft, SlopeMemory(slopes), draft.shortfall(problem)
-        for sweep in range(SWEEPS):
-            first = nearer
-            goal = nearer.corners + _least_work_step(
-                problem, nearer, compliance, memory, nearer.normals, sweep
-            )
-            for part in (np.ones((1, 1)), *about):
-                change = part * (goal - nearer.corners)
-                nearer = _move(problem, nearer, change, violation) or nearer
-            if nearer is first:
-                break
-        before, after = (problem.displacement(hull.corners - original) for hull in (draft, nearer))
-        if after < before:
-            draft = nearer
-        if after >= WORTHWHILE * before:
-            break
-    return draft
 
 
 def _move(

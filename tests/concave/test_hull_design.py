@@ -18,7 +18,6 @@ from dicedesign.concave.hull_design import (
     design_hull,
     exact_draft,
     make_designed_hull,
-    nearer_draft,
     relax_hull,
     settle_draft,
 )
@@ -223,17 +222,6 @@ def test_easing_moves_corners_back_and_keeps_all_limits() -> None:
     )
     assert after < 0.8 * before
     assert relax_hull(problem(), design, np.full((1, 3), 9.0), 0.3) is None
-
-
-def test_a_nearer_draft_displaces_less_and_keeps_all_limits() -> None:
-    nearer = nearer_draft(problem(), good(), SLOPES)
-    assert meets_limits(make_designed_hull(problem(), nearer), problem())
-    assert nearer.shortfall(problem()) == 0.0
-    before, after = (
-        problem().displacement(draft.corners - problem().hull.vertices)
-        for draft in (good(), nearer)
-    )
-    assert after < before
 
 
 # By the paper's method.

@@ -1,0 +1,192 @@
+"""Back toward the original: the least displacement of a surface whose hull has the probabilities.
+
+A draft keeps its probabilities in prints if the foot of the center of mass is deep inside the facet
+of each outcome and well outside of every other facet. How deep it is in a facet changes linearly
+with the facet's corners, in small steps. So a step is a quadratic program: the least work under
+bounds on the depths and equations for the probabilities. Steps toward the original alternate with
+steps that only mend what the bending of the depths and probabilities has spoiled.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dicedesign.concave.complementarity import solve_complementarity
+from dicedesign.concave.hull_design import MAX_GAIN, MAX_STEP, NEAREST, HullDraft
+from dicedesign.concave.hull_problem import HullMetric, HullProblem
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import norms
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.tolerances import SAME_REST_ANGLE
+
+REST_DEPTH = 0.12
+"""Least depth of the foot of the center of mass in the facets of outcomes, over the circumscribed
+radius: less lets bumps under a print tilt it by more than a rest may lean."""
+
+RESERVE = 1.2
+"""Factor of the required clearance that steps aim at."""
+
+ANGLE_RESERVE = 1.02
+"""Factor of the required tipping margin and angle between outcomes that steps aim at."""
+
+CORNER_ERROR = 0.009
+"""Error of corners for which narrow facets are given more clearance, over the circumscribed radius:
+nearly twice the standard deviation of an ordinary printer (`PrintErrors`) at 30 mm."""
+
+MOST_MORE = 0.04
+"""Largest clearance for this error, over the circumscribed radius."""
+
+NEARBY = 0.08
+"""Distance from a bound above which it is left out, over the circumscribed radius: no step is long
+enough to reach it."""
+
+MENDED = 1.0
+"""Largest violation of a bound that one step mends, over its length."""
+
+REGULARIZATION = 1e-8
+"""Relative increase of the diagonal, as bounds may depend on each other."""
+
+MAX_STEPS = 40
+"""Maximum number of steps toward the original."""
+
+MAX_MENDINGS = 2
+"""Maximum number of steps after each that only mend bounds and probabilities."""
+
+LONGER, SHORTER, HALF = 1.3, 0.7, 0.5
+"""Factors of the length of steps after one that keeps all limits, one that does not, and one that
+leads nowhere."""
+
+SHORTEST_STEP = 1e-3
+"""Length of a step at which the search ends, over the circumscribed radius."""
+
+MOST_OFF = 0.05
+"""Largest |p - q| of a draft that is followed."""
+
+
+def nearer_draft(problem: HullProblem, draft: HullDraft, metric: HullMetric = NEAREST) -> HullDraft:
+    """Draft with less displacement, or less shortfall if there is any; the same draft if steps lead
+    to none. metric: of the work of displacements."""
+    size, original = draft.corners.size, problem.hull.vertices
+    compliance = problem.compliance(metric).reshape(size, size)
+    best, violation = draft, draft.shortfall(problem)
+    least = problem.displacement(draft.corners - original)
+    length = MAX_STEP
+    for _ in range(MAX_STEPS):
+        following = _step(problem, draft, compliance, length, 1.0)
+        for _ in range(MAX_MENDINGS):
+            if following is None or following.shortfall(problem) <= violation:
+                break
+            mended = _step(problem, following, compliance, length, 0.0)
+            if mended is None or mended.shortfall(problem) >= following.shortfall(problem):
+                break
+            following = mended
+        if following is None:
+            length *= HALF
+        else:
+            draft, missing = following, following.shortfall(problem)
+            displacement = problem.displacement(draft.corners - original)
+            if missing <= violation and (missing < violation or displacement < least):
+                best, violation, least = draft, missing, displacement
+            length = min(MAX_STEP, LONGER * length) if missing <= violation else SHORTER * length
+        if length < SHORTEST_STEP:
+            break
+    return best
+
+
+def _step(
+    problem: HullProblem, draft: HullDraft, compliance: Floats, length: float, back: float
+) -> HullDraft | None:
+    """Draft one step on, or None if the step leads nowhere.
+
+    compliance: (3 n, 3 n) of the corners. length: about the longest move of a corner, over the
+    circumscribed radius. back: largest share of the way back to the original, of which the step
+    takes what length and bounds leave; 0 for the least work that mends bounds and probabilities.
+    """
+    displacement = draft.corners - problem.hull.vertices
+    moved = (displacement + problem.shift(displacement)).ravel()
+    bounded, bounds = _depth_bounds(problem, draft)
+    # The last equation follows from the others.
+    jacobian = draft.jacobian[:-1].reshape(-1, len(moved))
+    gains = np.clip(problem.target - draft.probabilities, -MAX_GAIN, MAX_GAIN)[:-1]
+    conditions = np.concatenate([bounded, jacobian])
+    values = np.concatenate([np.maximum(bounds, -MENDED * length), gains])
+    by_condition = conditions @ compliance
+    system = by_condition @ conditions.T
+    system[np.diag_indices(len(system))] *= 1.0 + REGULARIZATION
+    inactive = np.zeros(len(bounds), dtype=bool)
+
+    def change(back: float) -> Floats:
+        """(n, 3) step for a share of the way back."""
+        wanted = values + back * (conditions @ moved)
+        strengths = solve_complementarity(system, wanted, inactive)
+        return np.asarray((strengths @ by_condition - back * moved).reshape(-1, 3))
+
+    try:
+        step = change(back)
+        longest = float(norms(step).max())
+        if back > 0.0 and longest > length:
+            step = change(back * length / longest)
+            longest = float(norms(step).max())
+    except np.linalg.LinAlgError:
+        return None
+    corners = draft.corners + min(1.0, 2.0 * length / max(longest, length)) * step
+    following = HullDraft.of(corners, draft.normals)
+    if following is None or following.error(problem.target) > MOST_OFF:
+        return None
+    return following
+
+
+def _depth_bounds(problem: HullProblem, draft: HullDraft) -> tuple[Floats, Floats]:
+    """Bounds `rows @ change <= bounds` on a change (3 n) of the corners, with rows (s, 3 n).
+
+    The foot of the center of mass is to be as deep inside the facet of each outcome as the tipping
+    margin needs, and a clearance outside of the nearest edge of other facets, but not of those near
+    an outcome's; for narrow facets more, as errors of their corners tilt them more. The normals of
+    two outcomes are to be apart.
+    """
+    hull, main = draft.rests.hull, draft.rests.paths.rests[draft.main]
+    depths, slopes, corners = edge_depths(hull)
+    clearance = RESERVE * problem.clearance
+    aside = (hull.normals @ draft.normals.T).max(axis=1) < math.cos(SAME_REST_ANGLE)
+    nearest = np.lexsort((depths, hull.facet))[hull.facet_start[:-1]]
+    outer = nearest[aside[hull.facet[nearest]] & (depths[nearest] > -clearance - NEARBY)]
+    more = CORNER_ERROR * np.sqrt((slopes[outer] ** 2).sum((-2, -1)))
+    inner = np.flatnonzero(np.isin(hull.facet, main))
+    heights = (hull.normals[hull.facet[inner]] * hull.vertices[hull.tail[inner]]).sum(-1)
+    deep = np.maximum(REST_DEPTH, heights * math.tan(ANGLE_RESERVE * problem.margin))
+    inner, deep = (values[depths[inner] < deep + NEARBY] for values in (inner, deep))
+    rows = np.zeros((len(outer) + len(inner), len(draft.corners), 3))
+    along = np.concatenate([slopes[outer], -slopes[inner]])
+    at = hull.source[np.concatenate([corners[outer], corners[inner]])]
+    for corner in range(3):
+        rows[np.arange(len(rows)), at[:, corner]] += along[:, corner]
+    away = clearance + np.minimum(more, MOST_MORE)
+    bounds = np.concatenate([-away - depths[outer], depths[inner] - deep])
+    return rows.reshape(len(rows), -1), bounds
+
+
+def edge_depths(hull: ConvexHull) -> tuple[Floats, Floats, Integers]:
+    """How far the foot of the origin on the facet left of each half-edge is inside of its line.
+
+    Returns depths (h,), negative outside; their derivatives (h, 3, 3) by three corners, which the
+    plane of the facet goes through; and these corners (h, 3) as vertices of the hull: both ends of
+    the half-edge and another of the facet.
+    """
+    third = hull.head[hull.next]
+    tail, head = hull.vertices[hull.tail], hull.vertices[hull.head]
+    normal, edge, aside = hull.normals[hull.facet], head - tail, hull.vertices[third] - tail
+    length = norms(edge)
+    along = edge / length[:, None]
+    inward = np.linalg.cross(normal, along)
+    depths, height = -(tail * inward).sum(-1), (tail * normal).sum(-1)
+    # Places of the foot and the third corner along the edge, and the distance of that corner.
+    foot, place = -(tail * along).sum(-1) / length, (aside * along).sum(-1) / length
+    distance = (aside * inward).sum(-1)
+    # A move in the plane moves the line; one out of it tilts the plane, and moves the foot.
+    shares = np.stack([1.0 - foot, foot, np.zeros_like(foot)], axis=1)
+    tilts = np.stack([place - 1.0, -place, np.ones_like(place)], axis=1) / distance[:, None]
+    slopes = -shares[:, :, None] * inward[:, None]
+    slopes = slopes - (height[:, None] * tilts)[:, :, None] * normal[:, None]
+    return depths, slopes, np.stack([hull.tail, hull.head, third], axis=1)
