@@ -1,0 +1,273 @@
+#include "throws/impulses.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "throws/flight.hpp"
+#include "throws/free_rotation.hpp"
+#include "throws/near_table.hpp"
+
+namespace dicedesign {
+namespace {
+
+// Speed that gravity gives in this many steps: below it an approach is slow, and has no restitution.
+constexpr double SLOW_STEPS = 4.0;
+
+// Smallest time from one event to the next, in steps. It bounds how deep a vertex gets below the
+// table before its impact.
+constexpr double LEAST_STEP = 1.0 / 64.0;
+
+// Turn in radians of a body within a step on the table.
+constexpr double MOST_TURN = 0.05;
+
+// Impacts at one time after which all others are without restitution, and after which they end.
+constexpr int MOST_IMPACTS = 64;
+constexpr int MOST_STOPS = 128;
+
+// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step.
+constexpr double STOP_TOLERANCE = 0.01;
+
+// Energy is compared with barriers after this many events on the table.
+constexpr int EVENTS_PER_CHECK = 4;
+
+// A vertex at or near the table.
+struct Touching {
+    double height;
+    Vec turning[3];  // change of its velocity along the table's x, y and z by the body's spin
+    Response response;
+};
+
+class ThrownBody {
+public:
+    ThrownBody(const Landscape& landscape, const Vec& principal, const HardThrow& throw_,
+               Motion& moving)
+        : land(landscape),
+          moments(principal),
+          how(throw_),
+          motion(moving),
+          near(landscape),
+          brake(throw_.drag * sum(principal) / 3.0),
+          slow(SLOW_STEPS * throw_.gravity * throw_.step) {}
+
+    // Move for `most` seconds, or until the rest is certain or the motion not finite.
+    Index move(double most, double& elapsed) {
+        int events = 0;
+        for (elapsed = 0.0; elapsed < most;) {
+            const Axes axes(motion.turn);
+            if (!std::isfinite(energy_height() + sum(axes.row[2]))) return STILL_MOVING;
+            find_touching(axes, moments);
+            const bool bounces = bounce();
+            const double seconds = smaller(safe_time(axes.row[2]), most - elapsed);
+            if (held) {
+                stay(axes, seconds);
+            } else {
+                fly(seconds);
+            }
+            elapsed += seconds;
+            if (!(bounces || held) || ++events < EVENTS_PER_CHECK) continue;
+            events = 0;
+            const Index rest =
+                certain_rest(land, -Axes(motion.turn).row[2], energy_height());
+            if (rest != STILL_MOVING) return rest;
+        }
+        return STILL_MOVING;
+    }
+
+private:
+    double energy_height() const {
+        return motion.position.z + 0.5 * twice_kinetic_energy(moments, motion) / how.gravity;
+    }
+
+    // Height below which a slow vertex is held at the table.
+    double held_height() const { return slow * how.step; }
+
+    bool is_held(double z, double speed) const {
+        return z <= held_height() && std::fabs(speed) <= slow;
+    }
+
+    // Vertices that may touch the table, for a body with moments of inertia `inertia`.
+    void find_touching(const Axes& axes, const Vec& inertia) {
+        touching.clear();
+        const double height = motion.position.z;
+        if (height >= near.reach() + held_height()) return;
+        for (const Index v : near.at(axes.row[2], height)) {
+            const double z = height + dot(axes.row[2], land.vertex[v]);
+            if (z > held_height()) continue;
+            Touching point{z, {}, {}};
+            Vec eased[3];
+            for (int r = 0; r < 3; ++r) {
+                const Vec turning = cross(land.vertex[v], axes.row[r]);
+                point.turning[r] = turning;
+                eased[r] = {turning.x / inertia.x, turning.y / inertia.y, turning.z / inertia.z};
+            }
+            const auto product = [&](int r, int s) { return dot(point.turning[r], eased[s]); };
+            point.response = {1.0 + product(0, 0), product(0, 1), 1.0 + product(1, 1),
+                              product(0, 2),       product(1, 2), 1.0 + product(2, 2)};
+            touching.push_back(point);
+        }
+    }
+
+    double normal_speed(const Touching& point) const {
+        return motion.velocity.z + dot(point.turning[2], motion.spin);
+    }
+
+    Vec velocity(const Touching& point) const {
+        return {motion.velocity.x + dot(point.turning[0], motion.spin),
+                motion.velocity.y + dot(point.turning[1], motion.spin), normal_speed(point)};
+    }
+
+    void push(const Touching& point, const Vec& impulse, const Vec& inertia) {
+        motion.velocity += impulse;
+        const Vec torque = impulse.x * point.turning[0] + impulse.y * point.turning[1] +
+                           impulse.z * point.turning[2];
+        motion.spin += {torque.x / inertia.x, torque.y / inertia.y, torque.z / inertia.z};
+    }
+
+    // Fastest of the vertices that approach by more than `least` beyond `allowed`, a function of a
+    // vertex, or none.
+    template <class Allowed>
+    const Touching* fastest(double least, const Allowed& allowed) const {
+        const Touching* worst = nullptr;
+        for (const Touching& point : touching) {
+            const double beyond = -normal_speed(point) - allowed(point);
+            if (beyond > least) {
+                least = beyond;
+                worst = &point;
+            }
+        }
+        return worst;
+    }
+
+    // Impacts of vertices on the table. Returns whether there were any.
+    bool bounce() {
+        const double before = energy_height();
+        int count = 0;
+        for (; count < MOST_STOPS; ++count) {
+            const Touching* const point = fastest(slow, [](const Touching& one) {
+                return one.height <= 0.0 ? 0.0 : std::numeric_limits<double>::infinity();
+            });
+            if (point == nullptr) break;
+            const Vec speeds = velocity(*point);
+            push(*point,
+                 count < MOST_IMPACTS ? impact(point->response, speeds, how.surface)
+                                      : stop(point->response, speeds, how.surface.friction, 0.0),
+                 moments);
+        }
+        if (count > 0) lift(before - energy_height());
+        return count > 0;
+    }
+
+    // Lift a body of which vertices are below the table, by at most `most`.
+    void lift(double most) {
+        double lowest = 0.0;
+        for (const Touching& point : touching) lowest = smaller(lowest, point.height);
+        const double height = larger(smaller(-lowest, most), 0.0);
+        motion.position.z += height;
+        for (Touching& point : touching) point.height += height;
+    }
+
+    // Time during which no vertex gets below the table but those that are held. Sets whether there
+    // are any of these.
+    double safe_time(const Vec& up) {
+        held = false;
+        for (const Touching& point : touching) {
+            held = held || is_held(point.height, normal_speed(point));
+        }
+        const FlightBounds bounds(moments, how.gravity, motion.spin, near.reach());
+        const double turns = bounds.fastest * how.step * how.step;
+        double most = std::numeric_limits<double>::infinity();
+        if (held) {
+            most = turns > MOST_TURN * MOST_TURN ? MOST_TURN / std::sqrt(bounds.fastest) : how.step;
+        } else if (brake > 0.0) {
+            most = how.step;
+        }
+        const double safe = time_of_flight(
+            land, bounds, how.gravity, motion, motion.velocity.z, up, near.reach(), most,
+            [this](double z, double speed) { return is_held(z, speed); });
+        return larger(safe, LEAST_STEP * how.step);
+    }
+
+    // Moments of inertia that resist a torque within a time: drag is implicit, so that any amount
+    // of it is stable.
+    Vec braked(double seconds) const {
+        const double more = seconds * brake;
+        return {moments.x + more, moments.y + more, moments.z + more};
+    }
+
+    void drag(const Vec& inertia) {
+        Vec& w = motion.spin;
+        w = {w.x * moments.x / inertia.x, w.y * moments.y / inertia.y, w.z * moments.z / inertia.z};
+    }
+
+    void fly(double seconds) {
+        if (brake > 0.0) drag(braked(seconds));
+        motion.position += seconds * motion.velocity;
+        motion.position.z -= 0.5 * how.gravity * seconds * seconds;
+        motion.velocity.z -= how.gravity * seconds;
+        rotate_freely(motion.turn, motion.spin, moments, seconds);
+    }
+
+    // A step on the table: gravity, then impulses that let held vertices get no lower than the
+    // table, then motion at constant speed.
+    void stay(const Axes& axes, double seconds) {
+        const double gained = how.gravity * seconds, kinetic = twice_kinetic_energy(moments, motion);
+        const Motion before = motion;
+        const Vec inertia = braked(seconds);
+        if (brake > 0.0) find_touching(axes, inertia);
+        motion.velocity.z -= gained;
+        if (brake > 0.0) drag(inertia);
+        const auto allowed = [&](const Touching& point) {
+            return larger(point.height, 0.0) / seconds;
+        };
+        int count = 0;
+        for (; count < MOST_STOPS; ++count) {
+            const Touching* const point = fastest(STOP_TOLERANCE * gained, allowed);
+            if (point == nullptr) break;
+            const Vec impulse =
+                stop(point->response, velocity(*point), how.surface.friction, -allowed(*point));
+            push(*point, impulse, inertia);
+        }
+        if (count == 0) {
+            motion = before;
+            fly(seconds);
+            return;
+        }
+        // Twice the energy at the end of the step, above the height before it, as a function of a
+        // factor of all velocities: a x^2 + 2 b x.
+        const double a = twice_kinetic_energy(moments, motion), b = gained * motion.velocity.z;
+        double lost = kinetic - a - 2.0 * b;
+        if (lost < 0.0 && a > 0.0) {
+            const double factor = (std::sqrt(b * b + a * kinetic) - b) / a;
+            motion.velocity = factor * motion.velocity;
+            motion.spin = factor * motion.spin;
+            lost = 0.0;
+        }
+        motion.position += seconds * motion.velocity;
+        rotate_freely(motion.turn, motion.spin, moments, seconds);
+        lift(0.5 * lost / how.gravity);
+    }
+
+    const Landscape& land;
+    const Vec& moments;
+    const HardThrow& how;
+    Motion& motion;
+    NearTable near;
+    double brake;
+    double slow;
+    std::vector<Touching> touching;
+    bool held = false;
+};
+
+}  // namespace
+
+Index advance(const Landscape& land, const Vec& moments, const HardThrow& how, Index steps,
+              Motion& motion, Index& taken) {
+    double elapsed = 0.0;
+    const double most = static_cast<double>(steps) * how.step;
+    const Index rest = ThrownBody(land, moments, how, motion).move(most, elapsed);
+    taken = std::min(steps, static_cast<Index>(std::ceil(elapsed / how.step)));
+    return rest;
+}
+
+}  // namespace dicedesign
