@@ -5,12 +5,18 @@
 namespace dicedesign {
 namespace {
 
-// Turn of the slip in radians within which friction keeps its direction. The error of an impulse is
-// of second order in it.
-constexpr double SEGMENT_TURN = 0.03;
+// Turn of the slip in radians within which friction keeps its direction: of slips as fast as the
+// point, of all, and in stops. The error of an impulse is of second order in it.
+constexpr double IMPACT_TURN = 0.04;
+constexpr double MOST_TURN = 0.5;
+constexpr double STOP_TURN = 0.2;
+
+// Length of the last segment relative to what was expected at its begin.
+constexpr double LAST_REACH = 1.05;
 
 // Turning of the slip, relative to its change, below which it goes straight.
-constexpr double STRAIGHT = 1e-9;
+constexpr double STRAIGHT = 1e-5;
+constexpr double SLOWING = 2.0;
 
 // Slip relative to the velocity before the impact below which a point sticks.
 constexpr double STUCK = 1e-9;
@@ -48,13 +54,15 @@ Flat solve_along(const Response& k, double lambda, const Flat& b) {
 // The state of a point during its impact, as the normal impulse grows.
 class Impact {
 public:
-    Impact(const Response& response, const Vec& velocity, double coefficient)
+    // segment_turn: see `IMPACT_TURN`.
+    Impact(const Response& response, const Vec& velocity, double coefficient, double segment_turn)
         : k(response),
           friction(coefficient),
+          turn(segment_turn),
+          speed(norm(velocity)),
           aside{response.xz, response.yz},
           slip{velocity.x, velocity.y},
-          normal(velocity.z),
-          least_slip(STUCK * norm(velocity)) {}
+          normal(velocity.z) {}
 
     // Until the normal velocity is `target`.
     void compress(double target) {
@@ -116,7 +124,7 @@ private:
     void run(const Left& left) {
         for (int segment = 0; friction > 0.0; ++segment) {
             const double size = length(slip);
-            if (size <= least_slip || segment == MOST_SEGMENTS) {
+            if (size <= STUCK * speed || segment == MOST_SEGMENTS) {
                 slip = {0.0, 0.0};
                 break;
             }
@@ -125,16 +133,15 @@ private:
             const double along = dot(slip, change) / size;
             const double turning = std::fabs(cross(slip, change)) / size;
             double amount = left(rate_of(force));
-            if (turning <= STRAIGHT * length(change)) {
+            if (turning * size <= STRAIGHT * speed * length(change) && along < 0.0) {
                 const bool stops = along < 0.0 && size <= -along * amount;
                 grow(stops ? size / -along : amount, force, change);
                 if (!stops) return;
                 slip = {0.0, 0.0};
                 break;
             }
-            const double slowing = turning - SEGMENT_TURN * along;
-            const double most = slowing > 0.0 ? SEGMENT_TURN * size / slowing : NEVER;
-            const double reach = amount <= most ? (1.0 + SEGMENT_TURN) * amount : most;
+            const double most = turn * size / larger(turning, std::fabs(along) / SLOWING);
+            const double reach = amount <= most ? LAST_REACH * amount : most;
             amount = smaller(amount, most);
             const Flat halfway = slip + 0.5 * amount * change;
             force = (-friction / length(halfway)) * halfway;
@@ -154,10 +161,11 @@ private:
 
     const Response& k;
     double friction;
+    double turn;
+    double speed;  // before the impact
     Flat aside;
     Flat slip;
     double normal;
-    double least_slip;
     double work = 0.0;   // of the normal force
     double grown = 0.0;  // normal impulse
     Flat pushed{0.0, 0.0};
@@ -166,14 +174,16 @@ private:
 }  // namespace
 
 Vec impact(const Response& response, const Vec& velocity, const Surface& surface) {
-    Impact point(response, velocity, surface.friction);
+    Impact point(response, velocity, surface.friction, IMPACT_TURN);
     point.compress(0.0);
     if (surface.restitution > 0.0) point.restore(surface.restitution * surface.restitution);
     return point.impulse();
 }
 
 Vec stop(const Response& response, const Vec& velocity, double friction, double target) {
-    Impact point(response, velocity, friction);
+    const Vec sticking = response.solve({-velocity.x, -velocity.y, target - velocity.z});
+    if (friction * sticking.z >= length(Flat{sticking.x, sticking.y})) return sticking;
+    Impact point(response, velocity, friction, STOP_TURN);
     point.compress(target);
     return point.impulse();
 }

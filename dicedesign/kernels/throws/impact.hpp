@@ -15,6 +15,15 @@ struct Response {
                 xy * impulse.x + yy * impulse.y + yz * impulse.z,
                 xz * impulse.x + yz * impulse.y + zz * impulse.z};
     }
+
+    // Impulse that changes the velocity by `change`.
+    Vec solve(const Vec& change) const {
+        const Vec a{xx, xy, xz}, b{xy, yy, yz}, c{xz, yz, zz};
+        const Vec bc = cross(b, c);
+        const double over = 1.0 / dot(a, bc);
+        return {over * dot(change, bc), over * dot(change, cross(c, a)),
+                over * dot(change, cross(a, b))};
+    }
 };
 
 struct Surface {
@@ -32,7 +41,8 @@ struct Surface {
 Vec impact(const Response& response, const Vec& velocity, const Surface& surface);
 
 // Impulse without restitution that slows the normal velocity of an approaching point to `target`,
-// at most 0.
+// at most 0: one of the many small ones of a point that stays on the table. It stops the slip if
+// friction is enough for that, and is otherwise part of an `impact`.
 Vec stop(const Response& response, const Vec& velocity, double friction, double target);
 
 }  // namespace dicedesign
