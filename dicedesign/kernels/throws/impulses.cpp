@@ -26,7 +26,7 @@ constexpr int MOST_IMPACTS = 64;
 constexpr int MOST_STOPS = 128;
 
 // Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step.
-constexpr double STOP_TOLERANCE = 0.01;
+constexpr double STOP_TOLERANCE = 0.001;
 
 // Energy is compared with barriers after this many events on the table.
 constexpr int EVENTS_PER_CHECK = 4;
@@ -36,6 +36,7 @@ struct Touching {
     double height;
     Vec turning[3];  // change of its velocity along the table's x, y and z by the body's spin
     Response response;
+    Vec impulse;     // of this step
 };
 
 class ThrownBody {
@@ -94,7 +95,7 @@ private:
         for (const Index v : near.at(axes.row[2], height)) {
             const double z = height + dot(axes.row[2], land.vertex[v]);
             if (z > held_height()) continue;
-            Touching point{z, {}, {}};
+            Touching point{z, {}, {}, {0.0, 0.0, 0.0}};
             Vec eased[3];
             for (int r = 0; r < 3; ++r) {
                 const Vec turning = cross(land.vertex[v], axes.row[r]);
@@ -124,19 +125,18 @@ private:
         motion.spin += {torque.x / inertia.x, torque.y / inertia.y, torque.z / inertia.z};
     }
 
-    // Fastest of the vertices that approach by more than `least` beyond `allowed`, a function of a
-    // vertex, or none.
-    template <class Allowed>
-    const Touching* fastest(double least, const Allowed& allowed) const {
-        const Touching* worst = nullptr;
-        for (const Touching& point : touching) {
-            const double beyond = -normal_speed(point) - allowed(point);
-            if (beyond > least) {
-                least = beyond;
-                worst = &point;
+    // The vertex with the largest excess, a function of vertices, above `least`, or none.
+    template <class Excess>
+    Touching* worst(double least, const Excess& excess) {
+        Touching* found = nullptr;
+        for (Touching& point : touching) {
+            const double here = excess(point);
+            if (here > least) {
+                least = here;
+                found = &point;
             }
         }
-        return worst;
+        return found;
     }
 
     // Impacts of vertices on the table. Returns whether there were any.
@@ -144,8 +144,8 @@ private:
         const double before = energy_height();
         int count = 0;
         for (; count < MOST_STOPS; ++count) {
-            const Touching* const point = fastest(slow, [](const Touching& one) {
-                return one.height <= 0.0 ? 0.0 : std::numeric_limits<double>::infinity();
+            const Touching* const point = worst(slow, [this](const Touching& one) {
+                return one.height <= 0.0 ? -normal_speed(one) : 0.0;
             });
             if (point == nullptr) break;
             const Vec speeds = velocity(*point);
@@ -209,7 +209,8 @@ private:
     }
 
     // A step on the table: gravity, then impulses that let held vertices get no lower than the
-    // table, then motion at constant speed.
+    // table, then motion at constant speed. Each vertex's impulse is found given those of the
+    // others, until all fit.
     void stay(const Axes& axes, double seconds) {
         const double gained = how.gravity * seconds, kinetic = twice_kinetic_energy(moments, motion);
         const Motion before = motion;
@@ -217,16 +218,25 @@ private:
         if (brake > 0.0) find_touching(axes, inertia);
         motion.velocity.z -= gained;
         if (brake > 0.0) drag(inertia);
-        const auto allowed = [&](const Touching& point) {
-            return larger(point.height, 0.0) / seconds;
+        const auto target = [&](const Touching& point) {
+            return -larger(point.height, 0.0) / seconds;
+        };
+        // Of an approach, and of a vertex that the others' impulses lift.
+        const auto excess = [&](const Touching& point) {
+            const double speed = normal_speed(point) - target(point);
+            return point.impulse.z > 0.0 ? std::fabs(speed) : -speed;
         };
         int count = 0;
         for (; count < MOST_STOPS; ++count) {
-            const Touching* const point = fastest(STOP_TOLERANCE * gained, allowed);
+            Touching* const point = worst(STOP_TOLERANCE * gained, excess);
             if (point == nullptr) break;
+            const Vec without = velocity(*point) - point->response * point->impulse;
             const Vec impulse =
-                stop(point->response, velocity(*point), how.surface.friction, -allowed(*point));
-            push(*point, impulse, inertia);
+                without.z < target(*point)
+                    ? stop(point->response, without, how.surface.friction, target(*point))
+                    : Vec{0.0, 0.0, 0.0};
+            push(*point, impulse - point->impulse, inertia);
+            point->impulse = impulse;
         }
         if (count == 0) {
             motion = before;
