@@ -44,11 +44,11 @@ double cross(const Flat& a, const Flat& b) { return a.x * b.y - a.y * b.x; }
 
 double length(const Flat& a) { return std::sqrt(dot(a, a)); }
 
-// (A + lambda)^-1 b, for A the response along the table.
-Flat solve_along(const Response& k, double lambda, const Flat& b) {
-    const double xx = k.xx + lambda, yy = k.yy + lambda;
-    const double over = 1.0 / (xx * yy - k.xy * k.xy);
-    return {over * (yy * b.x - k.xy * b.y), over * (xx * b.y - k.xy * b.x)};
+// (factor A + lambda)^-1 b, for A the response along the table.
+Flat solve_along(const Response& k, double factor, double lambda, const Flat& b) {
+    const double xx = factor * k.xx + lambda, xy = factor * k.xy, yy = factor * k.yy + lambda;
+    const double over = 1.0 / (xx * yy - xy * xy);
+    return {over * (yy * b.x - xy * b.y), over * (xx * b.y - xy * b.x)};
 }
 
 // The state of a point during its impact, as the normal impulse grows.
@@ -89,16 +89,16 @@ private:
     // (friction A + lambda) u = aside with lambda > 0, for A the response along the table; Newton's
     // method on 1 / |u| finds lambda from below.
     Flat hold() const {
-        const Flat sticking = -1.0 * solve_along(k, 0.0, aside);
-        if (dot(sticking, sticking) <= friction * friction) return sticking;
-        double lambda = 0.0;
-        Flat u = (1.0 / friction) * solve_along(k, 0.0, aside);
+        const Flat sticking = -1.0 * solve_along(k, 1.0, 0.0, aside);
+        if (length(sticking) <= friction) return sticking;
+        double lambda = larger(length(aside) - friction * (k.xx + k.yy), 0.0);
+        Flat u = solve_along(k, friction, lambda, aside);
         for (int step = 0; step < MOST_NEWTON_STEPS; ++step) {
             const double size = length(u);
             if (!(size > 1.0 + NEWTON_TOLERANCE)) break;
-            const Flat w = (1.0 / friction) * solve_along(k, lambda / friction, u);
+            const Flat w = solve_along(k, friction, lambda, u);
             lambda += (size - 1.0) * dot(u, u) / dot(u, w);
-            u = (1.0 / friction) * solve_along(k, lambda / friction, aside);
+            u = solve_along(k, friction, lambda, aside);
         }
         return (-friction / length(u)) * u;
     }
