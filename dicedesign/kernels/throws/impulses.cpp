@@ -25,8 +25,10 @@ constexpr double MOST_TURN = 0.05;
 constexpr int MOST_IMPACTS = 64;
 constexpr int MOST_STOPS = 128;
 
-// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step.
-constexpr double STOP_TOLERANCE = 0.001;
+// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step; and
+// in a step that would gain energy with that much, as of a body that almost stands on an edge.
+constexpr double STOP_TOLERANCE = 1e-3;
+constexpr double FINE_TOLERANCE = 1e-9;
 
 // Energy is compared with barriers after this many events on the table.
 constexpr int EVENTS_PER_CHECK = 4;
@@ -208,16 +210,10 @@ private:
         rotate_freely(motion.turn, motion.spin, moments, seconds);
     }
 
-    // A step on the table: gravity, then impulses that let held vertices get no lower than the
-    // table, then motion at constant speed. Each vertex's impulse is found given those of the
-    // others, until all fit.
-    void stay(const Axes& axes, double seconds) {
-        const double gained = how.gravity * seconds, kinetic = twice_kinetic_energy(moments, motion);
-        const Motion before = motion;
-        const Vec inertia = braked(seconds);
-        if (brake > 0.0) find_touching(axes, inertia);
-        motion.velocity.z -= gained;
-        if (brake > 0.0) drag(inertia);
+    // Push held vertices so that they get no lower than the table within a time, up to a speed
+    // `tolerance`. Each vertex's impulse is found given those of the others, until all fit. Returns
+    // how many were found.
+    int hold(double seconds, const Vec& inertia, double tolerance) {
         const auto target = [&](const Touching& point) {
             return -larger(point.height, 0.0) / seconds;
         };
@@ -228,7 +224,7 @@ private:
         };
         int count = 0;
         for (; count < MOST_STOPS; ++count) {
-            Touching* const point = worst(STOP_TOLERANCE * gained, excess);
+            Touching* const point = worst(tolerance, excess);
             if (point == nullptr) break;
             const Vec without = velocity(*point) - point->response * point->impulse;
             const Vec impulse =
@@ -238,24 +234,43 @@ private:
             push(*point, impulse - point->impulse, inertia);
             point->impulse = impulse;
         }
-        if (count == 0) {
+        return count;
+    }
+
+    // A step on the table: gravity, then impulses that hold vertices, then motion at constant speed.
+    void stay(const Axes& axes, double seconds) {
+        const double gained = how.gravity * seconds, kinetic = twice_kinetic_energy(moments, motion);
+        const Motion before = motion;
+        const Vec inertia = braked(seconds);
+        if (brake > 0.0) find_touching(axes, inertia);
+        motion.velocity.z -= gained;
+        if (brake > 0.0) drag(inertia);
+        if (hold(seconds, inertia, STOP_TOLERANCE * gained) == 0) {
             motion = before;
             fly(seconds);
             return;
         }
-        // Twice the energy at the end of the step, above the height before it, as a function of a
-        // factor of all velocities: a x^2 + 2 b x.
-        const double a = twice_kinetic_energy(moments, motion), b = gained * motion.velocity.z;
-        double lost = kinetic - a - 2.0 * b;
-        if (lost < 0.0 && a > 0.0) {
-            const double factor = (std::sqrt(b * b + a * kinetic) - b) / a;
-            motion.velocity = factor * motion.velocity;
-            motion.spin = factor * motion.spin;
-            lost = 0.0;
-        }
+        if (lost(kinetic, gained) < 0.0) hold(seconds, inertia, FINE_TOLERANCE * gained);
+        if (lost(kinetic, gained) < 0.0) slow_down(kinetic, gained);
+        const double loss = lost(kinetic, gained);
         motion.position += seconds * motion.velocity;
         rotate_freely(motion.turn, motion.spin, moments, seconds);
-        lift(0.5 * lost / how.gravity);
+        lift(0.5 * loss / how.gravity);
+    }
+
+    // Twice the energy that a body loses which had twice the energy `kinetic` before a step in which
+    // gravity gives it the speed `gained`.
+    double lost(double kinetic, double gained) const {
+        return kinetic - twice_kinetic_energy(moments, motion) - 2.0 * gained * motion.velocity.z;
+    }
+
+    // Scale all velocities so that the step loses no energy, and gains none.
+    void slow_down(double kinetic, double gained) {
+        // Twice the energy after the step is a x^2 + 2 b x for a factor x.
+        const double a = twice_kinetic_energy(moments, motion), b = gained * motion.velocity.z;
+        const double factor = a > 0.0 ? (std::sqrt(b * b + a * kinetic) - b) / a : 0.0;
+        motion.velocity = factor * motion.velocity;
+        motion.spin = factor * motion.spin;
     }
 
     const Landscape& land;
