@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dicedesign.throws.rigid_body import RigidBody
     from dicedesign.throws.tables import Table
 
-STEPS_PER_FALL: Final = 64.0
+STEPS_PER_FALL: Final = 32.0
 """Time steps in the square root of radius over gravity, of a die that stays on the table. Twice or
 four times as many change no probability by more than chance in 20,000 throws."""
 
