@@ -50,8 +50,8 @@ ENGINES: Final = Registry(
     Engine,
     builtin=(
         "dicedesign.throws.engines:NATIVE",
-        "dicedesign.throws.mujoco_engine:MUJOCO",
         "dicedesign.throws.impulse_engine:IMPULSES",
+        "dicedesign.throws.mujoco_engine:MUJOCO",
     ),
     group="dicedesign.engines",
 )

@@ -1,4 +1,4 @@
-"""Throws with hard contacts: impacts of single vertices, with restitution and friction that mean the
+"""Throws with hard contacts: impacts of single vertices, whose restitution and friction mean the
 same for every die."""
 
 from __future__ import annotations

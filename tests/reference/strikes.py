@@ -102,11 +102,13 @@ def strike_softly(strike: Strike) -> np.ndarray:
     """Impulse (3,) in the engine native."""
     contact = contact_of(strike.table, FINER, STIFFER)
     state = strike.state[None].copy()
-    for step in range(1, round(FINER * LONGEST_CONTACT)):
+    steps = 0
+    while steps < FINER * LONGEST_CONTACT:
+        steps += 1
         engines.advance(strike.unstopped, strike.table, state, 1, FINER, STIFFER)
         if strike.height_after(state[0]) > 0.0:
             break
-    return strike.impulse(state[0], step * contact.step)
+    return strike.impulse(state[0], steps * contact.step)
 
 
 def strike_hard(strike: Strike) -> np.ndarray:
@@ -124,12 +126,14 @@ def strike_in_mujoco(strike: Strike) -> np.ndarray:
     model = mujoco.MjModel.from_xml_string(scene)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = strike.state[:7], strike.state[7:]
-    for step in range(1, round(FINER * LONGEST_CONTACT)):
+    steps = 0
+    while steps < FINER * LONGEST_CONTACT:
+        steps += 1
         mujoco.mj_step(model, data)
         state = np.concatenate([data.qpos, data.qvel])
         if strike.height_after(state) > 0.0:
             break
-    return strike.impulse(state, step * contact.step)
+    return strike.impulse(state, steps * contact.step)
 
 
 STRIKES: dict[str, Callable[[Strike], np.ndarray]] = {

@@ -63,7 +63,7 @@ public:
             const bool bounces = bounce();
             const double seconds = smaller(safe_time(axes.row[2]), most - elapsed);
             if (held) {
-                stay(axes, seconds);
+                stay(seconds);
             } else {
                 fly(seconds);
             }
@@ -237,40 +237,50 @@ private:
         return count;
     }
 
-    // A step on the table: gravity, then impulses that hold vertices, then motion at constant speed.
-    void stay(const Axes& axes, double seconds) {
-        const double gained = how.gravity * seconds, kinetic = twice_kinetic_energy(moments, motion);
-        const Motion before = motion;
+    // A step on the table: half of the motion, then gravity and the impulses that hold vertices, then
+    // the other half. In free flight that is exact, and a body that is held loses no energy.
+    void stay(double seconds) {
+        const double gained = how.gravity * seconds;
         const Vec inertia = braked(seconds);
-        if (brake > 0.0) find_touching(axes, inertia);
+        // Twice the energies are above the height halfway.
+        const double before = twice_kinetic_energy(moments, motion) - gained * motion.velocity.z;
+        const auto lost = [&] {
+            return before - twice_kinetic_energy(moments, motion) - gained * motion.velocity.z;
+        };
+        glide(0.5 * seconds);
+        find_touching(Axes(motion.turn), inertia);
+        touching.erase(std::remove_if(touching.begin(), touching.end(),
+                                      [&](const Touching& one) { return normal_speed(one) < -slow; }),
+                       touching.end());
         motion.velocity.z -= gained;
         if (brake > 0.0) drag(inertia);
-        if (hold(seconds, inertia, STOP_TOLERANCE * gained) == 0) {
-            motion = before;
-            fly(seconds);
-            return;
+        hold(0.5 * seconds, inertia, STOP_TOLERANCE * gained);
+        if (lost() < 0.0) hold(0.5 * seconds, inertia, FINE_TOLERANCE * gained);
+        if (lost() < 0.0) slow_down(before, gained);
+        const double height = 0.5 * lost() / how.gravity;
+        glide(0.5 * seconds);
+        if (height > 0.0) {
+            lift(height);
+        } else {
+            motion.position.z += height;
         }
-        if (lost(kinetic, gained) < 0.0) hold(seconds, inertia, FINE_TOLERANCE * gained);
-        if (lost(kinetic, gained) < 0.0) slow_down(kinetic, gained);
-        const double loss = lost(kinetic, gained);
-        motion.position += seconds * motion.velocity;
-        rotate_freely(motion.turn, motion.spin, moments, seconds);
-        lift(0.5 * loss / how.gravity);
     }
 
-    // Twice the energy that a body loses which had twice the energy `kinetic` before a step in which
-    // gravity gives it the speed `gained`.
-    double lost(double kinetic, double gained) const {
-        return kinetic - twice_kinetic_energy(moments, motion) - 2.0 * gained * motion.velocity.z;
-    }
-
-    // Scale all velocities so that the step loses no energy, and gains none.
-    void slow_down(double kinetic, double gained) {
-        // Twice the energy after the step is a x^2 + 2 b x for a factor x.
-        const double a = twice_kinetic_energy(moments, motion), b = gained * motion.velocity.z;
-        const double factor = a > 0.0 ? (std::sqrt(b * b + a * kinetic) - b) / a : 0.0;
+    // Scale all velocities so that the energy is at most `twice_energy` / 2 after half a step, in
+    // which gravity takes half of the speed `gained`.
+    void slow_down(double twice_energy, double gained) {
+        const double a = twice_kinetic_energy(moments, motion), b = 0.5 * gained * motion.velocity.z;
+        // Twice the energy after the half is a x^2 + 2 b x for a factor x.
+        const double root = std::sqrt(larger(b * b + a * twice_energy, 0.0));
+        const double factor = twice_energy > 0.0 || b < 0.0 ? (root - b) / a : 0.0;
         motion.velocity = factor * motion.velocity;
         motion.spin = factor * motion.spin;
+    }
+
+    // Motion without forces.
+    void glide(double seconds) {
+        motion.position += seconds * motion.velocity;
+        rotate_freely(motion.turn, motion.spin, moments, seconds);
     }
 
     const Landscape& land;
