@@ -12,7 +12,7 @@ namespace dicedesign {
 namespace {
 
 // Speed that gravity gives in this many steps: below it an approach is slow, and has no restitution.
-constexpr double SLOW_STEPS = 4.0;
+constexpr double SLOW_STEPS = 2.0;
 
 // Smallest time from one event to the next, in steps. It bounds how deep a vertex gets below the
 // table before its impact.
