@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.frame import Report, time_in_turn
 from dicedesign import InputError, load_table, rigid_body
 from dicedesign.extensions import ENGINES, Engine
-from dicedesign.throws.rigid_body import RigidBody, release_states
+from dicedesign.throws.rigid_body import release_states
 from tests.reference.impacts import planar_impulse
 from tests.reference.strikes import STRIKES, Strike, faceted_ball, lean, needle
 
@@ -95,7 +95,15 @@ def time_throws(engines: list[Engine], options: argparse.Namespace, report: Repo
         drops if engine.name in ("native", "impulses") else max(int(SLOW_PART * drops), 1)
         for engine in engines
     ]
-    works = [partial(throw, engine, body, options.table, n) for engine, n in zip(engines, counts)]
+    works = [
+        partial(
+            engine.throw_states,
+            body,
+            table,
+            release_states(body, table, np.arange(count), "uniform", np.random.default_rng(0)),
+        )
+        for engine, count in zip(engines, counts, strict=True)
+    ]
     seconds = time_in_turn(works, 0.0, rounds=3, row=2e-3)
     row = report.table("speed of throws", "engine 9s | throws/s 8.0f | of native 9.2f")
     rates = [count / each for count, each in zip(counts, seconds, strict=True)]

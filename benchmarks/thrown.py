@@ -94,7 +94,9 @@ TASK = 500
 def add_options(parser: argparse.ArgumentParser) -> None:
     """What is thrown, and how often."""
     add_recipes(parser, "*")
-    parser.add_argument("--part", choices=("dice", "momentum", "simulators", "contacts"), help="only this one")
+    parser.add_argument(
+        "--part", choices=("dice", "momentum", "simulators", "contacts"), help="only this one"
+    )
     parser.add_argument(
         "--table", default="board-game", metavar="TABLE", help="of random dice (board-game)"
     )

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 STEPS_PER_FALL: Final = 32.0
 """Time steps in the square root of radius over gravity, of a die that stays on the table. Twice or
-four times as many change no probability by more than chance in 20,000 throws."""
+four times as many change the probabilities of dice by no more than chance in 20,000 throws; those
+of basins shallower than a thousandth of the radius need them."""
 
 
 def time_step(table: Table, refinement: float = 1.0) -> float:
@@ -34,7 +35,7 @@ def throw_states(
     is energetic, the root of the share of the work of compression that is returned (Stronge 1990),
     and friction is Coulomb's, whose direction turns with the slip during the impact (Keller 1986).
     So a restitution and a friction mean the same for all bodies and directions of impact. Vertices
-    that approach slower than gravity makes them within four time steps are stopped once a step.
+    that approach slower than gravity makes them within a time step are stopped once a step.
     Energy never grows. A throw ends as in the engine native.
 
     refinement: divisor of the time step.

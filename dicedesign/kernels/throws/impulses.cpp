@@ -11,8 +11,8 @@
 namespace dicedesign {
 namespace {
 
-// Speed that gravity gives in this many steps: below it an approach is slow, and has no restitution.
-constexpr double SLOW_STEPS = 2.0;
+// An approach is slow, and has no restitution, below the speed that gravity gives in this many steps.
+constexpr double SLOW_STEPS = 1.0;
 
 // Smallest time from one event to the next, in steps. It bounds how deep a vertex gets below the
 // table before its impact.
@@ -269,8 +269,9 @@ private:
     // Scale all velocities so that the energy is at most `twice_energy` / 2 after half a step, in
     // which gravity takes half of the speed `gained`.
     void slow_down(double twice_energy, double gained) {
-        const double a = twice_kinetic_energy(moments, motion), b = 0.5 * gained * motion.velocity.z;
         // Twice the energy after the half is a x^2 + 2 b x for a factor x.
+        const double a = twice_kinetic_energy(moments, motion);
+        const double b = 0.5 * gained * motion.velocity.z;
         const double root = std::sqrt(larger(b * b + a * twice_energy, 0.0));
         const double factor = twice_energy > 0.0 || b < 0.0 ? (root - b) / a : 0.0;
         motion.velocity = factor * motion.velocity;
