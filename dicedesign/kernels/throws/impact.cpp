@@ -5,18 +5,20 @@
 namespace dicedesign {
 namespace {
 
-// Turn of the slip in radians within which friction keeps its direction: of slips as fast as the
-// point, of all, and in stops. The error of an impulse is of second order in it.
+// Turn of the slip in radians within which friction keeps its direction, in impacts and in stops.
+// The error of an impulse is of second order in it.
 constexpr double IMPACT_TURN = 0.04;
-constexpr double MOST_TURN = 0.5;
 constexpr double STOP_TURN = 0.2;
+
+// Change of the slip's length within a segment that turns, relative to the turn in radians.
+constexpr double SLOWING = 2.0;
 
 // Length of the last segment relative to what was expected at its begin.
 constexpr double LAST_REACH = 1.05;
 
-// Turning of the slip, relative to its change, below which it goes straight.
+// Turning of a slip that stops, relative to its change and for a slip as fast as the point, below
+// which it goes straight.
 constexpr double STRAIGHT = 1e-5;
-constexpr double SLOWING = 2.0;
 
 // Slip relative to the velocity before the impact below which a point sticks.
 constexpr double STUCK = 1e-9;
@@ -133,8 +135,8 @@ private:
             const double along = dot(slip, change) / size;
             const double turning = std::fabs(cross(slip, change)) / size;
             double amount = left(rate_of(force));
-            if (turning * size <= STRAIGHT * speed * length(change) && along < 0.0) {
-                const bool stops = along < 0.0 && size <= -along * amount;
+            if (along < 0.0 && turning * size <= STRAIGHT * speed * length(change)) {
+                const bool stops = size <= -along * amount;
                 grow(stops ? size / -along : amount, force, change);
                 if (!stops) return;
                 slip = {0.0, 0.0};

@@ -11,7 +11,7 @@
 namespace dicedesign {
 namespace {
 
-// An approach is slow, and has no restitution, below the speed that gravity gives in this many steps.
+// Slow approaches have no restitution: those below the speed that gravity gives in this many steps.
 constexpr double SLOW_STEPS = 1.0;
 
 // Smallest time from one event to the next, in steps. It bounds how deep a vertex gets below the
@@ -25,8 +25,8 @@ constexpr double MOST_TURN = 0.05;
 constexpr int MOST_IMPACTS = 64;
 constexpr int MOST_STOPS = 128;
 
-// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step; and
-// in a step that would gain energy with that much, as of a body that almost stands on an edge.
+// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step, and
+// in a step that gains energy with that much, as of a body that almost stands on an edge.
 constexpr double STOP_TOLERANCE = 1e-3;
 constexpr double FINE_TOLERANCE = 1e-9;
 
@@ -237,8 +237,8 @@ private:
         return count;
     }
 
-    // A step on the table: half of the motion, then gravity and the impulses that hold vertices, then
-    // the other half. In free flight that is exact, and a body that is held loses no energy.
+    // A step on the table: half of the motion, gravity and the impulses that hold vertices, then the
+    // other half. In free flight that is exact, and a body that is held loses no energy.
     void stay(double seconds) {
         const double gained = how.gravity * seconds;
         const Vec inertia = braked(seconds);
@@ -249,9 +249,8 @@ private:
         };
         glide(0.5 * seconds);
         find_touching(Axes(motion.turn), inertia);
-        touching.erase(std::remove_if(touching.begin(), touching.end(),
-                                      [&](const Touching& one) { return normal_speed(one) < -slow; }),
-                       touching.end());
+        const auto is_fast = [&](const Touching& one) { return normal_speed(one) < -slow; };
+        touching.erase(std::remove_if(touching.begin(), touching.end(), is_fast), touching.end());
         motion.velocity.z -= gained;
         if (brake > 0.0) drag(inertia);
         hold(0.5 * seconds, inertia, STOP_TOLERANCE * gained);
