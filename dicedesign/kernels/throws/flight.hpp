@@ -16,12 +16,14 @@ inline double time_above(double z, double speed, double bent) {
 
 // Bounds of the motion of a body's vertices in flight. Each moves on with its speed, bent by gravity
 // and by the turning: a spin of at most w, by the energy, gives it an acceleration of at most w^2 r,
-// and changes, by Euler's equations, by at most w^2.
+// and changes, by Euler's equations, by at most w^2, besides a brake's torque per spin.
 struct FlightBounds {
-    FlightBounds(const Vec& moments, double gravity, const Vec& spin, double reach) {
+    FlightBounds(const Vec& moments, double gravity, const Vec& spin, double reach,
+                 double brake = 0.0) {
         const double least = smaller(moments.x, smaller(moments.y, moments.z));
         fastest = twice_spin_energy(moments, spin) / least;
         bent = gravity + 2.0 * fastest * reach;
+        if (brake > 0.0) bent += brake / least * std::sqrt(fastest) * reach;
     }
 
     double fastest;  // squared spin, rad^2/s^2

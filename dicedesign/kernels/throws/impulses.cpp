@@ -25,8 +25,8 @@ constexpr double MOST_TURN = 0.05;
 constexpr int MOST_IMPACTS = 64;
 constexpr int MOST_STOPS = 128;
 
-// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step, and
-// in a step that gains energy with that much, as of a body that almost stands on an edge.
+// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step;
+// and in a step that gains energy with it, as of a body that almost stands on an edge.
 constexpr double STOP_TOLERANCE = 1e-3;
 constexpr double FINE_TOLERANCE = 1e-9;
 
@@ -176,7 +176,7 @@ private:
         for (const Touching& point : touching) {
             held = held || is_held(point.height, normal_speed(point));
         }
-        const FlightBounds bounds(moments, how.gravity, motion.spin, near.reach());
+        const FlightBounds bounds(moments, how.gravity, motion.spin, near.reach(), brake);
         const double turns = bounds.fastest * how.step * how.step;
         double most = std::numeric_limits<double>::infinity();
         if (held) {
@@ -237,7 +237,7 @@ private:
         return count;
     }
 
-    // A step on the table: half of the motion, gravity and the impulses that hold vertices, then the
+    // A step on the table: half of the motion, gravity and the impulses that hold vertices, the
     // other half. In free flight that is exact, and a body that is held loses no energy.
     void stay(double seconds) {
         const double gained = how.gravity * seconds;
