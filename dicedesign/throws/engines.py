@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -50,6 +50,7 @@ ENGINES: Final = Registry(
     Engine,
     builtin=(
         "dicedesign.throws.engines:NATIVE",
+        "dicedesign.throws.impulse_engine:IMPULSES",
         "dicedesign.throws.mujoco_engine:MUJOCO",
     ),
     group="dicedesign.engines",
@@ -217,6 +218,23 @@ def advance(
         table.friction,
         IMPEDANCE,
     )
+    return advance_throws("soft", body, table, np.array(how), states, steps)
+
+
+def advance_throws(
+    contacts: Literal["soft", "hard"],
+    body: RigidBody,
+    table: Table,
+    how: Floats,
+    states: Floats,
+    steps: int,
+) -> tuple[Integers, Integers]:
+    """Advance states (n, 13) in place by at most `steps` time steps, with contacts of a kind and
+    their parameters, see `dicedesign.kernels.ops.advance_throws`. Returns the certain rest (n,) of
+    each, or -1, and the numbers of steps (n,).
+
+    Raises InputError if the compiled kernels are missing.
+    """
     scale = table.size / 2.0
     landscape = (
         body.vertices * scale,
@@ -229,7 +247,7 @@ def advance(
         body.barriers * scale,
     )
     moments = body.moments * scale**2
-    advanced = kernels.advance_throws(landscape, moments, np.array(how), states, steps)
+    advanced = kernels.advance_throws(contacts, landscape, moments, how, states, steps)
     if advanced is None:
         raise InputError(MISSING)
     return advanced

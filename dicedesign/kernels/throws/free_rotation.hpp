@@ -8,10 +8,6 @@
 
 namespace dicedesign {
 
-inline double twice_spin_energy(const Vec& moments, const Vec& spin) {
-    return moments.x * spin.x * spin.x + moments.y * spin.y * spin.y + moments.z * spin.z * spin.z;
-}
-
 // Terms of the series at most, and the angle in radians within which they are used: the spin has no
 // pole nearer than half a turn or so, as no term of Euler's equations has a factor above 1.
 inline constexpr int SERIES_TERMS = 20;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "throws/flight.hpp"
 #include "throws/free_rotation.hpp"
 #include "throws/near_table.hpp"
 
@@ -12,20 +13,6 @@ namespace {
 constexpr Index STEPS_PER_CHECK = 16;
 
 constexpr double LONGEST_FLIGHT = 1e9;  // steps at once
-
-// Rows of the matrix that turns the body's axes into the world's.
-struct Axes {
-    explicit Axes(const double* q) {
-        const double w = q[0], x = q[1], y = q[2], z = q[3];
-        row[0] = {1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)};
-        row[1] = {2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)};
-        row[2] = {2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)};
-    }
-
-    Vec to_body(const Vec& v) const { return v.x * row[0] + v.y * row[1] + v.z * row[2]; }
-
-    Vec row[3];
-};
 
 // Vertices below the table and their heights; of more than fit, the lowest.
 struct Touching {
@@ -87,10 +74,7 @@ int set_contacts(const Landscape& land, NearTable& near, const Axes& axes, const
 // all of the body's mass had been stopped there, which is at least as much as it is.
 double energy_height(const Landscape& land, NearTable& near, const Vec& moments, const Throw& how,
                      const Motion& motion, const Vec& up) {
-    const Vec& u = motion.velocity;
-    const Vec& w = motion.spin;
-    double twice = dot(u, u) + moments.x * w.x * w.x + moments.y * w.y * w.y +
-                   moments.z * w.z * w.z;
+    double twice = twice_kinetic_energy(moments, motion);
     for (const Index v : near.at(up, motion.position.z)) {
         const double z = motion.position.z + dot(up, land.vertex[v]);
         if (z < 0.0) twice += how.contact.stiffness * z * z;
@@ -99,34 +83,16 @@ double energy_height(const Landscape& land, NearTable& near, const Vec& moments,
 }
 
 // Number of steps that a body with all vertices above the table may take at once: no vertex gets
-// below it in between. Each moves on with its speed, bent by gravity and by the turning: a spin of
-// at most w, by the energy, gives it an acceleration of at most w^2 r, and changes, by Euler's
-// equations, by at most w^2.
+// below it in between.
 Index steps_of_flight(const Landscape& land, const Vec& moments, const Throw& how,
-                      const Motion& motion, const Axes& axes, double reach) {
-    const double least = smaller(moments.x, smaller(moments.y, moments.z));
-    const double fastest = twice_spin_energy(moments, motion.spin) / least;
-    const double bent = how.gravity + 2.0 * fastest * reach;
-    const double height = motion.position.z;
+                      const Motion& motion, const Vec& up, double reach) {
+    const FlightBounds bounds(moments, how.gravity, motion.spin, reach);
     // A step falls further by half of its gain in speed.
     const double rising = motion.velocity.z - 0.5 * how.gravity * how.step;
-    // Whatever its turn is, above its reach it cannot touch.
-    const double above = height - reach;
-    const double high =
-        above > 0.0
-            ? (rising + std::sqrt(rising * rising + 2.0 * how.gravity * above)) / how.gravity
-            : 0.0;
-    double safe = LONGEST_FLIGHT * how.step;
-    const Vec& up = axes.row[2];
-    const Vec across = cross(up, motion.spin);
-    for (Index v = 0; v < land.vertices && safe > high; ++v) {
-        const double z = height + dot(up, land.vertex[v]);
-        const double speed = rising + dot(across, land.vertex[v]);
-        if (z + safe * (speed - 0.5 * bent * safe) > 0.0) continue;
-        safe = (speed + std::sqrt(speed * speed + 2.0 * bent * larger(z, 0.0))) / bent;
-    }
-    safe = smaller(larger(safe, high), LONGEST_FLIGHT * how.step);
-    const bool finite = std::isfinite(height + fastest + sum(up) + sum(motion.velocity));
+    const double safe = time_of_flight(land, bounds, how.gravity, motion, rising, up, reach,
+                                       LONGEST_FLIGHT * how.step, [](double, double) { return false; });
+    const bool finite =
+        std::isfinite(motion.position.z + bounds.fastest + sum(up) + sum(motion.velocity));
     return finite ? static_cast<Index>(safe / how.step) : 0;
 }
 
@@ -158,7 +124,7 @@ Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index
             is_high ? 0 : set_contacts(land, near, axes, motion, how.contact, contacts);
         Index safe = 0;
         if (count == 0 && brake == 0.0) {
-            safe = steps_of_flight(land, moments, how, motion, axes, near.reach());
+            safe = steps_of_flight(land, moments, how, motion, axes.row[2], near.reach());
         }
         const Index together = safe > 0 ? std::min(safe, steps - taken) : 1;
         if (safe > 0) {
@@ -192,9 +158,8 @@ Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index
         const Vec up = Axes(motion.turn).row[2];
         const double height = energy_height(land, near, moments, how, motion, up);
         if (!std::isfinite(height + sum(up))) return STILL_MOVING;
-        if (height >= land.highest_barrier) continue;
-        const Index rest = rest_below(land, -up);
-        if (rest >= 0 && height < land.barrier[rest]) return rest;
+        const Index rest = certain_rest(land, -up, height);
+        if (rest != STILL_MOVING) return rest;
     }
     return STILL_MOVING;
 }

@@ -2,18 +2,10 @@
 #pragma once
 
 #include "throws/landing.hpp"
+#include "throws/motion.hpp"
 #include "throws/soft_contact.hpp"
 
 namespace dicedesign {
-
-// Position (m), orientation as a quaternion from the body's principal axes to the world's, velocity
-// (m/s) and angular velocity about the body's axes (rad/s).
-struct Motion {
-    Vec position;
-    double turn[4];
-    Vec velocity;
-    Vec spin;
-};
 
 struct Throw {
     ContactModel contact;
@@ -21,9 +13,6 @@ struct Throw {
     double gravity;  // m/s^2
     double drag;     // 1/s, of the spin of a body with the mean moment of inertia
 };
-
-// What became of a body: the rest that it cannot miss any more, or one of these.
-inline constexpr Index STILL_MOVING = -1;
 
 // Advance a body of mass 1 by at most `steps` steps, or until it is too slow to leave the basin
 // that it is in: its energy is then below all saddles of the basin's border. One whose motion
