@@ -107,5 +107,6 @@ def time_throws(engines: list[Engine], options: argparse.Namespace, report: Repo
     seconds = time_in_turn(works, 0.0, rounds=3, row=2e-3)
     row = report.table("speed of throws", "engine 9s | throws/s 8.0f | of native 9.2f")
     rates = [count / each for count, each in zip(counts, seconds, strict=True)]
+    named = dict(zip([engine.name for engine in engines], rates, strict=True))
     for engine, rate in zip(engines, rates, strict=True):
-        row(engine.title, rate, rate / rates[0])
+        row(engine.title, rate, rate / named.get("native", np.nan))

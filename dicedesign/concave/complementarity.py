@@ -8,7 +8,8 @@ from scipy.linalg import cho_factor, cho_solve
 from dicedesign.runtime.arrays import Booleans, Floats
 
 MAX_FAILED_PIVOTS = 10
-"""Number of exchanges of all wrong contacts at once that may fail to reduce their number."""
+"""Number of exchanges of all wrong bounds at once that may fail to reduce their number; then one
+bound changes at a time."""
 
 MAX_PIVOTS = 200
 """Maximum number of exchanges."""
@@ -22,7 +23,8 @@ def solve_complementarity(system: Floats, values: Floats, active: Booleans) -> F
     bounds, where x < 0, and `system @ x <= values` in the others, where x = 0.
 
     With `system = A C A^T` for conditions A and a compliance C, `C A^T x` is the displacement of
-    least work that meets all bounds and equations. After `MAX_PIVOTS` exchanges some may fail.
+    least work that meets all bounds and equations. If `MAX_PIVOTS` exchanges do
+    not suffice, some are violated.
 
     system: (c + e, c + e) symmetric positive definite. active: (c,) first guess of the active
     bounds.

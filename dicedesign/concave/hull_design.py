@@ -3,7 +3,7 @@
 The hull keeps its vertices, which move as smoothly and as little as the probabilities allow.
 Gauss-Newton steps in the metric of `HullMetric` bring the probabilities of clusters of rests to the
 target, while slopes (`SlopeMemory`) remove all rests but one of each outcome, which its direction
-follows. Levenberg-Marquardt steps then meet the probabilities to rounding, and further steps reduce
+follows. Levenberg-Marquardt steps then meet the probabilities to rounding; `nearer_draft` reduces
 the displacement of the surface.
 """
 

@@ -4,7 +4,7 @@ A draft keeps its probabilities in prints if the foot of the center of mass is d
 of each outcome and well outside of every other facet. How deep it is in a facet changes linearly
 with the facet's corners, in small steps. So a step is a quadratic program: the least work under
 bounds on the depths and equations for the probabilities. Steps toward the original alternate with
-steps that only mend what the bending of the depths and probabilities has spoiled.
+steps that only restore the limits, which change along curves.
 """
 
 from __future__ import annotations
@@ -29,21 +29,18 @@ RESERVE = 1.2
 """Factor of the required clearance that steps aim at."""
 
 ANGLE_RESERVE = 1.02
-"""Factor of the required tipping margin and angle between outcomes that steps aim at."""
+"""Factor of the required tipping margin that steps aim at."""
 
 CORNER_ERROR = 0.009
 """Error of corners for which narrow facets are given more clearance, over the circumscribed radius:
 nearly twice the standard deviation of an ordinary printer (`PrintErrors`) at 30 mm."""
 
-MOST_MORE = 0.04
+MAX_EXTRA_CLEARANCE = 0.04
 """Largest clearance for this error, over the circumscribed radius."""
 
 NEARBY = 0.08
-"""Distance from a bound above which it is left out, over the circumscribed radius: no step is long
-enough to reach it."""
-
-MENDED = 1.0
-"""Largest violation of a bound that one step mends, over its length."""
+"""Distance beyond the least clearance or depth, over the circumscribed radius, from which a facet
+is left out of the program; a later step takes it in if it comes nearer."""
 
 REGULARIZATION = 1e-8
 """Relative increase of the diagonal, as bounds may depend on each other."""
@@ -51,8 +48,8 @@ REGULARIZATION = 1e-8
 MAX_STEPS = 40
 """Maximum number of steps toward the original."""
 
-MAX_MENDINGS = 2
-"""Maximum number of steps after each that only mend bounds and probabilities."""
+MAX_REPAIRS = 2
+"""Maximum number of steps after each that only restore the limits."""
 
 LONGER, SHORTER, HALF = 1.3, 0.7, 0.5
 """Factors of the length of steps after one that keeps all limits, one that does not, and one that
@@ -67,7 +64,8 @@ MOST_OFF = 0.05
 
 def nearer_draft(problem: HullProblem, draft: HullDraft, metric: HullMetric = NEAREST) -> HullDraft:
     """Draft with less displacement, or less shortfall if there is any; the same draft if steps lead
-    to none. metric: of the work of displacements."""
+    to none. Steps aim at `REST_DEPTH` and at more clearance for narrow facets, but the shortfall
+    and the displacement decide. metric: of the work of displacements."""
     size, original = draft.corners.size, problem.hull.vertices
     compliance = problem.compliance(metric).reshape(size, size)
     best, violation = draft, draft.shortfall(problem)
@@ -75,13 +73,13 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, metric: HullMetric = NE
     length = MAX_STEP
     for _ in range(MAX_STEPS):
         following = _step(problem, draft, compliance, length, 1.0)
-        for _ in range(MAX_MENDINGS):
+        for _ in range(MAX_REPAIRS):
             if following is None or following.shortfall(problem) <= violation:
                 break
-            mended = _step(problem, following, compliance, length, 0.0)
-            if mended is None or mended.shortfall(problem) >= following.shortfall(problem):
+            repaired = _step(problem, following, compliance, length, 0.0)
+            if repaired is None or repaired.shortfall(problem) >= following.shortfall(problem):
                 break
-            following = mended
+            following = repaired
         if following is None:
             length *= HALF
         else:
@@ -100,9 +98,10 @@ def _step(
 ) -> HullDraft | None:
     """Draft one step on, or None if the step leads nowhere.
 
-    compliance: (3 n, 3 n) of the corners. length: about the longest move of a corner, over the
-    circumscribed radius. back: largest share of the way back to the original, of which the step
-    takes what length and bounds leave; 0 for the least work that mends bounds and probabilities.
+    compliance: (3 n, 3 n) of the corners. length: move of a corner that a step aims at, and
+    violation of a bound that it removes at most, over the circumscribed radius; moves are at most
+    twice as long. back: largest share of the way back to the original, of which the step takes what
+    length and bounds leave; 0 for the least work that restores bounds and probabilities.
     """
     displacement = draft.corners - problem.hull.vertices
     moved = (displacement + problem.shift(displacement)).ravel()
@@ -111,7 +110,7 @@ def _step(
     jacobian = draft.jacobian[:-1].reshape(-1, len(moved))
     gains = np.clip(problem.target - draft.probabilities, -MAX_GAIN, MAX_GAIN)[:-1]
     conditions = np.concatenate([bounded, jacobian])
-    values = np.concatenate([np.maximum(bounds, -MENDED * length), gains])
+    values = np.concatenate([np.maximum(bounds, -length), gains])
     by_condition = conditions @ compliance
     system = by_condition @ conditions.T
     system[np.diag_indices(len(system))] *= 1.0 + REGULARIZATION
@@ -143,8 +142,7 @@ def _depth_bounds(problem: HullProblem, draft: HullDraft) -> tuple[Floats, Float
 
     The foot of the center of mass is to be as deep inside the facet of each outcome as the tipping
     margin needs, and a clearance outside of the nearest edge of other facets, but not of those near
-    an outcome's; for narrow facets more, as errors of their corners tilt them more. The normals of
-    two outcomes are to be apart.
+    an outcome's; for narrow facets more, as errors of their corners tilt them more.
     """
     hull, main = draft.rests.hull, draft.rests.paths.rests[draft.main]
     depths, slopes, corners = edge_depths(hull)
@@ -152,7 +150,7 @@ def _depth_bounds(problem: HullProblem, draft: HullDraft) -> tuple[Floats, Float
     aside = (hull.normals @ draft.normals.T).max(axis=1) < math.cos(SAME_REST_ANGLE)
     nearest = np.lexsort((depths, hull.facet))[hull.facet_start[:-1]]
     outer = nearest[aside[hull.facet[nearest]] & (depths[nearest] > -clearance - NEARBY)]
-    more = CORNER_ERROR * np.sqrt((slopes[outer] ** 2).sum((-2, -1)))
+    extra = CORNER_ERROR * np.sqrt((slopes[outer] ** 2).sum((-2, -1)))
     inner = np.flatnonzero(np.isin(hull.facet, main))
     heights = (hull.normals[hull.facet[inner]] * hull.vertices[hull.tail[inner]]).sum(-1)
     deep = np.maximum(REST_DEPTH, heights * math.tan(ANGLE_RESERVE * problem.margin))
@@ -162,7 +160,7 @@ def _depth_bounds(problem: HullProblem, draft: HullDraft) -> tuple[Floats, Float
     at = hull.source[np.concatenate([corners[outer], corners[inner]])]
     for corner in range(3):
         rows[np.arange(len(rows)), at[:, corner]] += along[:, corner]
-    away = clearance + np.minimum(more, MOST_MORE)
+    away = clearance + np.minimum(extra, MAX_EXTRA_CLEARANCE)
     bounds = np.concatenate([-away - depths[outer], depths[inner] - deep])
     return rows.reshape(len(rows), -1), bounds
 

@@ -160,8 +160,8 @@ def damping_ratio(restitution: float) -> float:
 
 
 MISSING: Final = (
-    "engine native: expected the compiled kernels, but they were not built; install the package "
-    "where there is a C++ compiler, or take the engine mujoco"
+    "engines native and impulses: expected the compiled kernels, but they were not built; install "
+    "the package where there is a C++ compiler, or take the engine mujoco"
 )
 
 

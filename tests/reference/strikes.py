@@ -36,6 +36,11 @@ INSTANT = 1e-5
 """Time step of hard contacts, relative to the usual one."""
 
 
+def unstopped(body: RigidBody) -> RigidBody:
+    """The body, whose throws do not end."""
+    return replace(body, barriers=np.full_like(body.barriers, -np.inf))
+
+
 @dataclass(frozen=True)
 class Strike:
     """Impact of a vertex that moves like the center of mass, of a body without spin.
@@ -57,11 +62,6 @@ class Strike:
     def table(self) -> Table:
         """Table of the impact."""
         return replace(STRUCK, restitution=self.restitution, friction=self.friction)
-
-    @cached_property
-    def unstopped(self) -> RigidBody:
-        """The body, whose throws do not end."""
-        return replace(self.body, barriers=np.full_like(self.body.barriers, -np.inf))
 
     @cached_property
     def scale(self) -> float:
@@ -105,7 +105,7 @@ def strike_softly(strike: Strike) -> np.ndarray:
     steps = 0
     while steps < FINER * LONGEST_CONTACT:
         steps += 1
-        engines.advance(strike.unstopped, strike.table, state, 1, FINER, STIFFER)
+        engines.advance(unstopped(strike.body), strike.table, state, 1, FINER, STIFFER)
         if strike.height_after(state[0]) > 0.0:
             break
     return strike.impulse(state[0], steps * contact.step)
@@ -114,7 +114,7 @@ def strike_softly(strike: Strike) -> np.ndarray:
 def strike_hard(strike: Strike) -> np.ndarray:
     """Impulse (3,) in the engine impulses."""
     state = strike.state[None].copy()
-    impulse_engine.advance(strike.unstopped, strike.table, state, 1, 1.0 / INSTANT)
+    impulse_engine.advance(unstopped(strike.body), strike.table, state, 1, 1.0 / INSTANT)
     return strike.impulse(state[0], impulse_engine.time_step(strike.table, 1.0 / INSTANT))
 
 

@@ -36,7 +36,15 @@ from dicedesign.throws.rigid_body import RigidBody
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table, load_table
 from tests.reference.impacts import planar_impulse, turning_impulse
-from tests.reference.strikes import STRIKES, Strike, faceted_ball, lean, needle, strike_hard
+from tests.reference.strikes import (
+    STRIKES,
+    Strike,
+    faceted_ball,
+    lean,
+    needle,
+    strike_hard,
+    unstopped,
+)
 
 pytestmark = compiled_only
 
@@ -81,11 +89,6 @@ def advance_hard(body: RigidBody, table: Table, states: np.ndarray, seconds: flo
 
 
 both_engines = pytest.mark.parametrize("advance", [advance_softly, advance_hard])
-
-
-def unstopped(body: RigidBody) -> RigidBody:
-    """The body, whose throws do not end."""
-    return replace(body, barriers=np.full_like(body.barriers, -np.inf))
 
 
 def energies(body: RigidBody, table: Table, states: np.ndarray) -> np.ndarray:

@@ -128,7 +128,9 @@ def test_a_box_has_the_probabilities_of_its_symmetry() -> None:
 def test_without_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernels, "compiled", None)
     body, _ = random_body(1)
-    with pytest.raises(InputError, match=r"engine native: expected the compiled kernels, .*mujoco"):
+    with pytest.raises(
+        InputError, match=r"engines native and impulses: expected the compiled kernels, .*mujoco"
+    ):
         throw_states(body, BOARD, sample_states(body, BOARD, 1))
 
 

@@ -23,7 +23,8 @@ struct FlightBounds {
         const double least = smaller(moments.x, smaller(moments.y, moments.z));
         fastest = twice_spin_energy(moments, spin) / least;
         bent = gravity + 2.0 * fastest * reach;
-        if (brake > 0.0) bent += brake / least * std::sqrt(fastest) * reach;
+        // A flight takes all of its drag at the start, which moves a vertex twice as far.
+        if (brake > 0.0) bent += 2.0 * brake / least * std::sqrt(fastest) * reach;
     }
 
     double fastest;  // squared spin, rad^2/s^2
@@ -40,8 +41,7 @@ double time_of_flight(const Landscape& land, const FlightBounds& bounds, double 
     const double height = motion.position.z;
     // Whatever its turn is, above its reach it cannot touch.
     const double above = height - reach;
-    const double high =
-        above > 0.0 ? (rising + std::sqrt(rising * rising + 2.0 * gravity * above)) / gravity : 0.0;
+    const double high = above > 0.0 ? time_above(above, rising, gravity) : 0.0;
     double safe = most;
     const Vec across = cross(up, motion.spin);
     for (Index v = 0; v < land.vertices && safe > high; ++v) {

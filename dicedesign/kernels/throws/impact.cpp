@@ -143,13 +143,23 @@ private:
                 break;
             }
             const double most = turn * size / larger(turning, std::fabs(along) / SLOWING);
-            const double reach = amount <= most ? LAST_REACH * amount : most;
+            double reach = amount <= most ? LAST_REACH * amount : most;
             amount = smaller(amount, most);
-            const Flat halfway = slip + 0.5 * amount * change;
-            force = (-friction / length(halfway)) * halfway;
-            change = slip_rate(force);
-            const double rest = left(rate_of(force));
-            grow(rest <= reach ? rest : amount, force, change);
+            Flat turned;
+            double rest;
+            for (;;) {
+                const Flat halfway = slip + 0.5 * amount * change;
+                force = (-friction / length(halfway)) * halfway;
+                turned = slip_rate(force);
+                rest = left(rate_of(force));
+                const double segment = rest <= reach ? rest : amount;
+                // Friction takes energy. In a segment where it would not, it turns the slip too
+                // fast.
+                if (!(dot(force, slip + 0.5 * segment * turned) > 0.0)) break;
+                amount *= 0.5;
+                reach = amount;
+            }
+            grow(rest <= reach ? rest : amount, force, turned);
             if (rest <= reach) return;
         }
         if (friction == 0.0) {

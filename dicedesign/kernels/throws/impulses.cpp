@@ -94,7 +94,7 @@ private:
         touching.clear();
         const double height = motion.position.z;
         if (height >= near.reach() + held_height()) return;
-        for (const Index v : near.at(axes.row[2], height)) {
+        for (const Index v : near.at(axes.row[2], height - held_height())) {
             const double z = height + dot(axes.row[2], land.vertex[v]);
             if (z > held_height()) continue;
             Touching point{z, {}, {}, {0.0, 0.0, 0.0}};
@@ -211,9 +211,8 @@ private:
     }
 
     // Push held vertices so that they get no lower than the table within a time, up to a speed
-    // `tolerance`. Each vertex's impulse is found given those of the others, until all fit. Returns
-    // how many were found.
-    int hold(double seconds, const Vec& inertia, double tolerance) {
+    // `tolerance`. Each vertex's impulse is found given those of the others, until all fit.
+    void hold(double seconds, const Vec& inertia, double tolerance) {
         const auto target = [&](const Touching& point) {
             return -larger(point.height, 0.0) / seconds;
         };
@@ -222,10 +221,9 @@ private:
             const double speed = normal_speed(point) - target(point);
             return point.impulse.z > 0.0 ? std::fabs(speed) : -speed;
         };
-        int count = 0;
-        for (; count < MOST_STOPS; ++count) {
+        for (int count = 0; count < MOST_STOPS; ++count) {
             Touching* const point = worst(tolerance, excess);
-            if (point == nullptr) break;
+            if (point == nullptr) return;
             const Vec without = velocity(*point) - point->response * point->impulse;
             const Vec impulse =
                 without.z < target(*point)
@@ -234,7 +232,6 @@ private:
             push(*point, impulse - point->impulse, inertia);
             point->impulse = impulse;
         }
-        return count;
     }
 
     // A step on the table: half of the motion, gravity and the impulses that hold vertices, the
