@@ -31,12 +31,12 @@ def throw_states(
 ) -> Integers:
     """Final rests (n,) of throws released in states (n, 13); -1 without a rest in time.
 
-    Flight without drag is exact. Each impact is that of one vertex, the fastest first: the table's restitution
-    is energetic, the root of the share of the work of compression that is returned (Stronge 1990),
-    and friction is Coulomb's, whose direction turns with the slip during the impact (Keller 1986).
-    So a restitution and a friction mean the same for all bodies and directions of impact. Vertices
-    that approach slower than gravity makes them within a time step are stopped once a step.
-    Energy never grows. A throw ends as in the engine native.
+    Flight without drag is exact. Each impact is that of one vertex, the fastest first: the table's
+    restitution is energetic, the root of the share of the work of compression that is returned
+    (Stronge 1990), and friction is Coulomb's, whose direction turns with the slip during the impact
+    (Keller 1986). So a restitution and a friction mean the same for all bodies and directions of
+    impact. Vertices that approach slower than gravity makes them within a time step are stopped
+    once a step. Energy never grows. A throw ends as in the engine native.
 
     refinement: divisor of the time step.
 
