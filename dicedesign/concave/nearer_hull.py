@@ -162,7 +162,7 @@ def _depth_bounds(problem: HullProblem, draft: HullDraft) -> tuple[Floats, Float
         rows[np.arange(len(rows)), at[:, corner]] += along[:, corner]
     away = clearance + np.minimum(extra, MAX_EXTRA_CLEARANCE)
     bounds = np.concatenate([-away - depths[outer], depths[inner] - deep])
-    return rows.reshape(len(rows), -1), bounds
+    return rows.reshape(len(rows), draft.corners.size), bounds
 
 
 def edge_depths(hull: ConvexHull) -> tuple[Floats, Floats, Integers]:
