@@ -7,10 +7,10 @@ instead. `momentum`: throw random dice that the momentum model was not fitted to
 random polyhedra and a quarter designed, and compare how often each rest comes up with its
 probabilities without momentum and by the model. `simulators`:
 throw dice in the package's own simulator, with a half and a quarter of its time step, with contacts
-half and twice as stiff, and in others that are installed. Numbers are total variations; the floor
-is the mean of right probabilities. `contacts`: impacts of single vertices in each simulator against
-closed forms, and its throws per second. Exits 1 where a design does not converge, or its throws are
-further from the target than the recipe's refine.within and chance is not the reason.
+half and twice as stiff, and in others that are installed. `contacts`: impacts of single vertices in
+each simulator against closed forms, and its throws per second. Other numbers are total variations;
+the floor is the mean of right probabilities. Exits 1 where a design does not converge, or its
+throws are further from the target than the recipe's refine.within and chance is not the reason.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ def solve_complementarity(system: Floats, values: Floats, active: Booleans) -> F
     bounds, where x < 0, and `system @ x <= values` in the others, where x = 0.
 
     With `system = A C A^T` for conditions A and a compliance C, `C A^T x` is the displacement of
-    least work that meets all bounds and equations. If `MAX_PIVOTS` exchanges do
-    not suffice, some are violated.
+    least work that meets all bounds and equations. If `MAX_PIVOTS` exchanges do not suffice, some
+    are violated.
 
     system: (c + e, c + e) symmetric positive definite. active: (c,) first guess of the active
     bounds.

@@ -62,7 +62,6 @@ class Contacts:
         normals: (c, 3) normals of the contacts' facets; bounds: (c,) limits of the points along
         them; gradient: (n, 3, 3) gradient of the three values, which are last; raised: (n, 3, 3)
         displacements for forces along it; misses: (3,) required changes of the values.
-
         """
         count, columns = len(normals), self.place[self.points]
         system = np.zeros((count + 3, count + 3))

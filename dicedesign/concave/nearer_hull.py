@@ -73,17 +73,19 @@ def nearer_draft(problem: HullProblem, draft: HullDraft, metric: HullMetric = NE
     length = MAX_STEP
     for _ in range(MAX_STEPS):
         following = _step(problem, draft, compliance, length, 1.0)
+        missing = math.inf if following is None else following.shortfall(problem)
         for _ in range(MAX_REPAIRS):
-            if following is None or following.shortfall(problem) <= violation:
+            if following is None or missing <= violation:
                 break
             repaired = _step(problem, following, compliance, length, 0.0)
-            if repaired is None or repaired.shortfall(problem) >= following.shortfall(problem):
+            left = math.inf if repaired is None else repaired.shortfall(problem)
+            if left >= missing:
                 break
-            following = repaired
+            following, missing = repaired, left
         if following is None:
             length *= HALF
         else:
-            draft, missing = following, following.shortfall(problem)
+            draft = following
             displacement = problem.displacement(draft.corners - original)
             if missing <= violation and (missing < violation or displacement < least):
                 best, violation, least = draft, missing, displacement

@@ -16,7 +16,6 @@ from dicedesign.runtime.arrays import Floats
 OnEnergy: TypeAlias = Callable[[float], None]
 """Callback that receives the energy at the start and after every accepted step."""
 
-
 JudgePrints: TypeAlias = Callable[[Surface, Floats, Floats], float]
 """Mean total variation of prints of a surface with a center of mass (3,) from the target, for down
 directions (k, 3) of the outcomes."""

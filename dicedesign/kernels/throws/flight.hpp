@@ -14,9 +14,9 @@ inline double time_above(double z, double speed, double bent) {
     return (speed + std::sqrt(speed * speed + 2.0 * bent * larger(z, 0.0))) / bent;
 }
 
-// Bounds of the motion of a body's vertices in flight. Each moves on with its speed, bent by gravity
-// and by the turning: a spin of at most w, by the energy, gives it an acceleration of at most w^2 r,
-// and changes, by Euler's equations, by at most w^2, besides a brake's torque per spin.
+// Bounds of the motion of a body's vertices in flight. Each moves on with its speed, bent by
+// gravity and by the turning: a spin of at most w, by the energy, gives it an acceleration of at
+// most w^2 r, and changes, by Euler's equations, by at most w^2, besides a brake's torque per spin.
 struct FlightBounds {
     FlightBounds(const Vec& moments, double gravity, const Vec& spin, double reach,
                  double brake = 0.0) {

@@ -18,9 +18,9 @@ struct HardThrow {
 // in: its energy is then below all saddles of the basin's border. One whose motion is no longer
 // finite is given up. `taken` is how many steps it moved, the last one perhaps in part.
 //
-// Without drag flight is exact. Impacts are those of `impact.hpp`, of
-// one vertex after the other, the fastest first. Vertices that approach slowly are stopped at the
-// table, without restitution, once a step. Energy never grows.
+// Without drag flight is exact. Impacts are those of `impact.hpp`, of one vertex after the other,
+// the fastest first. Vertices that approach slowly are stopped at the table, without restitution,
+// once a step. Energy never grows.
 Index advance(const Landscape& land, const Vec& moments, const HardThrow& how, Index steps,
               Motion& motion, Index& taken);
 

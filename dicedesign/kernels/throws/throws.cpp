@@ -89,8 +89,9 @@ Index steps_of_flight(const Landscape& land, const Vec& moments, const Throw& ho
     const FlightBounds bounds(moments, how.gravity, motion.spin, reach);
     // A step falls further by half of its gain in speed.
     const double rising = motion.velocity.z - 0.5 * how.gravity * how.step;
-    const double safe = time_of_flight(land, bounds, how.gravity, motion, rising, up, reach,
-                                       LONGEST_FLIGHT * how.step, [](double, double) { return false; });
+    const double safe =
+        time_of_flight(land, bounds, how.gravity, motion, rising, up, reach,
+                       LONGEST_FLIGHT * how.step, [](double, double) { return false; });
     const bool finite =
         std::isfinite(motion.position.z + bounds.fastest + sum(up) + sum(motion.velocity));
     return finite ? static_cast<Index>(safe / how.step) : 0;
