@@ -92,8 +92,7 @@ def time_throws(engines: list[Engine], options: argparse.Namespace, report: Repo
     table, body = load_table(options.table), rigid_body(CUBOID)
     drops = options.drops or (500 if options.quick else 5_000)
     counts = [
-        drops if engine.name in ("native", "impulses") else max(int(SLOW_PART * drops), 1)
-        for engine in engines
+        drops if engine.name == "native" else max(int(SLOW_PART * drops), 1) for engine in engines
     ]
     works = [
         partial(

@@ -25,7 +25,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
 from dicedesign.throws.distances import jeffreys_means, measure_variation
-from dicedesign.throws.engines import require_engine
+from dicedesign.throws.engines import CONTACT_LAW, require_engine
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
     CREDIBLE_LEVEL,
@@ -92,6 +92,7 @@ def fit(options: TableArguments) -> int:
         "number of evaluations": str(options.evaluations),
         "number of drops": str(options.drops),
         "seed": str(options.seed),
+        "contact law": CONTACT_LAW,
         "version of dicedesign": version("dicedesign"),
     }
     with (

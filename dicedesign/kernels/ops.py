@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import dicedesign.tolerances as bounds
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-INTERFACE: Final = 8
+INTERFACE: Final = 9
 """Version of the kernels' arguments and results; kernels of another version are not used."""
 
 UNDECIDED: Final = None
@@ -389,7 +389,6 @@ def solid_inertia(hull: Handled) -> Floats:
 
 @_kernel
 def advance_throws(
-    contacts: Literal["soft", "hard"],
     landscape: Sequence[NDArray[Any]],
     moments: Floats,
     how: Floats,
@@ -399,8 +398,6 @@ def advance_throws(
     """Advance states (n, 13) of a body in place by at most a number of steps: the rest that each
     cannot miss any more, or -1, and the steps taken.
 
-    how: step, gravity, drag; then of soft contacts stiffness, damping, sliding damping, friction
-    and impedance, of hard ones restitution and friction.
+    how: step, gravity, drag, restitution and friction.
     """
-    advance = compiled.advance_soft if contacts == "soft" else compiled.advance_hard
-    return advance(*landscape, moments, how, states, steps)
+    return compiled.advance_throws(*landscape, moments, how, states, steps)

@@ -36,6 +36,7 @@ from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.clock import Clock
 from dicedesign.runtime.registry import Extension, Registry
 from dicedesign.runtime.workers import one_tensor_thread
+from dicedesign.throws.engines import CONTACT_LAW
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
@@ -467,7 +468,8 @@ def run(
         )
     folder = Path("outputs") / recipe.folder_name if out is None else Path(out)
     work = Work(recipe, folder, callbacks or Callbacks(), enlarge, resume)
-    path, about = folder / CHECKPOINT if is_refined else None, {"recipe": recipe_text(recipe)}
+    path = folder / CHECKPOINT if is_refined else None
+    about = {"recipe": recipe_text(recipe), "contact law": CONTACT_LAW}
     with open_results_folder(folder), Checkpoint(path, about, resume=resume) as work.checkpoint:
         try:
             run_stages(work)

@@ -1,7 +1,14 @@
-"""Throws in MuJoCo, with the contacts and the criterion of rest of the package's own engine."""
+"""Throws in MuJoCo, with the criterion of rest of the package's own engine.
+
+MuJoCo's contacts are soft. Stiffness and damping are chosen for a table's restitution in a bounce
+without slip. With slip its cone of friction couples the directions, so that restitution and
+friction are other ones: `python -m benchmarks thrown --part contacts` prints by how much.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Final
 
@@ -9,11 +16,83 @@ import numpy as np
 
 from dicedesign.errors import missing_extra
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.engines import GRAVITY, IMPEDANCE, Contact, Engine, contact_of
+from dicedesign.throws.engines import GRAVITY, Engine, longest_throw
 from dicedesign.throws.rigid_body import RigidBody, vertical
+from dicedesign.throws.tables import most_of
 
 if TYPE_CHECKING:
     from dicedesign.throws.tables import Table
+
+
+DEEPEST: Final = 0.05
+"""Largest depth of a vertex below the table in the fastest impact of a throw, relative to the die's
+radius."""
+
+STEPS_PER_CONTACT: Final = 8
+"""Number of time steps of one bounce."""
+
+IMPEDANCE: Final = 0.99
+"""Share of the requested contact acceleration that MuJoCo's soft contacts realize; 1 has no unique
+solution."""
+
+LARGEST_RATIO: Final = 100.0
+"""Damping ratio for a restitution of 0."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Parameters of soft contacts of a body of mass 1.
+
+    Attributes
+    ----------
+    stiffness: acceleration of a contact point per depth, 1/s^2.
+    damping: along the normal, 1/s.
+    sliding_damping: of speed along the table, up to the limit of friction, 1/s.
+    step: time step in seconds.
+    """
+
+    stiffness: float
+    damping: float
+    sliding_damping: float
+    step: float
+
+
+def contact_of(table: Table) -> Contact:
+    """Contact parameters of a table: stiff enough for its fastest throw."""
+    radius = table.size / 2.0
+    height, speed, spin = (most_of(value) for value in (table.height, table.speed, table.spin))
+    fastest = math.sqrt(2.0 * GRAVITY * (height + 2.0 * radius) + speed**2 + (spin * radius) ** 2)
+    frequency = fastest / (DEEPEST * radius)
+    step = math.pi / frequency / STEPS_PER_CONTACT
+    # More damping than stops a point within one step makes it bounce again. So steps of this length
+    # do not distinguish a restitution below 0.1 from 0.
+    most = 1.0 / (2.0 * frequency * step)
+    return Contact(
+        stiffness=frequency**2,
+        damping=2.0 * min(damping_ratio(table.restitution), most) * frequency,
+        sliding_damping=2.0 * frequency,
+        step=step,
+    )
+
+
+def restitution_of(ratio: float) -> float:
+    """Ratio of speeds after and before a bounce off a spring and damper with a damping ratio of at
+    least 0, which the body leaves as soon as they would pull."""
+    if ratio == 1.0:
+        return math.exp(-2.0)
+    root = math.sqrt(abs(1.0 - ratio**2))
+    angle = 2.0 * math.acos(ratio) if ratio < 1.0 else 2.0 * math.acosh(ratio)
+    return math.exp(-ratio / root * angle)
+
+
+def damping_ratio(restitution: float) -> float:
+    """Damping ratio for a restitution in [0, 1)."""
+    # Imported late: a list of engines does not need it.
+    from scipy.optimize import brentq
+
+    wanted = max(restitution, restitution_of(LARGEST_RATIO))
+    ratio: float = brentq(lambda z: restitution_of(z) - wanted, 0.0, LARGEST_RATIO, xtol=1e-14)
+    return ratio
 
 
 def rest_below(body: RigidBody, down: Floats) -> int:
@@ -107,7 +186,7 @@ def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
     scale = table.size / 2.0
     model.dof_damping[3:6] = table.drag * scale**2 * body.moments.mean()
     data = mujoco.MjData(model)
-    steps, seconds = round(contact.seconds / contact.step), STEPS_PER_CHECK * contact.step
+    steps, seconds = round(longest_throw(table) / contact.step), STEPS_PER_CHECK * contact.step
     outcome = np.full(len(states), -1, dtype=np.int64)
     for i, state in enumerate(states):
         mujoco.mj_resetData(model, data)

@@ -24,7 +24,14 @@ from dicedesign.results.parts import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.throws.distances import measure_variation
-from dicedesign.throws.engines import ENGINES, GRAVITY, advance, contact_of, require_engine
+from dicedesign.throws.engines import (
+    ENGINES,
+    GRAVITY,
+    advance,
+    longest_throw,
+    require_engine,
+    time_step,
+)
 from dicedesign.throws.momentum_model import MomentumModel
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import (
@@ -383,19 +390,19 @@ def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None
 
     Raises InputError if the compiled kernels are missing.
     """
-    contact = contact_of(table)
+    step, seconds = time_step(table), longest_throw(table)
     rng = np.random.default_rng(seed)
     states = release_states(body, table, np.arange(CANDIDATES), "uniform", rng, down)
-    _, steps = advance(body, table, states.copy(), round(contact.seconds / contact.step))
+    _, steps = advance(body, table, states.copy(), round(seconds / step))
     state = states[[np.argsort(steps, kind="stable")[CANDIDATES // 2]]]
     # A whole number of steps in a frame.
-    steps_per_frame = math.ceil(1.0 / (FRAMES_PER_SECOND * contact.step))
-    refinement = steps_per_frame * FRAMES_PER_SECOND * contact.step
+    steps_per_frame = math.ceil(1.0 / (FRAMES_PER_SECOND * step))
+    refinement = steps_per_frame * FRAMES_PER_SECOND * step
     # Without barriers, the simulation goes on while the body still rocks.
     unstopped = replace(body, barriers=np.full_like(body.barriers, -np.inf))
     frames = [state[0].copy()]
     rest, radius = -1, table.size / 2.0
-    while rest < 0 and len(frames) < contact.seconds * FRAMES_PER_SECOND:
+    while rest < 0 and len(frames) < seconds * FRAMES_PER_SECOND:
         advance(unstopped, table, state, steps_per_frame, refinement)
         frames.append(state[0].copy())
         speeds = np.linalg.norm(state[0, 7:10]), radius * np.linalg.norm(state[0, 10:])
@@ -404,5 +411,5 @@ def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None
             nearest = int(np.argmin(angles))
             rest = nearest if angles[nearest] <= STANDING_ANGLE else -1
     motion = np.array(frames)
-    seconds = np.arange(len(motion)) / FRAMES_PER_SECOND
-    return Film(body, table, seconds, motion[:, :3], motion[:, 3:7], rest)
+    times = np.arange(len(motion)) / FRAMES_PER_SECOND
+    return Film(body, table, times, motion[:, :3], motion[:, 3:7], rest)

@@ -128,7 +128,7 @@ COMMANDS = {
     "figure complex .": "recipe.yaml",
     "figure complex few.yaml --com hull": "--com",
     "throw box.stl --drops 0": "drops: expected a whole number above 0, got 0; raise it",
-    "throw box.stl --engine havok": "engine: expected native, impulses, mujoco, got 'havok'",
+    "throw box.stl --engine havok": "engine: expected native, mujoco, got 'havok'",
     "throw box.stl --orientations any": "orientations: expected uniform, icosahedron, got 'any'",
     "throw box.stl --table felt": "--table: table felt: expected board-game, hard-wood, carpet",
     "throw box.stl --table paper --drops 300": "drops: expected a multiple of 1212 with",

@@ -110,7 +110,10 @@ def test_counts_that_no_table_explains(throws: Path, capsys: pytest.CaptureFixtu
 
 @compiled_only
 def test_a_killed_fit_resumes_with_equal_results(
-    throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    throws: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The kill comes in a later round."""
     (tmp_path / "other").mkdir()
@@ -125,6 +128,10 @@ def test_a_killed_fit_resumes_with_equal_results(
     assert fit("--throws", throws, "--out", parts) == 2
     assert "expected a checkpoint of this set of throws, got" in capsys.readouterr().err
     throws.write_text(throws.read_text().replace(",61,", ",60,"))
+    with monkeypatch.context() as patch:
+        patch.setattr("dicedesign.cli.table_fit.CONTACT_LAW", "springs")
+        assert fit("--throws", throws, "--out", parts) == 2
+    assert "expected a checkpoint of this contact law, got one of an" in capsys.readouterr().err
     assert fit("--throws", throws, "--out", parts) == 0
     captured = capsys.readouterr()
     assert captured.out == output

@@ -139,7 +139,7 @@ def test_unregistered_extensions_are_unknown(tmp_path: Path) -> None:
         ({"method": {"exact": {"prefer": {"flat": 1}}}}, "method.exact.prefer.flat: unknown key"),
         (
             {"method": {"exact": {"probabilities": "thrown", "refine": {"engine": "set_down"}}}},
-            "engine: expected native, impulses, mujoco, got 'set_down'; take one of them",
+            "engine: expected native, mujoco, got 'set_down'; take one of them",
         ),
     ):
         with pytest.raises(RecipeError, match=text):

@@ -216,6 +216,10 @@ def test_a_resumed_run_repeats_no_throws(
     assert list(contents(folder)) == ["checkpoint.npz"]
     with pytest.raises(InputError, match="of this recipe, got one of another; run without --resu"):
         run(recipe_path, folder, changes=["seed=3"], resume=True)
+    with monkeypatch.context() as patch:
+        patch.setattr("dicedesign.recipe.pipeline.CONTACT_LAW", "springs")
+        with pytest.raises(InputError, match="of this contact law, got one of another; run with"):
+            run(recipe_path, folder, resume=True)
     before = list(thrown)
 
     def record_all(body: RigidBody, table: Table, numbers: Any, seed: int, *others: Any) -> Any:

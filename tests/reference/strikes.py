@@ -1,7 +1,8 @@
-"""Impacts of one vertex of a body on the table, in every engine, and what they should do."""
+"""Impacts of one vertex of a body on the table, in every engine."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws import engines, impulse_engine, mujoco_engine
-from dicedesign.throws.engines import GRAVITY, contact_of
+from dicedesign.throws import mujoco_engine
+from dicedesign.throws.engines import GRAVITY, advance, time_step
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import Table
 from tests.reference.impacts import response_of
@@ -98,30 +99,23 @@ class Strike:
         return gained
 
 
-def strike_softly(strike: Strike) -> np.ndarray:
+def strike_natively(strike: Strike) -> np.ndarray:
     """Impulse (3,) in the engine native."""
-    contact = contact_of(strike.table, FINER, STIFFER)
     state = strike.state[None].copy()
-    steps = 0
-    while steps < FINER * LONGEST_CONTACT:
-        steps += 1
-        engines.advance(unstopped(strike.body), strike.table, state, 1, FINER, STIFFER)
-        if strike.height_after(state[0]) > 0.0:
-            break
-    return strike.impulse(state[0], steps * contact.step)
-
-
-def strike_hard(strike: Strike) -> np.ndarray:
-    """Impulse (3,) in the engine impulses."""
-    state = strike.state[None].copy()
-    impulse_engine.advance(unstopped(strike.body), strike.table, state, 1, 1.0 / INSTANT)
-    return strike.impulse(state[0], impulse_engine.time_step(strike.table, 1.0 / INSTANT))
+    advance(unstopped(strike.body), strike.table, state, 1, 1.0 / INSTANT)
+    return strike.impulse(state[0], time_step(strike.table, 1.0 / INSTANT))
 
 
 def strike_in_mujoco(strike: Strike) -> np.ndarray:
     """Impulse (3,) in MuJoCo. Raises InputError if it is not installed."""
     mujoco = mujoco_engine.require()
-    contact = contact_of(strike.table, FINER, STIFFER)
+    usual, faster = mujoco_engine.contact_of(strike.table), math.sqrt(STIFFER)
+    contact = mujoco_engine.Contact(
+        stiffness=STIFFER * usual.stiffness,
+        damping=faster * usual.damping,
+        sliding_damping=faster * usual.sliding_damping,
+        step=usual.step / faster / FINER,
+    )
     scene = mujoco_engine._scene(strike.body, strike.table, contact)
     model = mujoco.MjModel.from_xml_string(scene)
     data = mujoco.MjData(model)
@@ -137,8 +131,7 @@ def strike_in_mujoco(strike: Strike) -> np.ndarray:
 
 
 STRIKES: dict[str, Callable[[Strike], np.ndarray]] = {
-    "native": strike_softly,
-    "impulses": strike_hard,
+    "native": strike_natively,
     "mujoco": strike_in_mujoco,
 }
 """Impulses of impacts, by the names of engines."""

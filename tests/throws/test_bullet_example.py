@@ -40,7 +40,7 @@ def test_a_ball_bounces(bullet: dict[str, Any], restitution: float) -> None:
 @compiled_only
 @pytest.mark.usefixtures("bullet")
 def test_frequencies() -> None:
-    """Hard and soft contacts make little difference to a box."""
+    """Contact laws make little difference to a box."""
     body, _ = rigid_body_with_rests(box(1.0, 1.15, 1.3))
     ours = simulate(body, BOARD, 2000, 1).counts
     theirs = simulate(body, BOARD, 150, 2, engine="bullet")

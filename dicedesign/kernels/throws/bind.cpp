@@ -6,7 +6,6 @@
 #include "arrays.hpp"
 #include "hull/handle.hpp"
 #include "rest/paths.hpp"
-#include "throws/impulses.hpp"
 #include "throws/momentum.hpp"
 #include "throws/throws.hpp"
 
@@ -46,12 +45,16 @@ nb::object rests_below(Points vertices, Indices start, Indices neighbor, Indices
     return array(std::move(found));
 }
 
-// Advance throws by at most `steps` steps each. States (n, 13) are positions, quaternions,
-// velocities and angular velocities, and are overwritten. Returns for each throw its rest, or -1
-// while it moves, and the steps it took.
-template <class How>
-nb::tuple advance_all(const Landscape& land, const Vec& inertia, const How& how, States& states,
-                      Index steps) {
+// Advance throws by at most `steps` steps each. `how` (5,) is step, gravity, drag, restitution and
+// friction. States (n, 13) are positions, quaternions, velocities and angular velocities, and are
+// overwritten. Returns for each throw its rest, or -1 while it moves, and the steps it took.
+nb::tuple advance_throws(Points vertices, Indices start, Indices neighbor, Indices left,
+                         Indices right, Points normals, Indices rests, Floats barriers,
+                         Floats moments, Floats how, States states, Index steps) {
+    const Landscape land =
+        landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers);
+    const Throw thrown{{how(3), how(4)}, how(0), how(1), how(2)};
+    const Vec inertia = vector(moments);
     const std::size_t count = states.shape(0);
     std::vector<Index> outcome(count), taken(count);
     {
@@ -60,7 +63,7 @@ nb::tuple advance_all(const Landscape& land, const Vec& inertia, const How& how,
             double* const s = states.data() + 13 * i;
             Motion motion{{s[0], s[1], s[2]}, {s[3], s[4], s[5], s[6]}, {s[7], s[8], s[9]},
                           {s[10], s[11], s[12]}};
-            outcome[i] = advance(land, inertia, how, steps, motion, taken[i]);
+            outcome[i] = advance(land, inertia, thrown, steps, motion, taken[i]);
             const double after[13] = {motion.position.x, motion.position.y, motion.position.z,
                                       motion.turn[0],    motion.turn[1],    motion.turn[2],
                                       motion.turn[3],    motion.velocity.x, motion.velocity.y,
@@ -70,27 +73,6 @@ nb::tuple advance_all(const Landscape& land, const Vec& inertia, const How& how,
         }
     }
     return nb::make_tuple(array(std::move(outcome)), array(std::move(taken)));
-}
-
-// With soft contacts: `how` (8,) is step, gravity, drag, stiffness, damping, sliding damping,
-// friction and impedance.
-nb::tuple advance_soft(Points vertices, Indices start, Indices neighbor, Indices left,
-                       Indices right, Points normals, Indices rests, Floats barriers,
-                       Floats moments, Floats how, States states, Index steps) {
-    const Throw thrown{{how(3), how(4), how(5), how(6), how(7)}, how(0), how(1), how(2)};
-    return advance_all(
-        landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers),
-        vector(moments), thrown, states, steps);
-}
-
-// With impacts: `how` (5,) is step, gravity, drag, restitution and friction.
-nb::tuple advance_hard(Points vertices, Indices start, Indices neighbor, Indices left,
-                       Indices right, Points normals, Indices rests, Floats barriers,
-                       Floats moments, Floats how, States states, Index steps) {
-    const HardThrow thrown{{how(3), how(4)}, how(0), how(1), how(2)};
-    return advance_all(
-        landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers),
-        vector(moments), thrown, states, steps);
 }
 
 // The parameters of a `MomentumModel` with the constants of the model.
@@ -172,8 +154,7 @@ nb::object inertia_of_solid(const HullHandle& hull) {
 
 void bind_throws(nb::module_& module) {
     module.def("rests_below", &rests_below);
-    module.def("advance_soft", &advance_soft);
-    module.def("advance_hard", &advance_hard);
+    module.def("advance_throws", &advance_throws);
     nb::class_<MomentumHandle>(module, "Momentum")
         .def(nb::init<Floats, std::array<std::size_t, 2>, std::array<std::size_t, 2>,
                       std::array<double, 9>>());

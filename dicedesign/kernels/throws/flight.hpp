@@ -19,7 +19,7 @@ inline double time_above(double z, double speed, double bent) {
 // most w^2 r, and changes, by Euler's equations, by at most w^2, besides a brake's torque per spin.
 struct FlightBounds {
     FlightBounds(const Vec& moments, double gravity, const Vec& spin, double reach,
-                 double brake = 0.0) {
+                 double brake) {
         const double least = smaller(moments.x, smaller(moments.y, moments.z));
         fastest = twice_spin_energy(moments, spin) / least;
         bent = gravity + 2.0 * fastest * reach;
@@ -32,13 +32,12 @@ struct FlightBounds {
 };
 
 // Time, at most `most`, during which no vertex of a body gets below the table, but for those that
-// `leave_out`, a function of a vertex's height and speed, is true for. The center of mass moves up
-// with `rising` m/s.
+// `leave_out`, a function of a vertex's height and speed, is true for.
 template <class LeaveOut>
 double time_of_flight(const Landscape& land, const FlightBounds& bounds, double gravity,
-                      const Motion& motion, double rising, const Vec& up, double reach,
-                      double most, const LeaveOut& leave_out) {
-    const double height = motion.position.z;
+                      const Motion& motion, const Vec& up, double reach, double most,
+                      const LeaveOut& leave_out) {
+    const double height = motion.position.z, rising = motion.velocity.z;
     // Whatever its turn is, above its reach it cannot touch.
     const double above = height - reach;
     const double high = above > 0.0 ? time_above(above, rising, gravity) : 0.0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "throws/flight.hpp"
 #include "throws/free_rotation.hpp"
@@ -10,159 +11,295 @@
 namespace dicedesign {
 namespace {
 
-constexpr Index STEPS_PER_CHECK = 16;
+// Slow approaches have no restitution: those below the speed that gravity gives in this many steps.
+constexpr double SLOW_STEPS = 1.0;
 
-constexpr double LONGEST_FLIGHT = 1e9;  // steps at once
+// Smallest time from one event to the next, in steps. It bounds how deep a vertex gets below the
+// table before its impact.
+constexpr double LEAST_STEP = 1.0 / 64.0;
 
-// Vertices below the table and their heights; of more than fit, the lowest.
+// Turn in radians of a body within a step on the table.
+constexpr double MOST_TURN = 0.05;
+
+// Impacts at one time after which all others are without restitution, and after which they end.
+constexpr int MOST_IMPACTS = 64;
+constexpr int MOST_STOPS = 128;
+
+// Approach that is left to a vertex at rest, relative to the speed that gravity gives in a step;
+// and in a step that gains energy with it, as of a body that almost stands on an edge.
+constexpr double STOP_TOLERANCE = 1e-3;
+constexpr double FINE_TOLERANCE = 1e-9;
+
+// Energy is compared with barriers after this many events on the table.
+constexpr int EVENTS_PER_CHECK = 4;
+
+// A vertex at or near the table.
 struct Touching {
-    int count = 0;
-    Index vertex[MOST_CONTACTS];
-    double height[MOST_CONTACTS];
-
-    void add(Index v, double z) {
-        if (count < MOST_CONTACTS) {
-            vertex[count] = v;
-            height[count++] = z;
-            return;
-        }
-        double* const highest = std::max_element(height, height + MOST_CONTACTS);
-        if (z < *highest) {
-            vertex[highest - height] = v;
-            *highest = z;
-        }
-    }
+    double height;
+    Vec turning[3];  // change of its velocity along the table's x, y and z by the body's spin
+    Response response;
+    Vec impulse;     // of this step
 };
 
-void set_contact(Contact& c, const Axes& axes, const Vec& arm, double height, const Motion& motion,
-                 const ContactModel& model) {
-    // Halfway between the vertex and the table.
-    const Vec point = arm - 0.5 * height * axes.row[2];
-    const int order[3] = {2, 0, 1};
-    const double velocity[3] = {motion.velocity.z, motion.velocity.x, motion.velocity.y};
-    for (int r = 0; r < 3; ++r) {
-        const Vec turning = cross(point, axes.row[order[r]]);
-        std::fill(c.rows[r], c.rows[r] + 3, 0.0);
-        c.rows[r][order[r]] = 1.0;
-        c.rows[r][3] = turning.x;
-        c.rows[r][4] = turning.y;
-        c.rows[r][5] = turning.z;
-        const double speed = velocity[r] + dot(turning, motion.spin);
-        c.wanted[r] = r == 0
-                          ? -(model.damping * speed + model.stiffness * height) / model.impedance
-                          : -model.sliding_damping / model.impedance * speed;
-    }
-}
+class ThrownBody {
+public:
+    ThrownBody(const Landscape& landscape, const Vec& principal, const Throw& throw_,
+               Motion& moving)
+        : land(landscape),
+          moments(principal),
+          how(throw_),
+          motion(moving),
+          near(landscape),
+          brake(throw_.drag * sum(principal) / 3.0),
+          slow(SLOW_STEPS * throw_.gravity * throw_.step) {}
 
-// Set the contacts of a body, and return how many there are.
-int set_contacts(const Landscape& land, NearTable& near, const Axes& axes, const Motion& motion,
-                 const ContactModel& model, Contact* contacts) {
-    const double height = motion.position.z;
-    Touching found;
-    for (const Index v : near.at(axes.row[2], height)) {
-        const double z = height + dot(axes.row[2], land.vertex[v]);
-        if (z < 0.0) found.add(v, z);
+    // Move for `most` seconds, or until the rest is certain or the motion not finite.
+    Index move(double most, double& elapsed) {
+        int events = 0;
+        for (elapsed = 0.0; elapsed < most;) {
+            const Axes axes(motion.turn);
+            if (!std::isfinite(energy_height() + sum(axes.row[2]))) return STILL_MOVING;
+            find_touching(axes, moments);
+            const bool bounces = bounce();
+            const double seconds = smaller(safe_time(axes.row[2]), most - elapsed);
+            if (held) {
+                stay(seconds);
+            } else {
+                fly(seconds);
+            }
+            elapsed += seconds;
+            if (!(bounces || held) || ++events < EVENTS_PER_CHECK) continue;
+            events = 0;
+            const Index rest =
+                certain_rest(land, -Axes(motion.turn).row[2], energy_height());
+            if (rest != STILL_MOVING) return rest;
+        }
+        return STILL_MOVING;
     }
-    for (int k = 0; k < found.count; ++k) {
-        set_contact(contacts[k], axes, land.vertex[found.vertex[k]], found.height[k], motion,
-                    model);
+
+private:
+    double energy_height() const {
+        return motion.position.z + 0.5 * twice_kinetic_energy(moments, motion) / how.gravity;
     }
-    return found.count;
-}
 
-// Height to which all energy would lift the center of mass. What is stored in contacts counts as if
-// all of the body's mass had been stopped there, which is at least as much as it is.
-double energy_height(const Landscape& land, NearTable& near, const Vec& moments, const Throw& how,
-                     const Motion& motion, const Vec& up) {
-    double twice = twice_kinetic_energy(moments, motion);
-    for (const Index v : near.at(up, motion.position.z)) {
-        const double z = motion.position.z + dot(up, land.vertex[v]);
-        if (z < 0.0) twice += how.contact.stiffness * z * z;
+    // Height below which a slow vertex is held at the table.
+    double held_height() const { return slow * how.step; }
+
+    bool is_held(double z, double speed) const {
+        return z <= held_height() && std::fabs(speed) <= slow;
     }
-    return motion.position.z + 0.5 * twice / how.gravity;
-}
 
-// Number of steps that a body with all vertices above the table may take at once: no vertex gets
-// below it in between.
-Index steps_of_flight(const Landscape& land, const Vec& moments, const Throw& how,
-                      const Motion& motion, const Vec& up, double reach) {
-    const FlightBounds bounds(moments, how.gravity, motion.spin, reach);
-    // A step falls further by half of its gain in speed.
-    const double rising = motion.velocity.z - 0.5 * how.gravity * how.step;
-    const double safe =
-        time_of_flight(land, bounds, how.gravity, motion, rising, up, reach,
-                       LONGEST_FLIGHT * how.step, [](double, double) { return false; });
-    const bool finite =
-        std::isfinite(motion.position.z + bounds.fastest + sum(up) + sum(motion.velocity));
-    return finite ? static_cast<Index>(safe / how.step) : 0;
-}
+    // Vertices that may touch the table, for a body with moments of inertia `inertia`.
+    void find_touching(const Axes& axes, const Vec& inertia) {
+        touching.clear();
+        const double height = motion.position.z;
+        if (height >= near.reach() + held_height()) return;
+        for (const Index v : near.at(axes.row[2], height - held_height())) {
+            const double z = height + dot(axes.row[2], land.vertex[v]);
+            if (z > held_height()) continue;
+            Touching point{z, {}, {}, {0.0, 0.0, 0.0}};
+            Vec eased[3];
+            for (int r = 0; r < 3; ++r) {
+                const Vec turning = cross(land.vertex[v], axes.row[r]);
+                point.turning[r] = turning;
+                eased[r] = {turning.x / inertia.x, turning.y / inertia.y, turning.z / inertia.z};
+            }
+            const auto product = [&](int r, int s) { return dot(point.turning[r], eased[s]); };
+            point.response = {1.0 + product(0, 0), product(0, 1), 1.0 + product(1, 1),
+                              product(0, 2),       product(1, 2), 1.0 + product(2, 2)};
+            touching.push_back(point);
+        }
+    }
 
-// Free flight for a number of steps at once.
-void fly(const Vec& moments, const Throw& how, Index steps, Motion& motion) {
-    const double count = static_cast<double>(steps), seconds = count * how.step;
-    motion.position += seconds * motion.velocity;
-    motion.position.z -= 0.5 * how.gravity * how.step * (seconds + how.step) * count;
-    motion.velocity.z -= how.gravity * seconds;
-    rotate_freely(motion.turn, motion.spin, moments, seconds);
-}
+    double normal_speed(const Touching& point) const {
+        return motion.velocity.z + dot(point.turning[2], motion.spin);
+    }
+
+    Vec velocity(const Touching& point) const {
+        return {motion.velocity.x + dot(point.turning[0], motion.spin),
+                motion.velocity.y + dot(point.turning[1], motion.spin), normal_speed(point)};
+    }
+
+    void push(const Touching& point, const Vec& impulse, const Vec& inertia) {
+        motion.velocity += impulse;
+        const Vec torque = impulse.x * point.turning[0] + impulse.y * point.turning[1] +
+                           impulse.z * point.turning[2];
+        motion.spin += {torque.x / inertia.x, torque.y / inertia.y, torque.z / inertia.z};
+    }
+
+    // The vertex with the largest excess, a function of vertices, above `least`, or none.
+    template <class Excess>
+    Touching* worst(double least, const Excess& excess) {
+        Touching* found = nullptr;
+        for (Touching& point : touching) {
+            const double here = excess(point);
+            if (here > least) {
+                least = here;
+                found = &point;
+            }
+        }
+        return found;
+    }
+
+    // Impacts of vertices on the table. Returns whether there were any.
+    bool bounce() {
+        const double before = energy_height();
+        int count = 0;
+        for (; count < MOST_STOPS; ++count) {
+            const Touching* const point = worst(slow, [this](const Touching& one) {
+                return one.height <= 0.0 ? -normal_speed(one) : 0.0;
+            });
+            if (point == nullptr) break;
+            const Vec speeds = velocity(*point);
+            push(*point,
+                 count < MOST_IMPACTS ? impact(point->response, speeds, how.surface)
+                                      : stop(point->response, speeds, how.surface.friction, 0.0),
+                 moments);
+        }
+        if (count > 0) lift(before - energy_height());
+        return count > 0;
+    }
+
+    // Lift a body of which vertices are below the table, by at most `most`.
+    void lift(double most) {
+        double lowest = 0.0;
+        for (const Touching& point : touching) lowest = smaller(lowest, point.height);
+        const double height = larger(smaller(-lowest, most), 0.0);
+        motion.position.z += height;
+        for (Touching& point : touching) point.height += height;
+    }
+
+    // Time during which no vertex gets below the table but those that are held. Sets whether there
+    // are any of these.
+    double safe_time(const Vec& up) {
+        held = false;
+        for (const Touching& point : touching) {
+            held = held || is_held(point.height, normal_speed(point));
+        }
+        const FlightBounds bounds(moments, how.gravity, motion.spin, near.reach(), brake);
+        const double turns = bounds.fastest * how.step * how.step;
+        double most = std::numeric_limits<double>::infinity();
+        if (held) {
+            most = turns > MOST_TURN * MOST_TURN ? MOST_TURN / std::sqrt(bounds.fastest) : how.step;
+        } else if (brake > 0.0) {
+            most = how.step;
+        }
+        const double safe = time_of_flight(
+            land, bounds, how.gravity, motion, up, near.reach(), most,
+            [this](double z, double speed) { return is_held(z, speed); });
+        return larger(safe, LEAST_STEP * how.step);
+    }
+
+    // Moments of inertia that resist a torque within a time: drag is implicit, so that any amount
+    // of it is stable.
+    Vec braked(double seconds) const {
+        const double more = seconds * brake;
+        return {moments.x + more, moments.y + more, moments.z + more};
+    }
+
+    void drag(const Vec& inertia) {
+        Vec& w = motion.spin;
+        w = {w.x * moments.x / inertia.x, w.y * moments.y / inertia.y, w.z * moments.z / inertia.z};
+    }
+
+    void fly(double seconds) {
+        if (brake > 0.0) drag(braked(seconds));
+        motion.position += seconds * motion.velocity;
+        motion.position.z -= 0.5 * how.gravity * seconds * seconds;
+        motion.velocity.z -= how.gravity * seconds;
+        rotate_freely(motion.turn, motion.spin, moments, seconds);
+    }
+
+    // Push held vertices so that they get no lower than the table within a time, up to a speed
+    // `tolerance`. Each vertex's impulse is found given those of the others, until all fit.
+    void hold(double seconds, const Vec& inertia, double tolerance) {
+        const auto target = [&](const Touching& point) {
+            return -larger(point.height, 0.0) / seconds;
+        };
+        // Of an approach, and of a vertex that the others' impulses lift.
+        const auto excess = [&](const Touching& point) {
+            const double speed = normal_speed(point) - target(point);
+            return point.impulse.z > 0.0 ? std::fabs(speed) : -speed;
+        };
+        for (int count = 0; count < MOST_STOPS; ++count) {
+            Touching* const point = worst(tolerance, excess);
+            if (point == nullptr) return;
+            const Vec without = velocity(*point) - point->response * point->impulse;
+            const Vec impulse =
+                without.z < target(*point)
+                    ? stop(point->response, without, how.surface.friction, target(*point))
+                    : Vec{0.0, 0.0, 0.0};
+            push(*point, impulse - point->impulse, inertia);
+            point->impulse = impulse;
+        }
+    }
+
+    // A step on the table: half of the motion, gravity and the impulses that hold vertices, the
+    // other half. In free flight that is exact, and a body that is held loses no energy.
+    void stay(double seconds) {
+        const double gained = how.gravity * seconds;
+        const Vec inertia = braked(seconds);
+        // Twice the energies are above the height halfway.
+        const double before = twice_kinetic_energy(moments, motion) - gained * motion.velocity.z;
+        const auto lost = [&] {
+            return before - twice_kinetic_energy(moments, motion) - gained * motion.velocity.z;
+        };
+        glide(0.5 * seconds);
+        find_touching(Axes(motion.turn), inertia);
+        const auto is_fast = [&](const Touching& one) { return normal_speed(one) < -slow; };
+        touching.erase(std::remove_if(touching.begin(), touching.end(), is_fast), touching.end());
+        motion.velocity.z -= gained;
+        if (brake > 0.0) drag(inertia);
+        hold(0.5 * seconds, inertia, STOP_TOLERANCE * gained);
+        if (lost() < 0.0) hold(0.5 * seconds, inertia, FINE_TOLERANCE * gained);
+        if (lost() < 0.0) slow_down(before, gained);
+        const double height = 0.5 * lost() / how.gravity;
+        glide(0.5 * seconds);
+        if (height > 0.0) {
+            lift(height);
+        } else {
+            motion.position.z += height;
+        }
+    }
+
+    // Scale all velocities so that the energy is at most `twice_energy` / 2 after half a step, in
+    // which gravity takes half of the speed `gained`.
+    void slow_down(double twice_energy, double gained) {
+        // Twice the energy after the half is a x^2 + 2 b x for a factor x.
+        const double a = twice_kinetic_energy(moments, motion);
+        const double b = 0.5 * gained * motion.velocity.z;
+        const double root = std::sqrt(larger(b * b + a * twice_energy, 0.0));
+        const double factor = twice_energy > 0.0 || b < 0.0 ? (root - b) / a : 0.0;
+        motion.velocity = factor * motion.velocity;
+        motion.spin = factor * motion.spin;
+    }
+
+    // Motion without forces.
+    void glide(double seconds) {
+        motion.position += seconds * motion.velocity;
+        rotate_freely(motion.turn, motion.spin, moments, seconds);
+    }
+
+    const Landscape& land;
+    const Vec& moments;
+    const Throw& how;
+    Motion& motion;
+    NearTable near;
+    double brake;
+    double slow;
+    std::vector<Touching> touching;
+    bool held = false;
+};
 
 }  // namespace
 
 Index advance(const Landscape& land, const Vec& moments, const Throw& how, Index steps,
               Motion& motion, Index& taken) {
-    NearTable near(land);
-    const Acceleration masses = {1.0, 1.0, 1.0, moments.x, moments.y, moments.z};
-    const double brake = how.drag * sum(moments) / 3.0;
-    const double h = how.step;
-    Acceleration acceleration = {0.0, 0.0, -how.gravity, 0.0, 0.0, 0.0};
-    Contact contacts[MOST_CONTACTS];
-    Index unchecked = 0;
-    for (taken = 0; taken < steps;) {
-        Vec& w = motion.spin;
-        const Axes axes(motion.turn);
-        const bool is_high = motion.position.z >= near.reach();
-        const int count =
-            is_high ? 0 : set_contacts(land, near, axes, motion, how.contact, contacts);
-        Index safe = 0;
-        if (count == 0 && brake == 0.0) {
-            safe = steps_of_flight(land, moments, how, motion, axes.row[2], near.reach());
-        }
-        const Index together = safe > 0 ? std::min(safe, steps - taken) : 1;
-        if (safe > 0) {
-            fly(moments, how, together, motion);
-        } else {
-            const Acceleration free = {0.0,
-                                       0.0,
-                                       -how.gravity,
-                                       -brake * w.x / moments.x,
-                                       -brake * w.y / moments.y,
-                                       -brake * w.z / moments.z};
-            if (count == 0) {
-                std::copy(free, free + COORDINATES, acceleration);
-            } else {
-                // The last step's acceleration is a good first guess.
-                solve_contacts(masses, free, acceleration, contacts, count, how.contact);
-            }
-            const double* a = acceleration;
-            motion.velocity += h * Vec{a[0], a[1], a[2]};
-            // Drag is implicit, so that any amount of it is stable.
-            w += Vec{h * a[3] / (1.0 + h * brake / moments.x),
-                     h * a[4] / (1.0 + h * brake / moments.y),
-                     h * a[5] / (1.0 + h * brake / moments.z)};
-            motion.position += h * motion.velocity;
-            rotate_freely(motion.turn, w, moments, h);
-        }
-        taken += together;
-        unchecked += together;
-        if (unchecked < STEPS_PER_CHECK) continue;
-        unchecked = 0;
-        const Vec up = Axes(motion.turn).row[2];
-        const double height = energy_height(land, near, moments, how, motion, up);
-        if (!std::isfinite(height + sum(up))) return STILL_MOVING;
-        const Index rest = certain_rest(land, -up, height);
-        if (rest != STILL_MOVING) return rest;
-    }
-    return STILL_MOVING;
+    double elapsed = 0.0;
+    const double most = static_cast<double>(steps) * how.step;
+    const Index rest = ThrownBody(land, moments, how, motion).move(most, elapsed);
+    taken = std::min(steps, static_cast<Index>(std::ceil(elapsed / how.step)));
+    return rest;
 }
 
 }  // namespace dicedesign
