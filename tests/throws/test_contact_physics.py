@@ -16,6 +16,7 @@ import pytest
 from common.kernels import compiled_only
 from common.thrown import (
     BOARD,
+    OCTAHEDRON,
     alike,
     box,
     random_body,
@@ -175,6 +176,34 @@ def test_energy_never_grows(
         before = after
     heights = state[0, 2] + table.size / 2.0 * (turns_of(state)[0] @ body.vertices.T)[2]
     assert heights.min() > -0.01 * table.size
+
+
+@pytest.mark.parametrize("slip", [5e-4, 6e-4, 7e-4])
+def test_energy_where_friction_hardly_stops_a_slip(slip: float) -> None:
+    """The slip of a rod almost stops, and would turn at once: friction kept constant for a part of
+    the impact would add a quarter to the energy or more."""
+    octahedron, _ = rigid_body_with_rests(OCTAHEDRON)
+    end = np.array([-0.68, 0.17, -0.715])
+    rod = replace(
+        octahedron,
+        vertices=np.linspace(1.0, -1.0, 6)[:, None] * end / np.linalg.norm(end),
+        moments=np.array([0.143, 0.1425, 0.0013]),
+    )
+    turn = Rotation.from_quat([-0.34, 0.76, -0.35, -0.43], scalar_first=True)
+    vertex = int(np.argmin(turn.apply(rod.vertices)[:, 2]))
+    response = Strike(rod, vertex, turn, np.zeros(2), 0.95, 0.0).response
+    force = -np.linalg.solve(response[:2, :2], response[:2, 2])
+    heading = Rotation.from_rotvec([0.0, 0.0, 3e-6]).apply([*-force, 0.0])[:2]
+    strike = Strike(
+        rod,
+        vertex,
+        turn,
+        slip * heading / np.linalg.norm(heading),
+        restitution=0.95,
+        friction=(1.0 + 2e-6) * float(np.linalg.norm(force)),
+    )
+    impulse = strike_natively(strike)
+    assert impulse @ (strike.velocity + 0.5 * strike.response @ impulse) <= 0.0
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.4])
