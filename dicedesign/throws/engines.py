@@ -157,7 +157,7 @@ def advance(
 
 NATIVE: Final = Engine(
     name="native",
-    line="the package's own: impacts of single vertices",
+    line="the package's own, which needs the compiled kernels",
     title="native",
     phrase="the package's own engine",
     require=require,
