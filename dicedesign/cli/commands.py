@@ -443,7 +443,8 @@ class TableArguments(WithJson, WithWorkers):
 
     Fits restitution and friction of each material, the throws of each session (drop height, speed,
     spin), and the scatter beyond chance. Predicts each die from the others, and tests the fit with
-    new drops. The table file is of the first die's material, and holds 32 posterior tables. With --out, repeat the command to resume. The exit code is 1 if no table explains some counts.
+    new drops. The table file is of the first die's material, and holds 32 posterior tables.
+    With --out, repeat the command to resume. The exit code is 1 if no table explains some counts.
 
     Options:
     action: the word fit

@@ -403,8 +403,8 @@ def _describe_session(session: dict[str, Any]) -> str:
     )
     typical = session["typical"]
     return (
-        f"session {session['session']}: a drop from about {height}, a speed of {speed} and a spin of "
-        f"{spin}, {100 * CREDIBLE_LEVEL:g} % within the brackets; a die of the size a = "
+        f"session {session['session']}: a drop from about {height}, a speed of {speed} and a spin "
+        f"of {spin}, {100 * CREDIBLE_LEVEL:g} % within the brackets; a die of the size a = "
         f"{1e3 * session['size']:g} mm falls from {100 * typical['height']:.2g} cm at "
         f"{typical['speed']:.2g} m/s and {typical['spin']:.2g} rad/s"
     )

@@ -3,8 +3,8 @@
 The model of counts:
 
 - A session is one way of throwing, a hand, which all dice of the session share. Its mean height h,
-  speed v and spin w are in units of the die: h / a, v / sqrt(g a) and w sqrt(a / g), with the size a
-  of the die. Throws of similar dice in equal units are similar, so sizes need not be known.
+  speed v and spin w are in units of the die: h / a, v / sqrt(g a) and w sqrt(a / g), with the
+  size a of the die. Throws of similar dice in equal units are similar, so sizes need not be known.
 - Logarithms of these means are normal about a center that all sessions share, independently, with
   one standard deviation, `between`. Single throws differ from the means by up to `WITHIN`.
 - Each material, a pair of what the die and the table are made of, has its own restitution and

@@ -191,8 +191,8 @@ class SessionFit:
     ----------
     name: of the session, or of its only die.
     size: of its dice in m, if known and equal; else `SIZE`.
-    medians, lows, highs: (3,) of the session's mean height, speed and spin in units of the die, with
-        the ends of their credible intervals.
+    medians, lows, highs: (3,) of the session's mean height, speed and spin in units of the die,
+        with the ends of their credible intervals.
     """
 
     name: str
@@ -221,8 +221,8 @@ class DieFit:
     whole: prediction of another such die in the die's own session, by the posterior of all counts.
         Its p-value is slightly optimistic, as the counts are part of the posterior. None for a die
         that was not used in the fit.
-    left_out: prediction of the die in its session, by the posterior of the other dice's counts. None
-        without counts.
+    left_out: prediction of the die in its session, by the posterior of the other dice's counts.
+        None without counts.
     drawn: (m, g) equally likely probabilities in a new session, by the surrogate's means and
         without scatter.
     """
@@ -243,7 +243,7 @@ class TableFit:
     ----------
     tables: most likely table of each material, with the center of all sessions as throws, to three
         digits (see `SHARPNESS`); first that of the first die.
-    posterior: equally likely tables of the first material, each with the throws of a random session.
+    posterior: equally likely tables of the first material, each with the throws of a new session.
     parameters: posteriors of the d parameters of `Prior`, in that order.
     correlations: (d, d) of the posterior, of logarithms where the prior is flat in these.
     dice: the fitted dice, then the others.
@@ -315,10 +315,10 @@ def fit_table(
     Sets of restitution, friction and a session's throws are simulated, first over all of them and
     then over the posterior of each material. The simulated probabilities of each die are
     interpolated by a smooth surrogate. The likelihood of the real counts is averaged over the
-    surrogate's uncertainty and over sessions. Each set has its own random numbers: common ones would not correlate the noise of
-    neighboring sets, since bounces separate equal throws. Of the published 2d6, released
-    identically, 12 % end on one rest if the restitution differs by a thousandth, and 12 % by
-    chance.
+    surrogate's uncertainty and over sessions. Each set has its own random numbers: common ones
+    would not correlate the noise of neighboring sets, since bounces separate equal throws. Of the
+    published 2d6, released identically, 12 % end on one rest if the restitution differs by a
+    thousandth, and 12 % by chance.
 
     Parameters
     ----------
@@ -452,9 +452,7 @@ def _die_fit(
     die = surrogate.die
     members = [one for one in fitted_to if one.die.session_key == die.session_key]
 
-    def draw(
-        without: int | None, members: Sequence[ProbabilitySurrogate]
-    ) -> tuple[Floats, Floats]:
+    def draw(without: int | None, members: Sequence[ProbabilitySurrogate]) -> tuple[Floats, Floats]:
         """Points (m, 5) of equally likely sessions, and the die's probabilities (m, g) there."""
         points = _resample(posterior.points, posterior.weights(without), DRAWS, rng)
         offsets = _draw_hands(prior, points, members, rng)

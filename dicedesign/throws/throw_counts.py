@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Final
 
@@ -90,10 +90,10 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
     run, relative to the CSV file; `outcome`; and `throws`, its count. A mesh file also needs
     `geometric`, the outcome's probability without momentum, by which outcomes are matched with
     rests (see `match_by_probability`). Optional with a mesh file: `com`, the center of mass "x y z"
-    if it is not the centroid, and `size_mm`, twice the largest distance of a point from it. Optional
-    for all dice: `session`, the name of the session in which they were thrown, one for each die
-    without this column; and `material`, the name of the materials of die and table, one for all
-    dice without it. Other columns are ignored.
+    if it is not the centroid, and `size_mm`, twice the largest distance of a point from it.
+    Optional for all dice: `session`, the name of the session in which they were thrown, one for
+    each die without this column; and `material`, the name of the materials of die and table, one
+    for all dice without it. Other columns are ignored.
 
     Parameters
     ----------
@@ -149,9 +149,10 @@ def read_rolled_die(folder: Path, rolls: Path) -> CountedDie:
 
 def throws_digest(dice: Sequence[CountedDie]) -> str:
     """SHA-256 of dice and their counts."""
-    names = ("name", "size", "labels", "counts", "geometric", "group_of_rest", "session", "material")
+    names = {field.name for field in fields(CountedDie)} - {"body", "poses"}
     return " ".join(
-        die.body.digest([np.asarray(getattr(die, name)).tolist() for name in names]) for die in dice
+        die.body.digest([np.asarray(getattr(die, name)).tolist() for name in sorted(names)])
+        for die in dice
     )
 
 
@@ -205,8 +206,8 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
     for column in (SESSION, MATERIAL):
         if first.row.get(column) == "":
             raise InputError(
-                f"{first.where}: expected the name of a {column}, got none; write one for each die, "
-                "or leave the column out"
+                f"{first.where}: expected the name of a {column}, got none; write one for each "
+                "die, or leave the column out"
             )
     throws = np.array([whole_count(line.where, line.row["throws"]) for line in lines])
     if not throws.any():
