@@ -33,10 +33,9 @@ from dicedesign.throws.table_fit import (
     DieCheck,
     DieFit,
     Prediction,
-    SessionFit,
     TableFit,
+    check_die,
     check_effort,
-    check_table,
     fit_table,
 )
 from dicedesign.throws.tables import Table, posterior_entries
@@ -116,11 +115,8 @@ def fit(options: TableArguments) -> int:
         )
         # No evaluation has this seed.
         checks = [
-            check
+            check_die(die, fit.tables[die.material], new_drops, options.seed, **share)
             for die in counted
-            for check in check_table(
-                [die], fit.tables[die.material], new_drops, options.seed, **share
-            )
         ]
         answer = _plain(fit, checks)
         table = fit.tables[dice[0].material]
@@ -180,7 +176,15 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck]) -> dict[str, Any]:
         "posterior": [table.as_dict() for table in fit.posterior],
         "parameters": {name: asdict(entry) for name, entry in fit.parameters.items()},
         "correlations": fit.correlations.tolist(),
-        "sessions": [_plain_session(session) for session in fit.sessions],
+        "sessions": [
+            {
+                "session": session.name,
+                "size": session.size,
+                "quantiles": session.quantiles.tolist(),
+                "typical": session.typical.tolist(),
+            }
+            for session in fit.sessions
+        ],
         "evaluations": fit.evaluations,
         "drops": fit.drops,
         "log_likelihood": fit.log_likelihood,
@@ -207,19 +211,6 @@ def _plain(fit: TableFit, checks: Sequence[DieCheck]) -> dict[str, Any]:
             }
             for die, check in zip(fit.dice, checks, strict=False)
         ],
-    }
-
-
-def _plain_session(session: SessionFit) -> dict[str, Any]:
-    each = zip(UNITS, session.medians, session.lows, session.highs, strict=True)
-    return {
-        "session": session.name,
-        "size": session.size,
-        "typical": dict(zip(UNITS, session.typical, strict=True)),
-        **{
-            name: {"median": float(median), "interval": [float(low), float(high)]}
-            for name, median, low, high in each
-        },
     }
 
 
@@ -395,18 +386,17 @@ def _sentences(answer: dict[str, Any]) -> list[str]:
 
 def _describe_session(session: dict[str, Any]) -> str:
     """What the counts say of a session, in a sentence."""
+    units = ("sizes", UNITS["speed"], UNITS["spin"])
     height, speed, spin = (
-        "{:.2g} {} ({:.2g} to {:.2g})".format(
-            session[name]["median"], unit, *session[name]["interval"]
-        )
-        for name, unit in (UNITS | {"height": "sizes"}).items()
+        f"{median:.2g} {unit} ({low:.2g} to {high:.2g})"
+        for unit, low, median, high in zip(units, *session["quantiles"], strict=True)
     )
-    typical = session["typical"]
+    drop, along, turning = session["typical"]
     return (
         f"session {session['session']}: a drop from about {height}, a speed of {speed} and a spin "
         f"of {spin}, {100 * CREDIBLE_LEVEL:g} % within the brackets; a die of the size a = "
-        f"{1e3 * session['size']:g} mm falls from {100 * typical['height']:.2g} cm at "
-        f"{typical['speed']:.2g} m/s and {typical['spin']:.2g} rad/s"
+        f"{1e3 * session['size']:g} mm falls from {100 * drop:.2g} cm at {along:.2g} m/s "
+        f"and {turning:.2g} rad/s"
     )
 
 

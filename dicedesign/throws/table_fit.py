@@ -128,35 +128,30 @@ class DieCheck:
         return jeffreys_means(self.simulated)
 
 
-def check_table(
-    dice: Sequence[CountedDie],
+def check_die(
+    die: CountedDie,
     table: Table,
     drops: int,
     seed: int,
     *,
     workers: Executor | None = None,
     progress: Callable[[int], object] = lambda _: None,
-) -> tuple[DieCheck, ...]:
-    """Simulate throws of each die on a table, and compare them with its counts.
+) -> DieCheck:
+    """Simulate throws of a die on a table, and compare them with its counts.
 
-    Parameters and errors are as in `simulate`. Dice have the table's size: throws are in units of
+    Parameters and errors are as in `simulate`. The die has the table's size: throws are in units of
     the die.
     """
-    checks = []
-    for die in dice:
-        throws = simulate(die.body, table, drops, seed, workers=workers, progress=progress)
-        simulated = die.by_outcome(throws.counts)
-        checks.append(
-            DieCheck(
-                die=die,
-                simulated=simulated,
-                unresolved=throws.unresolved,
-                chi_square=two_sample_chi_square(die.counts, simulated),
-                exact=exact_multinomial(die.counts, jeffreys_means(simulated)),
-                geometric=chi_square(die.counts, die.geometric),
-            )
-        )
-    return tuple(checks)
+    throws = simulate(die.body, table, drops, seed, workers=workers, progress=progress)
+    simulated = die.by_outcome(throws.counts)
+    return DieCheck(
+        die=die,
+        simulated=simulated,
+        unresolved=throws.unresolved,
+        chi_square=two_sample_chi_square(die.counts, simulated),
+        exact=exact_multinomial(die.counts, jeffreys_means(simulated)),
+        geometric=chi_square(die.counts, die.geometric),
+    )
 
 
 CREDIBLE_LEVEL: Final = 0.9
@@ -191,22 +186,19 @@ class SessionFit:
     ----------
     name: of the session, or of its only die.
     size: of its dice in m, if known and equal; else `SIZE`.
-    medians, lows, highs: (3,) of the session's mean height, speed and spin in units of the die,
-        with the ends of their credible intervals.
+    quantiles: (3, 3) of the session's mean height, speed and spin in units of the die: least of
+        the credible interval, median, and most, in rows.
     """
 
     name: str
     size: float
-    medians: Floats
-    lows: Floats
-    highs: Floats
+    quantiles: Floats
 
     @property
-    def typical(self) -> tuple[float, float, float]:
-        """Medians in m, m/s and rad/s for a die of the session's size."""
+    def typical(self) -> Floats:
+        """Medians (3,) in m, m/s and rad/s for a die of the session's size."""
         ratio = self.size / SIZE
-        height, speed, spin = self.medians * UNITS * [ratio, ratio**0.5, ratio**-0.5]
-        return float(height), float(speed), float(spin)
+        return np.asarray(self.quantiles[1] * UNITS * [ratio, ratio**0.5, ratio**-0.5])
 
 
 @dataclass(frozen=True, eq=False)
@@ -492,10 +484,10 @@ def _session_fits(
         offsets = _draw_hands(prior, points, members, rng)
         hands = prior.session_values(points, offsets, die.material)[:, 2:]
         tail = (1.0 - CREDIBLE_LEVEL) / 2.0
-        lows, medians, highs = np.quantile(hands, [tail, 0.5, 1.0 - tail], axis=0)
+        quantiles = np.quantile(hands, [tail, 0.5, 1.0 - tail], axis=0)
         size = die.size if len(sizes) == 1 and die.size is not None else SIZE
         name = die.name if die.session is None else die.session
-        fits.append(SessionFit(name, size, medians, lows, highs))
+        fits.append(SessionFit(name, size, quantiles))
     return tuple(fits)
 
 
