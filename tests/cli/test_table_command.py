@@ -152,6 +152,10 @@ def test_a_killed_fit_resumes_with_equal_results(
     kill_at_write([*command, "--out", str(parts), "--jobs=1"], 20)
     assert fit("--throws", throws, "--out", parts, "--seed", "1") == 2
     assert "expected a checkpoint of this seed, got one of another" in capsys.readouterr().err
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dicedesign.cli.table_fit.MODEL", "one of an earlier version")
+        assert fit("--throws", throws, "--out", parts) == 2
+    assert "expected a checkpoint of this model, got one of another" in capsys.readouterr().err
     throws.write_text(throws.read_text().replace(",60,", ",61,"))
     assert fit("--throws", throws, "--out", parts) == 2
     assert "expected a checkpoint of this set of throws, got" in capsys.readouterr().err
