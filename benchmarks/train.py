@@ -72,8 +72,8 @@ TABLES = 4
 WIDEST = TableRange(np.array([0.0, 0.02, 1.0, 0.0, 0.0]), np.array([0.95, 10.0, 4e3, 200.0, 50.0]))
 """What can be thrown at all."""
 
-GENERAL = TableRange(np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.85, 1.5, 32.0, 6.0, 9.0]))
-"""What the model of all tables is learned on."""
+GENERAL = TableRange(np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.9, 1.5, 32.0, 6.0, 9.0]))
+"""What the model of all tables is learned on; covers what `dicedesign table fit` searches."""
 
 NEAR = 0.3
 """How far the range around a table reaches, in scaled numbers: restitutions 0.12 higher and lower,
@@ -121,8 +121,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all-tables",
         action="store_true",
-        help="learn the model of all tables from nothing, half of the throws at random ones; it "
-        "alone is written",
+        help="learn the model of all tables from nothing, a quarter of the throws at random ones; "
+        "it alone is written",
+    )
+    parser.add_argument(
+        "--known",
+        action="store_true",
+        help="with --all-tables: learn from the package's model on, such as after a change of the "
+        "simulator",
     )
     parser.add_argument("--to", type=Path, metavar="TABLE.json", help="default: its name, here")
 
@@ -190,7 +196,9 @@ def fit(
     """The model of the dice, in one thread, so that the same numbers give the same model."""
     torch.set_num_threads(1)
     dice = [die for one in thrown for die in training_dice(one)]
-    if options.all_tables:
+    if options.all_tables and options.known:
+        start, step = replace(general_model(), range=GENERAL), FINE_STEP
+    elif options.all_tables:
         start, step = new_model(dice, GENERAL, options.seed), STEP
     else:
         start, step = replace(general_model(), range=near_tables(tables)), FINE_STEP
