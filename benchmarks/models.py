@@ -70,6 +70,36 @@ def random_model(name: str) -> Surface:
             return surface
 
 
+HOLES, HOLE_REACH = 3, 0.04
+"""Number of holes in a broken model, and their radius over the diagonal."""
+
+
+def break_surface(surface: Surface, seed: int) -> Surface:
+    """Triangles like those of careless downloads: three round holes, a ball that is stuck through
+    the surface as a part of its own, another inside as an inner wall, and one triangle in fifty
+    twice."""
+    random, points, triangles = np.random.default_rng(seed), surface.points, surface.triangles
+    middles, diagonal = points[triangles].mean(axis=1), surface.diagonal
+    holes = middles[random.choice(len(middles), HOLES)]
+    distances = np.linalg.norm(middles[:, None] - holes, axis=-1).min(axis=1)
+    kept = triangles[distances > HOLE_REACH * diagonal]
+    kept = np.concatenate([kept, random.choice(kept, len(kept) // 50)])
+    ball = mesh_of(Manifold.sphere(1.0, 24))
+    normals = np.cross(*(points[kept[:, k]] - points[kept[:, 0]] for k in (1, 2)))
+    place = int(random.integers(len(kept)))
+    outside = points[kept[place]].mean(axis=0)
+    inward = -normals[place] / np.linalg.norm(normals[place])
+    balls = [
+        radius * diagonal * ball.points + outside + depth * diagonal * inward
+        for radius, depth in ((0.05, 0.01), (0.01, 0.02))
+    ]
+    parts, first = [kept], len(points)
+    for _ in balls:
+        parts.append(ball.triangles + first)
+        first += len(ball.points)
+    return Surface(np.concatenate([points, *balls]), np.concatenate(parts))
+
+
 def _number(digits: str) -> int:
     return int(digits) if digits.isascii() and digits.isdecimal() else 0
 
