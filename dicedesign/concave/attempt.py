@@ -185,8 +185,8 @@ class Attempts:
             return self._fill_about_cavity(draft, best, self.wall, on_step)
         best_fill, metric, firmness = None, NEAREST, 1.0
         for _ in range(TRIES):
-            design = design_hull(problem, draft, on_step, metric, firmness)
-            filled = self._finish(problem, design, best)
+            designed = design_hull(problem, draft, on_step, metric, firmness)
+            filled = self._finish(problem, designed, best)
             if filled is None:
                 break
             if self.is_better(filled, best_fill):

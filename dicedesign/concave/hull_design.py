@@ -172,9 +172,10 @@ def _step(
 def _depth_bounds(problem: HullProblem, draft: HullDraft, firmness: float) -> tuple[Floats, Floats]:
     """Bounds `rows @ change <= bounds` on a change (3 n) of the corners, with rows (s, 3 n).
 
-    The foot of the center of mass is to be `REST_DEPTH` inside the facet of each outcome, or as deep as
-    the tipping margin needs, and a clearance outside of the nearest edge of other facets, but not
-    of those near an outcome's; for narrow facets more, as errors of their corners tilt them more.
+    The foot of the center of mass is to be `REST_DEPTH` inside the facet of each outcome, or as
+    deep as the tipping margin needs, and a clearance outside of the nearest edge of other facets,
+    but not of those near an outcome's; for narrow facets more, as errors of their corners tilt them
+    more.
     """
     hull = draft.rests.hull
     depths, slopes, corners = edge_depths(hull)
