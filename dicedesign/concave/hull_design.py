@@ -85,8 +85,9 @@ def design_hull(
     displacement decide.
 
     draft: the original hull with the directions of the outcomes, which may be no rests of it, or
-    another hull to begin with. on_step: receives the work and the largest |p - q| of every step.
-    metric: of the work. firmness: factor of the depths and of the corner errors that steps aim at.
+    another hull to begin with. on_step: receives the mean squared displacement of the surface over
+    its squared diagonal and the largest |p - q| of every step. metric: of the work. firmness:
+    factor of the depths and of the corner errors that steps aim at.
     """
     size, original = draft.corners.size, problem.hull.vertices
     compliance = problem.compliance(metric).reshape(size, size)
