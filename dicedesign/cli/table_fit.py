@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from itertools import repeat
 from typing import Any, Final
@@ -26,6 +26,7 @@ from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
 from dicedesign.throws.distances import jeffreys_means, measure_variation
 from dicedesign.throws.engines import require_engine
+from dicedesign.throws.sessions import MODEL
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
     CREDIBLE_LEVEL,
@@ -33,8 +34,8 @@ from dicedesign.throws.table_fit import (
     DieFit,
     Prediction,
     TableFit,
+    check_die,
     check_effort,
-    check_table,
     fit_table,
 )
 from dicedesign.throws.tables import Table, posterior_entries
@@ -49,8 +50,8 @@ from dicedesign.throws.throw_counts import (
 CHECKED: Final = 1 / 12
 """New drops of each die at the fitted table, as a part of the drops of all evaluations."""
 
-UNITS: Final = {"height": "m", "speed": "m/s", "spin": "rad/s"}
-"""Units of the parameters that have one."""
+UNITS: Final = {"height": "a", "speed": "sqrt(g a)", "spin": "sqrt(g / a)"}
+"""Units of the parameters that have one, for dice of the size a."""
 
 LEVEL: Final = 0.05
 """p-value up to which the counts of a die are inconsistent with a table."""
@@ -58,8 +59,8 @@ LEVEL: Final = 0.05
 IMPOSSIBLE: Final = 0.001
 """p-value under the posterior of all counts up to which no table explains the counts of a die."""
 
-VAGUE: Final = 0.75
-"""Part of the searched range from which on a credible interval is uninformative."""
+VAGUE: Final = 0.8
+"""Part of the prior's standard deviation from which on a posterior's is uninformative."""
 
 CONFIDENCE: Final = 0.95
 """Confidence of intervals of total variation."""
@@ -76,7 +77,7 @@ def fit(options: TableArguments) -> int:
     counted = (*dice, *others)
     designed = None if options.die is None else read_die_without_counts(options.die)
     if designed is not None:
-        others = (*others, designed[0])
+        others = (*others, replace(designed[0], material=dice[0].material))
     checkpoint_file, name = None, "fitted"
     if out is not None:
         # A folder that cannot be written fails before the simulations.
@@ -92,6 +93,7 @@ def fit(options: TableArguments) -> int:
         "number of evaluations": str(options.evaluations),
         "number of drops": str(options.drops),
         "seed": str(options.seed),
+        "model": MODEL,
         "version of dicedesign": version("dicedesign"),
     }
     with (
@@ -112,17 +114,21 @@ def fit(options: TableArguments) -> int:
             **share,
         )
         # No evaluation has this seed.
-        checks = check_table(counted, fit.table, new_drops, options.seed, **share)
+        checks = [
+            check_die(die, fit.tables[die.material], new_drops, options.seed, **share)
+            for die in counted
+        ]
         answer = _plain(fit, checks)
+        table = fit.tables[dice[0].material]
         if designed is not None:
             die, target = designed
-            table = fit.table.for_size_above(die.size)
             throws = simulate(die.body, table, new_drops, options.seed, **share)
             answer["die_at_hand"] = _predict(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
-            entries = fit.table.as_dict() | {"posterior": posterior_entries(fit.posterior)}
+            entries = table.as_dict() | {"posterior": posterior_entries(fit.posterior)}
             atomic_write(out, json_text(entries).encode())
-            print_notes(f"wrote {out}")
+            on = f", with the materials {dice[0].material}" if len(fit.tables) > 1 else ""
+            print_notes(f"wrote {out}{on}")
     if options.json:
         print_json(answer)
     else:
@@ -163,11 +169,22 @@ def _read_dice(
 
 def _plain(fit: TableFit, checks: Sequence[DieCheck]) -> dict[str, Any]:
     """The fit as plain data; checks: of the dice with counts, in the order of the fit."""
+    tables = {material: table.as_dict() for material, table in fit.tables.items()}
     return {
-        "table": fit.table.as_dict(),
+        "table": next(iter(tables.values())),
+        "tables": tables,
         "posterior": [table.as_dict() for table in fit.posterior],
         "parameters": {name: asdict(entry) for name, entry in fit.parameters.items()},
         "correlations": fit.correlations.tolist(),
+        "sessions": [
+            {
+                "session": session.name,
+                "size": session.size,
+                "quantiles": session.quantiles.tolist(),
+                "typical": session.typical.tolist(),
+            }
+            for session in fit.sessions
+        ],
         "evaluations": fit.evaluations,
         "drops": fit.drops,
         "log_likelihood": fit.log_likelihood,
@@ -265,7 +282,8 @@ def _describe(answer: dict[str, Any]) -> str:
                 ("mean", ".3g", "mean"),
                 ("+-", ".2g", "standard_deviation"),
                 (f"{100 * CREDIBLE_LEVEL:g} % within", ">", "interval"),
-                ("searched", ">", "searched"),
+                ("prior +-", ".2g", "prior_deviation"),
+                ("prior within", ">", "searched"),
             )
         ),
         text_table(("correlations", "", parameters), *zip(parameters, repeat(".2f"), correlations)),
@@ -340,6 +358,7 @@ def _sentences(answer: dict[str, Any]) -> list[str]:
         "frequencies 0",
         f"with {drops} new drops {verdict} the fitted set at the level {LEVEL:g}",
     ]
+    lines += map(_describe_session, answer["sessions"])
     unexplained = [die for die in dice if die["die"] in answer["unexplained"]]
     for die in dice:
         if die["by_other_dice"]["p_value"] <= LEVEL and die not in unexplained:
@@ -348,7 +367,7 @@ def _sentences(answer: dict[str, Any]) -> list[str]:
     vague = [
         name
         for name, entry in parameters.items()
-        if np.ptp(entry["interval"]) >= VAGUE * np.ptp(entry["searched"])
+        if entry["standard_deviation"] >= VAGUE * entry["prior_deviation"]
     ]
     if vague:
         lines.append(f"these throws say little about: {', '.join(vague)}")
@@ -363,6 +382,22 @@ def _sentences(answer: dict[str, Any]) -> list[str]:
             "check these counts, and whether the die is the one of the mesh"
         )
     return lines
+
+
+def _describe_session(session: dict[str, Any]) -> str:
+    """What the counts say of a session, in a sentence."""
+    units = ("sizes", UNITS["speed"], UNITS["spin"])
+    height, speed, spin = (
+        f"{median:.2g} {unit} ({low:.2g} to {high:.2g})"
+        for unit, low, median, high in zip(units, *session["quantiles"], strict=True)
+    )
+    drop, along, turning = session["typical"]
+    return (
+        f"session {session['session']}: a drop from about {height}, a speed of {speed} and a spin "
+        f"of {spin}, {100 * CREDIBLE_LEVEL:g} % within the brackets; a die of the size a = "
+        f"{1e3 * session['size']:g} mm falls from {100 * drop:.2g} cm at {along:.2g} m/s "
+        f"and {turning:.2g} rad/s"
+    )
 
 
 def _describe_worst(die: dict[str, Any], prediction: dict[str, Any]) -> str:

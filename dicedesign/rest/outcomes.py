@@ -206,8 +206,9 @@ def match_by_probability(
 
     Rests with the closest normals are joined until there is one for each outcome: a facet that
     broke in two still looks like one. The most probable outcome is the most probable rest, and so
-    on. If that does not fit, an outcome has several faces, and rests are joined whose probabilities
-    have the sum of their outcome's. Outcomes whose probabilities differ by no more than the largest
+    on. If that does not fit, or joins rests more than `SAME_REST_ANGLE` apart, an outcome may have
+    several faces, and rests are joined whose probabilities have the sum of their outcome's, if
+    there are such. Outcomes whose probabilities differ by no more than the largest
     mismatch cannot be distinguished, and form one group.
 
     Parameters
@@ -227,18 +228,19 @@ def match_by_probability(
             f"{name}: expected at least as many rests as outcomes, got {len(probabilities)} rests "
             f"for {len(given)} outcomes; correct the mesh or join outcomes"
         )
-    part = np.arange(len(normals))
+    part, widest = np.arange(len(normals)), 0.0
     angles = angle_between(normals[:, None], normals[None])
     for _ in range(len(normals) - len(given)):
         between = np.where(part[:, None] != part[None], angles, np.inf)
         i, j = np.unravel_index(int(between.argmin()), between.shape)
         part[part == part[j]] = part[i]
+        widest = max(widest, float(angles[i, j]))
     part = np.unique(part, return_inverse=True)[1]
     sums = np.bincount(part, weights=probabilities)
     parts, places = np.argsort(-sums, kind="stable"), np.argsort(-given, kind="stable")
     off = float(np.abs(sums[parts] - given[places]).max())
     faces = None
-    if off > MATCHED_PROBABILITIES:
+    if off > MATCHED_PROBABILITIES or widest > SAME_REST_ANGLE:
         faces = _split_by_sums(name, probabilities, given)
     if faces is not None:
         part, sums, parts = faces, np.bincount(faces, probabilities), places

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
-from scipy.special import expit, log_expit, logit, logsumexp, xlogy
+from scipy.special import expit, gammaln, log_expit, logit, logsumexp, xlogy
 from scipy.stats import multivariate_t, qmc
 
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.sessions import Offsets, session_points
+from dicedesign.throws.sessions import Offsets, Prior
 from dicedesign.throws.throw_counts import CountedDie
 
 LENGTHS: Final = (0.05, 50.0)
@@ -139,47 +139,81 @@ class ProbabilitySurrogate:
             left = left * (1.0 - part)
         return np.stack([*probabilities, left], axis=1)
 
-    def log_likelihood(self, points: Floats, exact: bool) -> Floats:
-        """Log likelihood (m,) of the die's real counts, minus its largest possible value.
+    def log_likelihood(self, points: Floats, concentration: Floats, exact: bool) -> Floats:
+        """Log likelihood (m,) of the die's real counts at points (m, 5), without the number of
+        their orders, minus its largest possible value.
 
+        concentration: (m,) A of the Dirichlet distribution of the probabilities.
         exact: average the likelihood over the surrogate's uncertainty, instead of taking it at the
-            expected probabilities, which is faster.
+            expected probabilities, which is faster. The average of each outcome over later ones
+            takes the expected probability that it is one of these.
+
+        Source: a Dirichlet-multinomial count given the earlier ones is beta-binomial; Johnson, Kotz
+        and Balakrishnan, Discrete Multivariate Distributions, 1997, chapter 35, section 13.
         """
         nodes, weights = np.polynomial.hermite_e.hermegauss(NODES if exact else 1)
         counts = self.die.counts
         after = counts.sum() - counts.cumsum()
-        total = np.zeros(len(points))
+        total, whole = np.zeros(len(points)), concentration[:, None]
         for j, process in enumerate(self.processes):
+            means = process.means(points)[:, None]
             spread = np.sqrt(process.variances(points)) if exact else np.zeros(len(points))
-            z = process.means(points)[:, None] + spread[:, None] * nodes
-            each = -counts[j] * np.logaddexp(0.0, -z) - after[j] * np.logaddexp(0.0, z)
+            z = means + spread[:, None] * nodes
             kinds = np.array([counts[j], after[j]])
+            each = -_log_rising(whole, kinds.sum())
+            for count, part in zip(kinds, (expit(z), expit(-z)), strict=True):
+                each = each + _log_rising(whole * part, count)
             best = xlogy(kinds, kinds / max(kinds.sum(), 1)).sum()
             total += logsumexp(each, axis=1, b=weights / weights.sum()) - best
+            whole = whole * expit(-means)
         return total
 
-    def by_session(self, points: Floats, offsets: Offsets, exact: bool) -> Floats:
-        """Log likelihoods (n, k) of the die's counts in sessions (k, 4) at points (n, 5) of the
+    def by_session(self, prior: Prior, points: Floats, offsets: Offsets, exact: bool) -> Floats:
+        """Log likelihoods (n, k) of the die's counts in sessions (k, 3) at points (n, d) of the
         prior; exact: see `log_likelihood`."""
         at_once = max(1, BLOCK // len(offsets))
         parts = []
         for first in range(0, len(points), at_once):
-            sets = session_points(points[first : first + at_once, None], offsets, self.die.size)
-            values = self.log_likelihood(sets.reshape(-1, 5), exact)
+            block = points[first : first + at_once, None]
+            sets = prior.session_points(block, offsets, self.die.material)
+            concentration = np.repeat(prior.concentration(block), len(offsets))
+            values = self.log_likelihood(sets.reshape(-1, sets.shape[-1]), concentration, exact)
             parts.append(values.reshape(sets.shape[:2]))
         return np.concatenate(parts)
 
 
+def _log_rising(start: Floats, count: int) -> Floats:
+    """Logarithm of start (start + 1) ... (start + count - 1)."""
+    return np.asarray(gammaln(start + count) - gammaln(start))
+
+
 def log_likelihoods(
-    surrogates: Sequence[ProbabilitySurrogate], points: Floats, offsets: Offsets, exact: bool
+    prior: Prior,
+    surrogates: Sequence[ProbabilitySurrogate],
+    points: Floats,
+    offsets: Offsets,
+    exact: bool,
 ) -> Floats:
-    """(n, dice) logarithms of the likelihoods, averaged over equally likely sessions (k, 4), at
-    points (n, 5) of the prior."""
-    means = [
-        logsumexp(one.by_session(points, offsets, exact), axis=1) - np.log(len(offsets))
-        for one in surrogates
-    ]
-    return np.stack(means, axis=1)
+    """(n, 1 + c) logarithms of the likelihoods of the counts of all c dice, and of all but each, at
+    points (n, d) of the prior.
+
+    They are averaged over equally likely sessions (k, 3). Dice with equal `session_key` share one.
+    """
+    by_hand = np.stack([one.by_session(prior, points, offsets, exact) for one in surrogates])
+    keys = [one.die.session_key for one in surrogates]
+    whole, without = np.zeros(len(points)), np.zeros((len(points), len(surrogates)))
+    for key in dict.fromkeys(keys):
+        members = [i for i, one in enumerate(keys) if one == key]
+        together = _average(by_hand[members])
+        whole += together
+        for i in members:
+            without[:, i] = _average(by_hand[[j for j in members if j != i]]) - together
+    return np.column_stack([whole, whole[:, None] + without])
+
+
+def _average(by_hand: Floats) -> Floats:
+    """Logarithms (n,) of the likelihoods of dice (c, n, k), averaged over k sessions."""
+    return np.asarray(logsumexp(by_hand.sum(axis=0), axis=1) - np.log(by_hand.shape[2]))
 
 
 DEGREES: Final = 5.0
@@ -205,7 +239,7 @@ class WeightedPoints:
     ----------
     points: (n, d) of the unit cube, in which the prior is flat.
     log_priors: (n,) logarithms of prior over proposal density.
-    log_likelihoods: (n, c) of c counts.
+    log_likelihoods: (n, 1 + c) of all c counts, and of all but each of them.
     """
 
     points: Floats
@@ -215,8 +249,8 @@ class WeightedPoints:
     def weights(self, without: int | None = None, power: float = 1.0) -> Floats:
         """Weights (n,) with the sum 1 for the posterior of all counts, or all but one of them;
         power: exponent of each weight before normalization."""
-        columns = [i for i in range(self.log_likelihoods.shape[1]) if i != without]
-        logarithms = power * (self.log_priors + self.log_likelihoods[:, columns].sum(axis=1))
+        column = 0 if without is None else 1 + without
+        logarithms = power * (self.log_priors + self.log_likelihoods[:, column])
         return np.asarray(np.exp(logarithms - logsumexp(logarithms)))
 
 
@@ -245,7 +279,7 @@ def sample_posterior(
 
     Parameters
     ----------
-    log_likelihoods: function of points (n, d) with values (n, c) for c counts.
+    log_likelihoods: function of points (n, d) with values as in `WeightedPoints`.
     each: points for each proposal distribution, a power of 2.
     leave_one_out: whether weights without one of the counts are needed.
     """
@@ -274,7 +308,7 @@ def sample_posterior(
         sample = add([None])
         if effective(sample.weights()) >= FEWEST:
             break
-    counts = range(sample.log_likelihoods.shape[1]) if leave_one_out else ()
+    counts = range(sample.log_likelihoods.shape[1] - 1) if leave_one_out else ()
     return add([None, *counts])
 
 

@@ -1,10 +1,26 @@
-"""Prior of unmeasured throws by people: parameters that all throws share, variation between
-sessions and within one, and simulated throws of such sessions."""
+"""Prior of unmeasured throws by people, and simulated throws of their sessions.
+
+The model of counts:
+
+- A session is one way of throwing, a hand, which all dice of the session share. Its mean height h,
+  speed v and spin w are in units of the die: h / a, v / sqrt(g a) and w sqrt(a / g), with the
+  size a of the die. Throws of similar dice in equal units are similar, so sizes need not be known.
+- Logarithms of these means are normal about a center that all sessions share, independently, with
+  one standard deviation, `between`. Single throws differ from the means by up to `WITHIN`.
+- Each material, a pair of what the die and the table are made of, has its own restitution and
+  friction.
+- The probabilities of a die scatter about the simulated ones by more than chance: dice are made
+  imperfectly, and hands drift. They have a Dirichlet distribution with the concentration A, where
+  `scatter` is 1 / (1 + A), so counts are Dirichlet-multinomial: the variance of n throws is
+  1 + (n - 1) scatter times the multinomial's (Mosimann, Biometrika 49, 1962).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
@@ -14,107 +30,148 @@ from scipy.stats import qmc
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
+from dicedesign.throws.engines import GRAVITY
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table
 from dicedesign.throws.throw_counts import CountedDie
 
-PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
+MODEL: Final = "hands in sizes of the die, materials, Dirichlet-multinomial counts"
+"""Identifies the model in checkpoints."""
+
+SURFACES: Final[Mapping[str, tuple[float, float]]] = {
     "restitution": (0.1, 0.9),
     "friction": (0.05, 1.2),
-    "height": (0.06, 0.5),
-    "speed": (0.15, 2.5),
-    "spin": (5.0, 100.0),
 }
-"""Shared parameters with their limits, in the units of `Table`: restitution and friction, and the
-center of the sessions' height, speed and spin. The prior is flat between the limits, for the last
-three in logarithms. A speed or spin below the lower limit is negligible in a fall."""
+"""Parameters of each material with the limits of their flat priors: from nearly dead to nearly
+elastic, and from below Teflon to above rubber."""
 
-BETWEEN: Final = 0.3
-"""Standard deviation of the logarithms of a session's height, speed and spin, independently: two of
-three sessions are within a factor of 1.35 of the center. People who are asked to throw a die in the
-same way differ by about as much; the counts of four dice do not determine it."""
+HANDS: Final[Mapping[str, tuple[float, float]]] = {
+    "height": (2.0, 25.0),
+    "speed": (0.3, 5.0),
+    "spin": (0.25, 5.0),
+    "between": (0.1, 0.8),
+    "scatter": (1e-5, 0.02),
+}
+"""Parameters of all sessions, with the limits of their priors, which are flat in logarithms.
+
+The center of the sessions' heights, speeds and spins is in units of the die. A die of 25 mm falls
+from 5 cm, just out of the hand, to 63 cm, from above a table to its top or from a low throw to the
+floor; it flies at 0.15 to 2.5 m/s, the speeds of a fall from 0.05 and 13 sizes; and it turns 0.8 to
+16 times a second. It rolls out of a hand with twice its speed as spin. Less speed or spin is
+negligible in a fall. Two of three sessions are within a factor of 1.1 to 2.2 of the center. A
+scatter of 1e-5 is not seen in 10,000 throws; with 0.02, a probability of a half has a standard
+deviation of 0.07. The limits are chosen, not measured."""
+
+SHARED: Final = len(HANDS)
 
 WITHIN: Final = 0.5
-"""Largest relative deviation of a throw's height, speed and spin from the session's means."""
-
-SIZES: Final = (0.015, 0.035)
-"""Range of unknown sizes of dice, in m."""
+"""Largest relative deviation of a throw's height, speed and spin from the session's means. Chosen,
+not measured."""
 
 SIZE: Final = 0.025
-"""Size of simulated dice, in m. A die that is s times as large behaves equally if its height, speed
-and spin are s, sqrt(s) and 1 / sqrt(s) times as large."""
+"""Size of simulated dice and of the fitted table's, in m."""
+
+UNITS: Final = np.array([SIZE, math.sqrt(GRAVITY * SIZE), math.sqrt(GRAVITY / SIZE)])
+"""Units of height, speed and spin for dice of `SIZE`, in m, m/s and rad/s."""
 
 SIMULATED: Final[Mapping[str, tuple[float, float]]] = {
-    **PARAMETERS,
-    "height": (0.05, 0.8),
-    "speed": (0.12, 3.2),
-    "spin": (4.0, 130.0),
+    **SURFACES,
+    "height": (2.0, 32.0),
+    "speed": (0.1, 6.0),
+    "spin": (0.1, 9.0),
 }
-"""Limits of the means of a simulated session, for dice of `SIZE`; means outside are clipped. At the
-least height, the lowest throws begin at the die's own size."""
+"""Limits of the means of a simulated session, within those of the momentum model; means outside are
+clipped. At the least height, the lowest throws begin at the die's own size."""
 
-LOWEST: Final = 0.08
-"""Least mean height in m of posterior tables, so that dice of up to 40 mm fit below half of it."""
-
-BY_SIZE: Final = np.array([-1.0, -0.5, 0.5])
-"""Exponents of a die's relative size in its equivalent height, speed and spin."""
+LOWEST: Final = 3.2
+"""Least mean height of posterior tables, so that dice of up to 40 mm fit below half of it."""
 
 Offsets = Floats
-"""(k, 4) sessions: logarithms of height, speed and spin relative to the center's, and a number in
-(0, 1) that selects an unknown size."""
+"""(k, 3) sessions: standard normal deviations of the logarithms of height, speed and spin."""
 
 
 def session_offsets(sessions: int, rng: np.random.Generator) -> Offsets:
     """Equally likely sessions, evenly spread. sessions: their number, a power of 2."""
-    even = qmc.Sobol(4, rng=rng).random_base2(sessions.bit_length() - 1)
+    even = qmc.Sobol(3, rng=rng).random_base2(sessions.bit_length() - 1)
     # The normal quantile of 0 is infinite.
-    return np.column_stack([BETWEEN * ndtri(np.maximum(even[:, :3], 1e-9)), even[:, 3]])
+    return np.asarray(ndtri(np.maximum(even, 1e-9)))
 
 
-def shared_values(points: Floats, limits: Mapping[str, tuple[float, float]] = PARAMETERS) -> Floats:
-    """Values (..., 5) of parameters at points (..., 5) of the unit cube between their limits."""
-    least, most = _coordinates(np.array(list(limits.values())).T)
+def _ends(limits: Mapping[str, tuple[float, float]], flat: int) -> Floats:
+    """Least and largest coordinates (2, d), of which all but the first `flat` are logarithms."""
+    ends = np.array(list(limits.values())).T
+    ends[:, flat:] = np.log(ends[:, flat:])
+    return ends
+
+
+def _values(points: Floats, limits: Mapping[str, tuple[float, float]], flat: int) -> Floats:
+    """Values (..., d) at points (..., d) of the unit cube."""
+    least, most = _ends(limits, flat)
     values: Floats = least + (most - least) * points
-    values[..., 2:] = np.exp(values[..., 2:])
+    values[..., flat:] = np.exp(values[..., flat:])
     return values
 
 
-def _coordinates(values: Floats) -> Floats:
-    """Coordinates (..., 5) in which the prior is uniform."""
-    return np.concatenate([values[..., :2], np.log(values[..., 2:])], axis=-1)
+def simulated_values(points: Floats) -> Floats:
+    """Values (..., 5) of simulated sessions at points (..., 5) of the unit cube."""
+    return _values(points, SIMULATED, len(SURFACES))
 
 
-def _session_values(points: Floats, offsets: Offsets, size: float | None) -> Floats:
-    """Values (..., 5) of the parameters of sessions (..., 4) at points (..., 5) of the prior's unit
-    cube, converted to dice of `SIZE`.
+@dataclass(frozen=True)
+class Prior:
+    """Prior of the d parameters of the model: `SURFACES` of each material, then `HANDS`.
 
-    size: of the die in m; None takes the session's.
+    Attributes
+    ----------
+    materials: distinct names.
     """
-    sizes = SIZES[0] + (SIZES[1] - SIZES[0]) * offsets[..., 3] if size is None else np.array(size)
-    moved = offsets[..., :3] + np.log(sizes / SIZE)[..., None] * BY_SIZE
-    return shared_values(points) * np.insert(np.exp(moved), [0, 0], 1.0, axis=-1)
 
+    materials: tuple[str, ...]
 
-def session_points(points: Floats, offsets: Offsets, size: float | None) -> Floats:
-    """Points (..., 5) of sessions in the unit cube of simulated sets; see `_session_values`."""
-    least, most = _coordinates(np.array(list(SIMULATED.values())).T)
-    coordinates = _coordinates(_session_values(points, offsets, size))
-    return np.clip((coordinates - least) / (most - least), 0.0, 1.0)
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Limits of the parameters by name; that of the unnamed material "" is the bare one."""
+        surfaces = {
+            f"{name} of {material}" if material else name: limits
+            for material in self.materials
+            for name, limits in SURFACES.items()
+        }
+        return {**surfaces, **HANDS}
 
+    def values(self, points: Floats) -> Floats:
+        """Values (..., d) at points (..., d) of the unit cube, in which the prior is flat."""
+        return _values(points, self.limits, len(self.limits) - SHARED)
 
-def draw_values(points: Floats, offsets: Offsets) -> Floats:
-    """Values (n, 5) of sessions of dice of `SIZE`, from heights that also suit larger dice."""
-    values = _session_values(points, offsets, SIZE)
-    values[:, 2] = np.maximum(values[:, 2], LOWEST)
-    return values
+    def concentration(self, points: Floats) -> Floats:
+        """Concentrations A (...) of the Dirichlet distribution at points (..., d)."""
+        return np.asarray(1.0 / self.values(points)[..., -1] - 1.0)
+
+    def session_values(self, points: Floats, offsets: Offsets, material: str) -> Floats:
+        """Restitution and friction of a material, and mean height, speed and spin (..., 5) of
+        sessions (..., 3) at points (..., d)."""
+        values = self.values(points)
+        first = len(SURFACES) * self.materials.index(material)
+        between = values[..., -SHARED + 3, None]
+        hands = values[..., -SHARED : -SHARED + 3] * np.exp(between * offsets)
+        surfaces = values[..., first : first + len(SURFACES)]
+        surfaces = np.broadcast_to(surfaces, (*hands.shape[:-1], len(SURFACES)))
+        return np.concatenate([surfaces, hands], axis=-1)
+
+    def session_points(self, points: Floats, offsets: Offsets, material: str) -> Floats:
+        """Points (..., 5) of sessions in the unit cube of simulated ones; see `session_values`."""
+        values = self.session_values(points, offsets, material)
+        least, most = _ends(SIMULATED, len(SURFACES))
+        values[..., len(SURFACES) :] = np.log(values[..., len(SURFACES) :])
+        return np.clip((values - least) / (most - least), 0.0, 1.0)
 
 
 def table_of(start: Table, values: Floats) -> Table:
     """Table with restitution, friction and a session's mean height, speed and spin (5,), to three
     digits, for dice of `SIZE`. start: name and source."""
-    restitution, friction, *means = map(round_value, values)
+    restitution, friction = map(round_value, values[:2])
     height, speed, spin = (
-        (round_value((1.0 - WITHIN) * mean), round_value((1.0 + WITHIN) * mean)) for mean in means
+        (round_value((1.0 - WITHIN) * mean), round_value((1.0 + WITHIN) * mean))
+        for mean in map(round_value, values[2:] * UNITS)
     )
     return Table(
         start.name, restitution, friction, height, speed, spin, size=SIZE, source=start.source
@@ -134,7 +191,7 @@ each die for each set."""
 def set_counts(
     dice: Sequence[CountedDie],
     start: Table,
-    sets: Floats,
+    sets: Sequence[Floats],
     drops: int,
     seed: int,
     first: int,
@@ -142,22 +199,21 @@ def set_counts(
     checkpoint: Checkpoint,
     progress: Callable[[int], object],
 ) -> list[Integers]:
-    """Counts (n, g) of each die, thrown at n points of the unit cube of simulated sets.
+    """Counts (n, g) of each die, thrown in sessions at n points of its own.
 
     Parameters
     ----------
     start: name of the tables. drops: of each die for each set; seed: of all sets.
+    sets: for each die, points (n, 5) of the unit cube of simulated sessions.
     first: number of the first point among all points; determines the seeds.
     checkpoint: earlier simulations are read from it, new ones are added.
     progress: called with the number of drops of each die that was thrown.
     """
     tasks = []
-    for number, point in enumerate(sets, start=first):
-        table = table_of(start, shared_values(point, SIMULATED))
-        tasks += [
-            partial(outcome_counts, die, table, drops, (seed, number, i))
-            for i, die in enumerate(dice)
-        ]
+    for number, points in enumerate(zip(*sets, strict=True), start=first):
+        for i, (die, point) in enumerate(zip(dice, points, strict=True)):
+            table = table_of(start, simulated_values(point))
+            tasks.append(partial(outcome_counts, die, table, drops, (seed, number, i)))
     came = checkpoint.results(f"{COUNTS} {first}", tasks, workers, lambda _: progress(drops))
     return [np.array(came[die :: len(dice)], dtype=np.int64) for die in range(len(dice))]
 

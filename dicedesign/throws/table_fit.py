@@ -1,5 +1,5 @@
-"""A table fitted to counts of several real dice, each thrown in a session of its own, and its
-predictions for dice."""
+"""Tables fitted to counts of several real dice, thrown in one or several sessions, and their
+predictions for dice; `sessions` states the model."""
 
 from __future__ import annotations
 
@@ -31,13 +31,16 @@ from dicedesign.throws.probability_surrogate import (
     sample_posterior,
 )
 from dicedesign.throws.sessions import (
-    PARAMETERS,
-    draw_values,
+    LOWEST,
+    SIMULATED,
+    SIZE,
+    UNITS,
+    Offsets,
+    Prior,
     round_value,
     session_offsets,
-    session_points,
     set_counts,
-    shared_values,
+    simulated_values,
     table_of,
 )
 from dicedesign.throws.simulation import simulate
@@ -125,36 +128,30 @@ class DieCheck:
         return jeffreys_means(self.simulated)
 
 
-def check_table(
-    dice: Sequence[CountedDie],
+def check_die(
+    die: CountedDie,
     table: Table,
     drops: int,
     seed: int,
     *,
     workers: Executor | None = None,
     progress: Callable[[int], object] = lambda _: None,
-) -> tuple[DieCheck, ...]:
-    """Simulate throws of each die on a table, and compare them with its counts.
+) -> DieCheck:
+    """Simulate throws of a die on a table, and compare them with its counts.
 
-    Parameters and errors are as in `simulate`. Dice of unknown size have the table's; dice larger
-    than the least height are released from their own size.
+    Parameters and errors are as in `simulate`. The die has the table's size: throws are in units of
+    the die.
     """
-    checks = []
-    for die in dice:
-        lifted = table.for_size_above(die.size)
-        throws = simulate(die.body, lifted, drops, seed, workers=workers, progress=progress)
-        simulated = die.by_outcome(throws.counts)
-        checks.append(
-            DieCheck(
-                die=die,
-                simulated=simulated,
-                unresolved=throws.unresolved,
-                chi_square=two_sample_chi_square(die.counts, simulated),
-                exact=exact_multinomial(die.counts, jeffreys_means(simulated)),
-                geometric=chi_square(die.counts, die.geometric),
-            )
-        )
-    return tuple(checks)
+    throws = simulate(die.body, table, drops, seed, workers=workers, progress=progress)
+    simulated = die.by_outcome(throws.counts)
+    return DieCheck(
+        die=die,
+        simulated=simulated,
+        unresolved=throws.unresolved,
+        chi_square=two_sample_chi_square(die.counts, simulated),
+        exact=exact_multinomial(die.counts, jeffreys_means(simulated)),
+        geometric=chi_square(die.counts, die.geometric),
+    )
 
 
 CREDIBLE_LEVEL: Final = 0.9
@@ -163,14 +160,14 @@ CREDIBLE_LEVEL: Final = 0.9
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """Posterior of one shared parameter, in the unit of `Table`.
+    """Posterior of one parameter of `Prior`.
 
     Attributes
     ----------
     fitted: value in the fitted set.
     mean, standard_deviation: of the posterior.
     interval: equal-tailed credible interval of the level `CREDIBLE_LEVEL`.
-    searched: limits of the flat prior.
+    searched, prior_deviation: limits and standard deviation of the prior.
     """
 
     fitted: float
@@ -178,6 +175,30 @@ class FittedParameter:
     standard_deviation: float
     interval: tuple[float, float]
     searched: tuple[float, float]
+    prior_deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class SessionFit:
+    """What the counts say of one session.
+
+    Attributes
+    ----------
+    name: of the session, or of its only die.
+    size: of its dice in m, if known and equal; else `SIZE`.
+    quantiles: (3, 3) of the session's mean height, speed and spin in units of the die: least of
+        the credible interval, median, and most, in rows.
+    """
+
+    name: str
+    size: float
+    quantiles: Floats
+
+    @property
+    def typical(self) -> Floats:
+        """Medians (3,) in m, m/s and rad/s for a die of the session's size."""
+        ratio = self.size / SIZE
+        return np.asarray(self.quantiles[1] * UNITS * [ratio, ratio**0.5, ratio**-0.5])
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,13 +209,14 @@ class DieFit:
     ----------
     die: with its counts, which may be 0 if they were not used in the fit.
     probabilities, deviation: (g,) mean and standard deviation of its probabilities in a new
-        session.
-    whole: prediction of more throws in the die's own session, by the posterior of all counts. Its
-        p-value is slightly optimistic, as the counts are part of the posterior. None for a die that
-        was not used in the fit.
-    left_out: prediction of a session of the die, by the posterior of the other dice's counts. None
-        without counts.
-    drawn: (m, g) equally likely probabilities in a new session, by the surrogate's means.
+        session, with scatter as in all predictions.
+    whole: prediction of another such die in the die's own session, by the posterior of all counts.
+        Its p-value is slightly optimistic, as the counts are part of the posterior. None for a die
+        that was not used in the fit.
+    left_out: prediction of the die in its session, by the posterior of the other dice's counts.
+        None without counts.
+    drawn: (m, g) equally likely probabilities in a new session, by the surrogate's means and
+        without scatter.
     """
 
     die: CountedDie
@@ -207,27 +229,29 @@ class DieFit:
 
 @dataclass(frozen=True)
 class TableFit:
-    """Fitted table with its uncertainty.
+    """Fitted tables with their uncertainty.
 
     Attributes
     ----------
-    table: most likely table if all sessions have one throw distribution, to three digits (see
-        `SHARPNESS`).
-    posterior: equally likely tables, each with the throws of a random session.
-    parameters: posteriors of `PARAMETERS`, in that order; height, speed and spin are the centers of
-        all sessions.
-    correlations: (5, 5) of the posterior, with logarithms of height, speed and spin.
+    tables: most likely table of each material, with the center of all sessions as throws, to three
+        digits (see `SHARPNESS`); first that of the first die.
+    posterior: equally likely tables of the first material, each with the throws of a new session.
+    parameters: posteriors of the d parameters of `Prior`, in that order.
+    correlations: (d, d) of the posterior, of logarithms where the prior is flat in these.
     dice: the fitted dice, then the others.
+    sessions: of the fitted dice.
     evaluations: number of simulated sets of parameters; drops: of each die for each set.
-    log_likelihood: of all counts at `table` by the surrogates, minus its largest possible value.
+    log_likelihood: of all counts at the fitted set by the surrogates, minus its largest possible
+        value without scatter.
     effective_points: effective sample size of the posterior's points.
     """
 
-    table: Table
+    tables: dict[str, Table]
     posterior: tuple[Table, ...]
     parameters: dict[str, FittedParameter]
     correlations: Floats
     dice: tuple[DieFit, ...]
+    sessions: tuple[SessionFit, ...]
     evaluations: int
     drops: int
     log_likelihood: float
@@ -278,17 +302,15 @@ def fit_table(
     checkpoint: Checkpoint | None = None,
     progress: Callable[[int], object] = lambda _: None,
 ) -> TableFit:
-    """Fit a table to counts of real dice.
+    """Fit a table to counts of real dice, by the model of `sessions`.
 
-    All dice share restitution, friction and the center of the sessions' throws. Each die was
-    thrown in a session with its own height, speed and spin (see `sessions`).
-    Sets of restitution, friction and a session's throws are simulated, first over the prior and
-    then over the posterior. The simulated probabilities of each die are interpolated by a smooth
-    surrogate. The likelihood of the real counts is averaged over the surrogate's uncertainty and
-    over sessions. Each set has its own random numbers: common ones would not correlate the noise of
-    neighboring sets, since bounces separate equal throws. Of the published 2d6, released
-    identically, 12 % end on one rest if the restitution differs by a thousandth, and 12 % by
-    chance.
+    Sets of restitution, friction and a session's throws are simulated, first over all of them and
+    then over the posterior of each material. The simulated probabilities of each die are
+    interpolated by a smooth surrogate. The likelihood of the real counts is averaged over the
+    surrogate's uncertainty and over sessions. Each set has its own random numbers: common ones
+    would not correlate the noise of neighboring sets, since bounces separate equal throws. Of the
+    published 2d6, released identically, 12 % end on one rest if the restitution differs by a
+    thousandth, and 12 % by chance.
 
     Parameters
     ----------
@@ -301,70 +323,79 @@ def fit_table(
     """
     saved = checkpoint or Checkpoint()
     every = [*dice, *others]
+    prior = Prior(tuple(dict.fromkeys(die.material for die in every)))
+    dimensions = len(prior.limits)
     first = round(FIRST * evaluations)
     rng = np.random.default_rng(seed)
-    sets = np.empty((0, len(PARAMETERS)))
+    sets = [np.empty((0, len(SIMULATED)))] * len(every)
     counts = [np.empty((0, len(die.labels)), dtype=np.int64) for die in every]
 
-    def add(points: Floats) -> None:
-        """Simulate throws at further points (n, 5)."""
-        nonlocal sets
-        added = set_counts(every, start, points, drops, seed, len(sets), workers, saved, progress)
-        sets = np.concatenate([sets, points])
+    def add(points: Sequence[Floats]) -> None:
+        """Simulate throws at further points (n, 5) of each die."""
+        so_far = len(sets[0])
+        added = set_counts(every, start, points, drops, seed, so_far, workers, saved, progress)
+        sets[:] = map(np.concatenate, zip(sets, points, strict=True))
         counts[:] = map(np.concatenate, zip(counts, added, strict=True))
 
     def surrogates_of(dice: Sequence[CountedDie]) -> list[ProbabilitySurrogate]:
-        each = zip(dice, counts, strict=False)
-        return [ProbabilitySurrogate.through(die, sets, of_die) for die, of_die in each]
+        each = zip(dice, sets, counts, strict=False)
+        return [ProbabilitySurrogate.through(*one) for one in each]
 
     def sample(
         surrogates: Sequence[ProbabilitySurrogate], effort: tuple[int, int], is_final: bool
     ) -> WeightedPoints:
         offsets = session_offsets(effort[1], rng)
         return sample_posterior(
-            lambda points: log_likelihoods(surrogates, points, offsets, is_final),
-            len(PARAMETERS),
+            lambda points: log_likelihoods(prior, surrogates, points, offsets, is_final),
+            dimensions,
             effort[0],
             rng,
             leave_one_out=is_final,
         )
 
-    add(qmc.Sobol(len(PARAMETERS), rng=rng).random_base2((first - 1).bit_length())[:first])
+    spread = qmc.Sobol(len(SIMULATED), rng=rng).random_base2((first - 1).bit_length())[:first]
+    add([spread] * len(every))
     for batch in np.array_split(np.arange(first, evaluations), ROUNDS):
-        # Sessions of unknown size, so that the sets spread as far as any die's.
         offsets = session_offsets(2 ** (len(batch) - 1).bit_length(), rng)[: len(batch)]
         pilot = sample(surrogates_of(dice), PILOT, False)
         drawn = _resample(pilot.points, pilot.weights(), len(batch), rng)
-        add(session_points(drawn, offsets, None))
+        add([prior.session_points(drawn, offsets, die.material) for die in every])
     surrogates = surrogates_of(every)
     fitted_to = surrogates[: len(dice)]
     posterior = sample(fitted_to, FINAL, True)
-    center = np.array([[0.0, 0.0, 0.0, 0.5]])
-
-    def heights(points: Floats) -> Floats:
-        """Log likelihoods (n,) of all counts, with the central throws in all sessions."""
-        return np.asarray(log_likelihoods(fitted_to, points, center, True).sum(axis=1))
-
-    logarithms = posterior.log_priors + SHARPNESS * heights(posterior.points)
-    best = np.exp(logarithms - logsumexp(logarithms)) @ posterior.points
-    values = shared_values(best)
-    parameters, correlations = _summary(posterior, values)
-    drawn = _resample(posterior.points, posterior.weights(), TABLES, rng)
-    drawn_tables = draw_values(drawn, session_offsets(TABLES, rng))
+    sharp = posterior.log_priors + SHARPNESS * posterior.log_likelihoods[:, 0]
+    best = np.exp(sharp - logsumexp(sharp)) @ posterior.points
+    height = log_likelihoods(prior, fitted_to, best[None], session_offsets(FINAL[1], rng), True)
+    parameters, correlations = _summary(prior, posterior, prior.values(best))
     return TableFit(
-        table=table_of(start, values),
-        posterior=tuple(table_of(start, row) for row in drawn_tables),
+        tables={
+            material: table_of(start, prior.session_values(best, np.zeros(3), material))
+            for material in prior.materials
+        },
+        posterior=_draw_tables(prior, posterior, start, rng),
         parameters=parameters,
         correlations=correlations,
         dice=tuple(
-            _die_fit(one, posterior, i if i < len(dice) else None, rng)
+            _die_fit(prior, one, posterior, fitted_to, i if i < len(dice) else None, rng)
             for i, one in enumerate(surrogates)
         ),
+        sessions=_session_fits(prior, posterior, fitted_to, rng),
         evaluations=evaluations,
         drops=drops,
-        log_likelihood=float(heights(best[None])[0]),
+        log_likelihood=float(height[0, 0]),
         effective_points=effective(posterior.weights()),
     )
+
+
+def _draw_tables(
+    prior: Prior, posterior: WeightedPoints, start: Table, rng: np.random.Generator
+) -> tuple[Table, ...]:
+    """Equally likely tables of the first material, each with the throws of a new session."""
+    points = _resample(posterior.points, posterior.weights(), TABLES, rng)
+    offsets = session_offsets(TABLES, rng)
+    values = simulated_values(prior.session_points(points, offsets, prior.materials[0]))
+    values[:, 2] = np.maximum(values[:, 2], LOWEST)
+    return tuple(table_of(start, row) for row in values)
 
 
 def _resample(points: Floats, weights: Floats, count: int, rng: np.random.Generator) -> Floats:
@@ -374,28 +405,60 @@ def _resample(points: Floats, weights: Floats, count: int, rng: np.random.Genera
     return points[rng.permutation(numbers)]
 
 
+def _draw_hands(
+    prior: Prior,
+    points: Floats,
+    members: Sequence[ProbabilitySurrogate],
+    rng: np.random.Generator,
+) -> Offsets:
+    """Sessions (n, 3) at points (n, d) of the prior, by the counts of some of their dice."""
+    if not members:
+        return session_offsets(len(points), rng)
+    hands = session_offsets(FINAL[1], rng)
+    by_hand = np.sum([one.by_session(prior, points, hands, True) for one in members], axis=0)
+    chances = np.exp(by_hand - logsumexp(by_hand, axis=1, keepdims=True))
+    chosen = (chances.cumsum(axis=1) < rng.random((len(points), 1))).sum(axis=1)
+    return np.asarray(hands[chosen.clip(max=len(hands) - 1)])
+
+
+def scatter_probabilities(
+    probabilities: Floats, concentration: Floats, rng: np.random.Generator
+) -> Floats:
+    """Random probabilities (m, g) of Dirichlet distributions with means (m, g) and concentrations
+    (m,)."""
+    parts = rng.standard_gamma(concentration[:, None] * probabilities)
+    # A rare outcome may underflow to 0, whose logarithm is infinite.
+    parts = np.maximum(parts, np.finfo(np.float64).tiny)
+    return np.asarray(parts / parts.sum(axis=1, keepdims=True))
+
+
 def _die_fit(
+    prior: Prior,
     surrogate: ProbabilitySurrogate,
     posterior: WeightedPoints,
+    fitted_to: Sequence[ProbabilitySurrogate],
     number: int | None,
     rng: np.random.Generator,
 ) -> DieFit:
-    """Predictions for a die; number: its column in the likelihoods, or None."""
+    """Predictions for a die; number: its place among the fitted dice, or None."""
     die = surrogate.die
-    points = _resample(posterior.points, posterior.weights(), DRAWS, rng)
-    fresh = session_points(points, session_offsets(DRAWS, rng), die.size)
-    probabilities = surrogate.probabilities(fresh, rng)
-    whole, left_out = None, predict(die.counts, probabilities, rng) if die.counts.any() else None
+    members = [one for one in fitted_to if one.die.session_key == die.session_key]
+
+    def draw(without: int | None, members: Sequence[ProbabilitySurrogate]) -> tuple[Floats, Floats]:
+        """Points (m, 5) of equally likely sessions, and the die's probabilities (m, g) there."""
+        points = _resample(posterior.points, posterior.weights(without), DRAWS, rng)
+        offsets = _draw_hands(prior, points, members, rng)
+        at = prior.session_points(points, offsets, die.material)
+        means = surrogate.probabilities(at, rng)
+        return at, scatter_probabilities(means, prior.concentration(points), rng)
+
+    fresh, probabilities = draw(None, ())
+    whole = left_out = None
     if number is not None:
-        hands = session_offsets(FINAL[1], rng)
-        by_session = surrogate.by_session(points, hands, True)
-        chances = np.exp(by_session - logsumexp(by_session, axis=1, keepdims=True))
-        chosen = (chances.cumsum(axis=1) < rng.random((DRAWS, 1))).sum(axis=1)
-        same = session_points(points, hands[chosen.clip(max=len(hands) - 1)], die.size)
-        whole = predict(die.counts, surrogate.probabilities(same, rng), rng)
-        others = _resample(posterior.points, posterior.weights(number), DRAWS, rng)
-        without = session_points(others, session_offsets(DRAWS, rng), die.size)
-        left_out = predict(die.counts, surrogate.probabilities(without, rng), rng)
+        whole = predict(die.counts, draw(None, members)[1], rng)
+    if die.counts.any():
+        others = [one for one in members if one is not surrogate]
+        left_out = predict(die.counts, draw(number, others)[1], rng)
     return DieFit(
         die=die,
         probabilities=probabilities.mean(axis=0),
@@ -406,20 +469,51 @@ def _die_fit(
     )
 
 
-def _summary(posterior: WeightedPoints, best: Floats) -> tuple[dict[str, FittedParameter], Floats]:
-    """Posteriors of the parameters, and their correlations (5, 5)."""
-    weights, values = posterior.weights(), shared_values(posterior.points)
+def _session_fits(
+    prior: Prior,
+    posterior: WeightedPoints,
+    fitted_to: Sequence[ProbabilitySurrogate],
+    rng: np.random.Generator,
+) -> tuple[SessionFit, ...]:
+    """Posteriors of the hands of each session."""
+    fits = []
+    for key in dict.fromkeys(one.die.session_key for one in fitted_to):
+        members = [one for one in fitted_to if one.die.session_key == key]
+        die, sizes = members[0].die, {one.die.size for one in members}
+        points = _resample(posterior.points, posterior.weights(), DRAWS, rng)
+        offsets = _draw_hands(prior, points, members, rng)
+        hands = prior.session_values(points, offsets, die.material)[:, 2:]
+        tail = (1.0 - CREDIBLE_LEVEL) / 2.0
+        quantiles = np.quantile(hands, [tail, 0.5, 1.0 - tail], axis=0)
+        size = die.size if len(sizes) == 1 and die.size is not None else SIZE
+        name = die.name if die.session is None else die.session
+        fits.append(SessionFit(name, size, quantiles))
+    return tuple(fits)
+
+
+def _summary(
+    prior: Prior, posterior: WeightedPoints, best: Floats
+) -> tuple[dict[str, FittedParameter], Floats]:
+    """Posteriors of the parameters, and their correlations (d, d)."""
+    weights, values = posterior.weights(), prior.values(posterior.points)
     means = weights @ values
     deviations = np.sqrt(weights @ (values - means) ** 2)
     scaled = posterior.points - weights @ posterior.points
     scaled /= np.sqrt(weights @ scaled**2)
+    evenly = np.tile((np.arange(DRAWS)[:, None] + 0.5) / DRAWS, len(best))
+    before = prior.values(evenly).std(axis=0)
     parameters = {}
-    for i, (name, searched) in enumerate(PARAMETERS.items()):
+    for i, (name, searched) in enumerate(prior.limits.items()):
         order = np.argsort(values[:, i])
         tail = (1.0 - CREDIBLE_LEVEL) / 2.0
         at = np.searchsorted(weights[order].cumsum(), [tail, 1.0 - tail])
         low, high = values[order[np.minimum(at, len(order) - 1)], i].tolist()
         parameters[name] = FittedParameter(
-            round_value(best[i]), float(means[i]), float(deviations[i]), (low, high), searched
+            round_value(best[i]),
+            float(means[i]),
+            float(deviations[i]),
+            (low, high),
+            searched,
+            float(before[i]),
         )
     return parameters, scaled.T @ (weights[:, None] * scaled)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Final
 
@@ -33,6 +33,10 @@ GEOMETRIC: Final = "geometric"
 CENTER: Final = "com"
 
 SIZE: Final = "size_mm"
+
+SESSION: Final = "session"
+
+MATERIAL: Final = "material"
 """Columns of a file of several dice: required and optional ones."""
 
 
@@ -50,6 +54,8 @@ class CountedDie:
     geometric: (g,) probabilities of the outcomes without momentum, summing to 1.
     group_of_rest: (k,) outcome of each rest; -1 for none.
     poses: rests of the die.
+    session: name of the session in which it was thrown; None for one of its own.
+    material: name of the materials of die and table; "" if there is only one.
     """
 
     name: str
@@ -60,6 +66,13 @@ class CountedDie:
     geometric: Floats
     group_of_rest: Integers
     poses: RestPoses
+    session: str | None = None
+    material: str = ""
+
+    @property
+    def session_key(self) -> tuple[str | None, str]:
+        """Equal for dice of one session."""
+        return self.session, self.name if self.session is None else ""
 
     def by_outcome(self, rests: Integers) -> Integers:
         """Sums (g,) of counts (k,) over the rests of each outcome."""
@@ -77,8 +90,10 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
     run, relative to the CSV file; `outcome`; and `throws`, its count. A mesh file also needs
     `geometric`, the outcome's probability without momentum, by which outcomes are matched with
     rests (see `match_by_probability`). Optional with a mesh file: `com`, the center of mass "x y z"
-    if it is not the centroid, and `size_mm`, twice the largest distance of a point from it. Other
-    columns are ignored.
+    if it is not the centroid, and `size_mm`, twice the largest distance of a point from it.
+    Optional for all dice: `session`, the name of the session in which they were thrown, one for
+    each die without this column; and `material`, the name of the materials of die and table, one
+    for all dice without it. Other columns are ignored.
 
     Parameters
     ----------
@@ -87,8 +102,8 @@ def read_throw_counts(path: Path, dice: Sequence[str] | None = None) -> tuple[Co
     Raises
     ------
     InputError: the file cannot be read, lacks a column or a die, repeats an outcome, has an invalid
-        count, size or center of mass, a die without throws, or outcomes that do not match its
-        mesh.
+        count, size or center of mass, an empty session or material, a die without throws, or
+        outcomes that do not match its mesh.
     """
     columns, rows = csv_rows(path)
     if not set(NEEDED) <= set(columns) or len(set(columns)) < len(columns):
@@ -134,9 +149,10 @@ def read_rolled_die(folder: Path, rolls: Path) -> CountedDie:
 
 def throws_digest(dice: Sequence[CountedDie]) -> str:
     """SHA-256 of dice and their counts."""
-    names = ("name", "size", "labels", "counts", "geometric", "group_of_rest")
+    names = {field.name for field in fields(CountedDie)} - {"body", "poses"}
     return " ".join(
-        die.body.digest([np.asarray(getattr(die, name)).tolist() for name in names]) for die in dice
+        die.body.digest([np.asarray(getattr(die, name)).tolist() for name in sorted(names)])
+        for die in dice
     )
 
 
@@ -175,7 +191,7 @@ class _Line:
 def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
     first, outcomes = lines[0], list[str]()
     for line in lines:
-        for column in ("mesh", CENTER, SIZE):
+        for column in ("mesh", CENTER, SIZE, SESSION, MATERIAL):
             if line.row.get(column) != first.row.get(column):
                 raise InputError(
                     f"{line.where}: expected the {column} of the other lines of {name!r}, "
@@ -187,6 +203,12 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
                 f"{line.row['outcome']!r} again; add the two up"
             )
         outcomes.append(line.row["outcome"])
+    for column in (SESSION, MATERIAL):
+        if first.row.get(column) == "":
+            raise InputError(
+                f"{first.where}: expected the name of a {column}, got none; write one for each "
+                "die, or leave the column out"
+            )
     throws = np.array([whole_count(line.where, line.row["throws"]) for line in lines])
     if not throws.any():
         raise InputError(f"{path}: expected throws of {name!r}, got none; leave the die out")
@@ -211,7 +233,8 @@ def _die(path: Path, name: str, lines: list[_Line]) -> CountedDie:
             "the die out"
         )
     counts = np.array([throws[list(group)].sum() for group in members])
-    return _make_counted_die(name, size, labels, counts, die)
+    counted = _make_counted_die(name, size, labels, counts, die)
+    return replace(counted, session=first.row.get(SESSION), material=first.row.get(MATERIAL, ""))
 
 
 def _measure_mesh(path: Path, name: str, mesh: Path, lines: list[_Line]) -> MatchedDie:

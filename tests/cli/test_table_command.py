@@ -71,7 +71,7 @@ def test_a_fit_predicts_other_dice(
         row["restitution"] for row in answer["posterior"]
     ]
     assert len(drawn) == 32
-    assert np.diag(answer["correlations"]) == pytest.approx(np.ones(5))
+    assert np.diag(answer["correlations"]) == pytest.approx(np.ones(7))
     die, twin = answer["dice"]
     assert die["outcomes"] == ["A or B", "C or D", "E or F"]
     assert (die["throws"], die["degrees"]) == ([120, 50, 30], 2)
@@ -95,7 +95,38 @@ def test_a_fit_predicts_other_dice(
     assert float(lines["box"].split()[3]) == pytest.approx(die["chi_square"], abs=0.006)
     assert "not fitted" in lines["twin"]
     assert "32 sets of parameters, 10 drops of each die for each" in text
+    (session,) = answer["sessions"]
+    low, height, high = np.array(session["quantiles"])[:, 0]
+    start = f"session box: a drop from about {height:.2g} sizes ({low:.2g} to {high:.2g}), a "
+    assert start in text
+    assert session["typical"][0] == pytest.approx(0.025 * height)
     assert f"total variation from the target {variation:.4f} on the fitted table" in text
+
+
+@compiled_only
+@pytest.mark.usefixtures("few_points")
+def test_sessions_and_materials_of_a_file(
+    throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, *rows = throws.read_text().splitlines()
+    lines = [f"{first},session,material,size_mm"]
+    for name, more in (("box", "1st,oak,20"), ("twin", "1st,glass,20"), ("new", "2nd,oak,")):
+        lines += [f"{row.replace('box', name, 1)},{more}" for row in rows]
+    throws.write_text("\n".join(lines) + "\n")
+    out = tmp_path / "mine.json"
+    assert fit("--throws", throws, "--out", out) == 0
+    text, notes = capsys.readouterr()
+    assert notes == f"note: wrote {out}, with the materials oak\n"
+    assert text.count("session 1st: a drop from") == text.count("a = 20 mm falls from") == 1
+    assert text.count("session 2nd: a drop from") == text.count("a = 25 mm falls from") == 1
+    lines = text.splitlines()
+    oak, glass = (
+        next(line.split() for line in lines if line.startswith(f"restitution of {material}"))
+        for material in ("oak", "glass")
+    )
+    assert float(oak[3]) == load_table(str(out)).restitution
+    # Standard deviation and limits of the prior.
+    assert oak[-4:] == glass[-4:] == ["0.23", "0.1", "to", "0.9"]
 
 
 @compiled_only
@@ -121,6 +152,10 @@ def test_a_killed_fit_resumes_with_equal_results(
     kill_at_write([*command, "--out", str(parts), "--jobs=1"], 20)
     assert fit("--throws", throws, "--out", parts, "--seed", "1") == 2
     assert "expected a checkpoint of this seed, got one of another" in capsys.readouterr().err
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dicedesign.cli.table_fit.MODEL", "one of an earlier version")
+        assert fit("--throws", throws, "--out", parts) == 2
+    assert "expected a checkpoint of this model, got one of another" in capsys.readouterr().err
     throws.write_text(throws.read_text().replace(",60,", ",61,"))
     assert fit("--throws", throws, "--out", parts) == 2
     assert "expected a checkpoint of this set of throws, got" in capsys.readouterr().err

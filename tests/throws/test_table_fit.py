@@ -15,6 +15,7 @@ from scipy import stats
 from scipy.special import expit, xlogy
 
 from dicedesign.throws import sessions as simulated
+from dicedesign.throws import table_fit
 from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
 from dicedesign.throws.probability_surrogate import (
     LEVEL,
@@ -23,14 +24,15 @@ from dicedesign.throws.probability_surrogate import (
     effective,
     sample_posterior,
 )
-from dicedesign.throws.sessions import BETWEEN, PARAMETERS, SIZE
+from dicedesign.throws.sessions import HANDS, SIZE, SURFACES, Prior
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
     SERIES,
     TableFit,
-    check_table,
+    check_die,
     fit_table,
     predict,
+    scatter_probabilities,
 )
 from dicedesign.throws.tables import Table, least_of, load_table
 from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
@@ -102,27 +104,45 @@ def die(name: str, counts: Sequence[int], size: float | None = SIZE) -> CountedD
     return CountedDie(name, body, size, ("a", "b"), np.array(counts), even, shows, poses)
 
 
-def test_likelihood() -> None:
-    """Against the multinomial formula, and its mean over draws of the probabilities."""
-    points = np.array([[0.2, 0.5], [0.7, 0.9]])
-    counts = np.array([30, 0, 50])
+def surrogate_of_three(counts: Sequence[int]) -> ProbabilitySurrogate:
+    """Surrogate of a die with three outcomes of `true_probabilities`, and some counts."""
     rng = np.random.default_rng(4)
     sets = rng.random((100, 2))
-    simulated_counts = np.array([rng.multinomial(500, p) for p in true_probabilities(sets)])
-    real = replace(die("three", [0, 0]), counts=counts)
-    surrogate = ProbabilitySurrogate.through(real, sets, simulated_counts)
-    of_probabilities = counts[[0, 2]] @ np.log(surrogate.probabilities(points)[:, [0, 2]].T)
-    best = 30 * np.log(30 / 80) + 50 * np.log(50 / 80)
-    plain = surrogate.log_likelihood(points, False)
-    assert plain == pytest.approx(of_probabilities - best, abs=1e-10)
-    rng = np.random.default_rng(6)
-    first, second = (
-        expit(p.means(points) + np.sqrt(p.variances(points)) * rng.normal(size=(200_000, 2)))
-        for p in surrogate.processes
+    came = np.array([rng.multinomial(500, p) for p in true_probabilities(sets)])
+    return ProbabilitySurrogate.through(
+        replace(die("three", [0, 0]), counts=np.array(counts)), sets, came
     )
-    drawn = first**30 * ((1.0 - first) * (1.0 - second)) ** 50
-    exact = surrogate.log_likelihood(points, True)
-    assert exact == pytest.approx(np.log(drawn.mean(axis=0)) - best, abs=0.01)
+
+
+POINTS = np.array([[0.2, 0.5], [0.7, 0.9]])
+
+
+@pytest.mark.parametrize("concentration", [8.0, 300.0, 1e5])
+def test_likelihood_is_dirichlet_multinomial(concentration: float) -> None:
+    """Against SciPy's, and its mean over draws of the probabilities."""
+    counts = np.array([30, 0, 50])
+    surrogate = surrogate_of_three(counts)
+    reference = stats.dirichlet_multinomial.logpmf
+    orders = stats.multinomial.logpmf(counts, 80, counts / 80)
+    each = np.full(2, concentration)
+    wanted = [reference(counts, concentration * p, 80) for p in surrogate.probabilities(POINTS)]
+    plain = surrogate.log_likelihood(POINTS, each, False)
+    assert plain == pytest.approx(np.array(wanted) - orders, abs=1e-7)
+    rng = np.random.default_rng(6)
+    for point, got in zip(POINTS, surrogate.log_likelihood(POINTS, each, True), strict=True):
+        drawn = surrogate.probabilities(np.tile(point, (40_000, 1)), rng)
+        mean = np.exp(reference(counts, concentration * drawn, 80)).mean()
+        assert got == pytest.approx(np.log(mean) - orders, abs=0.02)
+
+
+def test_scattered_probabilities() -> None:
+    """Their counts are Dirichlet-multinomial."""
+    rng = np.random.default_rng(5)
+    means = np.tile([0.2, 0.8], (40_000, 1))
+    drawn = scatter_probabilities(means, np.full(len(means), 20.0), rng)
+    assert drawn.sum(axis=1) == pytest.approx(np.ones(len(means)))
+    came = np.bincount(rng.binomial(6, drawn[:, 0]), minlength=7) / len(means)
+    assert came == pytest.approx(stats.betabinom.pmf(np.arange(7), 6, 4.0, 16.0), abs=0.01)
 
 
 def by_restitution(restitution: np.ndarray) -> np.ndarray:
@@ -140,7 +160,7 @@ def by_height(height: np.ndarray, restitution: np.ndarray) -> np.ndarray:
 def simulate_known(die: CountedDie, table: Table, drops: int, seed: Sequence[int]) -> np.ndarray:
     """Counts from known probabilities instead of simulated ones."""
     restitution = np.array(table.restitution)
-    if die.name == "hand":
+    if die.name.startswith("hand"):
         p = by_height(np.mean(table.height), restitution)
     elif die.name == "second":
         p = by_friction(np.array(table.friction), restitution)
@@ -168,22 +188,33 @@ def fit() -> TableFit:
 
 
 def grid() -> tuple[np.ndarray, np.ndarray]:
-    axes = [np.linspace(*PARAMETERS[name], 401) for name in ("restitution", "friction")]
+    axes = [np.linspace(*SURFACES[name], 201) for name in ("restitution", "friction")]
     e, mu = np.meshgrid(*axes, indexing="ij")
     return e, mu
 
 
-def likelihoods() -> tuple[np.ndarray, np.ndarray]:
+SCATTERS = np.geomspace(*HANDS["scatter"], 25)
+
+
+def by_scatter(p: np.ndarray, count: int, throws: int) -> np.ndarray:
+    """Likelihoods (s, ...) of a count at probabilities (...), for each of `SCATTERS`."""
+    concentration = 1.0 / SCATTERS.reshape(-1, *[1] * p.ndim) - 1.0
+    return stats.betabinom.pmf(count, throws, concentration * p, concentration * (1.0 - p))
+
+
+def likelihoods() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the first die's counts, the second's, and both, for each of `SCATTERS`."""
     e, mu = grid()
-    p, q = by_restitution(e), by_friction(mu, e)
-    return p**160 * (1 - p) ** 240 * 1e110, q**200 * (1 - q) ** 300 * 1e140
+    first = by_scatter(by_restitution(e), 160, 400)
+    second = by_scatter(by_friction(mu, e), 200, 500)
+    return first, second, first * second
 
 
 def test_the_posterior_of_known_probabilities(fit: TableFit) -> None:
     """Against quadrature over the two parameters on which the probabilities depend."""
     e, mu = grid()
-    first, second = likelihoods()
-    weights = first * second / (first * second).sum()
+    _, _, both = likelihoods()
+    weights = both.sum(axis=0) / both.sum()
     for name, values in (("restitution", e), ("friction", mu)):
         mean = (weights * values).sum()
         deviation = np.sqrt((weights * (values - mean) ** 2).sum())
@@ -195,21 +226,24 @@ def test_the_posterior_of_known_probabilities(fit: TableFit) -> None:
         limits = values.ravel()[order[np.searchsorted(share, [0.05, 0.95])]]
         assert parameter.interval == pytest.approx(limits, abs=0.5 * deviation)
         assert parameter.fitted == pytest.approx(mean, abs=deviation)
-        assert parameter.searched == PARAMETERS[name]
+        assert parameter.searched == SURFACES[name]
+        assert parameter.prior_deviation == pytest.approx(np.ptp(values) / 12**0.5, rel=1e-3)
     assert fit.correlations[0, 1] < -0.4
     assert fit.log_likelihood > -1.0
 
 
 def test_each_die_is_predicted_without_its_own_counts(fit: TableFit) -> None:
     e, mu = grid()
-    first, second = likelihoods()
+    first, second, both = likelihoods()
     for number, weights, probabilities in (
         (0, second, by_restitution(e)),
         (1, first, by_friction(mu, e)),
-        (2, first * second, by_restitution(e)),
+        (2, both, by_restitution(e)),
     ):
-        mean = (weights * probabilities).sum() / weights.sum()
-        deviation = np.sqrt((weights * (probabilities - mean) ** 2).sum() / weights.sum())
+        weights = weights / weights.sum()
+        mean = (weights * probabilities).sum()
+        scattered = SCATTERS[:, None, None] * probabilities * (1.0 - probabilities)
+        deviation = np.sqrt((weights * ((probabilities - mean) ** 2 + scattered)).sum())
         prediction = fit.dice[number].left_out
         assert prediction is not None
         assert prediction.probabilities[0] == pytest.approx(mean, abs=0.25 * deviation)
@@ -228,26 +262,96 @@ def test_a_posterior_table_is_a_draw_of_the_posterior_and_of_a_session(fit: Tabl
     assert all(least_of(table.height) >= 0.04 for table in fit.posterior)
     # Wider than the prior of the center by the sessions.
     speeds = np.log([np.mean(table.speed) for table in fit.posterior])
-    least, most = PARAMETERS["speed"]
-    wide = np.sqrt(np.log(most / least) ** 2 / 12.0 + BETWEEN**2)
+    (least, most), between = HANDS["speed"], np.geomspace(*HANDS["between"], 99)
+    wide = np.sqrt(np.log(most / least) ** 2 / 12.0 + np.square(between).mean())
     assert speeds.std() == pytest.approx(wide, rel=0.3)
 
 
-def test_sessions_differ_in_hands() -> None:
-    """Against quadrature over restitution, the center of heights, and a session about it."""
-    refit = fit_table([die("hand", [160, 240])], START, 64, 2000, 3, workers=Inline())
-    e = np.linspace(*PARAMETERS["restitution"], 81)[:, None, None]
-    center = np.geomspace(*PARAMETERS["height"], 81)[:, None]
-    session = np.linspace(-4.0, 4.0, 81)
-    p = by_height(center * np.exp(BETWEEN * session), e)
-    likelihood = p**160 * (1 - p) ** 240 * 1e115
-    weights = (likelihood * np.exp(-0.5 * session**2)).sum(axis=2)
+@pytest.mark.parametrize("session", [None, "evening"])
+def test_dice_of_one_session_share_its_hand(session: str | None) -> None:
+    """Against quadrature over restitution, the center of heights, the spread of sessions, and the
+    session of each die."""
+    dice = [replace(die("hand", counts), session=session) for counts in ([160, 240], [120, 180])]
+    dice[1] = replace(dice[1], name="hand 2")
+    refit = fit_table(dice, START, 64, 2000, 3, workers=Inline())
+    e = np.linspace(*SURFACES["restitution"], 31)[:, None, None, None]
+    center = np.geomspace(*HANDS["height"], 31)[:, None, None]
+    between = np.geomspace(*HANDS["between"], 7)[:, None]
+    z = np.linspace(-4.0, 4.0, 41)
+    p = by_height(SIZE * center * np.exp(between * z), e)
+    at = np.linspace(1e-3, 1.0 - 1e-3, 999)
+    first, second = by_scatter(at, 160, 400), by_scatter(at, 120, 300)
+    normal = np.exp(-0.5 * z**2)
+    weights = np.zeros(p.shape[:3])
+    for one, other in zip(first, second, strict=True):
+        one, other = np.interp(p, at, one), np.interp(p, at, other)
+        if session is None:
+            weights += (one @ normal) * (other @ normal) / normal.sum()
+        else:
+            weights += (one * other) @ normal
     weights /= weights.sum()
-    for name, values in (("restitution", e[..., 0]), ("height", center.T)):
+    for name, values in (
+        ("restitution", e[..., 0]),
+        ("height", center[..., 0]),
+        ("between", between[..., 0]),
+    ):
         mean = (weights * values).sum()
         deviation = np.sqrt((weights * (values - mean) ** 2).sum())
         assert refit.parameters[name].mean == pytest.approx(mean, abs=0.25 * deviation)
         assert refit.parameters[name].standard_deviation == pytest.approx(deviation, rel=0.2)
+    assert [one.name for one in refit.sessions] == (
+        ["hand", "hand 2"] if session is None else [session]
+    )
+    for one in refit.sessions:
+        assert (np.diff(one.quantiles, axis=0) > 0.0).all()
+        assert one.typical[0] == pytest.approx(SIZE * one.quantiles[1, 0])
+
+
+def test_known_parameters_of_many_dice_are_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two materials and of the scatter, from throws with known probabilities."""
+    monkeypatch.setattr(table_fit, "PILOT", (2**9, 2))
+    monkeypatch.setattr(table_fit, "FINAL", (2**9, 2))
+    rng = np.random.default_rng(8)
+    true = {"restitution of steel": 0.4, "restitution of plastic": 0.7, "scatter": 0.004}
+    dice = []
+    for material in ("steel", "plastic"):
+        p = by_restitution(np.array(true[f"restitution of {material}"]))
+        means, concentration = np.array([[p, 1.0 - p]]), np.array([1.0 / true["scatter"] - 1.0])
+        for i in range(6):
+            counts = rng.multinomial(1000, scatter_probabilities(means, concentration, rng)[0])
+            dice.append(replace(die(f"{material} {i}", counts.tolist()), material=material))
+    refit = fit_table(dice, START, 32, 2000, 3, workers=Inline())
+    for name, value in true.items():
+        parameter = refit.parameters[name]
+        low, high = parameter.interval
+        assert low < value < high
+        assert parameter.standard_deviation < 0.8 * parameter.prior_deviation
+    assert list(refit.tables) == ["steel", "plastic"]
+    for material, table in refit.tables.items():
+        assert table.restitution == refit.parameters[f"restitution of {material}"].fitted
+    steel = refit.parameters["restitution of steel"]
+    drawn = np.mean([table.restitution for table in refit.posterior])
+    assert drawn == pytest.approx(steel.mean, abs=steel.standard_deviation)
+
+
+def test_similar_throws_in_units_of_the_die() -> None:
+    """A session is equal for all its dice, and its spread is that of its logarithms."""
+    prior = Prior(("wood", "steel"))
+    assert list(prior.limits)[:4] == [
+        "restitution of wood",
+        "friction of wood",
+        "restitution of steel",
+        "friction of steel",
+    ]
+    points = np.full(9, 0.5)
+    e, mu, height, speed, spin = prior.session_values(points, np.array([1.0, 0.0, -1.0]), "steel")
+    between = np.sqrt(np.prod(HANDS["between"]))
+    assert (e, mu) == pytest.approx((0.5, 0.625))
+    assert height == pytest.approx(np.sqrt(50.0) * np.exp(between))
+    assert speed == pytest.approx(np.sqrt(1.5))
+    assert spin == pytest.approx(np.sqrt(1.25) * np.exp(-between))
+    (scatter,) = 1.0 / (1.0 + prior.concentration(points[None]))
+    assert scatter == pytest.approx(np.sqrt(2e-7))
 
 
 def test_prediction_with_known_probabilities_is_the_likelihood_ratio_test() -> None:
@@ -287,12 +391,12 @@ def test_a_die_thrown_on_the_same_table() -> None:
     counts_of_facets = simulate(body, DEAD, 600, seed=1).counts
     real = np.array([counts_of_facets[groups == side].sum() for side in range(3)])
     probabilities = np.array([0.1, 0.2, 0.7])
-    die = CountedDie("box", body, 0.03, ("x", "y", "z"), real, probabilities, groups, poses)
+    die = CountedDie("box", body, None, ("x", "y", "z"), real, probabilities, groups, poses)
     progress: list[int] = []
-    (check,) = check_table([die], DEAD, 700, 2, progress=progress.append)
+    check = check_die(die, DEAD, 700, 2, progress=progress.append)
     assert sum(progress) == 700
     assert check.unresolved == 0
-    same = simulate(body, Table("dead", 0.0, 0.5, 0.03, 0.0, 0.0, size=0.03), 700, seed=2).counts
+    same = simulate(body, DEAD, 700, seed=2).counts
     wanted = [same[groups == side].sum() for side in range(3)]
     assert check.simulated.tolist() == wanted
     assert check.probabilities.sum() == pytest.approx(1.0)
@@ -308,6 +412,7 @@ def test_published_dice_are_consistent_with_board_game() -> None:
     """And two of them not with the probabilities without momentum."""
     throws = public_data("published/throws.csv")
     names = ["binomial2", "binomial3", "binomial4", "2d6_hendecahedron"]
-    checks = check_table(read_throw_counts(throws, names), load_table("board-game"), 4000, 12)
+    table = load_table("board-game")
+    checks = [check_die(die, table, 4000, 12) for die in read_throw_counts(throws, names)]
     assert all(check.chi_square.p_value > 0.01 for check in checks)
     assert [check.geometric.p_value > 0.01 for check in checks] == [True, True, False, False]

@@ -78,6 +78,19 @@ def _probabilities(box: Path) -> np.ndarray:
     return rest_poses(read_body(box)).probabilities
 
 
+def test_sessions_and_materials(run: Path, tmp_path: Path) -> None:
+    """Without the columns, each die has a session of its own, and all have one material."""
+    text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\nc,run,z,5\nc,run,x,7\n"
+    first, second = read_throw_counts(write_counts(tmp_path, text))
+    assert first.session_key != second.session_key
+    assert (first.material, second.material) == ("", "")
+    header, *rows = text.splitlines()
+    text = "\n".join([header + ",session,material", *(f"{row},b,oak" for row in rows)])
+    first, second = read_throw_counts(write_counts(tmp_path, text))
+    assert first.session_key == second.session_key == ("b", "")
+    assert (first.session, second.material) == ("b", "oak")
+
+
 def test_a_run(run: Path, tmp_path: Path) -> None:
     """Outcomes are matched by labels, without probabilities; the size is in millimeters."""
     text = "die,mesh,outcome,throws\nb,run,z,5\nb,run,x,7\nb,run,y,9\n"
@@ -113,6 +126,14 @@ def test_a_run(run: Path, tmp_path: Path) -> None:
             "line 3: expected the size_mm of the other lines of 'b', '20', got '21'",
         ),
         ("die,mesh,outcome,throws\nb,run,x,2\nb,run,w,1\n", "expected a stable facet with the"),
+        (
+            "die,mesh,outcome,throws,session\nb,run,x,2,a\nb,run,y,2,b\n",
+            "line 3: expected the session of the other lines of 'b', 'a', got 'b'; give the die",
+        ),
+        (
+            "die,mesh,outcome,throws,material\nb,run,x,2,\nb,run,y,2,\n",
+            "line 2: expected the name of a material, got none; write one for each die, or leave",
+        ),
     ],
 )
 def test_invalid_files(box: Path, run: Path, tmp_path: Path, text: str, message: str) -> None:
