@@ -85,7 +85,7 @@ FIRM = 1.5
 """Firmness (see `design_hull`) of a design after one whose prints could be better."""
 
 TURN = 0.3
-"""Standard deviation of random changes of the outcomes' directions once all choices were tried."""
+"""Standard deviation of random changes of the outcomes' directions once all were tried."""
 
 EXTRA_APART = math.radians(20.0)
 """Angle between outcomes beyond the required one at the start of a design, which may reduce it."""
@@ -148,16 +148,18 @@ class Attempts:
         )
 
     @cached_property
-    def choices(self) -> list[Floats]:
-        """(k, 3) directions of the outcomes, for one attempt after the other, on different facets
-        of the original."""
-        wanted, different = self.problem.apart, dict[object, Floats]()
+    def drafts(self) -> list[HullDraft]:
+        """The original hull with directions of the outcomes, for one attempt after the other; no
+        two begin on the same facets."""
+        wanted, different = self.problem.apart, dict[object, HullDraft]()
         apart = max(wanted, min(wanted + EXTRA_APART, MAX_APART))
-        for choice in outcome_choices(self.problem.hull, self.target, apart, self.seed):
-            draft = HullDraft.of(self.problem.hull.vertices, choice)
-            assert draft is not None
+        choices = outcome_choices(self.problem.hull, self.target, apart, self.seed)
+        original = HullDraft.of(self.problem.hull.vertices, choices[0])
+        assert original is not None
+        for directions in choices:
+            draft = replace(original, directions=directions)
             facets = sorted(zip(draft.facets.tolist(), self.target.tolist(), strict=True))
-            different.setdefault(tuple(facets), choice)
+            different.setdefault(tuple(facets), draft)
         return list(different.values())
 
     def attempt(self, number: int, best: FilledHull | None) -> FilledHull | None:
@@ -165,7 +167,7 @@ class Attempts:
 
         number: number of the attempt, from 1 on.
         """
-        problem, choices = self.problem, self.choices
+        problem, drafts = self.problem, self.drafts
         random = np.random.default_rng([self.seed, number])
         on_step = partial(self.on_step, "hull")
         if self.options.hull == "paper":
@@ -173,14 +175,13 @@ class Attempts:
             from dicedesign.concave.paper_hull import search_hull
 
             paper = self.options.paper or ConcavePaperOptions()
+            choices = [draft.directions for draft in drafts]
             design = search_hull(problem, choices, paper, random, on_step, plain=number == 1)
             return self._fill(problem, design, best)
-        directions = choices[(number - 1) % len(choices)]
-        if number > len(choices):
-            directions = unit_vectors(directions + TURN * random.normal(size=directions.shape))
-        draft = HullDraft.of(problem.hull.vertices, directions)
-        if draft is None:
-            return None
+        draft = drafts[(number - 1) % len(drafts)]
+        if number > len(drafts):
+            turned = draft.directions + TURN * random.normal(size=draft.directions.shape)
+            draft = replace(draft, directions=unit_vectors(turned))
         if self.wall is not None:
             return self._fill_about_cavity(draft, best, self.wall, on_step)
         best_fill, metric, firmness = None, NEAREST, 1.0
