@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.frame import Report, make_die, processes
-from benchmarks.models import is_model, model_names, random_model
+from benchmarks.models import break_surface, is_model, model_names, random_model
 from dicedesign import InputError, Result, parse_recipe
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.geometry.meshes.reading import stl_bytes
@@ -80,6 +80,7 @@ class Case:
     model: name of a built-in one, or path of a file. target: as typed; fill: as typed.
     seconds: after which a die as wanted is not brought nearer to its model; None for no limit.
     most_points: to which larger surfaces are decimated first; None to leave them.
+    is_broken: whether a built-in model is broken first, and repaired by the recipe.
     """
 
     model: str
@@ -87,6 +88,7 @@ class Case:
     fill: str
     seconds: float | None
     most_points: int | None
+    is_broken: bool = False
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -118,13 +120,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default="correspondence",
         help="how the surface is made to fill its hull (default: correspondence)",
     )
+    parser.add_argument(
+        "--broken", action="store_true", help="models have holes and loose parts, to be repaired"
+    )
     parser.add_argument("--seconds", type=float, metavar="S", help="no improvement after that")
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """A row for each die, then one for each target and fill: in tables of their own where fills are
     compared, and for the meshes that were given."""
-    prefix = "fills " if options.fill == "both" else ""
+    prefix = "fills " if options.fill == "both" else "broken " if options.broken else ""
     columns = (
         "model 17s | target 12s | fill 14s | points 6d | s 6.1f | |p - q| 8.1e | "
         "elsewhere 8.1e | meet 4d | apart 6.1f | margin 6.1f | mean 7.2% | largest 7.1% | "
@@ -163,7 +168,7 @@ def cases_of(options: argparse.Namespace) -> Iterator[Case]:
         for model in models:
             for fill in fills:
                 most = most_points if fill == "paper" else None
-                yield Case(model, target, fill, seconds, most)
+                yield Case(model, target, fill, seconds, most, options.broken)
 
 
 def attempt(case: Case) -> tuple[dict[str, Any], str]:
@@ -175,6 +180,8 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
             if not path.is_file():
                 name = case.model
                 surface = shape(name) if name in SHAPES else random_model(name)
+                if case.is_broken:
+                    surface = break_surface(surface, len(surface.points))
                 path = Path(folder) / "model.stl"
                 path.write_bytes(stl_bytes(surface))
             work = make_die(parse_recipe(entries_of(case, path)), "start")
@@ -202,7 +209,7 @@ def entries_of(case: Case, path: Path) -> dict[str, Any]:
     concave: dict[str, Any] = {} if case.seconds is None else {"seconds": case.seconds}
     if case.fill == "paper":
         concave |= {"hull": "paper", "fill": "paper", "attempts": 3}
-    start = {"mesh": {"path": str(path)}}
+    start = {"mesh": {"path": str(path), "repair": case.is_broken}}
     return {"name": "die", "target": target, "start": start, "method": {"concave": concave}}
 
 

@@ -19,8 +19,9 @@ from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.manifold import mesh_of
+from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.surfaces.closed_surface import make_surface, refine
-from dicedesign.geometry.triangles import Surface
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.runtime.arrays import Booleans, Floats
 
 SEED = 2024
@@ -68,6 +69,35 @@ def random_model(name: str) -> Surface:
         surface = _draw_surface(kind, rng)
         if surface is not None and _is_good(surface):
             return surface
+
+
+HOLES, HOLE_REACH = 3, 0.04
+"""Number of holes in a broken model, and their radius over the diagonal."""
+
+
+def break_surface(surface: Surface, seed: int) -> Surface:
+    """Triangles like those of careless downloads: three round holes, a ball that is stuck through
+    the surface as a part of its own, another inside as an inner wall, and one triangle in fifty
+    twice."""
+    random, points, triangles = np.random.default_rng(seed), surface.points, surface.triangles
+    middles, diagonal = points[triangles].mean(axis=1), surface.diagonal
+    holes = middles[random.choice(len(middles), HOLES)]
+    distances = norms(middles[:, None] - holes).min(axis=1)
+    kept = triangles[distances > HOLE_REACH * diagonal]
+    kept = np.concatenate([kept, random.choice(kept, len(kept) // 50)])
+    ball = mesh_of(Manifold.sphere(1.0, 24))
+    place = int(random.integers(len(kept)))
+    outside = points[kept[place]].mean(axis=0)
+    inward = -unit_vectors(doubled_area_vectors(points, kept[place, None])[0])
+    through, inside = (
+        diagonal * (radius * ball.points + depth * inward) + outside
+        for radius, depth in ((0.05, 0.01), (0.01, 0.02))
+    )
+    first, second = len(points), len(points) + len(ball.points)
+    return Surface(
+        np.concatenate([points, through, inside]),
+        np.concatenate([kept, ball.triangles + first, ball.triangles + second]),
+    )
 
 
 def _number(digits: str) -> int:

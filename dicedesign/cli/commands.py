@@ -441,17 +441,15 @@ class RollsArguments(WithJson):
 class TableArguments(WithJson, WithWorkers):
     help_text = """Fit a table's throw parameters to counts of real dice.
 
-    Fits restitution and friction of each material, the throws of each session (drop height, speed,
-    spin), and the scatter beyond chance. Predicts each die from the others, and tests the fit with
-    new drops. The table file is of the first die's material, and holds 32 posterior tables.
-    With --out, repeat the command to resume. The exit code is 1 if no table explains some counts.
+    Fits restitution and friction of each material, throws of each session, and scatter beyond
+    chance. Predicts each die from the others, and tests the fit with new drops. The file is of the
+    first die's material; repeat with --out to resume. Exit code 1: no table explains some counts.
 
     Options:
     action: the word fit
     throws (CSV): one line per outcome: columns die, mesh (file, or folder written by `dicedesign
         run`, relative to the CSV), outcome, throws; for mesh files also geometric (probability
-        without momentum); optional com (x y z), size_mm, session (default: one for each die) and
-        material of die and table (default: one for all)
+        without momentum); optional com (x y z), size_mm, session (default: one a die), material
     rolls (FOLDER ROLLS.csv): a folder written by `dicedesign run`, and throws as for `dicedesign
         rolls`; may be repeated
     dice (NAME,...): fit to these dice of the file (default: all)

@@ -26,13 +26,13 @@ from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
 from dicedesign.throws.distances import jeffreys_means, measure_variation
 from dicedesign.throws.engines import CONTACT_LAW, require_engine
+from dicedesign.throws.goodness_of_fit import Prediction
 from dicedesign.throws.sessions import MODEL
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.table_fit import (
     CREDIBLE_LEVEL,
     DieCheck,
     DieFit,
-    Prediction,
     TableFit,
     check_die,
     check_effort,

@@ -12,22 +12,21 @@ import numpy as np
 
 from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.correspondence import fill_by_correspondence
-from dicedesign.concave.hull_design import (
-    NEAREST,
-    UNCROSSED,
+from dicedesign.concave.hull_design import design_hull
+from dicedesign.concave.hull_draft import (
     HullDraft,
-    design_hull,
     make_designed_hull,
     relax_hull,
     settle_draft,
 )
 from dicedesign.concave.hull_problem import (
+    NEAREST,
+    UNCROSSED,
     DesignedHull,
     HeldCorners,
     HullProblem,
     point_masses,
 )
-from dicedesign.concave.nearer_hull import nearer_draft
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.concave.result import (
@@ -37,13 +36,13 @@ from dicedesign.concave.result import (
     angle_penalty,
     is_right,
     missing,
+    prints_above_preferred,
     rank,
 )
-from dicedesign.concave.slopes import SlopeOptions
 from dicedesign.concave.untangling import untangle
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.sphere import best_similarity, norms
+from dicedesign.geometry.sphere import best_similarity, norms, unit_vectors
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
@@ -72,21 +71,21 @@ EASED_SHARE = 0.8
 
 CLEARANCE = 0.01
 """Minimum clearance of a hull (`HullDraft.clearance`), over the circumscribed radius: 0.15 mm for a
-die of 30 mm. Steps back toward the original keep more at narrow facets."""
+die of 30 mm. Steps keep more at narrow facets."""
 
 SETTLED = 0.05
 """Shortfall of a draft up to which it may become a die: the last steps to the probabilities do not
 see the clearance."""
 
-SLOPES = SlopeOptions(fall=CLEARANCE, rise=4e-3, circle=math.radians(3.0))
-"""Slopes of the first attempts, if the margin needs no larger circle."""
+TRIES = 3
+"""Maximum number of designs of an attempt: again in another metric if the surface intersects
+itself, and firmer if its prints could be better."""
 
-CIRCLE_SHARE = 0.75
-"""Minimum radius of the circle around outcomes over the margin; the outer circle has 1.5 times the
-radius."""
+FIRM = 1.5
+"""Firmness (see `design_hull`) of a design after one whose prints could be better."""
 
-MAX_SLOPE_FACTOR = 1.5
-"""Maximum factor between slopes of later attempts and the first, once all choices were tried."""
+TURN = 0.3
+"""Standard deviation of random changes of the outcomes' directions once all were tried."""
 
 EXTRA_APART = math.radians(20.0)
 """Angle between outcomes beyond the required one at the start of a design, which may reduce it."""
@@ -149,18 +148,26 @@ class Attempts:
         )
 
     @cached_property
-    def choices(self) -> list[Floats]:
-        """(k, 3) directions of the outcomes, for one attempt after the other."""
-        wanted = self.problem.apart
+    def drafts(self) -> list[HullDraft]:
+        """The original hull with directions of the outcomes, for one attempt after the other; no
+        two begin on the same facets."""
+        wanted, different = self.problem.apart, dict[object, HullDraft]()
         apart = max(wanted, min(wanted + EXTRA_APART, MAX_APART))
-        return outcome_choices(self.problem.hull, self.target, apart, self.seed)
+        choices = outcome_choices(self.problem.hull, self.target, apart, self.seed)
+        original = HullDraft.of(self.problem.hull.vertices, choices[0])
+        assert original is not None
+        for directions in choices:
+            draft = replace(original, directions=directions)
+            facets = sorted(zip(draft.facets.tolist(), self.target.tolist(), strict=True))
+            different.setdefault(tuple(facets), draft)
+        return list(different.values())
 
     def attempt(self, number: int, best: FilledHull | None) -> FilledHull | None:
         """Design and fill a hull; None if that fails or cannot improve on the best die.
 
         number: number of the attempt, from 1 on.
         """
-        problem, choices = self.problem, self.choices
+        problem, drafts = self.problem, self.drafts
         random = np.random.default_rng([self.seed, number])
         on_step = partial(self.on_step, "hull")
         if self.options.hull == "paper":
@@ -168,32 +175,37 @@ class Attempts:
             from dicedesign.concave.paper_hull import search_hull
 
             paper = self.options.paper or ConcavePaperOptions()
+            choices = [draft.directions for draft in drafts]
             design = search_hull(problem, choices, paper, random, on_step, plain=number == 1)
             return self._fill(problem, design, best)
-        circle = max(SLOPES.circle, CIRCLE_SHARE * problem.margin)
-        factors = np.ones(3)
-        if number > len(choices):
-            largest = np.log(MAX_SLOPE_FACTOR)
-            factors = np.exp(random.uniform(-largest, largest, 3))
-        slopes = SlopeOptions(*(factors * [SLOPES.fall, SLOPES.rise, circle]).tolist())
-        draft = design_hull(problem, choices[(number - 1) % len(choices)], slopes, on_step)
-        if draft is None or not self._is_promising(problem, draft, best):
-            return None
+        draft = drafts[(number - 1) % len(drafts)]
+        if number > len(drafts):
+            turned = draft.directions + TURN * random.normal(size=draft.directions.shape)
+            draft = replace(draft, directions=unit_vectors(turned))
         if self.wall is not None:
-            return self._fill_about_cavity(draft, best, self.wall)
-        best_fill = None
-        for metric in (NEAREST, UNCROSSED):
-            filled = self._finish(problem, nearer_draft(problem, draft, metric), best)
+            return self._fill_about_cavity(draft, best, self.wall, on_step)
+        best_fill, metric, firmness = None, NEAREST, 1.0
+        for _ in range(TRIES):
+            designed = design_hull(problem, draft, on_step, metric, firmness)
+            filled = self._finish(problem, designed, best)
             if filled is None:
                 break
             if self.is_better(filled, best_fill):
                 best_fill = filled
-            if filled.draft.self_intersections == 0:
+            if filled.draft.self_intersections > 0 and metric is NEAREST:
+                metric = UNCROSSED
+            elif prints_above_preferred(filled.draft, self.options) > 0.0 and firmness < FIRM:
+                firmness = FIRM
+            else:
                 break
         return best_fill
 
     def _fill_about_cavity(
-        self, draft: HullDraft, best: FilledHull | None, wall: float
+        self,
+        draft: HullDraft,
+        best: FilledHull | None,
+        wall: float,
+        on_step: Callable[[float, float], None],
     ) -> FilledHull | None:
         """Fill a hull whose center of mass is moved by a cavity, as far as that reduces the
         bending."""
@@ -217,13 +229,13 @@ class Attempts:
             return False
 
         problem = with_room(self.problem.surface, SAFE_REACH)
-        nearer = nearer_draft(problem, draft)
+        nearer = design_hull(problem, draft, on_step)
         filled = self._finish(problem, nearer, best)
         if filled is None or not self.is_better(filled, best):
             return None
         if not has_room(filled):
             # Begin with a solid die, which has more room when it is bent less.
-            nearer = nearer_draft(self.problem, draft)
+            nearer = design_hull(self.problem, draft, on_step)
             filled = self._finish(self.problem, nearer, None)
         share = SAFE_REACH
         for _ in range(MAX_SHIFTS):
@@ -234,7 +246,7 @@ class Attempts:
                 problem = with_room(bent, share)
             except InputError:
                 break
-            further = nearer_draft(problem, nearer)
+            further = design_hull(problem, nearer, on_step)
             following = self._finish(problem, further, filled)
             if following is None or not self.is_better(following, filled):
                 break

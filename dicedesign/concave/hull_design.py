@@ -1,375 +1,224 @@
-"""Design of the hull of a surface for target probabilities, with a fixed center of mass.
+"""Design of the hull of a surface: the least displacement that gives it the target probabilities.
 
-The hull keeps its vertices, which move as smoothly and as little as the probabilities allow.
-Gauss-Newton steps in the metric of `HullMetric` bring the probabilities of clusters of rests to the
-target, while slopes (`SlopeMemory`) remove all rests but one of each outcome, which its direction
-follows. Levenberg-Marquardt steps then meet the probabilities to rounding; `nearer_draft` reduces
-the displacement of the surface.
+A hull keeps its probabilities in prints if the foot of the center of mass is deep inside the facet
+of each outcome and well outside of every other facet. How deep it is in a facet changes linearly
+with the facet's corners, in small steps. So a step is a quadratic program: the least work under
+bounds on the depths and equations for the probabilities. From the original hull steps first restore
+the limits, which change along curves; later steps go back toward the original as far as the limits
+allow.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import torch
-from scipy.spatial import cKDTree
 
-from dicedesign.concave.hull_problem import (
-    DesignedHull,
-    HeldCorners,
-    HullMetric,
-    HullProblem,
-    spread_points,
-)
-from dicedesign.concave.result import shortfall
-from dicedesign.concave.slopes import SlopeMemory, SlopeOptions, climbs, least_displacement
-from dicedesign.errors import DiceError
-from dicedesign.geometry.sphere import angle_between, foot_on_line, norms, unit_vectors
-from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
-from dicedesign.optimize.coordinates import Coordinates, VertexCoordinates
-from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.solvers.candidate import CandidateMaker, LevenbergMarquardt
-from dicedesign.rest.outcomes import assign_rests
+from dicedesign.concave.complementarity import solve_complementarity
+from dicedesign.concave.hull_draft import HullDraft
+from dicedesign.concave.hull_problem import NEAREST, HullMetric, HullProblem
+from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.sphere import norms
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
+
+REST_DEPTH = 0.1
+"""Least depth of the foot of the center of mass in the facets of outcomes, over the circumscribed
+radius: less lets bumps under a print tilt it by more than a rest may lean."""
+
+RESERVE = 1.2
+"""Factor of the required clearance that steps aim at."""
+
+ANGLE_RESERVE = 1.02
+"""Factor of the required tipping margin that steps aim at."""
+
+CORNER_ERROR = 0.009
+"""Error of corners for which narrow facets are given more clearance, over the circumscribed radius:
+nearly twice the standard deviation of an ordinary printer (`PrintErrors`) at 30 mm."""
+
+MAX_EXTRA_CLEARANCE = 0.04
+"""Largest clearance for this error, over the circumscribed radius."""
+
+NEARBY = 0.08
+"""Distance beyond the least clearance or depth, over the circumscribed radius, from which a facet
+is left out of the program; a later step takes it in if it comes nearer."""
+
+REGULARIZATION = 1e-8
+"""Relative increase of the diagonal, as bounds may depend on each other."""
+
+MAX_STEP = 0.1
+"""Largest length of a step, over the circumscribed radius. Long steps pass over rests that short
+ones are caught by."""
 
 MAX_GAIN = 0.05
 """Maximum change of a probability that one step aims at."""
 
-EXACT = 1e-12
-"""Largest |p - q| of an exact draft."""
+MAX_STEPS = 40
+"""Maximum number of steps."""
 
-SMOOTH = SobolevOptions(smoothing=5.0, power=2)
-"""Metric of the steps to an exact draft."""
+MAX_BOLD_STEPS = 24
+"""Number of steps that are not shortened until the limits are met for the first time."""
 
+MAX_REPAIRS = 2
+"""Maximum number of steps after each one that only restore the limits."""
 
-@dataclass(frozen=True)
-class HullDraft:
-    """Hull during its design.
+LONGER, SHORTER, HALF = 1.3, 0.7, 0.5
+"""Factors of the length of steps after one that keeps all limits, one that does not, and one that
+leads nowhere."""
 
-    Attributes
-    ----------
-    corners: (n, 3) moved vertices of the original hull, with the center of mass at the origin.
-    rests: rests of their hull.
-    directions: (k, 3) directions of the outcomes.
-    """
-
-    corners: Floats
-    rests: RestEvaluation
-    directions: Floats
-
-    @classmethod
-    def of(cls, corners: Floats, directions: Floats) -> HullDraft | None:
-        """Draft of a hull; None if there is no hull or the center of mass is outside."""
-        try:
-            rests = evaluate_rests(torch.from_numpy(corners), torch.zeros(3, dtype=torch.float64))
-        except DiceError:
-            return None
-        is_finite = np.isfinite(rests.probability_values).all()
-        return cls(corners, rests, directions) if is_finite else None
-
-    @cached_property
-    def rest_normals(self) -> Floats:
-        """(r, 3) normals of all rests."""
-        return self.rests.hull.normals[self.rests.paths.rests]
-
-    @cached_property
-    def main(self) -> Integers:
-        """(k,) rest nearest to the direction of each outcome."""
-        return np.argmax(self.directions @ self.rest_normals.T, axis=1)
-
-    @cached_property
-    def of_rest(self) -> Integers:
-        """(r,) outcome of each rest: the one that takes the smallest climb to reach."""
-        if self.alone:
-            return np.argsort(self.main)
-        climb = climbs(self.rests.hull.vertices, self.rest_normals, self.directions)
-        of_rest = np.argmin(climb, axis=1)
-        of_rest[self.main] = np.arange(len(self.main))
-        return np.asarray(of_rest, dtype=np.int64)
-
-    @property
-    def alone(self) -> bool:
-        """Whether each outcome has its own rest and there are no others."""
-        return len(self.rests.probability_values) == len(self.main) == len(np.unique(self.main))
-
-    @property
-    def normals(self) -> Floats:
-        """(k, 3) normals of the outcomes' main rests."""
-        return self.rest_normals[self.main]
-
-    @cached_property
-    def probabilities(self) -> Floats:
-        """(k,) probabilities of the outcomes."""
-        sums = np.bincount(self.of_rest, self.rests.probability_values, minlength=len(self.main))
-        return np.asarray(sums, dtype=np.float64)
-
-    @cached_property
-    def apart(self) -> float:
-        """Smallest angle between the main rests of two outcomes, in radians."""
-        pairs = np.stack(np.triu_indices(len(self.main), 1))
-        return float(angle_between(*self.normals[pairs]).min(initial=np.pi))
-
-    @cached_property
-    def margin(self) -> float:
-        """Smallest angle by which the body must be tipped to leave an outcome, in radians."""
-        paths, vertices = self.rests.paths, self.rests.hull.vertices
-        tail, head = vertices[paths.saddle_ends.T]
-        saddles = foot_on_line(tail, head, head - tail, np)
-        first, second = self.of_rest[paths.basins.T]
-        leaves = first != second
-        angles = angle_between(self.rest_normals[paths.basins[leaves]], saddles[leaves, None])
-        return float(angles.min(initial=np.pi))
-
-    def error(self, target: Floats) -> float:
-        """Largest |p - q|, or the probability of no outcome if that is larger."""
-        outcomes = assign_rests(self.rest_normals, self.rests.probability_values, self.normals)
-        return outcomes.error(target)
-
-    def shortfall(self, problem: HullProblem) -> float:
-        """Sum of the relative violations of all limits: of probabilities, angles and clearance; 0
-        if they are met."""
-        limits = [(self.apart, problem.apart), (self.margin, problem.margin)]
-        if problem.clearance > 0.0:
-            limits.append((self.clearance, problem.clearance))
-        return shortfall(self.error(problem.target), problem.tolerance, *limits)
-
-    @cached_property
-    def clearance(self) -> float:
-        """Smallest depth of the foot of the center of mass in an outcome's facet, or distance of it
-        outside of a facet that is no rest and not near the main rest of an outcome, over the
-        circumscribed radius; 0 if there are rests beside the main ones."""
-        depths, normals, main = self.rests.depths, self.rests.hull.normals, self.normals
-        if not self.alone:
-            return 0.0
-        aside = (normals @ main.T).max(axis=1) < math.cos(SAME_REST_ANGLE)
-        rests = depths[self.rests.paths.rests]
-        return max(0.0, float(np.concatenate([rests, -depths[aside]]).min()))
-
-    @property
-    def jacobian(self) -> Floats:
-        """(k, n, 3) derivatives of the probabilities by the corners."""
-        rests = self.rests
-        sums = np.zeros((len(self.main), *self.corners.shape))
-        by_corner = rests.jacobian.reshape(len(self.of_rest), -1, 3)
-        for outcome in range(len(self.main)):
-            sums[outcome, rests.hull.source] = by_corner[self.of_rest == outcome].sum(axis=0)
-        return sums
-
-
-def _least_work_step(
-    problem: HullProblem,
-    draft: HullDraft,
-    compliance: Floats,
-    memory: SlopeMemory,
-    directions: Floats,
-    step: int,
-) -> Floats:
-    """(n, 3) step of the corners toward the displacement of minimum work with the target."""
-    displacement = draft.corners - problem.hull.vertices
-    displacement = displacement + problem.shift(displacement)
-    conditions = memory.conditions(draft.rests, directions, draft.of_rest, step)
-    gains = np.clip(problem.target - draft.probabilities, -MAX_GAIN, MAX_GAIN)
-    # The last equation follows from the others.
-    following = least_displacement(
-        compliance,
-        displacement,
-        conditions,
-        conditions.excess(draft.corners),
-        draft.jacobian[:-1],
-        gains[:-1],
-    )
-    return following - displacement
-
-
-def make_designed_hull(problem: HullProblem, draft: HullDraft) -> DesignedHull:
-    """Place the hull of a draft as `HullProblem.designed`."""
-    hull, moved = draft.rests.hull, draft.corners - problem.hull.vertices
-    error = draft.error(problem.target)
-    return problem.designed(hull.vertices, hull.source, moved, draft.normals, error)
-
-
-class _AllCorners(VertexCoordinates):
-    """Vertices that stay parameters when they leave the hull, as each is a point of the surface."""
-
-    prune = Coordinates.prune
-
-
-def exact_draft(problem: HullProblem, draft: HullDraft) -> HullDraft | None:
-    """Move a draft without other rests to the target, to rounding; None if that fails."""
-    if not draft.alone:
-        return None
-    maker = CandidateMaker(np.zeros(3))
-    coordinates = _AllCorners(np.zeros(3), 1.0)
-    first = maker.attempt(coordinates, draft.corners.ravel(), draft.normals)
-    if first is None:
-        return None
-    trial = LevenbergMarquardt(problem.target, maker, EXACT / 2.0, SMOOTH).solve(first)
-    if trial.error(problem.target) > EXACT:
-        return None
-    return HullDraft.of(trial.parameters.reshape(-1, 3), trial.directions)
-
-
-STAGE_STEPS = 24
-"""Number of steps in each metric."""
-
-MAX_STEP = 0.03
-"""Maximum move of a corner in one step, over the circumscribed radius."""
-
-EXACT_FROM = 0.05
-"""Largest |p - q| from which the exact draft is tried."""
-
-METRICS = tuple(
-    HullMetric(tether=0.2, smoothing=1.0, elastic=elastic, displaced=1.0)
-    for elastic in (0.1, 0.03, 0.01)
-)
-"""Metrics of the steps, the stiffest first."""
-
-FOLLOWED = 0.5
-"""Share of the way to its main rest by which an outcome's direction moves in each step."""
-
-MIN_FOLLOWED_COSINE = math.cos(math.radians(35.0))
-"""Cosine of the largest angle to its main rest at which an outcome's direction follows it."""
-
-EXTRA_APART = math.radians(5.0)
-"""Angle beyond the required one that the directions of outcomes keep while they follow."""
-
-HOPELESS_DISPLACEMENT = 0.3
-"""Mean displacement of the corners, over the circumscribed radius, at which a design ends."""
+SHORTEST_STEP = 1e-3
+"""Length of a step at which the search ends, over the circumscribed radius."""
 
 
 def design_hull(
     problem: HullProblem,
-    directions: Floats,
-    slopes: SlopeOptions,
-    on_step: Callable[[float, float], None],
-) -> HullDraft | None:
-    """Design a hull with the target probabilities and no other rests; if that fails, the draft with
-    the smallest shortfall, or None if there was no hull.
+    draft: HullDraft,
+    on_step: Callable[[float, float], None] = lambda energy, error: None,
+    metric: HullMetric = NEAREST,
+    firmness: float = 1.0,
+) -> HullDraft:
+    """Hull with the target probabilities, no other rests, and little displacement; the draft with
+    the smallest shortfall where no steps lead to one.
 
-    directions: (k, 3) unit directions of the outcomes, which may be no rests of the original;
-    on_step: receives the energy and the largest |p - q| of every step.
+    Steps aim at a depth and at more clearance for narrow facets, but the shortfall and the
+    displacement decide.
+
+    draft: the original hull with the directions of the outcomes, which may be no rests of it, or
+    another hull to begin with. on_step: receives the mean squared displacement of the surface over
+    its squared diagonal and the largest |p - q| of every step. metric: of the work. firmness:
+    factor of the depths and of the corner errors that steps aim at.
     """
-    memory, best = SlopeMemory(slopes), None
-    corners, least = problem.hull.vertices, math.inf
-    for step in range(STAGE_STEPS * len(METRICS)):
-        draft = HullDraft.of(corners, directions)
-        if draft is None:
-            break
-        error = draft.error(problem.target)
-        on_step(float(((problem.target - draft.probabilities) ** 2).sum()), error)
-        if draft.alone and error < EXACT_FROM:
-            exact = exact_draft(problem, draft)
-            if exact is not None and exact.shortfall(problem) == 0.0:
-                return exact
-        violation = draft.shortfall(problem)
-        if violation == 0.0:
-            return draft
-        if violation < least:
-            best, least = draft, violation
-        # The directions follow their main rests as far as they stay apart.
-        followed, normals = directions.copy(), draft.normals
-        for number, main in enumerate(draft.main):
-            is_shared = np.count_nonzero(draft.main == main) > 1
-            if is_shared or normals[number] @ directions[number] < MIN_FOLLOWED_COSINE:
-                continue
-            nearer = (1.0 - FOLLOWED) * directions[number] + FOLLOWED * normals[number]
-            nearer = unit_vectors(nearer)
-            others = np.delete(followed, number, axis=0)
-            if (others @ nearer).max(initial=-1.0) < math.cos(problem.apart + EXTRA_APART):
-                followed[number] = nearer
-        directions = followed
-        compliance = problem.compliance(METRICS[step // STAGE_STEPS])
-        change = _least_work_step(problem, draft, compliance, memory, directions, step)
-        corners = corners + min(1.0, MAX_STEP / max(float(norms(change).max()), MAX_STEP)) * change
-        if norms(corners - problem.hull.vertices).mean() > HOPELESS_DISPLACEMENT:
+    size, original = draft.corners.size, problem.hull.vertices
+    compliance = problem.compliance(metric).reshape(size, size)
+    best, violation = draft, draft.shortfall(problem)
+    least = problem.displacement(draft.corners - original)
+    length = MAX_STEP
+    for step in range(MAX_STEPS):
+        following = _step(problem, draft, compliance, length, 1.0, firmness)
+        missing = math.inf if following is None else following.shortfall(problem)
+        for _ in range(MAX_REPAIRS):
+            if following is None or missing <= violation:
+                break
+            repaired = _step(problem, following, compliance, length, 0.0, firmness)
+            left = math.inf if repaired is None else repaired.shortfall(problem)
+            if left >= missing:
+                break
+            following, missing = repaired, left
+        if following is None:
+            length *= HALF
+        else:
+            draft = following
+            displacement = problem.displacement(draft.corners - original)
+            on_step(displacement**2, draft.error(problem.target))
+            if missing <= violation and (missing < violation or displacement < least):
+                best, violation, least = draft, missing, displacement
+            if missing <= violation:
+                length = min(MAX_STEP, LONGER * length)
+            elif violation == 0.0 or step >= MAX_BOLD_STEPS:
+                length *= SHORTER
+        if length < SHORTEST_STEP:
             break
     return best
 
 
-HALVINGS = 3
-"""Number of step lengths that are tried, each half of the one before."""
-
-CORRECTIONS = 6
-"""Maximum number of final Newton steps to the probabilities."""
-
-MAX_GROUPS = 16
-"""Maximum number of groups of corners that are eased in turn."""
-
-NEAREST = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
-"""Metric that mainly reduces the displacement of the surface."""
-
-UNCROSSED = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
-"""Metric that mainly reduces the elastic work, for surfaces that would intersect themselves."""
-
-
-def _move(
-    problem: HullProblem, draft: HullDraft, change: Floats, violation: float
+def _step(
+    problem: HullProblem,
+    draft: HullDraft,
+    compliance: Floats,
+    length: float,
+    back: float,
+    firmness: float,
 ) -> HullDraft | None:
-    """Move the corners by the first of a change (n, 3), its half and so on that keeps the shortfall
-    at most at `violation`; None if none does."""
-    for halving in range(HALVINGS):
-        following = HullDraft.of(draft.corners + 0.5**halving * change, draft.normals)
-        if (
-            following is not None
-            # Decides most cases without the angles.
-            and following.error(problem.target) <= (1.0 + violation) * problem.tolerance
-            and following.shortfall(problem) <= violation
-        ):
-            return following
-    return None
+    """Draft one step on, or None if the step leads nowhere.
 
-
-def settle_draft(problem: HullProblem, draft: HullDraft) -> HullDraft:
-    """Reduce the error of the probabilities of a draft as far as possible."""
-    exact = exact_draft(problem, draft)
-    if exact is not None:
-        return exact
-    compliance = problem.compliance(NEAREST)
-    for _ in range(CORRECTIONS):
-        # The last equation follows from the others.
-        jacobian = draft.jacobian[:-1]
-        raised = np.tensordot(jacobian, compliance, 2)
-        square = np.tensordot(jacobian, raised, ((1, 2), (1, 2)))
-        misses = (problem.target - draft.probabilities)[:-1]
-        step = np.tensordot(np.linalg.lstsq(square, misses)[0], raised, 1)
-        following = HullDraft.of(draft.corners + step, draft.normals)
-        if following is None or not following.error(problem.target) < draft.error(problem.target):
-            break
-        draft = following
-    return draft
-
-
-def relax_hull(
-    problem: HullProblem, design: DesignedHull, places: Floats, width: float
-) -> DesignedHull | None:
-    """Move corners of a design near given places to where the other corners would take them, as far
-    as the shortfall does not grow; None if no corner moves.
-
-    places: (p, 3) points of the original surface; width: largest distance of the corners from them,
-    over the circumscribed radius.
+    compliance: (3 n, 3 n) of the corners. length: move of a corner that a step aims at, and
+    violation of a bound that it removes at most, over the circumscribed radius; moves are at most
+    twice as long. back: largest share of the way back to the original, of which the step takes what
+    length and bounds leave; 0 for the least work that restores bounds and probabilities.
+    firmness: see `design_hull`.
     """
-    original = problem.hull.vertices
-    near = np.flatnonzero(cKDTree(places).query(original)[0] < width)
-    draft = HullDraft.of(original + design.moved, design.directions)
-    if draft is None or len(near) == 0:
+    displacement = draft.corners - problem.hull.vertices
+    moved = (displacement + problem.shift(displacement)).ravel()
+    bounded, bounds = _depth_bounds(problem, draft, firmness)
+    # A facet without a basin has no derivatives yet; the last equation follows from the others.
+    resting = np.flatnonzero(np.isin(draft.facets, draft.rests.paths.rests))[:-1]
+    jacobian = draft.jacobian[resting].reshape(len(resting), len(moved))
+    gains = np.clip(problem.target - draft.probabilities, -MAX_GAIN, MAX_GAIN)[resting]
+    conditions = np.concatenate([bounded, jacobian])
+    values = np.concatenate([np.maximum(bounds, -length), gains])
+    by_condition = conditions @ compliance
+    system = by_condition @ conditions.T
+    system[np.diag_indices(len(system))] *= 1.0 + REGULARIZATION
+    inactive = np.zeros(len(bounds), dtype=bool)
+
+    def change(back: float) -> Floats:
+        """(n, 3) step for a share of the way back."""
+        wanted = values + back * (conditions @ moved)
+        strengths = solve_complementarity(system, wanted, inactive)
+        return np.asarray((strengths @ by_condition - back * moved).reshape(-1, 3))
+
+    try:
+        step = change(back)
+        longest = float(norms(step).max())
+        if back > 0.0 and longest > length:
+            step = change(back * length / longest)
+            longest = float(norms(step).max())
+    except np.linalg.LinAlgError:
         return None
-    violation = draft.shortfall(problem)
-    middles = original[near][spread_points(original[near], MAX_GROUPS)]
-    distance, owner = cKDTree(middles).query(original)
-    # Corners of the surface if it is not bent.
-    unbent, is_eased = original - design.shift, False
-    for place in range(len(middles)):
-        is_free = (owner == place) & (distance < width)
-        held = HeldCorners(problem.elasticity, problem.source[~is_free])
-        followed = held.follow((draft.corners - unbent)[~is_free])
-        goal = draft.corners.copy()
-        goal[is_free] = unbent[is_free] + followed[problem.source[is_free]]
-        following = _move(problem, draft, goal - draft.corners, violation)
-        if following is not None:
-            draft, is_eased = following, True
-    return make_designed_hull(problem, settle_draft(problem, draft)) if is_eased else None
+    corners = draft.corners + min(1.0, 2.0 * length / max(longest, length)) * step
+    return HullDraft.of(corners, draft.normals)
+
+
+def _depth_bounds(problem: HullProblem, draft: HullDraft, firmness: float) -> tuple[Floats, Floats]:
+    """Bounds `rows @ change <= bounds` on a change (3 n) of the corners, with rows (s, 3 n).
+
+    The foot of the center of mass is to be `REST_DEPTH` inside the facet of each outcome, or as
+    deep as the tipping margin needs, and a clearance outside of the nearest edge of other facets,
+    but not of those near an outcome's; for narrow facets more, as errors of their corners tilt them
+    more.
+    """
+    hull = draft.rests.hull
+    depths, slopes, corners = edge_depths(hull)
+    clearance = RESERVE * problem.clearance
+    aside = (hull.normals @ draft.normals.T).max(axis=1) < math.cos(SAME_REST_ANGLE)
+    nearest = np.lexsort((depths, hull.facet))[hull.facet_start[:-1]]
+    outer = nearest[aside[hull.facet[nearest]] & (depths[nearest] > -clearance - NEARBY)]
+    extra = firmness * CORNER_ERROR * np.sqrt((slopes[outer] ** 2).sum((-2, -1)))
+    inner = np.flatnonzero(np.isin(hull.facet, draft.facets))
+    heights = (hull.normals[hull.facet[inner]] * hull.vertices[hull.tail[inner]]).sum(-1)
+    deep = np.maximum(firmness * REST_DEPTH, heights * math.tan(ANGLE_RESERVE * problem.margin))
+    inner, deep = (values[depths[inner] < deep + NEARBY] for values in (inner, deep))
+    rows = np.zeros((len(outer) + len(inner), len(draft.corners), 3))
+    along = np.concatenate([slopes[outer], -slopes[inner]])
+    at = hull.source[np.concatenate([corners[outer], corners[inner]])]
+    for corner in range(3):
+        rows[np.arange(len(rows)), at[:, corner]] += along[:, corner]
+    away = clearance + np.minimum(extra, firmness * MAX_EXTRA_CLEARANCE)
+    bounds = np.concatenate([-away - depths[outer], depths[inner] - deep])
+    return rows.reshape(len(rows), draft.corners.size), bounds
+
+
+def edge_depths(hull: ConvexHull) -> tuple[Floats, Floats, Integers]:
+    """How far the foot of the origin on the facet left of each half-edge is inside of its line.
+
+    Returns depths (h,), negative outside; their derivatives (h, 3, 3) by three corners, which the
+    plane of the facet goes through; and these corners (h, 3) as vertices of the hull: both ends of
+    the half-edge and another of the facet.
+    """
+    third = hull.head[hull.next]
+    tail, head = hull.vertices[hull.tail], hull.vertices[hull.head]
+    normal, edge, aside = hull.normals[hull.facet], head - tail, hull.vertices[third] - tail
+    length = norms(edge)
+    along = edge / length[:, None]
+    inward = np.linalg.cross(normal, along)
+    depths, height = -(tail * inward).sum(-1), (tail * normal).sum(-1)
+    # Places of the foot and the third corner along the edge, and the distance of that corner.
+    foot, place = -(tail * along).sum(-1) / length, (aside * along).sum(-1) / length
+    distance = (aside * inward).sum(-1)
+    # A move in the plane moves the line; one out of it tilts the plane, and moves the foot.
+    shares = np.stack([1.0 - foot, foot, np.zeros_like(foot)], axis=1)
+    tilts = np.stack([place - 1.0, -place, np.ones_like(place)], axis=1) / distance[:, None]
+    slopes = -shares[:, :, None] * inward[:, None]
+    slopes = slopes - (height[:, None] * tilts)[:, :, None] * normal[:, None]
+    return depths, slopes, np.stack([hull.tail, hull.head, third], axis=1)

@@ -189,6 +189,13 @@ class HullMetric:
     displaced: float = 0.0
 
 
+NEAREST = HullMetric(tether=0.1, smoothing=0.2, elastic=0.01, displaced=1.0)
+"""Metric that mainly reduces the displacement of the surface."""
+
+UNCROSSED = HullMetric(tether=0.1, smoothing=0.3, elastic=1.0, displaced=0.1)
+"""Metric that mainly reduces the elastic work, for surfaces that would intersect themselves."""
+
+
 @dataclass(frozen=True)
 class HullProblem:
     """Surface whose hull is to have target probabilities.

@@ -13,10 +13,9 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from dicedesign.concave.slopes import great_arcs, largest_rise
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.sphere import even_directions
+from dicedesign.geometry.sphere import angle_between, even_directions, norms, unit_vectors
 from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -37,6 +36,9 @@ HEIGHTS = (120, 240)
 
 ARC_DIRECTIONS = 24
 """Directions on each great arc."""
+
+OPPOSITE = 1e-9
+"""Sine of the angle below which two directions count as opposite or equal."""
 
 SOFTNESS = 0.01
 """Softness of assignments: extra climb, over the circumscribed radius, that they may take."""
@@ -133,7 +135,8 @@ def _spread(count: int, random: np.random.Generator) -> Floats:
 
 
 def _look_up_climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
-    """(s, e) climbs as `slopes.climbs`, from a table of heights."""
+    """(s, e) largest rise of the height along the great arc from each direction to each end; 0 if
+    it only falls. Heights are looked up in a table."""
     rows, columns = HEIGHTS
     latitude = (np.arange(rows) + 0.5) * math.pi / rows
     longitude = (np.arange(columns) + 0.5) * 2.0 * math.pi / columns - math.pi
@@ -142,10 +145,27 @@ def _look_up_climbs(vertices: Floats, starts: Floats, ends: Floats) -> Floats:
         circle = math.sin(angle) * np.stack([np.cos(longitude), np.sin(longitude)])
         ring = np.stack([*circle, np.full(columns, math.cos(angle))], axis=1)
         table[row] = (ring @ vertices.T).max(axis=1)
-    x, y, z = np.moveaxis(great_arcs(starts, ends, math.inf, ARC_DIRECTIONS), -1, 0)
+    x, y, z = np.moveaxis(_great_arcs(starts, ends), -1, 0)
     row = np.minimum(np.arccos(np.clip(z, -1.0, 1.0)) / math.pi * rows, rows - 1)
     turn = np.minimum((np.arctan2(y, x) + math.pi) / (2.0 * math.pi) * columns, columns - 1)
-    return largest_rise(table[row.astype(np.int64), turn.astype(np.int64)])
+    heights = table[row.astype(np.int64), turn.astype(np.int64)]
+    later = np.maximum.accumulate(heights[..., ::-1], axis=-1)[..., ::-1]
+    return np.asarray((later - heights).max(axis=-1))
+
+
+def _great_arcs(starts: Floats, ends: Floats) -> Floats:
+    """(s, e, `ARC_DIRECTIONS`, 3) directions from each start (s, 3) to each end (e, 3), both
+    included; any great arc for opposite ones, as all are equally long."""
+    first, last = starts[:, None], np.broadcast_to(ends, (len(starts), *ends.shape))
+    aside = last - (first * last).sum(-1, keepdims=True) * first
+    opposite = norms(aside) < OPPOSITE
+    if opposite.any():
+        first_of = np.broadcast_to(first, last.shape)[opposite]
+        axes = np.eye(3)[np.abs(first_of).argmin(axis=1)]
+        aside[opposite] = np.linalg.cross(first_of, axes)
+    turns = angle_between(first, last)[..., None] * np.linspace(0.0, 1.0, ARC_DIRECTIONS)
+    turns, across = turns[..., None], unit_vectors(aside)[:, :, None]
+    return np.asarray(np.cos(turns) * first[:, :, None] + np.sin(turns) * across)
 
 
 def _find_sets(

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from dicedesign.concave.hull_design import HullDraft, exact_draft
+from dicedesign.concave.hull_draft import HullDraft, exact_draft
 from dicedesign.concave.hull_problem import DesignedHull, HullProblem
 from dicedesign.concave.options import ConcavePaperOptions
 from dicedesign.errors import DiceError

@@ -99,7 +99,7 @@ def make_concave_die(
     wall: minimum thickness of walls around cavities, over the largest distance of two points of the
         die, positive; None for a solid die.
     judge_prints: see `JudgePrints`; None if no prints are judged.
-    seed: seed of the attempts' slopes and choices. Attempt n does not depend on the session or
+    seed: seed of the attempts' choices and directions. Attempt n does not depend on the session or
         the number of threads.
     resume: state of an earlier session.
     on_step: receives every step, numbered from 0 in each attempt.

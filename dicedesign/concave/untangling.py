@@ -60,9 +60,9 @@ def untangle(
         return inside
 
     loose = np.zeros(len(points), dtype=bool)
+    met: Integers = intersecting_triangles(points, triangles)
     for _ in range(ROUNDS):
-        met: Integers = np.unique(intersecting_triangles(points, triangles))
-        loose[triangles[met]] = True
+        loose[triangles[np.unique(met)]] = True
         # Neighbors too, which the Laplacian counts.
         loose |= laplacian @ loose.astype(np.float64) < 0.0
         loose[corners] = False
@@ -86,7 +86,8 @@ def untangle(
             miss = left
         else:
             return None
-        if len(intersecting_triangles(points, triangles)) == 0:
+        met = intersecting_triangles(points, triangles)
+        if len(met) == 0:
             moved = points - original
             return points, float((moved * moved).sum(-1).mean())
     return None

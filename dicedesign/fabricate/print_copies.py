@@ -34,6 +34,7 @@ from dicedesign.rest.prior import Prior
 from dicedesign.results.result import PrintTolerances
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.throws.goodness_of_fit import chances_noticed
+from dicedesign.tolerances import COPLANAR_TOLERANCE_FLOAT32
 
 COPIES: Final = 64
 """Number of copies: their mean is known to an eighth of their spread."""
@@ -124,7 +125,8 @@ class CopiedBody:
         orientations at first.
         """
         deviation = np.hypot(errors.dimensional_mm, errors.roughness_mm)
-        near = np.flatnonzero(self.depths <= REACH * float(deviation) + layer_mm)
+        rounding = COPLANAR_TOLERANCE_FLOAT32 * self.poses.hull.diameter
+        near = np.flatnonzero(self.depths <= REACH * float(deviation) + layer_mm + rounding)
         points, outward, up = self.points[near], self.outward[near], self.axes[2]
         drift = self.inside @ up / np.ptp(self.points @ up)
         bubble = np.linalg.cholesky(self.inside) * (errors.bubble_mm3 / self.volume)

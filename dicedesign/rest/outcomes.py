@@ -208,8 +208,8 @@ def match_by_probability(
     broke in two still looks like one. The most probable outcome is the most probable rest, and so
     on. If that does not fit, or joins rests more than `SAME_REST_ANGLE` apart, an outcome may have
     several faces, and rests are joined whose probabilities have the sum of their outcome's, if
-    there are such. Outcomes whose probabilities differ by no more than the largest
-    mismatch cannot be distinguished, and form one group.
+    there are such. Outcomes whose probabilities differ by no more than the largest mismatch cannot
+    be distinguished, and form one group.
 
     Parameters
     ----------

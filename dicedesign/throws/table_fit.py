@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import logsumexp, xlogy
+from scipy.special import logsumexp
 from scipy.stats import qmc
 
 from dicedesign.errors import MOST_SEED, check_whole
@@ -19,8 +19,10 @@ from dicedesign.throws.distances import jeffreys_means
 from dicedesign.throws.goodness_of_fit import (
     ChiSquareTest,
     MultinomialTest,
+    Prediction,
     chi_square,
     exact_multinomial,
+    predict,
     two_sample_chi_square,
 )
 from dicedesign.throws.probability_surrogate import (
@@ -46,59 +48,6 @@ from dicedesign.throws.sessions import (
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import Table
 from dicedesign.throws.throw_counts import CountedDie
-
-SERIES: Final = 4000
-"""Simulated series of throws for a p-value, whose standard error is then below 0.008."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Comparison of the counts of one die with their posterior prediction.
-
-    Attributes
-    ----------
-    probabilities, deviation: (g,) mean and standard deviation of the predicted probabilities.
-    p_value: share of predicted series of throws with at most the likelihood ratio of the real
-        series: likelihood by the prediction over likelihood by the series' own frequencies.
-    standard_error: of the p-value.
-    worst: outcome whose count deviates most from the prediction.
-    interval: of its count in 95 % of predicted series.
-    """
-
-    probabilities: Floats
-    deviation: Floats
-    p_value: float
-    standard_error: float
-    worst: int
-    interval: tuple[int, int]
-
-
-def predict(counts: Integers, probabilities: Floats, rng: np.random.Generator) -> Prediction:
-    """Compare counts (g,) with a prediction, equally likely probabilities (m, g).
-
-    Source: Gelman, Meng and Stern, Statistica Sinica 6, 1996, with the likelihood ratio of the
-    mixture of all probabilities as discrepancy.
-    """
-    throws = int(counts.sum())
-    series = rng.multinomial(throws, probabilities[np.arange(SERIES) % len(probabilities)])
-    both = np.concatenate([[counts], series])
-    # In place: temporary arrays of this size take most of the time.
-    likelihoods = np.logaddexp.reduce(both @ np.log(probabilities).T, axis=1)
-    fits = likelihoods - xlogy(both, both / throws).sum(axis=1)
-    # The real series is included, so that no p-value is 0. Equal ratios may differ by rounding.
-    worse = int((fits <= fits[0] + 1e-9 * abs(fits[0])).sum())
-    p_value = worse / len(both)
-    spread = np.maximum(series.std(axis=0), 0.5)
-    worst = int((np.abs(counts - series.mean(axis=0)) / spread).argmax())
-    low, high = np.quantile(series[:, worst], [0.025, 0.975])
-    return Prediction(
-        probabilities.mean(axis=0),
-        probabilities.std(axis=0),
-        p_value,
-        float(np.sqrt(p_value * (1.0 - p_value) / len(both))),
-        worst,
-        (round(low), round(high)),
-    )
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,12 @@ def test_copies_without_errors_are_the_body(copied: CopiedBody) -> None:
     assert np.abs(every[:, -1] - expected.elsewhere).max() < 1e-12
 
 
+def test_corners_below_the_hull_by_rounding_remain(copied: CopiedBody) -> None:
+    expected = outcome_probabilities(copied.poses, SIDES).probabilities
+    below = replace(copied, depths=copied.depths + 1e-7)
+    assert np.abs(below.probabilities(NONE, 0.0, SIDES)[:, :-1] - expected).max() < 1e-12
+
+
 @pytest.mark.parametrize("name", ["shrinkage", "density_gradient", "bubble_mm3"])
 def test_small_errors_spread_as_derivatives_say(copied: CopiedBody, name: str) -> None:
     errors = replace(NONE, **{name: 0.1 if name == "bubble_mm3" else 1e-4})

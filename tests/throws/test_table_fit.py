@@ -16,7 +16,12 @@ from scipy.special import expit, xlogy
 
 from dicedesign.throws import sessions as simulated
 from dicedesign.throws import table_fit
-from dicedesign.throws.goodness_of_fit import chi_square, two_sample_chi_square
+from dicedesign.throws.goodness_of_fit import (
+    SERIES,
+    chi_square,
+    predict,
+    two_sample_chi_square,
+)
 from dicedesign.throws.probability_surrogate import (
     LEVEL,
     LogProbabilityProcess,
@@ -26,14 +31,7 @@ from dicedesign.throws.probability_surrogate import (
 )
 from dicedesign.throws.sessions import HANDS, SIZE, SURFACES, Prior
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.table_fit import (
-    SERIES,
-    TableFit,
-    check_die,
-    fit_table,
-    predict,
-    scatter_probabilities,
-)
+from dicedesign.throws.table_fit import TableFit, check_die, fit_table, scatter_probabilities
 from dicedesign.throws.tables import Table, least_of, load_table
 from dicedesign.throws.throw_counts import CountedDie, read_throw_counts
 
