@@ -5,6 +5,7 @@ every tenth of them, from that of all tables on, and write the table with it. A 
 throws is onto the table, the others onto tables near it or of its posterior, so that the model
 knows what changes of the table do. Dice held out are thrown onto the table only, four times as
 often, and only show how good the model is. With the defaults it takes some minutes on two cores.
+An interrupted run keeps the throws; the same command goes on.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,12 +30,15 @@ from benchmarks.random_dice import (
     DEVIATIONS,
     ThrownRandomDie,
     deviations,
+    random_die,
     summary,
     throw_random_die,
 )
 from dicedesign import InputError, Table, load_table
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.runtime.files import json_text
+from dicedesign.throws.engines import CONTACT_LAW
 from dicedesign.throws.momentum_model import (
     CARRY_OUTPUTS,
     CENTERS,
@@ -146,15 +151,29 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     drops = options.drops or (100 if options.quick else 1000)
     tables = (table, *posterior_tables(options.table))
     throws = [throws_of(tables, options, number, drops) for number in range(dice)]
-    with processes(options.jobs) as workers:
-        seeds = [options.seed] * dice
-        thrown = list(workers.map(throw_random_die, range(dice), seeds, throws))
-    plain = plain_model(
-        fit([one for k, one in enumerate(thrown) if not is_held_out(k)], tables, options)
-    )
     written = options.to or Path(f"{Path(options.table).stem}.json")
-    of_table = {**table_entries(options.table), **table.as_dict(), "momentum": plain}
-    written.write_text(json_text(plain if options.all_tables else of_table))
+    numbers = [(number, options.seed) for number in range(dice)]
+    tasks = [partial(throw_counts, *one, onto) for one, onto in zip(numbers, throws, strict=True)]
+    work = {"contact law": CONTACT_LAW, "throws": repr((options.seed, throws))}
+    with (
+        processes(options.jobs) as workers,
+        Checkpoint(written.with_suffix(".checkpoint.npz"), work) as checkpoint,
+    ):
+        counts = checkpoint.results("counts", tasks, workers)
+        bodies = list(workers.map(random_die, *zip(*numbers, strict=True)))
+        thrown = [
+            [
+                ThrownRandomDie(body, onto, of_table)
+                for (onto, _), of_table in zip(
+                    tables_of, count.reshape(len(tables_of), -1), strict=True
+                )
+            ]
+            for body, tables_of, count in zip(bodies, throws, counts, strict=True)
+        ]
+        fitted = [one for number, one in enumerate(thrown) if not is_held_out(number)]
+        plain = plain_model(fit(fitted, tables, options))
+        entries = {**table_entries(options.table), **table.as_dict(), "momentum": plain}
+        written.write_text(json_text(plain if options.all_tables else entries))
     model = MomentumModel.of(general_model_of(json.loads(json.dumps(plain))), table)
     row = report.table(
         "deviations",
@@ -165,6 +184,11 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         row(name, *summary(deviations(chosen, model)))
     report.line(f"wrote {written}")
     return True
+
+
+def throw_counts(number: int, seed: int, throws: Sequence[tuple[Table, int]]) -> Integers:
+    """(t k,) counts of each rest of a random die on each of t tables; see `throw_random_die`."""
+    return np.concatenate([one.counts for one in throw_random_die(number, seed, throws)])
 
 
 def is_held_out(number: int) -> bool:

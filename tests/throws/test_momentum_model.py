@@ -88,7 +88,7 @@ def test_dimensionless_numbers() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"restitution": 0.9}, "restitution of 0 to 0.85 for dice of 25 mm, .*, got 0.9; make"),
+        ({"restitution": 0.95}, "restitution of 0 to 0.9 for dice of 25 mm, .*, got 0.95; make"),
         ({"height": 0.7, "size": 0.02}, "height of 0.024 to 0.64 m for dice of 20 mm"),
     ],
 )
