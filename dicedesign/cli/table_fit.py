@@ -38,7 +38,7 @@ from dicedesign.throws.table_fit import (
     check_effort,
     fit_table,
 )
-from dicedesign.throws.tables import Table, posterior_entries
+from dicedesign.throws.tables import Table, mixture_entries
 from dicedesign.throws.throw_counts import (
     CountedDie,
     read_die_without_counts,
@@ -126,7 +126,7 @@ def fit(options: TableArguments) -> int:
             throws = simulate(die.body, table, new_drops, options.seed, **share)
             answer["die_at_hand"] = _predict(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
-            entries = table.as_dict() | {"posterior": posterior_entries(fit.posterior)}
+            entries = table.as_dict() | {"mixture": mixture_entries(fit.posterior)}
             atomic_write(out, json_text(entries).encode())
             on = f", with the materials {dice[0].material}" if len(fit.tables) > 1 else ""
             print_notes(f"wrote {out}{on}")

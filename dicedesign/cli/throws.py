@@ -32,7 +32,7 @@ from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, rigid_body
 from dicedesign.throws.simulation import Throws, check_throws, simulate
-from dicedesign.throws.tables import load_table, with_hand
+from dicedesign.throws.tables import load_table, mixture_tables, with_hand
 
 DROPS: Final = 10_000
 
@@ -46,13 +46,12 @@ def throw(options: ThrowArguments) -> int:
     size = None if options.size is None else options.size / MM_PER_METER
     with named("--table"):
         name = with_hand(options.table, options.hand)
-        table = load_table(name)
+        table, tables = load_table(name), mixture_tables(name)
     model = None
     try:
         model = momentum_model(name)
     except InputError as error:
         print_notes(f"without probabilities by the momentum model, as {error}")
-    table = table.for_size(size)
     orientations: Any = options.orientations or ("icosahedron" if name == "paper" else "uniform")
     drops = options.drops
     if drops is None:
@@ -66,13 +65,14 @@ def throw(options: ThrowArguments) -> int:
     body = rigid_body(mesh, poses)
     if labels is not None and size is None:
         # Files of finished dice are in millimeters.
-        table = table.for_size(2.0 * body.radius / MM_PER_METER)
+        size = 2.0 * body.radius / MM_PER_METER
+    table, tables = table.for_size(size), tuple(one.for_size_above(size) for one in tables)
     started = time.perf_counter()
     momentum = None if model is None else momentum_probabilities(poses, body, model)
     with workers_of(options, "drops", drops) as workers:
         throws = simulate(
             body,
-            table,
+            tables,
             drops,
             options.seed,
             engine=options.engine,
@@ -90,7 +90,7 @@ def throw(options: ThrowArguments) -> int:
         "geometric": poses.probabilities,
         "momentum": momentum,
     }
-    summary = _judge_throws(throws, poses, columns)
+    summary = _judge_throws(throws, poses, columns) | {"table": table.as_dict()}
     if options.json:
         print_json(summary | {"orientations": orientations, "seconds": seconds})
     else:
@@ -139,7 +139,6 @@ def _judge_throws(throws: Throws, poses: RestPoses, columns: dict[str, Any]) -> 
     return {
         "drops": throws.drops,
         "unresolved": throws.unresolved,
-        "table": throws.table.as_dict(),
         "engine": throws.engine,
         "seed": throws.seed,
         "rests": plain_rows(columns),

@@ -33,9 +33,8 @@ from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.simulation import DieOnTable
-from dicedesign.throws.tables import Table
 
 
 @dataclass(frozen=True)
@@ -166,14 +165,15 @@ def measure_resting(
 
 
 def measure_thrown(
-    table: Table, model: MomentumModel | None, outcome_of: Integers | None = None
+    table: str, outcome_of: Integers | None = None
 ) -> Callable[[Surface, Floats], Measured]:
-    """Measure of a solid's probabilities by the momentum model of a table; see
+    """Measure of a solid's probabilities by the momentum model of a table, by its name; see
     `measure_resting`."""
+    mixture = momentum_model(table)
 
     def measure(surface: Surface, directions: Floats) -> Measured:
         die = DieOnTable.of(body_of(surface), None, directions, table, outcome_of)
-        return Measured(np.asarray(die.poses.center_of_mass), die.momentum(model))
+        return Measured(np.asarray(die.poses.center_of_mass), die.momentum(mixture))
 
     return measure
 

@@ -29,9 +29,8 @@ from dicedesign.rest.border_arcs import Borders
 from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.prior import DensityPrior, Prior, prior_of
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum_model import MomentumModel, momentum_model
-from dicedesign.throws.momentum_probabilities import hull_probabilities, landing_probabilities
-from dicedesign.throws.tables import Table
+from dicedesign.throws.momentum_model import MomentumMixture, momentum_model
+from dicedesign.throws.momentum_probabilities import landing_probabilities, mixture_probabilities
 from dicedesign.throws.transition_features import Transitions, body_features
 
 
@@ -51,44 +50,46 @@ class ProbabilityModel(Protocol):
 
 @dataclass(frozen=True)
 class ThrowProbabilities:
-    """Probabilities of thrown hulls, by the momentum model of a table.
+    """Probabilities of thrown hulls, by the momentum model of a table or a mixture of tables.
 
     Attributes
     ----------
-    model: the momentum model, or None for a table without momentum.
+    mixture: the momentum models, or None for a table without momentum.
     """
 
-    model: MomentumModel | None
+    mixture: MomentumMixture | None
 
     @classmethod
     def on(cls, table: str) -> ThrowProbabilities:
         """Model of a table by its name or file; raises as `momentum_model`."""
         return cls(momentum_model(table))
 
-    def onto(self, table: Table) -> ThrowProbabilities:
-        """Model of another table, or of the nearest one in range."""
-        return ThrowProbabilities(self.model and self.model.near(table))
+    @cached_property
+    def parts(self) -> list[ThrowProbabilities]:
+        """Models of the single tables."""
+        models = () if self.mixture is None else self.mixture.models
+        return [ThrowProbabilities(MomentumMixture.alone(model)) for model in models]
 
     def probabilities(self, rests: RestEvaluation) -> Floats:
         """See `ProbabilityModel`."""
         resting = rests.probability_values
-        if self.model is None or len(resting) == 1:
+        if self.mixture is None or len(resting) == 1:
             return resting
         hull, center = rests.hull, rests.equilibria.center_of_mass
         inertia = kernels.solid_inertia(hull)
         if inertia is kernels.UNDECIDED:
             inertia = solid_inertia(hull.vertices, hull.triangles)
-        return hull_probabilities(hull, rests.paths, center, inertia, resting, self.model)
+        return mixture_probabilities(hull, rests.paths, center, inertia, resting, self.mixture)
 
     def tensor(self, rests: RestEvaluation) -> Tensor:
         """See `ProbabilityModel`."""
         resting = rests.probabilities
-        if self.model is None or len(resting) == 1:
+        if self.mixture is None or len(resting) == 1:
             return resting
 
         def gradient(slopes: Floats) -> tuple[Floats, ...] | None:
             gradients = self._gradients(rests, slopes[None])
-            if gradients is kernels.UNDECIDED:
+            if gradients is None:
                 return None
             by_vertices, *others = (rows[0] for rows in gradients)
             return by_vertices.reshape(-1, 3), *others
@@ -99,37 +100,42 @@ class ThrowProbabilities:
     def jacobian(self, rests: RestEvaluation) -> Floats:
         """See `ProbabilityModel`."""
         resting = rests.jacobian
-        if self.model is None or len(resting) == 1:
+        if self.mixture is None or len(resting) == 1:
             return resting
         gradients = self._gradients(rests, np.eye(len(resting)))
-        if gradients is kernels.UNDECIDED:
+        if gradients is None:
             return rests.jacobian_of(self.tensor)
         rows, by_center, by_probabilities = gradients
         return rests.rows_with_center(rows, by_center) + by_probabilities @ resting
 
-    def _gradients(
-        self, rests: RestEvaluation, weights: Floats
-    ) -> tuple[Floats, Floats, Floats] | None:
+    def _gradients(self, rests: RestEvaluation, weights: Floats) -> tuple[Floats, ...] | None:
         """Gradients (r, 3 n), (r, 3), (r, k) of weighted sums (r, k) of the probabilities in the
         vertices, the center of mass and the probabilities without momentum; None without
         kernels."""
-        assert self.model is not None
-        body = rests.hull, rests.paths, self.model, rests.equilibria.center_of_mass
-        return kernels.thrown_gradients(*body, rests.probability_values, weights)
+        assert self.mixture is not None
+        center, resting = rests.equilibria.center_of_mass, rests.probability_values
+        gradients = [
+            kernels.thrown_gradients(rests.hull, rests.paths, model, center, resting, weights)
+            for model in self.mixture.models
+        ]
+        if gradients[0] is kernels.UNDECIDED:
+            return None
+        return tuple(
+            np.tensordot(self.mixture.weights, np.array(of_models), axes=1)
+            for of_models in zip(*gradients, strict=True)
+        )
 
     def _formula(
         self, rests: RestEvaluation, vertices: Tensor, center: Tensor, resting: Tensor
     ) -> Tensor:
         """(k,) probabilities by operations of torch, from those without momentum (k,)."""
-        assert self.model is not None
-        inertia, transitions = (
-            hull_inertia(vertices, rests.hull),
-            Transitions.of(rests.hull, rests.paths),
-        )
+        assert self.mixture is not None
+        inertia = hull_inertia(vertices, rests.hull)
+        transitions = Transitions.of(rests.hull, rests.paths)
         features = body_features(transitions, vertices, center, inertia, resting, torch)
-        model = self.model.convert(torch.as_tensor)
-        probabilities: Tensor = landing_probabilities(features, transitions, model, torch)
-        return probabilities
+        models = (model.convert(torch.as_tensor) for model in self.mixture.models)
+        thrown = [landing_probabilities(features, transitions, model, torch) for model in models]
+        return torch.as_tensor(self.mixture.weights) @ torch.stack(thrown)
 
 
 RESTING: Final = ThrowProbabilities(None)
@@ -142,51 +148,48 @@ over the tables."""
 
 @dataclass(frozen=True)
 class TableSensitivity:
-    """Target probabilities of a die on other tables.
+    """Target probabilities of a die on each table of a mixture.
 
     Attributes
     ----------
-    thrown: model of the table itself.
-    tables: n other tables.
+    thrown: model of the mixture.
     wanted: (k,) probabilities of the outcomes, on all tables.
-    bias: (n, k) logarithms of the probabilities on the other tables over those of their models.
+    bias: (m, k) logarithms of the probabilities over those of the model, on each of the m tables
+        that represent the mixture.
     outcome_of: (f,) outcome that each face shows; None for one outcome each.
     """
 
     thrown: ThrowProbabilities
-    tables: tuple[Table, ...]
     wanted: Floats
     bias: Floats | float = 0.0
     outcome_of: Integers | None = None
 
     @property
     def is_known(self) -> bool:
-        """Whether the model predicts any change."""
-        return self.thrown.model is not None and len(self.tables) > 0
-
-    @cached_property
-    def others(self) -> list[ThrowProbabilities]:
-        """Models of the other tables."""
-        return [self.thrown.onto(table) for table in self.tables]
+        """Whether there are several tables."""
+        return len(self.thrown.parts) > 1
 
     def residuals(self, rests: RestEvaluation, facets: Integers) -> Tensor:
-        """(n k,) differences of the probabilities on the other tables, corrected by their bias,
-        from the wanted ones.
+        """(m k,) differences of the probabilities on each table, corrected by their bias, from the
+        wanted ones.
 
         facets: (f,) of the faces.
         """
+        mixture = self.thrown.mixture
+        assert mixture is not None
         of_faces = np.searchsorted(rests.facets, facets)
-        factors = np.exp(self.bias) * np.ones((len(self.tables), len(self.wanted)))
-        parts = []
-        for thrown, factor in zip(self.others, factors, strict=True):
-            probabilities = thrown.tensor(rests)[of_faces]
+        factors = np.exp(self.bias) * np.ones((len(mixture.models), len(self.wanted)))
+        residuals = []
+        for part, factor, weight in zip(self.thrown.parts, factors, mixture.weights, strict=True):
+            probabilities = part.tensor(rests)[of_faces]
             if self.outcome_of is not None:
                 sums = torch.zeros(len(self.wanted), dtype=torch.float64)
                 outcomes = torch.as_tensor(self.outcome_of)
                 probabilities = sums.index_add(0, outcomes, probabilities)
             probabilities = probabilities * torch.as_tensor(factor)
-            parts.append(probabilities / probabilities.sum() - torch.as_tensor(self.wanted))
-        return torch.cat(parts) / (USUAL_SWING * len(parts) ** 0.5)
+            change = probabilities / probabilities.sum() - torch.as_tensor(self.wanted)
+            residuals.append(change * (weight**0.5 / USUAL_SWING))
+        return torch.cat(residuals)
 
 
 def probability_model(table: str | None, prior: Prior | str | None) -> ProbabilityModel:

@@ -107,9 +107,8 @@ def _reaches_target(work: Work) -> bool:
     (wanted, outcome_of), options = wanted_of_directions(work.recipe), work.recipe.method.options
     quick = replace(options, prefer=Preferences(), starts=MAX_SYMMETRIC_STARTS)
     if options.probabilities == "thrown":
-        # Other tables do not decide whether a die exists.
         thrown = ThrowProbabilities.on(options.table_with_hand)
-        sensitivity = TableSensitivity(thrown, (), wanted, outcome_of=outcome_of)
+        sensitivity = TableSensitivity(thrown, wanted, outcome_of=outcome_of)
     starts = islice(find_starts(work), MAX_SEARCH_TURNS)
     try:
         result = make_solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)

@@ -32,8 +32,6 @@ from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Balance, Inside
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.momentum_model import momentum_model
-from dicedesign.throws.tables import load_table
 from dicedesign.tolerances import FILE_PROBABILITIES
 
 MAX_ERROR: Final = 1e-9
@@ -106,7 +104,7 @@ def _finish_convex(work: Work) -> None:
         measure = measure_resting(prior, offset, outcome_of)
     else:
         # Keep the probabilities that the plain shape has in the momentum model.
-        measure = measure_thrown(load_table(table), momentum_model(table), outcome_of)
+        measure = measure_thrown(table, outcome_of)
         model = ThrowProbabilities.on(table)
         target = measure(solid, directions).probabilities
     end = reshape(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -32,17 +31,14 @@ from dicedesign.recipe.convex import (
 from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status, TableResult
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.bias import variations_on_tables
+from dicedesign.throws.bias import measure_tables
 from dicedesign.throws.momentum_model import (
     momentum_model,
-    other_tables,
+    represent_tables,
     table_measures,
 )
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
-from dicedesign.throws.tables import Table, load_table, posterior_tables
-
-POSTERIOR_SHARE: Final = 0.5
-"""Throws onto all posterior tables together, per throw onto the table."""
+from dicedesign.throws.tables import mixture_tables
 
 MORE_SHAPES: Final = 3
 """Further shapes, of which the steadiest is taken."""
@@ -50,10 +46,7 @@ MORE_SHAPES: Final = 3
 VERDICT_ROUND: Final = MOST_ROUNDS + 1 + MORE_SHAPES
 """Number of the round of throws of the finished die, after all rounds and shapes of the design."""
 
-SEEDS_PER_ROUND: Final = 1000
-"""Seeds of a round: one for the table, and one for each posterior table."""
-
-SEEDS_PER_RECIPE: Final = SEEDS_PER_ROUND * (VERDICT_ROUND + 1)
+SEEDS_PER_RECIPE: Final = VERDICT_ROUND + 1
 """Seeds of throws of one recipe's seed."""
 
 MAX_VARIATIONS: Final = 12
@@ -65,11 +58,8 @@ def design_for_table(work: Work) -> Design:
     """Design a die by the momentum model of its table, and refine it by rounds of throws if the
     recipe has `refine`. Raises InputError if no start suits the target."""
     (target, outcome_of), options = wanted_of_directions(work.recipe), work.recipe.method.options
-    name = options.table_with_hand
-    others = other_tables(load_table(name), posterior_tables(name))
-    sensitivity = TableSensitivity(
-        ThrowProbabilities.on(name), others, target, outcome_of=outcome_of
-    )
+    thrown = ThrowProbabilities.on(options.table_with_hand)
+    sensitivity = TableSensitivity(thrown, target, outcome_of=outcome_of)
     starts = find_starts(work)
     result = make_solver(work)(starts, target, sensitivity=sensitivity)
     rounds: tuple[RoundOfThrows, ...] = ()
@@ -88,35 +78,24 @@ def _refine(
     workers: Executor,
 ) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
     """Refine a die by rounds of throws at its printed size, and return the die and the rounds.
-    Begin with the steadiest of several shapes if the table is uncertain."""
+    Begin with the steadiest of several shapes if there are several tables."""
     recipe, options, solve = work.recipe, work.recipe.method.options, make_solver(work)
     (target, outcome_of), group = wanted_of_directions(recipe), recipe.group()
     name = options.table_with_hand
-    center, model = normalized_center(recipe, work.start), momentum_model(name)
-    others: tuple[Table, ...] = ()
+    tables, mixture = mixture_tables(name), sensitivity.thrown.mixture
+    center = normalized_center(recipe, work.start)
     is_free = len(np.unique(target)) > 1 or group is None
-    if options.prefer.robustness > 0.0 and sensitivity.is_known and is_free:
-        others = posterior_tables(name) or sensitivity.tables
+    is_robust = options.prefer.robustness > 0.0 and sensitivity.is_known and is_free
 
-    def on_table(die: DesignResult) -> DieOnTable:
+    def throw(die: DesignResult, drops: int, number: int) -> Thrown:
         scale = recipe.size_mm / die.hull.diameter
         solid = make_body(scale * die.hull.vertices, name="die")
         com = None if center is None else scale * center
-        return DieOnTable.of(solid, com, die.directions, load_table(name), outcome_of)
-
-    def throw(die: DesignResult, drops: int, number: int) -> Thrown:
-        placed, seed = on_table(die), throw_seed(recipe.seed, number)
+        placed = DieOnTable.of(solid, com, die.directions, name, outcome_of)
+        seed = throw_seed(recipe.seed, number)
         throws = placed.simulate(drops, seed, **_throw_options(work, drops, workers))
-        return Thrown(placed.counts(throws), placed.momentum(model))
-
-    def throw_on_tables(die: DesignResult, drops: int, number: int) -> list[Thrown]:
-        placed, seed = on_table(die), throw_seed(recipe.seed, number, is_elsewhere=True)
-        options = _throw_options(work, drops * len(others), workers)
-        counts = placed.counts_on(others, drops, seed, **options)
-        return [
-            Thrown(count, placed.momentum(model and model.near(table)))
-            for count, table in zip(counts, others, strict=True)
-        ]
+        models = placed.momentum_by_table(mixture), placed.momentum(mixture)
+        return Thrown(placed.counts(throws), *models)
 
     def design(
         die: DesignResult, probabilities: Floats, bias: Floats | None
@@ -125,9 +104,8 @@ def _refine(
         own, known = options, sensitivity
         if bias is None:
             own = replace(options, prefer=Preferences())
-        elif others:
-            places = [others.index(table) for table in sensitivity.tables]
-            known = replace(sensitivity, bias=bias[places])
+        elif is_robust:
+            known = replace(sensitivity, bias=bias)
         return _solve_or_none(
             solve, islice(near, MAX_VARIATIONS), probabilities, sensitivity=known, options=own
         )
@@ -137,18 +115,19 @@ def _refine(
         return Refinement(
             target=target,
             orbits=orbits if group is None else orbits_of_outcomes(die, group, outcome_of),
-            tables=table_measures(load_table(name), others),
+            tables=table_measures(tables),
+            representatives=represent_tables(tables)[0],
+            is_robust=is_robust,
             drops=refine.drops,
             rounds=refine.rounds,
             within=refine.within,
             throw=throw,
-            throw_on_tables=throw_on_tables,
             design=design,
             measures=lambda tried: shape_measures(tried, center),
             on_round=work.callbacks.on_round,
         )
 
-    if work.start is None and others:
+    if work.start is None and is_robust:
         further = [
             _solve_or_none(solve, islice(starts, MAX_VARIATIONS), target, sensitivity=sensitivity)
             for _ in range(MORE_SHAPES)
@@ -194,10 +173,10 @@ def _solve_or_none(
     return result if result.status is Status.CONVERGED else None
 
 
-def throw_seed(seed: int, number: int, *, is_elsewhere: bool = False) -> int:
-    """Seed of a round's throws, or of those onto the first posterior table, for a recipe's seed.
-    Throws of the finished die are round `VERDICT_ROUND`."""
-    return SEEDS_PER_RECIPE * seed + SEEDS_PER_ROUND * number + is_elsewhere
+def throw_seed(seed: int, number: int) -> int:
+    """Seed of a round's throws for a recipe's seed. Throws of the finished die are round
+    `VERDICT_ROUND`."""
+    return SEEDS_PER_RECIPE * seed + number
 
 
 def throw(work: Work) -> None:
@@ -207,35 +186,27 @@ def throw(work: Work) -> None:
     it is then unknown."""
     options = work.recipe.method.options
     name, refine = options.table_with_hand, options.refine
-    target, model = work.target.probabilities, momentum_model(name)
-    tables = () if model is None else posterior_tables(name)
+    target, mixture = work.target.probabilities, momentum_model(name)
     placed, of_face = (work.solid.center_of_mass, work.die.directions), work.die.outcome_of
-    die = DieOnTable.of(work.final.body, *placed, load_table(name), of_face)
-    throws = elsewhere = None
+    die = DieOnTable.of(work.final.body, *placed, name, of_face)
+    throws = by_table = None
     if refine is not None:
         with throwing_threads() as workers:
-            drops = math.ceil(POSTERIOR_SHARE * refine.verdict / max(len(tables), 1))
-            share = _throw_options(work, refine.verdict + drops * len(tables), workers)
-            seed = throw_seed(work.recipe.seed, VERDICT_ROUND)
-            throws = die.simulate(refine.verdict, seed, **share)
-            if model is not None and tables:
-                seed = throw_seed(work.recipe.seed, VERDICT_ROUND, is_elsewhere=True)
-                counts = die.counts_on(tables, drops, seed, **share)
-                elsewhere = variations_on_tables(
-                    target,
-                    table_measures(load_table(name), tables),
-                    np.array([die.momentum(near) for near in (*map(model.near, tables), model)]),
-                    np.array([*counts, die.counts(throws)])[:, :-1],
-                    drops * len(tables),
-                )
-    work.thrown = ThrownDie(die, die.momentum(model), throws)
+            share = _throw_options(work, refine.verdict, workers)
+            throws = die.simulate(
+                refine.verdict, throw_seed(work.recipe.seed, VERDICT_ROUND), **share
+            )
+        if len(die.tables) > 1:
+            models, counts = die.momentum_by_table(mixture), die.counts(throws)[:, :-1]
+            by_table = measure_tables(target, table_measures(die.tables), models, counts)
+    work.thrown = ThrownDie(die, die.momentum(mixture), throws)
     measured = work.thrown.measure(target)
     work.throws = TableResult(
         table=die.table.as_dict(),
         momentum=tuple(work.thrown.momentum.tolist()),
         rounds=work.die.rounds,
         simulated=measured,
-        elsewhere=elsewhere,
+        by_table=by_table,
     )
     if measured is None or refine is None:
         return

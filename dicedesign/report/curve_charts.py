@@ -143,7 +143,7 @@ def rounds_chart(die: FinishedDie) -> Sheet:
     """
     assert die.result.thrown is not None
     rounds, simulated = die.result.thrown.rounds, die.result.thrown.simulated
-    at = np.cumsum([entry.drops + entry.elsewhere_drops for entry in rounds], dtype=np.float64)
+    at = np.cumsum([entry.drops for entry in rounds], dtype=np.float64)
     expected = np.array([entry.expected for entry in rounds])
     drops, floors = at, [entry.noise_floor for entry in rounds]
     sheet = Sheet(1275.0, 605.0, grows=True)
@@ -157,10 +157,10 @@ def rounds_chart(die: FinishedDie) -> Sheet:
         axes.plot(drops[-1:], [simulated.total_variation], "D", color=DARK, label=name, ms=13.0)
     axes.plot(drops, floors, "o--", color=FAINT, lw=2.5, ms=8.0, label="a perfect die")
     axes.plot(at, [entry.deviation for entry in rounds], "o", color=FAINT, label="its throws")
-    elsewhere = [entry.elsewhere for entry in rounds if entry.elsewhere is not None]
-    if elsewhere:
-        tables = "expected on nine of ten tables"
-        axes.plot(at, elsewhere, "^-", color="#e0ab8c", lw=2.0, label=tables)
+    by_table = [entry.by_table for entry in rounds if entry.by_table is not None]
+    if by_table:
+        tables = "expected by nine of ten hands"
+        axes.plot(at, by_table, "^-", color="#e0ab8c", lw=2.0, label=tables)
     axes.plot(at, expected, "o-", color=ACCENT, ms=14.0, label="expected")
     is_kept = [entry.is_kept for entry in rounds]
     axes.plot(at[is_kept], expected[is_kept], "o", color=DARK, ms=6.0, label="kept")

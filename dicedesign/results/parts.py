@@ -263,8 +263,7 @@ class RoundOfThrows:
         noise_floor: its mean for a perfect die in as many throws.
     expected: expected total variation of the die's probabilities from the target, given the throws
         of all rounds, including their uncertainty.
-    elsewhere_drops: throws onto all posterior tables together. elsewhere: `expected` over these
-        tables, 90 % quantile; None without any.
+    by_table: the same on each table of a mixture, 90 % quantile; None on one table.
     is_kept: whether the design continued with this die.
     requested: target of this round's design in the momentum model. frequencies: of
         the outcomes; they sum to less than 1 if some throws came to rest on no outcome.
@@ -274,8 +273,7 @@ class RoundOfThrows:
     deviation: float
     noise_floor: float
     expected: float
-    elsewhere_drops: int
-    elsewhere: float | None
+    by_table: float | None
     is_kept: bool
     requested: Numbers
     frequencies: Numbers
@@ -305,23 +303,26 @@ class SimulatedThrows:
 
 
 @dataclass(frozen=True)
-class OtherTables:
-    """Throws of the finished die onto posterior tables.
+class ByTable:
+    """Probabilities of the finished die on each table of a mixture, from its simulated throws.
 
     Attributes
     ----------
-    drops: throws onto all tables together.
+    probabilities: of the outcomes on each table.
     values: total variation from the target on each table. often: their 90 % quantile; worst: their
         maximum.
     chance_often, chance_worst: mean quantile and maximum of a perfect die in as many throws.
+    noticed: share of the tables' 1,000 rolls in which a chi-square test finds the die wrong at 1 %;
+        0.01 for a perfect die.
     """
 
-    drops: int
+    probabilities: tuple[Numbers, ...]
     values: Numbers
     often: float
     worst: float
     chance_often: float
     chance_worst: float
+    noticed: float
 
 
 @dataclass(frozen=True)
@@ -334,14 +335,14 @@ class TableResult:
     momentum: probabilities by the momentum model.
     rounds: of throws that corrected the design.
     simulated: throws of the finished die, or None.
-    elsewhere: throws onto posterior tables, or None.
+    by_table: the same throws by tables, if there are several.
     """
 
     table: dict[str, Any]
     momentum: Numbers
     rounds: tuple[RoundOfThrows, ...]
     simulated: SimulatedThrows | None = None
-    elsewhere: OtherTables | None = None
+    by_table: ByTable | None = None
 
 
 @dataclass(frozen=True)

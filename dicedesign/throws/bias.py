@@ -2,9 +2,9 @@
 
 The counts of a die on a table are Poisson numbers with means `n m exp(w . x)`, for n throws,
 probabilities m in the model, and features x: how the die differs from one that was thrown, and the
-table from the target table. The weights w of each outcome have a Gaussian prior. Their posterior is
-approximated by a Gaussian at its mode (Laplace). Of several guesses of the prior's deviations, the
-one with the largest evidence is taken.
+table from the mean of its mixture. The weights w of each outcome have a Gaussian prior. Their
+posterior is approximated by a Gaussian at its mode (Laplace). Of several guesses of the prior's
+deviations, the one with the largest evidence is taken.
 
 Sources: MacKay, Neural Computation 4(3), 1992 (evidence); McCullagh and Nelder, Generalized Linear
 Models, 1989, section 6.4 (Poisson numbers with a given sum are multinomial).
@@ -17,8 +17,9 @@ from typing import Final
 
 import numpy as np
 from scipy.special import ndtr
+from scipy.stats import chi2, ncx2
 
-from dicedesign.results.parts import OtherTables
+from dicedesign.results.parts import ByTable
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.distances import total_variation
 
@@ -71,12 +72,16 @@ class Bias:
         return features @ self._weights()[0].T
 
     def estimate(self, features: Floats, probabilities: Floats) -> Estimate:
-        """Estimate for a die with features (f,) and model probabilities (k,)."""
+        """Estimate for a die thrown onto t equally likely tables, from its features (t, f) and
+        model probabilities (t, k) on each."""
         weights, covariances = self._weights()
-        means = probabilities * np.exp(weights @ features)
-        means = means / means.sum()
+        parts = probabilities * np.exp(features @ weights.T)
+        sums = parts.sum(axis=0)
+        # Derivatives of the logarithms of the sums in the weights.
+        slopes = (parts / sums).T @ features
+        means = sums / sums.sum()
         # Probabilities sum to 1, as the counts sum to the number of throws.
-        variances = np.einsum("kfg,f,g->k", covariances, features, features)
+        variances = np.einsum("kfg,kf,kg->k", covariances, slopes, slopes)
         relative = (1.0 - 2.0 * means) * variances + means**2 @ variances
         return Estimate(means, means * np.sqrt(np.maximum(relative, 0.0)))
 
@@ -137,6 +142,12 @@ def expected_variation(estimate: Estimate, target: Floats) -> float:
 OFTEN: Final = 0.9
 """Share of the tables on which a die should be right."""
 
+ROLLS: Final = 1_000
+"""Rolls by which a person would notice that a die is wrong."""
+
+NOTICED: Final = 0.01
+"""Significance at which it is noticed: so often a perfect die would be, by chance."""
+
 DEVIATIONS: Final = (1.0, 0.1)
 """Prior deviations of the model's error: in common, and by each measure of a table. Large, so that
 the estimates follow the throws rather than the model."""
@@ -147,10 +158,10 @@ SERIES: Final = 40
 SEED: Final = 0
 
 
-def variations_on_tables(
-    target: Floats, measures: Floats, predicted: Floats, counts: Integers, drops: int
-) -> OtherTables:
-    """Total variation of a die on n other tables, from throws onto these and the target table.
+def measure_tables(
+    target: Floats, measures: Floats, predicted: Floats, counts: Integers
+) -> ByTable:
+    """Probabilities of a die on each of t equally likely tables, from throws onto all of them.
 
     The logarithms of probabilities over the model's are assumed linear in the measures of a table.
     So throws onto all tables inform about each, and few throws onto each suffice.
@@ -158,33 +169,35 @@ def variations_on_tables(
     Parameters
     ----------
     target: (k,) wanted probabilities.
-    measures: (n, d) of the other tables, 0 for the target table.
-    predicted, counts: (n + 1, k) model probabilities and counts; the target table is last.
-    drops: throws onto the other tables together.
+    measures: (t, d) of the tables. predicted, counts: (t, k) model probabilities and counts.
     """
     on_tables = _estimate_on_tables(measures, predicted, counts)
-    values = [total_variation(probabilities, target) for probabilities in on_tables]
+    values = np.abs(on_tables - target).sum(axis=1) / 2.0
     rng, chance = np.random.default_rng(SEED), []
-    true, throws = np.vstack([on_tables, counts[-1] / counts[-1].sum()]), counts.sum(axis=1)
     for _ in range(SERIES):
-        by_chance = _estimate_on_tables(measures, predicted, rng.multinomial(throws, true))
-        chance.append([total_variation(a, b) for a, b in zip(by_chance, on_tables, strict=True)])
-    return OtherTables(
-        drops,
-        tuple(values),
-        float(np.quantile(values, OFTEN)),
-        max(values),
-        float(np.quantile(chance, OFTEN, axis=1).mean()),
-        float(np.max(chance, axis=1).mean()),
+        drawn = rng.multinomial(counts.sum(axis=1), on_tables)
+        by_chance = _estimate_on_tables(measures, predicted, drawn)
+        chance.append([total_variation(*pair) for pair in zip(by_chance, on_tables, strict=True)])
+    # Power of a chi-square test, from the noncentral distribution.
+    degrees = max(len(target) - 1, 1)
+    distances = ROLLS * ((on_tables - target) ** 2 / target).sum(axis=1)
+    powers = ncx2.sf(chi2.isf(NOTICED, degrees), degrees, distances)
+    return ByTable(
+        probabilities=tuple(tuple(row) for row in on_tables.tolist()),
+        values=tuple(values.tolist()),
+        often=float(np.quantile(values, OFTEN)),
+        worst=float(values.max()),
+        chance_often=float(np.quantile(chance, OFTEN, axis=1).mean()),
+        chance_worst=float(np.max(chance, axis=1).mean()),
+        noticed=float(powers.mean()),
     )
 
 
-def _estimate_on_tables(measures: Floats, predicted: Floats, counts: Integers) -> list[Floats]:
-    """Most likely probabilities (k,) on each of the other tables."""
+def _estimate_on_tables(measures: Floats, predicted: Floats, counts: Integers) -> Floats:
+    """(t, k) most likely probabilities on each table."""
     features = np.insert(measures, 0, 1.0, axis=1)
     bias = Bias(np.repeat(DEVIATIONS, [1, measures.shape[1]])[None])
-    bias.learn(np.eye(features.shape[1])[0], predicted[-1], counts[-1])
-    rows = list(zip(features, predicted, counts, strict=False))
+    rows = list(zip(features, predicted, counts, strict=True))
     for row in rows:
         bias.learn(*row)
-    return [bias.estimate(row, expected).probabilities for row, expected, _ in rows]
+    return np.array([bias.estimate(row[None], model[None]).probabilities for row, model, _ in rows])

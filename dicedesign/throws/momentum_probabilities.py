@@ -34,6 +34,7 @@ from dicedesign.throws.momentum_model import (
     MAX_LOG_RATE,
     MAX_LOG_STRETCH,
     NO_BARRIER,
+    MomentumMixture,
     MomentumModel,
     momentum_model,
 )
@@ -120,6 +121,21 @@ def hull_probabilities(
     return thrown
 
 
+def mixture_probabilities(
+    hull: ConvexHull,
+    paths: Separatrices,
+    center: Floats,
+    inertia: Floats,
+    probabilities: Floats,
+    mixture: MomentumMixture,
+) -> Floats:
+    """Probabilities (k,) of a body's rests on a mixture of tables; see `hull_probabilities`."""
+    known = hull, paths, center, inertia, probabilities
+    thrown = [hull_probabilities(*known, model) for model in mixture.models]
+    mean: Floats = mixture.weights @ np.array(thrown)
+    return mean
+
+
 def throw_probabilities(
     points_or_mesh: ArrayLike | Body | Surface,
     poses: RestPoses | None = None,
@@ -137,7 +153,7 @@ def throw_probabilities(
 
 
 def momentum_probabilities(
-    poses: RestPoses, body: RigidBody, model: MomentumModel | None
+    poses: RestPoses, body: RigidBody, mixture: MomentumMixture | None
 ) -> Floats:
     """Probabilities (k,) of a thrown body's rests, in the order of `poses`.
 
@@ -149,14 +165,13 @@ def momentum_probabilities(
             "poses: expected rests under a uniform prior, as of a thrown body, got rests under "
             "another prior; take poses.under(None)"
         )
-    if model is None or len(poses.facets) == 1:
+    if mixture is None or len(poses.facets) == 1:
         return poses.probabilities
     total = np.zeros(len(poses.hull.normals))
     for side in poses.basins:
         hull, center = side.equilibria.hull, side.equilibria.center_of_mass
         probabilities = side.areas / (4.0 * math.pi)
-        total[side.paths.rests] += hull_probabilities(
-            hull, side.paths, center, body.inertia, probabilities, model
-        )
+        known = hull, side.paths, center, body.inertia, probabilities
+        total[side.paths.rests] += mixture_probabilities(*known, mixture)
     mean: Floats = total[poses.facets] / len(poses.basins)
     return mean

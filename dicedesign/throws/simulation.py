@@ -29,10 +29,9 @@ from dicedesign.throws.engines import (
     GRAVITY,
     advance,
     longest_throw,
-    require_engine,
     time_step,
 )
-from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import (
     ORIENTATIONS,
@@ -44,7 +43,7 @@ from dicedesign.throws.rigid_body import (
     rigid_body,
     vertical,
 )
-from dicedesign.throws.tables import Table, most_of
+from dicedesign.throws.tables import Table, load_table, mixture_tables, most_of
 from dicedesign.tolerances import STANDING_ANGLE
 
 DROPS_PER_TASK: Final = 500
@@ -57,14 +56,15 @@ class Throws:
 
     Attributes
     ----------
-    table: parameters of the throws; engine: name of the simulator; seed: of its random numbers.
+    tables: t tables, onto which drops fall in turn: drop i onto table i modulo t.
+    engine: name of the simulator; seed: of its random numbers.
     outcomes: (n,) final rest of each drop, in the order of `RestPoses`; -1 for drops that ended on
         no facet in time.
     weights: (n,) weight of each drop, 1 on average.
     rests: number of rests of the body.
     """
 
-    table: Table
+    tables: tuple[Table, ...]
     engine: str
     seed: int
     outcomes: Integers
@@ -79,7 +79,16 @@ class Throws:
     @cached_property
     def counts(self) -> Integers:
         """(k,) numbers of drops that ended at each rest."""
-        return np.bincount(self.outcomes[self.outcomes >= 0], minlength=self.rests)
+        return self.counts_by_table.sum(axis=0)
+
+    @cached_property
+    def counts_by_table(self) -> Integers:
+        """(t, k) numbers of drops onto each table that ended at each rest."""
+        landed = self.outcomes >= 0
+        table = np.arange(self.drops)[landed] % len(self.tables)
+        counts = np.zeros((len(self.tables), self.rests), dtype=np.int64)
+        np.add.at(counts, (table, self.outcomes[landed]), 1)
+        return counts
 
     @cached_property
     def unresolved(self) -> int:
@@ -90,7 +99,7 @@ class Throws:
         """Raise InputError if no drop came to rest."""
         if self.unresolved == self.drops:
             raise InputError(
-                f"table {self.table.name}: expected throws that come to rest, got none of "
+                f"table {self.tables[0].name}: expected throws that come to rest, got none of "
                 f"{self.drops}; raise its friction, or lower its restitution"
             )
 
@@ -127,7 +136,7 @@ def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
 
 def simulate(
     body: RigidBody,
-    table: Table,
+    table: Table | Sequence[Table],
     drops: int,
     seed: int = 0,
     *,
@@ -141,6 +150,7 @@ def simulate(
 
     Parameters
     ----------
+    table: one table, or several, such as `mixture_tables`, onto which drops fall in turn.
     drops: number of throws, above 0. seed: determines the drops, for any number of workers.
     orientations: distribution of orientations at release.
     workers: run tasks of `DROPS_PER_TASK` drops; None runs them in this thread. A task whose worker
@@ -155,21 +165,23 @@ def simulate(
     DiceError: workers are lost repeatedly, or the executor fails.
     """
     check_throws(drops, seed, engine, orientations)
-    if table.friction == 0.0 and max(most_of(table.speed), most_of(table.spin)) > 0.0:
-        raise InputError(
-            f"table {table.name}: expected friction above 0 with a speed or a spin, which nothing "
-            "would take from the die, got 0; raise it"
-        )
+    tables = (table,) if isinstance(table, Table) else tuple(table)
+    for one in tables:
+        if one.friction == 0.0 and max(most_of(one.speed), most_of(one.spin)) > 0.0:
+            raise InputError(
+                f"table {one.name}: expected friction above 0 with a speed or a spin, which "
+                "nothing would take from the die, got 0; raise it"
+            )
     blocks = np.split(np.arange(drops), range(DROPS_PER_TASK, drops, DROPS_PER_TASK))
     tasks = [
-        partial(throw_task, body, table, numbers, seed, engine, orientations) for numbers in blocks
+        partial(throw_task, body, tables, numbers, seed, engine, orientations) for numbers in blocks
     ]
-    series = body.digest(table, drops, seed, engine, orientations)
+    series = body.digest(tables, drops, seed, engine, orientations)
     outcomes = (checkpoint or Checkpoint()).results(
         series, tasks, workers, lambda outcome: progress(len(outcome))
     )
     return Throws(
-        table,
+        tables,
         engine,
         seed,
         np.concatenate(outcomes),
@@ -180,7 +192,7 @@ def simulate(
 
 def throw_task(
     body: RigidBody,
-    table: Table,
+    tables: Sequence[Table],
     numbers: Integers,
     seed: int,
     engine: str,
@@ -188,9 +200,20 @@ def throw_task(
 ) -> Integers:
     """Rests (n,) of drops with consecutive numbers (n,), from a multiple of `DROPS_PER_TASK` on; -1
     without a rest."""
-    count, rng = len(numbers), np.random.default_rng([seed, int(numbers[0]) // DROPS_PER_TASK])
-    states = release_states(body, table, numbers, orientations, rng)
-    outcomes = np.asarray(ENGINES[engine].throw_states(body, table, states))
+    rng = np.random.default_rng([seed, int(numbers[0]) // DROPS_PER_TASK])
+    came = np.empty(len(numbers), dtype=np.int64)
+    for place, table in enumerate(tables):
+        onto = numbers % len(tables) == place
+        if onto.any():
+            states = release_states(body, table, numbers[onto], orientations, rng)
+            came[onto] = _rests_by(engine, body, table, states)
+    return came
+
+
+def _rests_by(engine: str, body: RigidBody, table: Table, states: Floats) -> Integers:
+    """Rests (n,) of bodies released in states (n, 13), by an engine. Raises InputError if it gives
+    anything else."""
+    count, outcomes = len(states), np.asarray(ENGINES[engine].throw_states(body, table, states))
     rests = len(body.rest_heights)
     if outcomes.shape != (count,) or outcomes.dtype.kind != "i":
         raise InputError(
@@ -217,7 +240,7 @@ class DieOnTable:
     ----------
     solid: the die; body: the die as a rigid body.
     poses: its rests; outcomes: their outcomes.
-    table: with the die's own size.
+    table: with the die's own size; tables: those of its mixture, alike.
     """
 
     solid: Body
@@ -225,6 +248,7 @@ class DieOnTable:
     poses: RestPoses
     outcomes: OutcomeProbabilities
     table: Table
+    tables: tuple[Table, ...]
 
     @classmethod
     def of(
@@ -232,58 +256,44 @@ class DieOnTable:
         solid: Body,
         center_of_mass: Floats | None,
         directions: Floats,
-        table: Table,
+        table: str,
         outcome_of: Integers | None = None,
     ) -> DieOnTable:
         """Die from a solid with center of mass (3,), or None for the uniform solid's, and faces of
-        directions (f, 3). outcome_of: (f,) outcome that each shows; None for one outcome each."""
+        directions (f, 3). table: its name; outcome_of: (f,) outcome that each shows; None for one
+        outcome each."""
         poses = rest_poses(solid, center_of_mass)
         body = rigid_body(solid, poses)
-        sized = table.for_size(2e-3 * body.radius)
-        return cls(solid, body, poses, outcome_probabilities(poses, directions, outcome_of), sized)
+        size = 2e-3 * body.radius
+        tables = tuple(one.for_size_above(size) for one in mixture_tables(table))
+        outcomes = outcome_probabilities(poses, directions, outcome_of)
+        return cls(solid, body, poses, outcomes, load_table(table).for_size(size), tables)
 
-    def momentum(self, model: MomentumModel | None) -> Floats:
+    def momentum(self, mixture: MomentumMixture | None) -> Floats:
         """(k,) probabilities of the outcomes by a momentum model; None is without momentum."""
         probabilities: Floats = self.outcomes.sums(
-            momentum_probabilities(self.poses, self.body, model)
+            momentum_probabilities(self.poses, self.body, mixture)
         )
         return probabilities
 
+    def momentum_by_table(self, mixture: MomentumMixture | None) -> Floats:
+        """(t, k) probabilities of the outcomes on each table of the mixture."""
+        near = [None if mixture is None else mixture.near(table) for table in self.tables]
+        return np.array([self.momentum(one) for one in near])
+
     def simulate(self, drops: int, seed: int, **options: Any) -> Throws:
-        """Simulate throws with options of `simulate`. Raises InputError if none of them came to
-        rest."""
-        throws = simulate(self.body, self.table, drops, seed, **options)
+        """Simulate throws onto the tables of the mixture in turn, with options of `simulate`.
+        Raises InputError if none of them came to rest."""
+        throws = simulate(self.body, self.tables, drops, seed, **options)
         throws.require_rest()
         return throws
 
-    def counts_on(
-        self,
-        tables: Sequence[Table],
-        drops: int,
-        seed: int,
-        *,
-        engine: str,
-        workers: Executor,
-        checkpoint: Checkpoint,
-        progress: Callable[[int], object],
-    ) -> list[Integers]:
-        """Counts (k + 1,) of throws onto each of several tables, with consecutive seeds; for other
-        parameters see `simulate`."""
-
-        def count_on(place: int) -> Integers:
-            table = tables[place].for_size_above(self.table.size)
-            return self.counts(simulate(self.body, table, drops, seed + place, engine=engine))
-
-        # Load the engine before threads do.
-        require_engine(engine)
-        tasks = [partial(count_on, place) for place in range(len(tables))]
-        series = self.body.digest(tables, drops, seed, engine)
-        return checkpoint.results(series, tasks, workers, lambda _: progress(drops))
-
     def counts(self, throws: Throws) -> Integers:
-        """Counts (k + 1,) of the outcomes, and of throws that came to rest elsewhere."""
-        by_outcome = self.outcomes.sums(throws.counts)
-        return np.append(by_outcome, int(throws.counts.sum()) - int(by_outcome.sum()))
+        """Counts (t, k + 1) of the outcomes on each table, and of throws that came to rest
+        elsewhere."""
+        by_table = throws.counts_by_table
+        by_outcome = np.array([self.outcomes.sums(counts) for counts in by_table])
+        return np.column_stack([by_outcome, by_table.sum(axis=1) - by_outcome.sum(axis=1)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +316,8 @@ class ThrownDie:
         throws = self.throws
         if throws is None:
             return None
-        counts, resolved = self.die.counts(throws), throws.drops - throws.unresolved
+        counts = self.die.counts(throws).sum(axis=0)
+        resolved = throws.drops - throws.unresolved
         variation = measure_variation(counts, np.append(target, 0.0), CONFIDENCE)
         intervals = exact_intervals(counts[:-1], resolved, CONFIDENCE)
         return SimulatedThrows(

@@ -116,7 +116,7 @@ _LIMITS: Final = {
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
 
-_EXTRA_ENTRIES: Final = {"posterior", "momentum"}
+_EXTRA_ENTRIES: Final = {"mixture", "momentum"}
 """Entries of a file that are no parameters of its table."""
 
 
@@ -189,10 +189,6 @@ class Table:
             )
         return tuple(ends) if is_range else value
 
-    def livelier(self, change: float) -> Table:
-        """Table whose restitution is (1 + change) times as large, at most `MOST_RESTITUTION`."""
-        return replace(self, restitution=min((1.0 + change) * self.restitution, MOST_RESTITUTION))
-
     def for_size(self, size: float | None) -> Table:
         """Table for a die of a size in m; None keeps the table's own."""
         return self if size is None else replace(self, size=size)
@@ -248,29 +244,29 @@ def load_table(name: str) -> Table:
     return _table(table_entries(name))
 
 
-def posterior_tables(name: str) -> tuple[Table, ...]:
-    """Equally likely tables of a fitted table's posterior, each with the throws of a session; empty
-    if its file has none.
+def mixture_tables(name: str) -> tuple[Table, ...]:
+    """Equally likely tables of a mixture: of several hands, or of a fit's posterior. The table
+    alone if its file has none.
 
-    The entry "posterior" of the file lists objects with restitution, friction, height, speed and
+    The entry "mixture" of the file lists objects with restitution, friction, height, speed and
     spin, numbers or ranges; the other parameters are the table's.
 
     Raises InputError as `load_table`, or if the entry is not such a list.
     """
     entries = table_entries(name)
     table = _table(entries)
-    if "posterior" not in entries:
-        return ()
-    listed = entries["posterior"]
+    if "mixture" not in entries:
+        return (table,)
+    listed = entries["mixture"]
     if not (
         isinstance(listed, list)
         and listed
         and all(isinstance(row, dict) and set(row) == set(TABLE_NUMBERS) for row in listed)
     ):
         raise InputError(
-            f"table {name}: expected as posterior a list of at least one object with "
+            f"table {name}: expected as mixture a list of at least one object with "
             f"{', '.join(TABLE_NUMBERS)}; make it again with `dicedesign table fit`, or remove "
-            "posterior from the file"
+            "mixture from the file"
         )
     return tuple(
         replace(table, **row, name=f"{table.name} {number} of {len(listed)}")
@@ -278,8 +274,8 @@ def posterior_tables(name: str) -> tuple[Table, ...]:
     )
 
 
-def posterior_entries(tables: Sequence[Table]) -> list[dict[str, Any]]:
-    """Entry "posterior" of a file, for equally likely tables."""
+def mixture_entries(tables: Sequence[Table]) -> list[dict[str, Any]]:
+    """Entry "mixture" of a file, for equally likely tables."""
     return [{key: table.as_dict()[key] for key in TABLE_NUMBERS} for table in tables]
 
 
@@ -293,18 +289,19 @@ def with_hand(name: str, hand: str | None) -> str:
 
 
 def table_entries(name: str) -> dict[str, Any]:
-    """Entries of the file of a table: the attributes of `Table`, perhaps "posterior", the tables of
-    a fit, and "momentum", a momentum model. Raises InputError as `load_table`."""
+    """Entries of the file of a table: the attributes of `Table`, perhaps "mixture", see
+    `mixture_tables`, and "momentum", a momentum model. Raises InputError as `load_table`."""
     place, _, hand = name.rpartition(":")
     if place not in TABLE_NAMES and not place.endswith(".json"):
         return _entries_of_file(name)
     entries = _entries_of_file(place)
     with named(f"table {name}"):
         thrown = _table(entries).with_hand(hand)
-    if isinstance(entries.get("posterior"), list):
-        entries["posterior"] = [
-            row | _motion(thrown) if isinstance(row, dict) else row for row in entries["posterior"]
-        ]
+    if isinstance(entries.get("mixture"), list):
+        motion, listed = _motion(thrown), entries["mixture"]
+        rows = [row | motion if isinstance(row, dict) else row for row in listed]
+        # Without their hands, several tables may be one.
+        entries["mixture"] = [row for index, row in enumerate(rows) if row not in rows[:index]]
     return {**entries, **thrown.as_dict()}
 
 
@@ -328,6 +325,6 @@ def _entries_of_file(name: str) -> dict[str, Any]:
         got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
         raise InputError(
             f"table {name}: expected an object with {', '.join(sorted(needed))} and at most size, "
-            f"drag, source, posterior and momentum, got {got}; correct it"
+            f"drag, source, mixture and momentum, got {got}; correct it"
         )
     return entries

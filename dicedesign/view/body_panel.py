@@ -12,9 +12,9 @@ from dicedesign.geometry.sphere import angle_between
 from dicedesign.report.palette import BASINS
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.goodness_of_fit import chi_square
-from dicedesign.throws.momentum_model import MomentumModel, momentum_model
+from dicedesign.throws.momentum_model import MomentumMixture, momentum_model
 from dicedesign.throws.simulation import simulate, throw_film
-from dicedesign.throws.tables import TABLE_NAMES, load_table
+from dicedesign.throws.tables import TABLE_NAMES, load_table, mixture_tables
 from dicedesign.view.dragging import DragControls
 from dicedesign.view.motion import Motion, film_motion, release_motion, turn_motion
 from dicedesign.view.page import Job, html_part
@@ -72,7 +72,7 @@ class ProbabilityControls:
     def __init__(self, viewport: Viewport) -> None:
         self.table: str | None = None
         self._viewport, page = viewport, viewport.page
-        self._model: MomentumModel | None = None
+        self._model: MomentumMixture | None = None
         self._updates = 0
         self._facts = page.gui.add_html("")
         table = page.gui.add_dropdown(
@@ -197,7 +197,7 @@ class MotionControls:
         seed = int(self._rng.integers(2**31))
 
         def count(_: Job) -> Integers:
-            throws = simulate(viewed.rigid, load_table(name), MANY, seed)
+            throws = simulate(viewed.rigid, mixture_tables(name), MANY, seed)
             by_row = np.bincount(viewed.row_of_rest, throws.counts, len(viewed.rows))
             return np.rint(by_row).astype(np.int64)
 

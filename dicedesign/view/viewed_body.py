@@ -17,7 +17,7 @@ from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 
@@ -275,11 +275,11 @@ class ViewedBody:
         """Rigid body for throws, with the inertia of the uniform solid for any center of mass."""
         return rigid_body(self.shape.body, self.poses, self.shape.inertia)
 
-    def throw_probabilities(self, model: MomentumModel | None) -> Floats:
+    def throw_probabilities(self, mixture: MomentumMixture | None) -> Floats:
         """(rows,) probabilities of the momentum model of a table."""
         uniform_poses = self.poses.under(None)
         of_facet = np.zeros(len(self.hull.normals))
-        of_facet[uniform_poses.facets] = momentum_probabilities(uniform_poses, self.rigid, model)
+        of_facet[uniform_poses.facets] = momentum_probabilities(uniform_poses, self.rigid, mixture)
         of_rest = of_facet[self.poses.facets]
         return np.bincount(self.row_of_rest, of_rest, len(self.rows)).astype(np.float64)
 

@@ -1,11 +1,12 @@
 """Refinement of a die by simulated throws: they measure the error of the momentum model, and the
 die is designed again for probabilities that compensate it.
 
-The probabilities m of a die in the model and its probabilities when thrown differ by a factor
-exp(b) that changes little between similar dice and tables. So b is learned from the throws of all
-dice so far, on all tables (`Bias`), and the next die has the probabilities `q exp(-b)` in the model
-instead of the target q. Rounds end when the uncertainty of what is known exceeds what a better die
-would gain.
+A die is thrown onto the tables of a mixture in turn; one table is a mixture of itself. The
+probabilities m of a die in the model and its probabilities when thrown differ by a factor exp(b)
+that changes little between similar dice and tables. So b is learned from the throws of all dice so
+far, on all tables (`Bias`), and the next die has the probabilities `q exp(-b)` in the model instead
+of the target q, on the mean of the tables. Rounds end when the uncertainty of what is known exceeds
+what a better die would gain.
 
 The estimate of each die uses all throws, which corrects for its own luck. The thrown die with the
 least expected deviation is kept. As the throws that chose a die still flatter it, other throws must
@@ -18,7 +19,7 @@ do not improve it by preferences, so that it moves little and stays similar to w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -28,7 +29,7 @@ from dicedesign.optimize.options import MOST_DROPS
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.results.parts import RoundOfThrows
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.bias import OFTEN, Bias, expected_variation
+from dicedesign.throws.bias import OFTEN, Bias, Estimate, expected_variation
 from dicedesign.throws.distances import noise_floor, total_variation
 
 
@@ -54,13 +55,6 @@ BY_SHAPE: Final = ((0.2, 0.02), (0.2, 0.05), (0.8, 0.02), (0.8, 0.1))
 """Candidates for the standard deviations of its change with each measure of the die, and of the
 part that is independent for each die."""
 
-ON_TABLES: Final = 0.5
-"""Throws onto all other tables together, per throw onto the target table."""
-
-TELLING: Final = 1.5
-"""Throws onto the other tables that measure how the probabilities of a die change, per throw of the
-first round."""
-
 LEAST_GROWTH: Final = 0.25
 """Least number of throws of a round, per throw of all rounds before."""
 
@@ -72,10 +66,10 @@ TRIED: Final = 4
 lucky."""
 
 ENOUGH: Final = 0.7
-"""Expected deviation, with the other tables, above which the first die is improved."""
+"""Expected deviation, with that on single tables, above which the first die is improved."""
 
 LOOSER: Final = 2.0
-"""Deviation that suffices on the other tables, over `within`."""
+"""Deviation that suffices on single tables, over `within`."""
 
 MOST_TURNS: Final = 4
 """Limit on the designs of one round."""
@@ -92,16 +86,18 @@ MOST_HALVINGS: Final = 4
 
 @dataclass(frozen=True)
 class Thrown:
-    """Throws of one die onto one table.
+    """Throws of one die onto t tables.
 
     Attributes
     ----------
-    counts: (k + 1,) of the outcomes, and of throws without an outcome.
-    probabilities: (k,) in the model.
+    counts: (t, k + 1) of the outcomes, and of throws without an outcome.
+    probabilities: (t, k) in the model of each table.
+    model: (k,) in the model of their mixture, by which dice are designed.
     """
 
     counts: Integers
     probabilities: Floats
+    model: Floats
 
 
 @dataclass(frozen=True)
@@ -113,16 +109,16 @@ class Refinement:
     target: (k,) target probabilities of the outcomes.
     orbits: (k,) number of the orbit of each outcome. Outcomes whose facets are images of each other
         by a symmetry of the die are equally probable.
-    tables: (t, d) measures of the other tables, relative to the target table and in units of how
-        much each varies.
+    tables: (t, d) measures of the tables, relative to their mean and in units of how much each
+        varies. representatives: places of the tables that `design` knows.
+    is_robust: whether the probabilities on single tables count.
     drops: throws of the first round. rounds: limit on the rounds.
     within: total variation that suffices.
-    throw: throws a die onto the target table; arguments are the die, the number of throws and the
-        number of the series, each with its own random numbers.
-    throw_on_tables: throws a die onto each of the tables (t,); arguments as for `throw`.
+    throw: throws a die; arguments are the die, the number of throws and the number of the series,
+        each with its own random numbers.
     design: designs a die near a given one with probabilities (k,) in the model, or returns None.
-        Its third argument are logarithms (t, k) of the probabilities on the tables over those in
-        the model; None for the nearest die, without preferences.
+        Its third argument are logarithms (m, k) of the probabilities on the representatives over
+        those in the model; None for the nearest die, without preferences.
     measures: measures (f,) of a die that change little between similar dice.
     on_round: called after every round of throws.
     """
@@ -130,11 +126,12 @@ class Refinement:
     target: Floats
     orbits: Integers
     tables: Floats
+    representatives: Sequence[int]
+    is_robust: bool
     drops: int
     rounds: int
     within: float
     throw: Callable[[DesignResult, int, int], Thrown]
-    throw_on_tables: Callable[[DesignResult, int, int], list[Thrown]]
     design: Callable[[DesignResult, Floats, Floats | None], DesignResult | None]
     measures: Callable[[DesignResult], Floats]
     on_round: Callable[[RoundOfThrows], None] | None = None
@@ -153,16 +150,15 @@ class Refinement:
             enough = total_throws * (floor / (AIM * self.within)) ** 2
             missing = math.ceil(max(enough - total_throws, LEAST_GROWTH * total_throws))
             drops = min(max(least, min(total_throws, missing)), MOST_DROPS)
-            each = math.ceil(ON_TABLES * drops / max(len(self.tables), 1))
-            trial = known.throw(die, target, own, (drops, each, number))
+            trial = known.throw(die, target, own, (drops, number))
             total_throws += drops
             if self.on_round is not None:
                 self.on_round(known.summarize(trial))
-            is_right = known.variations(trial)[0] / self.within <= AIM
+            is_right = known.variation(trial) / self.within <= AIM
             is_steady = number > 0 or known.shortfall(trial) <= ENOUGH
             best = known.best
             tried = sum(
-                one.thrown[0].counts.sum() for one in known.trials if one.number == best.number
+                one.thrown.counts.sum() for one in known.trials if one.number == best.number
             )
             is_over, enough = is_right and is_steady, TRIED * self.drops
             if (is_over and tried >= enough) or number == self.rounds - 1:
@@ -178,24 +174,19 @@ class Refinement:
         return best.die, tuple(known.summarize(one, one is best) for one in known.trials)
 
     def swing(self, die: DesignResult, place: int) -> float:
-        """Total variation between the probabilities of a die on the target table and on the others,
-        for nine in ten of these. Its throws have the series `place` after those of all rounds."""
-        each = math.ceil(TELLING * self.drops / len(self.tables))
+        """Total variation between the probabilities of a die on the mixture and on its tables, for
+        nine in ten of these. Its throws have the series `place` after those of all rounds."""
         known = _Trials(self, self.measures(die), 1)
-        series = math.ceil(self.drops / 2), each, self.rounds + place
-        trial = known.throw(die, self.target, 0, series)
-        logarithms = known.logarithms(trial.shape, 0, known.places)
-        probabilities = [
-            one.probabilities * np.exp(row)
-            for one, row in zip(trial.thrown, logarithms, strict=True)
-        ]
-        own, *changed = (row / row.sum() for row in probabilities)
-        return float(np.quantile([total_variation(row, own) for row in changed], OFTEN))
+        trial = known.throw(die, self.target, 0, (self.drops, self.rounds + place))
+        mean, on_tables = known.estimate(trial).probabilities, known.estimate_by_table(trial)
+        return float(
+            np.quantile([total_variation(one.probabilities, mean) for one in on_tables], OFTEN)
+        )
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """A die with its measures (f,), thrown onto the target table and others.
+    """A thrown die with its measures (f,).
 
     Attributes
     ----------
@@ -207,7 +198,7 @@ class _Trial:
     wanted: Floats
     shape: Floats
     number: int
-    thrown: list[Thrown]
+    thrown: Thrown
 
 
 class _Trials:
@@ -225,24 +216,18 @@ class _Trials:
         ]
         self.bias = Bias(np.array(deviations))
         self.refinement, self.first, self.dice = refinement, first, dice
-        # The measures of the target table are 0.
-        self.places = np.pad(refinement.tables, ((1, 0), (0, 0)))
         self.trials: list[_Trial] = []
 
     def throw(
-        self, die: DesignResult, wanted: Floats, number: int, series: tuple[int, int, int]
+        self, die: DesignResult, wanted: Floats, number: int, series: tuple[int, int]
     ) -> _Trial:
-        """Throw a die, and learn from its throws. series: throws onto the target table and onto
-        each other table, and the number of the series."""
-        drops, each, place = series
-        thrown = [self.refinement.throw(die, drops, place)]
-        if len(self.refinement.tables):
-            thrown += self.refinement.throw_on_tables(die, each, place)
+        """Throw a die, and learn from its throws. series: throws, and the number of the series."""
+        thrown = self.refinement.throw(die, *series)
         trial = _Trial(die, wanted, self.refinement.measures(die), number, thrown)
-        for table, one in zip(self.places, thrown, strict=True):
-            counts = np.rint(self._by_orbit(one.counts[:-1])).astype(np.int64)
-            features = self._features(trial.shape, number, table)
-            self.bias.learn(features, self._by_orbit(one.probabilities), counts)
+        counts = np.rint(self._by_orbit(thrown.counts[:, :-1])).astype(np.int64)
+        features = self._features(trial.shape, number)
+        for row in zip(features, self._by_orbit(thrown.probabilities), counts, strict=True):
+            self.bias.learn(*row)
         self.trials.append(trial)
         return trial
 
@@ -251,49 +236,64 @@ class _Trials:
         """Trial of the least expected deviation."""
         return min(self.trials, key=self.shortfall)
 
-    def logarithms(self, shape: Floats, number: int | None, table: Floats) -> Floats:
-        """Logarithms (..., k) of the probabilities of outcomes over those in the model on tables
-        (..., d). number: of a thrown die, or None for another die."""
-        orbits = self.refinement.orbits
-        return self.bias.logarithms(self._features(shape, number, table))[..., orbits]
+    def logarithms(self, trial: _Trial, shape: Floats, number: int | None) -> Floats:
+        """Logarithms (k,) of the probabilities of outcomes on the mixture over those in its model,
+        where these are as for a trial.
 
-    def variations(self, trial: _Trial) -> list[float]:
-        """Expected total variation from the target on each table, of a thrown die."""
+        shape: measures (f,) of a die; number: of a thrown die, or None for another die.
+        """
+        parts = trial.thrown.probabilities * np.exp(self.logarithms_by_table(shape, number))
+        logarithms: Floats = np.log(parts.mean(axis=0) / trial.thrown.model)
+        return logarithms
+
+    def logarithms_by_table(self, shape: Floats, number: int | None) -> Floats:
+        """Logarithms (t, k) of the probabilities of outcomes on each table over those in its model;
+        see `logarithms`."""
+        return self.bias.logarithms(self._features(shape, number))[:, self.refinement.orbits]
+
+    def estimate(self, trial: _Trial) -> Estimate:
+        """Estimated probabilities of the orbits of a thrown die on the mixture."""
+        model = self._by_orbit(trial.thrown.probabilities)
+        return self.bias.estimate(self._features(trial.shape, trial.number), model)
+
+    def estimate_by_table(self, trial: _Trial) -> list[Estimate]:
+        """Estimated probabilities of the orbits of a thrown die on each table."""
+        features = self._features(trial.shape, trial.number)
+        models = self._by_orbit(trial.thrown.probabilities)
         return [
-            expected_variation(
-                self.bias.estimate(
-                    self._features(trial.shape, trial.number, table),
-                    self._by_orbit(one.probabilities),
-                ),
-                self._by_orbit(self.refinement.target),
-            )
-            for table, one in zip(self.places, trial.thrown, strict=True)
+            self.bias.estimate(row[None], model[None])
+            for row, model in zip(features, models, strict=True)
         ]
 
-    def _expect(self, trial: _Trial) -> tuple[float, float | None]:
-        """Expected deviation on the target table, and elsewhere; see `RoundOfThrows`."""
-        on_table, *others = self.variations(trial)
-        return on_table, float(np.quantile(others, OFTEN)) if others else None
+    def variation(self, trial: _Trial) -> float:
+        """Expected total variation from the target, of a thrown die on the mixture."""
+        return expected_variation(self.estimate(trial), self._by_orbit(self.refinement.target))
+
+    def variation_by_table(self, trial: _Trial) -> float | None:
+        """Expected total variation on nine in ten tables; None if they do not count."""
+        if not self.refinement.is_robust:
+            return None
+        target = self._by_orbit(self.refinement.target)
+        values = [expected_variation(one, target) for one in self.estimate_by_table(trial)]
+        return float(np.quantile(values, OFTEN))
 
     def shortfall(self, trial: _Trial) -> float:
-        """Expected deviation of a die over what suffices, the mean of the target table and the
-        others."""
-        (on_table, elsewhere), within = self._expect(trial), self.refinement.within
-        on_table /= within
-        return on_table if elsewhere is None else (on_table + elsewhere / (LOOSER * within)) / 2.0
+        """Expected deviation of a die over what suffices, the mean of the mixture and its tables if
+        these count."""
+        within, by_table = self.refinement.within, self.variation_by_table(trial)
+        on_mixture = self.variation(trial) / within
+        return on_mixture if by_table is None else (on_mixture + by_table / (LOOSER * within)) / 2.0
 
     def summarize(self, trial: _Trial, is_kept: bool = False) -> RoundOfThrows:
         """Summary of a round."""
-        counts, *others = (one.counts for one in trial.thrown)
-        drops, (on_table, elsewhere) = int(counts.sum()), self._expect(trial)
-        target = self.refinement.target
+        counts, target = trial.thrown.counts.sum(axis=0), self.refinement.target
+        drops = int(counts.sum())
         return RoundOfThrows(
             drops=drops,
             deviation=total_variation(counts / drops, np.append(target, 0.0)),
             noise_floor=noise_floor(target, drops),
-            expected=on_table,
-            elsewhere_drops=sum(int(one.sum()) for one in others),
-            elsewhere=elsewhere,
+            expected=self.variation(trial),
+            by_table=self.variation_by_table(trial),
             is_kept=is_kept,
             requested=tuple(trial.wanted.tolist()),
             frequencies=tuple((counts[:-1] / drops).tolist()),
@@ -311,13 +311,13 @@ class _Trials:
         result, shape = None, trial.shape
         number: int | None = trial.number
         for turn in range(MOST_TURNS):
-            wanted = np.log(target) - self.logarithms(shape, number, self.places[0])
+            wanted = np.log(target) - self.logarithms(trial, shape, number)
             lacking.append(wanted - targets[-1])
             if turn > 0 and np.abs(target * lacking[-1]).sum() / 2.0 < EXACT * within:
                 break
             bias = None
             if is_first and turn == 0:
-                bias = self.logarithms(shape, number, self.refinement.tables)
+                bias = self.logarithms_by_table(shape, number)[self.refinement.representatives]
             die, designed = trial.die if result is None else result[0], None
             wanted = _mix(targets, lacking)
             # Without a die, try a part of the way; only the first turn needs one.
@@ -336,16 +336,18 @@ class _Trials:
         return result
 
     def _by_orbit(self, values: Floats | Integers) -> Floats:
-        sums: Floats = np.bincount(self.refinement.orbits, values).astype(np.float64)
+        """(..., o) sums of values (..., k) by orbits."""
+        orbits = self.refinement.orbits
+        sums: Floats = values @ np.eye(orbits.max() + 1)[orbits]
         return sums
 
-    def _features(self, shape: Floats, number: int | None, table: Floats) -> Floats:
-        """(..., 1 + d + f + n) features of the bias."""
+    def _features(self, shape: Floats, number: int | None) -> Floats:
+        """(t, 1 + d + f + n) features of the bias on each table."""
+        tables = self.refinement.tables
         own = np.arange(self.dice) == (-1 if number is None else number)
         of_die = np.concatenate([shape - self.first, own])
-        ones = np.ones((*table.shape[:-1], 1))
-        rows = np.broadcast_to(of_die, (*table.shape[:-1], len(of_die)))
-        return np.concatenate([ones, table, rows], axis=-1)
+        ones, rows = np.ones((len(tables), 1)), np.tile(of_die, (len(tables), 1))
+        return np.concatenate([ones, tables, rows], axis=1)
 
 
 def _mix(points: list[Floats], steps: list[Floats]) -> Floats:
