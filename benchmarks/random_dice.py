@@ -27,7 +27,7 @@ from dicedesign.rest.poses import RestPoses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.distances import noise_floor, total_variation
-from dicedesign.throws.momentum_model import MomentumModel
+from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody
 
@@ -239,16 +239,19 @@ def _symmetric_probabilities(rng: np.random.Generator) -> tuple[Floats, str]:
 
 @dataclass(frozen=True)
 class ThrownRandomDie:
-    """A random die and where it came to rest on one table: counts (k,) of each rest, in the order
-    of its poses, at least one."""
+    """A random die and where it came to rest on one table, or on several in turn: counts (k,) of
+    each rest, in the order of its poses, at least one."""
 
     die: RandomDie
-    table: Table
+    table: Table | Sequence[Table]
     counts: Integers
 
 
 def throw_random_die(
-    number: int, seed: int, throws: Sequence[tuple[Table, int]], rests: tuple[int, int] = RESTS
+    number: int,
+    seed: int,
+    throws: Sequence[tuple[Table | Sequence[Table], int]],
+    rests: tuple[int, int] = RESTS,
 ) -> tuple[ThrownRandomDie, ...]:
     """Make a random die and throw it onto tables, so often onto each; the same, whoever does.
 
@@ -265,7 +268,7 @@ def throw_random_die(
 
 
 def deviations(
-    thrown: Sequence[ThrownRandomDie], model: MomentumModel | None
+    thrown: Sequence[ThrownRandomDie], mixture: MomentumMixture | None
 ) -> list[tuple[float, float, float]]:
     """Total variation between each die's simulated frequencies and its probabilities, without
     momentum and by the momentum model, in NumPy, and the mean of right probabilities."""
@@ -274,7 +277,7 @@ def deviations(
     deviations_of_dice = []
     for one in thrown:
         frequencies, poses = one.counts / one.counts.sum(), one.die.poses
-        by_model = momentum_probabilities(poses, one.die.body, model)
+        by_model = momentum_probabilities(poses, one.die.body, mixture)
         deviations_of_dice.append(
             (
                 total_variation(frequencies, poses.probabilities),

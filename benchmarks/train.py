@@ -2,7 +2,7 @@
 
 Throw random dice onto a table in the package's own simulator, fit the momentum model to all but
 every tenth of them, from that of all tables on, and write the table with it. A quarter of the
-throws is onto the table, the others onto tables near it or of its posterior, so that the model
+throws is onto the table, the others onto tables near it or of its mixture, so that the model
 knows what changes of the table do. Dice held out are thrown onto the table only, four times as
 often, and only show how good the model is. With the defaults it takes some minutes on two cores.
 An interrupted run keeps the throws; the same command goes on.
@@ -11,6 +11,7 @@ An interrupted run keeps the throws; the same command goes on.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -51,6 +52,7 @@ from dicedesign.throws.momentum_model import (
     TRANSITION_OUTPUTS,
     WEIGHTS,
     GeneralModel,
+    MomentumMixture,
     MomentumModel,
     Network,
     TableRange,
@@ -62,7 +64,7 @@ from dicedesign.throws.momentum_model import (
     table_terms,
 )
 from dicedesign.throws.momentum_probabilities import landing_probabilities
-from dicedesign.throws.tables import posterior_tables, table_entries
+from dicedesign.throws.tables import mixture_tables, table_entries
 from dicedesign.throws.transition_features import Features, Transitions, body_features
 
 HELD_OUT = 10
@@ -149,12 +151,13 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     WIDEST.require(table, "take another")
     dice = options.dice or (20 if options.quick else 600)
     drops = options.drops or (100 if options.quick else 1000)
-    tables = (table, *posterior_tables(options.table))
+    tables = (table, *mixture_tables(options.table))
     throws = [throws_of(tables, options, number, drops) for number in range(dice)]
     written = options.to or Path(f"{Path(options.table).stem}.json")
     numbers = [(number, options.seed) for number in range(dice)]
     tasks = [partial(throw_counts, *one, onto) for one, onto in zip(numbers, throws, strict=True)]
-    work = {"contact law": CONTACT_LAW, "throws": repr((options.seed, throws))}
+    settings = repr((options.seed, throws)).encode()
+    work = {"contact law": CONTACT_LAW, "throws": hashlib.sha256(settings).hexdigest()}
     with (
         processes(options.jobs) as workers,
         Checkpoint(written.with_suffix(".checkpoint.npz"), work) as checkpoint,
@@ -175,13 +178,14 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         entries = {**table_entries(options.table), **table.as_dict(), "momentum": plain}
         written.write_text(json_text(plain if options.all_tables else entries))
     model = MomentumModel.of(general_model_of(json.loads(json.dumps(plain))), table)
+    mixture = MomentumMixture.alone(model)
     row = report.table(
         "deviations",
         f"total variation to simulated throws 35s | {DEVIATIONS}",
     )
     for name, is_out in (("fitted to", False), ("held out", True)):
         chosen = [one[0] for k, one in enumerate(thrown) if is_held_out(k) == is_out]
-        row(name, *summary(deviations(chosen, model)))
+        row(name, *summary(deviations(chosen, mixture)))
     report.line(f"wrote {written}")
     return True
 

@@ -28,8 +28,8 @@ from dicedesign.rest.prior import PriorKind as PriorKind
 from dicedesign.runtime.registry import STRICT as STRICT
 from dicedesign.runtime.registry import Extension as Extension
 from dicedesign.throws.engines import ENGINES as ENGINES
-from dicedesign.throws.engines import GRAVITY as GRAVITY
 from dicedesign.throws.engines import Engine as Engine
 from dicedesign.throws.engines import longest_throw as longest_throw
 from dicedesign.throws.mujoco_engine import final_rest as final_rest
 from dicedesign.throws.rigid_body import RigidBody as RigidBody
+from dicedesign.throws.tables import GRAVITY as GRAVITY

@@ -214,6 +214,11 @@ def throw(work: Work) -> None:
         f"thrown {measured.drops} times, its total variation from the target is "
         f"{measured.total_variation:.2g}, where a perfect die shows {measured.noise_floor:.2g}"
     )
+    if by_table is not None:
+        remark += (
+            f"; for nine in ten hands it is at most {by_table.often:.2g}, and in 1,000 rolls by an "
+            f"unknown hand you would notice in {100.0 * by_table.noticed:.2g} of 100 cases"
+        )
     if work.status is Status.CONVERGED and measured.total_variation > refine.within:
         work.status = Status.OFF_TABLE
     if work.status is Status.OFF_TABLE:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.polynomial import Polynomial
 
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
@@ -135,8 +136,8 @@ def rounds_chart(die: FinishedDie) -> Sheet:
     """Total variation from the target, of the die of each round, against the number of throws.
 
     For each round: the total variation in its own throws, the one of a perfect die in as many
-    throws, and those expected from the throws of all rounds, for the table and for other tables
-    that agree with the throws. The verdict on the finished die, if there is one, is last, with its
+    throws, and those expected from the throws of all rounds, for the mean of the tables and for
+    nine in ten of them. The verdict on the finished die, if there is one, is last, with its
     95 % interval.
 
     die: designed for a table, in at least one round.
@@ -169,6 +170,48 @@ def rounds_chart(die: FinishedDie) -> Sheet:
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.grid()
     put_legend_above(axes, "deviation from the target, round by round", 4)
+    return sheet
+
+
+@with_style
+def hands_chart(die: FinishedDie) -> Sheet:
+    """Probabilities of the outcomes on each table of a mixture, against the energy of its throws,
+    with a parabola in the logarithm of the energy and the target of each outcome.
+
+    die: thrown onto a mixture.
+    """
+    assert die.thrown is not None
+    assert die.result.thrown is not None
+    by_table, target = die.result.thrown.by_table, die.result.target
+    assert by_table is not None
+    energies = np.array([table.energy for table in die.thrown.die.tables])
+    even = np.geomspace(energies.min(), energies.max(), 50)
+    sheet = Sheet(1275.0, 640.0)
+    axes = sheet.axes(120.0, 80.0, 1120.0, 600.0)
+    axes.set_xscale("log")
+    outcomes = zip(die.result.labels, np.array(by_table.probabilities).T, target, strict=True)
+    for place, (label, probabilities, wanted) in enumerate(outcomes):
+        color = DISTINCT[place % len(DISTINCT)]
+        axes.plot(energies, 100.0 * probabilities, "o", color=color, ms=6.0, alpha=0.6)
+        curve = Polynomial.fit(np.log(energies), 100.0 * probabilities, min(2, len(energies) - 1))
+        axes.plot(even, curve(np.log(even)), color=color)
+        axes.axhline(100.0 * wanted, color=color, lw=1.5, ls="--")
+        axes.annotate(
+            label,
+            (1.0, curve(np.log(even[-1]))),
+            (8.0, 0.0),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            va="center",
+            size=NOTE,
+            color=color,
+        )
+    axes.set(xlabel="energy of the throw (weights × sizes of the die)", ylabel="probability (%)")
+    axes.set_ylim(bottom=0.0)
+    axes.set_title(
+        f"total variation on nine in ten hands {by_table.often:.4f}, worst {by_table.worst:.4f}"
+    )
+    axes.grid()
     return sheet
 
 

@@ -141,8 +141,22 @@ FIGURES: Final = Registry(
             "measured deviation. The deviation in a round's own throws includes chance: the dashed "
             "line is what a perfect die would show. The expected deviation of a die uses the "
             "throws of all rounds, and the die with the least is kept. Triangles, if any, are "
-            "expected deviations on nine in ten of the posterior tables.",
+            "the deviation that nine in ten hands are expected to see at most.",
             part="research",
+        ),
+        _figure(
+            "hands",
+            "curve_charts:hands_chart",
+            lambda die: (
+                die.thrown is not None
+                and die.result.thrown is not None
+                and die.result.thrown.by_table is not None
+            ),
+            "probabilities of the outcomes from gentle to quick hands",
+            "From gentle to quick hands",
+            "Each column of points is one hand: how often the outcomes come up if somebody throws "
+            "the die with this energy. One is a fall from a height of one die. Curves that are "
+            "level are the same for every hand; dashed lines are the targets.",
         ),
         _figure(
             "throw",

@@ -13,7 +13,7 @@ from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.registry import Extension, Registry
-from dicedesign.throws.tables import most_of
+from dicedesign.throws.tables import GRAVITY, most_of
 
 if TYPE_CHECKING:
     from dicedesign.throws.rigid_body import RigidBody
@@ -61,9 +61,6 @@ def require_engine(name: str) -> Engine:
     engine.require()
     return engine
 
-
-GRAVITY: Final = 9.81
-"""Acceleration in m/s^2."""
 
 SETTLING: Final = 400.0
 """Time after the bounces until a throw is given up, in units of the square root of radius over

@@ -20,8 +20,8 @@ import numpy as np
 from dicedesign.errors import InputError, named
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.engines import GRAVITY
 from dicedesign.throws.tables import (
+    GRAVITY,
     TABLE_NUMBERS,
     Table,
     least_of,

@@ -16,9 +16,9 @@ import numpy as np
 
 from dicedesign.errors import missing_extra
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.engines import GRAVITY, Engine, longest_throw
+from dicedesign.throws.engines import Engine, longest_throw
 from dicedesign.throws.rigid_body import RigidBody, vertical
-from dicedesign.throws.tables import most_of
+from dicedesign.throws.tables import GRAVITY, most_of
 
 if TYPE_CHECKING:
     from dicedesign.throws.tables import Table

@@ -30,9 +30,8 @@ from scipy.stats import qmc
 
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.throws.engines import GRAVITY
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import Table
+from dicedesign.throws.tables import GRAVITY, Table
 from dicedesign.throws.throw_counts import CountedDie
 
 MODEL: Final = "hands in sizes of the die, materials, Dirichlet-multinomial counts"

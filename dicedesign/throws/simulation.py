@@ -26,7 +26,6 @@ from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.throws.distances import measure_variation
 from dicedesign.throws.engines import (
     ENGINES,
-    GRAVITY,
     advance,
     longest_throw,
     time_step,
@@ -43,7 +42,7 @@ from dicedesign.throws.rigid_body import (
     rigid_body,
     vertical,
 )
-from dicedesign.throws.tables import Table, load_table, mixture_tables, most_of
+from dicedesign.throws.tables import GRAVITY, Table, load_table, mixture_tables, most_of
 from dicedesign.tolerances import STANDING_ANGLE
 
 DROPS_PER_TASK: Final = 500

@@ -116,6 +116,12 @@ _LIMITS: Final = {
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
 
+GRAVITY: Final = 9.81
+"""Acceleration in m/s^2."""
+
+BALL: Final = 0.1
+"""Moment of inertia of a ball over its mass and squared diameter."""
+
 _EXTRA_ENTRIES: Final = {"mixture", "momentum"}
 """Entries of a file that are no parameters of its table."""
 
@@ -215,6 +221,13 @@ class Table:
                 f"{hand}, got one with drag; leave the hand out, or take another table"
             )
         return replace(self, name=f"{self.name}:{hand}", source=source, **_motion(way))
+
+    @property
+    def energy(self) -> float:
+        """Energy of a mean throw at release over weight and size of the die, as of a ball."""
+        height, speed, spin = (float(np.mean(getattr(self, name))) for name in SPREADS)
+        squares = speed**2 + BALL * (self.size * spin) ** 2
+        return (height + squares / (2.0 * GRAVITY)) / self.size
 
     @property
     def hand(self) -> Hand | None:

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import mujoco_engine
-from dicedesign.throws.engines import GRAVITY, advance, time_step
+from dicedesign.throws.engines import advance, time_step
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
-from dicedesign.throws.tables import Table
+from dicedesign.throws.tables import GRAVITY, Table
 from tests.reference.impacts import response_of
 
 STRUCK = Table("struck", restitution=0.5, friction=0.5, height=0.5, speed=8.0, spin=0.0)

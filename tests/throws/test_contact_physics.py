@@ -30,9 +30,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dicedesign.throws.engines import GRAVITY, advance, throw_states, time_step
+from dicedesign.throws.engines import advance, throw_states, time_step
 from dicedesign.throws.rigid_body import RigidBody
-from dicedesign.throws.tables import Table, load_table
+from dicedesign.throws.tables import GRAVITY, Table, load_table
 from tests.reference.impacts import planar_impulse, turning_impulse
 from tests.reference.strikes import (
     STRIKES,

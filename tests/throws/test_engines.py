@@ -22,9 +22,9 @@ from common.thrown import (
 
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
-from dicedesign.throws.engines import GRAVITY, advance, longest_throw, throw_states, time_step
+from dicedesign.throws.engines import advance, longest_throw, throw_states, time_step
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import Table, load_table
+from dicedesign.throws.tables import GRAVITY, Table, load_table
 
 WOOD = load_table("hard-wood")
 

@@ -13,7 +13,6 @@ from scipy.integrate import solve_ivp
 
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.kernels import ops as kernels
-from dicedesign.throws.engines import GRAVITY
 from dicedesign.throws.mujoco_engine import (
     DEEPEST,
     contact_of,
@@ -23,7 +22,7 @@ from dicedesign.throws.mujoco_engine import (
     restitution_of,
 )
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import Table, load_table
+from dicedesign.throws.tables import GRAVITY, Table, load_table
 
 
 @compiled_only

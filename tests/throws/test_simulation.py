@@ -12,10 +12,9 @@ from common.thrown import box, random_body, random_points, rigid_body_with_rests
 from scipy.spatial.transform import Rotation
 
 from dicedesign.runtime.workers import local_workers
-from dicedesign.throws.engines import GRAVITY
 from dicedesign.throws.rigid_body import PAPER_DIRECTIONS
 from dicedesign.throws.simulation import FRAMES_PER_SECOND, SETTLED, simulate, throw_film
-from dicedesign.throws.tables import Table, load_table
+from dicedesign.throws.tables import GRAVITY, Table, load_table
 
 BOARD, CARPET = load_table("board-game"), load_table("carpet")
 
