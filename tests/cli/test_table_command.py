@@ -15,7 +15,7 @@ from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import table_fit
-from dicedesign.throws.tables import load_table, posterior_tables
+from dicedesign.throws.tables import load_table, mixture_tables
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_a_fit_predicts_other_dice(
     assert table.as_dict() == answer["table"]
     assert (table.name, table.source) == ("mine", "fitted to 200 throws of box")
     assert table.restitution == answer["parameters"]["restitution"]["fitted"]
-    drawn = posterior_tables(str(out))
+    drawn = mixture_tables(str(out))
     assert [each.restitution for each in drawn] == [
         row["restitution"] for row in answer["posterior"]
     ]

@@ -21,7 +21,6 @@ from dicedesign.geometry.triangles import solid_inertia
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.distances import total_variation
 from dicedesign.throws.momentum_model import (
-    CHANGES,
     RANGES,
     TABLE_TERMS,
     WEIGHTS,
@@ -33,7 +32,7 @@ from dicedesign.throws.momentum_model import (
 )
 from dicedesign.throws.momentum_probabilities import hull_probabilities, momentum_probabilities
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import TABLE_NAMES, Table, load_table
+from dicedesign.throws.tables import TABLE_NAMES, Table, load_table, mixture_tables
 
 PLAIN = plain_model(general_model())
 UNITS = len(PLAIN["carries"]["outward"])
@@ -114,9 +113,10 @@ def test_a_table_s_own_model_takes_precedence(tmp_path: Path) -> None:
     path.write_text(json.dumps({**table.as_dict(), "momentum": own}))
     model = momentum_model(str(path))
     assert model is not None
-    assert model.hot == pytest.approx(MomentumModel.of(general_model(), table).hot + 0.5)
+    (mine,) = model.models
+    assert mine.hot == pytest.approx(MomentumModel.of(general_model(), table).hot + 0.5)
     with pytest.raises(InputError, match=r"spin of 0 to 29\.7 rad/s"):
-        MomentumModel.of(model.general, replace(table, spin=30.0))
+        MomentumModel.of(mine.general, replace(table, spin=30.0))
 
 
 def _hull_and_rests(seed: int, count: int, flatness: float) -> tuple[Any, ...]:
@@ -176,7 +176,7 @@ def test_probabilities_are_nearer_to_throws_than_those_without_momentum(
 ) -> None:
     apart = []
     for die in dice:
-        throws = simulate(die.body, load_table(name), 1000, 3)
+        throws = simulate(die.body, mixture_tables(name), 4000, 3)
         frequencies = throws.counts / throws.counts.sum()
         momentum = momentum_probabilities(die.poses, die.body, momentum_model(name))
         apart.append(
@@ -192,16 +192,28 @@ def test_probabilities_are_nearer_to_throws_than_those_without_momentum(
 
 
 def test_the_model_predicts_the_effect_of_a_livelier_table(dice: list[RandomDie]) -> None:
-    table, model = load_table("board-game"), momentum_model("board-game")
-    assert model is not None
+    table, mixture = load_table("board-game"), momentum_model("board-game")
+    assert mixture is not None
     simulated, predicted = [], []
     for die in dice[:4]:
-        livelier = [table.livelier(change) for change in CHANGES]
-        throws = [simulate(die.body, one, 1000, 5) for one in livelier]
+        pair = [replace(table, restitution=restitution) for restitution in (0.8, 0.2)]
+        throws = [simulate(die.body, one, 4000, 5) for one in pair]
         up, down = (one.counts / one.counts.sum() for one in throws)
         simulated.append(up - down)
-        up, down = (
-            momentum_probabilities(die.poses, die.body, model.near(one)) for one in livelier
-        )
+        up, down = (momentum_probabilities(die.poses, die.body, mixture.near(one)) for one in pair)
         predicted.append(up - down)
     assert np.corrcoef(np.concatenate(simulated), np.concatenate(predicted))[0, 1] > 0.5
+
+
+def test_few_tables_represent_a_mixture(dice: list[RandomDie]) -> None:
+    """Against the mean over all of its tables."""
+    tables, mixture = mixture_tables("board-game"), momentum_model("board-game")
+    assert mixture is not None
+    assert len(mixture.models) == 4
+    assert mixture.weights.sum() == pytest.approx(1.0)
+    for die in dice:
+        each = [momentum_probabilities(die.poses, die.body, mixture.near(one)) for one in tables]
+        few = momentum_probabilities(die.poses, die.body, mixture)
+        assert total_variation(few, np.mean(each, axis=0)) < 0.01
+        spread = np.quantile([total_variation(one, few) for one in each], 0.9)
+        assert total_variation(few, np.mean(each, axis=0)) < 0.5 * spread

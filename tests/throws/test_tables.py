@@ -7,16 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
 from dicedesign.throws.tables import (
     HANDS,
+    SPREADS,
     TABLE_NAMES,
     Table,
     load_table,
-    posterior_entries,
-    posterior_tables,
+    mixture_entries,
+    mixture_tables,
     with_hand,
 )
 
@@ -47,30 +49,30 @@ def test_a_table_in_a_file(tmp_path: Path) -> None:
     assert load_table(str(path)) == table
 
 
-def test_tables_of_a_posterior(tmp_path: Path) -> None:
+def test_tables_of_a_mixture(tmp_path: Path) -> None:
     path = tmp_path / "lino.json"
     path.write_text(json.dumps(GOOD))
-    assert posterior_tables(str(path)) == ()
+    assert mixture_tables(str(path)) == (Table(**GOOD),)
     rows = [
         {"restitution": 0.3, "friction": 0.1, "height": [0.1, 0.3], "speed": 0.2, "spin": [1, 9]},
         {"restitution": 0.5, "friction": 0.4, "height": 0.3, "speed": [0.1, 0.2], "spin": 4.0},
     ]
-    path.write_text(json.dumps({**GOOD, "size": 0.03, "posterior": rows}))
+    path.write_text(json.dumps({**GOOD, "size": 0.03, "mixture": rows}))
     assert load_table(str(path)) == Table(**GOOD, size=0.03)
-    tables = posterior_tables(str(path))
+    tables = mixture_tables(str(path))
     for number, (table, row) in enumerate(zip(tables, rows, strict=True), start=1):
         assert table == Table(**{**GOOD, **row, "size": 0.03, "name": f"lino {number} of 2"})
-    assert posterior_entries(tables) == rows
+    assert mixture_entries(tables) == rows
 
 
-@pytest.mark.parametrize("posterior", [{}, [3], [{"restitution": 0.3}]])
-def test_invalid_posteriors(posterior: object, tmp_path: Path) -> None:
+@pytest.mark.parametrize("mixture", [{}, [3], [{"restitution": 0.3}]])
+def test_invalid_mixtures(mixture: object, tmp_path: Path) -> None:
     path = tmp_path / "lino.json"
-    path.write_text(json.dumps({**GOOD, "posterior": posterior}))
+    path.write_text(json.dumps({**GOOD, "mixture": mixture}))
     with pytest.raises(
-        InputError, match="expected as posterior a list of at least one object with rest"
+        InputError, match="expected as mixture a list of at least one object with rest"
     ):
-        posterior_tables(str(path))
+        mixture_tables(str(path))
 
 
 @pytest.mark.parametrize(
@@ -146,3 +148,26 @@ def test_a_hand_on_a_table_of_a_file(tmp_path: Path) -> None:
     path.write_text(json.dumps({**GOOD, "size": 0.05}))
     with pytest.raises(InputError, match=r"no larger than the least drop height of 0.04 m"):
         load_table(f"{path}:tower")
+
+
+def test_the_hands_of_board_game_are_lognormal_on_one_surface() -> None:
+    table, tables = load_table("board-game"), mixture_tables("board-game")
+    assert len(tables) == 32
+    assert {(one.restitution, one.friction) for one in tables} == {
+        (table.restitution, table.friction)
+    }
+    means = np.array([[np.mean(getattr(one, name)) for name in SPREADS] for one in tables])
+    logarithms = np.log(means / [np.mean(getattr(table, name)) for name in SPREADS])
+    np.testing.assert_allclose(logarithms.mean(axis=0), 0.0, atol=0.06)
+    # Heights are not below those of dice of 40 mm.
+    np.testing.assert_allclose(logarithms.std(axis=0), [0.64, 0.75, 0.75], atol=0.03)
+    np.testing.assert_allclose(np.corrcoef(logarithms.T), np.eye(3), atol=0.2)
+    # A named hand is one hand.
+    assert [one.height for one in mixture_tables("board-game:cup")] == [HANDS["cup"].height]
+
+
+def test_the_energy_of_a_throw_is_that_of_a_ball() -> None:
+    table = Table("t", 0.5, 0.5, 0.1, [0.2, 0.4], 20.0, size=0.03)
+    inertia = 0.4 * 0.015**2
+    joules_per_kg = 9.81 * 0.1 + 0.5 * 0.3**2 + 0.5 * inertia * 20.0**2
+    assert table.energy == pytest.approx(joules_per_kg / (9.81 * 0.03))
