@@ -114,7 +114,8 @@ def throw_states(
     (Keller 1986). So a restitution and a friction mean the same for all bodies and directions of
     impact. Vertices that approach slower than gravity makes them within a time step are stopped
     once a step. Energy never grows. A throw ends as soon as its energy is below every saddle on the
-    border of its basin, which it cannot leave then, or if its state is not finite.
+    border of its basin, which it cannot leave then, once it slides and spins to a stop without
+    tipping, or if its state is not finite.
 
     refinement: divisor of the time step.
 
@@ -143,6 +144,7 @@ def advance(
         body.normals,
         body.rest_of_facet,
         body.barriers * scale,
+        body.flat * [scale, scale, scale**2],
     )
     step = time_step(table, refinement)
     how = np.array([step, GRAVITY, table.drag, table.restitution, table.friction])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body, body_of, solid_triangles
 from dicedesign.geometry.triangles import Surface, solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses, rest_poses
@@ -40,6 +41,9 @@ class RigidBody:
     rest_normals: (k, 3) of the rests, in the order of `RestPoses`.
     rest_heights: (k,) of the center of mass at rest.
     barriers: (k,) height of the lowest saddle on the border of each basin; infinite without one.
+    flat: (k, 3) of each rest the height of the center of mass, the least distance of an edge from
+        its foot, and the product of inertia about the foot's normal over the mass, by which a body
+        that spins about it turns over.
     """
 
     name: str
@@ -56,6 +60,7 @@ class RigidBody:
     rest_normals: Floats
     rest_heights: Floats
     barriers: Floats
+    flat: Floats
 
     def digest(self, *settings: Any) -> str:
         """SHA-256 of the body and of settings of its throws."""
@@ -103,6 +108,11 @@ def rigid_body(
     for basins in morse.saddle_basins.T:
         np.minimum.at(barriers, basins, heights)
     normals = np.ascontiguousarray(hull.normals @ axes)
+    rest_normals = normals[poses.facets]
+    rest_heights = (rest_normals @ vertices.T).max(axis=1)
+    turned = rest_normals * moments / radius**2
+    products = turned - (turned * rest_normals).sum(axis=1)[:, None] * rest_normals
+    distances = _edge_distances(hull, normals, vertices)[poses.facets]
     return RigidBody(
         name=body.name,
         radius=radius,
@@ -115,10 +125,22 @@ def rigid_body(
         right=hull.facet[hull.twin[order]],
         normals=normals,
         rest_of_facet=morse.basin_of_facet,
-        rest_normals=normals[poses.facets],
-        rest_heights=(normals[poses.facets] @ vertices.T).max(axis=1),
+        rest_normals=rest_normals,
+        rest_heights=rest_heights,
         barriers=barriers,
+        flat=np.column_stack([rest_heights, distances, np.linalg.norm(products, axis=1)]),
     )
+
+
+def _edge_distances(hull: ConvexHull, normals: Floats, vertices: Floats) -> Floats:
+    """(m,) least distance of an edge of each facet from the foot of the origin in it; negative if
+    the foot is outside."""
+    tails, heads = vertices[hull.tail], vertices[hull.head]
+    outward = np.cross(heads - tails, normals[hull.facet])
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    distances = np.full(len(normals), np.inf)
+    np.minimum.at(distances, hull.facet, (outward * tails).sum(axis=1))
+    return distances
 
 
 def _solid_inertia(body: Body, poses: RestPoses) -> Floats:

@@ -409,7 +409,9 @@ def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None
     steps_per_frame = math.ceil(1.0 / (FRAMES_PER_SECOND * step))
     refinement = steps_per_frame * FRAMES_PER_SECOND * step
     # Without barriers, the simulation goes on while the body still rocks.
-    unstopped = replace(body, barriers=np.full_like(body.barriers, -np.inf))
+    unstopped = replace(
+        body, barriers=np.full_like(body.barriers, -np.inf), flat=body.flat * [1.0, -1.0, 1.0]
+    )
     frames = [state[0].copy()]
     rest, radius = -1, table.size / 2.0
     while rest < 0 and len(frames) < seconds * FRAMES_PER_SECOND:

@@ -17,7 +17,7 @@ using Tensor = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::devi
 
 Landscape landscape_of(const Points& vertices, const Indices& start, const Indices& neighbor,
                        const Indices& left, const Indices& right, const Points& normals,
-                       const Indices& rests, const Floats& barriers) {
+                       const Indices& rests, const Floats& barriers, const double* flat) {
     double highest = 0.0;
     for (std::size_t i = 0; i < barriers.shape(0); ++i) highest = larger(highest, barriers(i));
     return {static_cast<Index>(vertices.shape(0)),
@@ -29,6 +29,7 @@ Landscape landscape_of(const Points& vertices, const Indices& start, const Indic
             rows(normals),
             rests.data(),
             barriers.data(),
+            flat,
             highest};
 }
 
@@ -37,7 +38,7 @@ nb::object rests_below(Points vertices, Indices start, Indices neighbor, Indices
                        Indices right, Points normals, Indices rests, Floats barriers,
                        Points directions) {
     const Landscape land =
-        landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers);
+        landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers, nullptr);
     std::vector<Index> found(directions.shape(0));
     for (std::size_t i = 0; i < found.size(); ++i) {
         found[i] = rest_below(land, rows(directions)[i]);
@@ -50,9 +51,9 @@ nb::object rests_below(Points vertices, Indices start, Indices neighbor, Indices
 // overwritten. Returns for each throw its rest, or -1 while it moves, and the steps it took.
 nb::tuple advance_throws(Points vertices, Indices start, Indices neighbor, Indices left,
                          Indices right, Points normals, Indices rests, Floats barriers,
-                         Floats moments, Floats how, States states, Index steps) {
+                         Points flat, Floats moments, Floats how, States states, Index steps) {
     const Landscape land =
-        landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers);
+        landscape_of(vertices, start, neighbor, left, right, normals, rests, barriers, flat.data());
     const Throw thrown{{how(3), how(4)}, how(0), how(1), how(2)};
     const Vec inertia = vector(moments);
     const std::size_t count = states.shape(0);

@@ -17,6 +17,8 @@ struct Landscape {
     const Vec* normal;      // of each facet
     const Index* rest;      // to which each facet rolls
     const double* barrier;  // for each rest the height of the lowest saddle on its basin's border
+    const double* flat;     // for each rest the height at rest, the least distance of an edge from
+                            // the foot, and what turns a spinning body over, see `slides_to_rest`
     double highest_barrier;
 };
 

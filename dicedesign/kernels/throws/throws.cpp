@@ -33,6 +33,9 @@ constexpr double FINE_TOLERANCE = 1e-9;
 // Energy is compared with barriers after this many events on the table.
 constexpr int EVENTS_PER_CHECK = 4;
 
+// Energy that a sliding body may gain in impacts of its back, over the energy of its tilting.
+constexpr double SAFE_ENERGY = 4.0;
+
 // A vertex at or near the table.
 struct Touching {
     double height;
@@ -70,9 +73,12 @@ public:
             elapsed += seconds;
             if (!(bounces || held) || ++events < EVENTS_PER_CHECK) continue;
             events = 0;
-            const Index rest =
-                certain_rest(land, -Axes(motion.turn).row[2], energy_height());
+            const Vec up = Axes(motion.turn).row[2];
+            const Index rest = certain_rest(land, -up, energy_height());
             if (rest != STILL_MOVING) return rest;
+            if (!held || tilting_height(up) >= land.highest_barrier) continue;
+            const Index below = rest_below(land, -up);
+            if (below >= 0 && slides_to_rest(land.flat + 3 * below, up)) return below;
         }
         return STILL_MOVING;
     }
@@ -80,6 +86,28 @@ public:
 private:
     double energy_height() const {
         return motion.position.z + 0.5 * twice_kinetic_energy(moments, motion) / how.gravity;
+    }
+
+    // The energy without that of sliding and of the spin about the vertical.
+    double tilting_height(const Vec& up) const {
+        const Vec tilting = motion.spin - dot(up, motion.spin) * up;
+        const double rising = motion.velocity.z * motion.velocity.z;
+        return motion.position.z + 0.5 * (rising + twice_spin_energy(moments, tilting)) / how.gravity;
+    }
+
+    // Whether a body on the table slides and spins to a stop without tipping. Sliding friction and
+    // the table's force together have one direction, which is that of gravity for an observer who
+    // slows down with the body: for him it tips once its center of mass is above the edge ahead.
+    // Spinning about an axis that is no principal one moves that edge nearer.
+    bool slides_to_rest(const double* flat, const Vec& up) const {
+        const double height = flat[0], friction = how.surface.friction;
+        const double spin = dot(up, motion.spin);
+        const double width = flat[1] - spin * spin * flat[2] / how.gravity;
+        const double angle = std::atan2(width, height) - std::atan(friction);
+        if (!(angle > 0.0)) return false;
+        const double climb =
+            std::hypot(width, height) * std::hypot(1.0, friction) * (1.0 - std::cos(angle));
+        return SAFE_ENERGY * (tilting_height(up) - height) < climb;
     }
 
     // Height below which a slow vertex is held at the table.
