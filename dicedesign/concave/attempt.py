@@ -271,7 +271,7 @@ class Attempts:
             # The displacement of the hull's vertices alone must be better: the fill usually adds
             # to it.
             apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
-            moved = problem.displacement(draft.corners - problem.hull.vertices)
+            moved = problem.mean_displacement(draft.corners - problem.hull.vertices)
             cost = (1.0 + angle_penalty(apart, margin, self.options)) * moved
             if cost >= rank(best.draft, self.options)[-1]:
                 return None
