@@ -182,12 +182,13 @@ class Attempts:
         if number > len(drafts):
             turned = draft.directions + TURN * random.normal(size=draft.directions.shape)
             draft = replace(draft, directions=unit_vectors(turned))
-        if self.wall is not None:
-            return self._fill_about_cavity(draft, best, self.wall, on_step)
         best_fill, metric, firmness = None, NEAREST, 1.0
         for _ in range(TRIES):
-            designed = design_hull(problem, draft, on_step, metric, firmness)
-            filled = self._finish(problem, designed, best)
+            move = partial(design_hull, on_step=on_step, metric=metric, firmness=firmness)
+            if self.wall is None:
+                filled = self._finish(problem, move(problem, draft), best)
+            else:
+                filled = self._fill_about_cavity(draft, best, self.wall, move)
             if filled is None:
                 break
             if self.is_better(filled, best_fill):
@@ -205,10 +206,10 @@ class Attempts:
         draft: HullDraft,
         best: FilledHull | None,
         wall: float,
-        on_step: Callable[[float, float], None],
+        move: Callable[[HullProblem, HullDraft], HullDraft],
     ) -> FilledHull | None:
         """Fill a hull whose center of mass is moved by a cavity, as far as that reduces the
-        bending."""
+        bending; None as in `_finish`. move: designs a hull from a draft, see `design_hull`."""
         # It imports manifold3d, which no solid die needs.
         from dicedesign.balance.cavity import balancing_cavity, reach
 
@@ -229,13 +230,13 @@ class Attempts:
             return False
 
         problem = with_room(self.problem.surface, SAFE_REACH)
-        nearer = design_hull(problem, draft, on_step)
+        nearer = move(problem, draft)
         filled = self._finish(problem, nearer, best)
         if filled is None or not self.is_better(filled, best):
-            return None
+            return filled
         if not has_room(filled):
             # Begin with a solid die, which has more room when it is bent less.
-            nearer = design_hull(self.problem, draft, on_step)
+            nearer = move(self.problem, draft)
             filled = self._finish(self.problem, nearer, None)
         share = SAFE_REACH
         for _ in range(MAX_SHIFTS):
@@ -246,7 +247,7 @@ class Attempts:
                 problem = with_room(bent, share)
             except InputError:
                 break
-            further = design_hull(problem, nearer, on_step)
+            further = move(problem, nearer)
             following = self._finish(problem, further, filled)
             if following is None or not self.is_better(following, filled):
                 break
