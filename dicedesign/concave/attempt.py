@@ -49,6 +49,7 @@ from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import FILE_ANGLE, SAME_REST_ANGLE
 
 DESIGN_SHARE = 0.8
 """Share of the tolerance that the design of the hull may use: the file is rounded afterwards."""
@@ -345,8 +346,13 @@ class Attempts:
         shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
         poses = analyze(reached, rounded.centroid + shift)
         directions = design.directions @ back.rotation.T
-        outcomes = outcome_probabilities(poses, directions)
-        error = outcomes.error(self.target)
+        # In a file, rounding decides whether rests at nearly this angle count as one outcome, so
+        # that the die must be right either way.
+        either = [
+            outcome_probabilities(poses, directions, within=SAME_REST_ANGLE + change)
+            for change in (-FILE_ANGLE, FILE_ANGLE)
+        ]
+        error = max(outcomes.error(self.target) for outcomes in either)
         self.on_step("fill", energy, error)
         filled = FilledHull(
             Draft(
@@ -354,8 +360,10 @@ class Attempts:
                 seconds=None,
                 error=error,
                 displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
-                apart_deg=float(np.degrees(outcomes.least_angle)),
-                margin_deg=float(np.degrees(outcome_margins(poses, outcomes).min())),
+                apart_deg=math.degrees(min(outcomes.least_angle for outcomes in either)),
+                margin_deg=math.degrees(
+                    min(outcome_margins(poses, outcomes).min() for outcomes in either)
+                ),
                 self_intersections=len(intersecting_triangles(solid.points, unit.triangles)),
             ),
             points=self.center + self.radius * solid.points,
