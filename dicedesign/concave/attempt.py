@@ -49,6 +49,7 @@ from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.results.parts import Draft
 from dicedesign.runtime.arrays import Floats
+from dicedesign.tolerances import FILE_ANGLE, SAME_REST_ANGLE
 
 DESIGN_SHARE = 0.8
 """Share of the tolerance that the design of the hull may use: the file is rounded afterwards."""
@@ -182,12 +183,13 @@ class Attempts:
         if number > len(drafts):
             turned = draft.directions + TURN * random.normal(size=draft.directions.shape)
             draft = replace(draft, directions=unit_vectors(turned))
-        if self.wall is not None:
-            return self._fill_about_cavity(draft, best, self.wall, on_step)
         best_fill, metric, firmness = None, NEAREST, 1.0
         for _ in range(TRIES):
-            designed = design_hull(problem, draft, on_step, metric, firmness)
-            filled = self._finish(problem, designed, best)
+            move = partial(design_hull, on_step=on_step, metric=metric, firmness=firmness)
+            if self.wall is None:
+                filled = self._finish(problem, move(problem, draft), best)
+            else:
+                filled = self._fill_about_cavity(draft, best, self.wall, move)
             if filled is None:
                 break
             if self.is_better(filled, best_fill):
@@ -205,10 +207,10 @@ class Attempts:
         draft: HullDraft,
         best: FilledHull | None,
         wall: float,
-        on_step: Callable[[float, float], None],
+        move: Callable[[HullProblem, HullDraft], HullDraft],
     ) -> FilledHull | None:
         """Fill a hull whose center of mass is moved by a cavity, as far as that reduces the
-        bending."""
+        bending; None as in `_finish`. move: designs a hull from a draft, see `design_hull`."""
         # It imports manifold3d, which no solid die needs.
         from dicedesign.balance.cavity import balancing_cavity, reach
 
@@ -229,13 +231,13 @@ class Attempts:
             return False
 
         problem = with_room(self.problem.surface, SAFE_REACH)
-        nearer = design_hull(problem, draft, on_step)
+        nearer = move(problem, draft)
         filled = self._finish(problem, nearer, best)
         if filled is None or not self.is_better(filled, best):
-            return None
+            return filled
         if not has_room(filled):
             # Begin with a solid die, which has more room when it is bent less.
-            nearer = design_hull(self.problem, draft, on_step)
+            nearer = move(self.problem, draft)
             filled = self._finish(self.problem, nearer, None)
         share = SAFE_REACH
         for _ in range(MAX_SHIFTS):
@@ -246,7 +248,7 @@ class Attempts:
                 problem = with_room(bent, share)
             except InputError:
                 break
-            further = design_hull(problem, nearer, on_step)
+            further = move(problem, nearer)
             following = self._finish(problem, further, filled)
             if following is None or not self.is_better(following, filled):
                 break
@@ -271,7 +273,7 @@ class Attempts:
             # The displacement of the hull's vertices alone must be better: the fill usually adds
             # to it.
             apart, margin = math.degrees(draft.apart), math.degrees(draft.margin)
-            moved = problem.displacement(draft.corners - problem.hull.vertices)
+            moved = problem.mean_displacement(draft.corners - problem.hull.vertices)
             cost = (1.0 + angle_penalty(apart, margin, self.options)) * moved
             if cost >= rank(best.draft, self.options)[-1]:
                 return None
@@ -344,8 +346,13 @@ class Attempts:
         shift = back(design.center_of_mass + design.shift) - back(design.center_of_mass)
         poses = analyze(reached, rounded.centroid + shift)
         directions = design.directions @ back.rotation.T
-        outcomes = outcome_probabilities(poses, directions)
-        error = outcomes.error(self.target)
+        # In a file, rounding decides whether rests at nearly this angle count as one outcome, so
+        # that the die must be right either way.
+        either = [
+            outcome_probabilities(poses, directions, within=SAME_REST_ANGLE + change)
+            for change in (-FILE_ANGLE, FILE_ANGLE)
+        ]
+        error = max(outcomes.error(self.target) for outcomes in either)
         self.on_step("fill", energy, error)
         filled = FilledHull(
             Draft(
@@ -353,8 +360,10 @@ class Attempts:
                 seconds=None,
                 error=error,
                 displacement=float(norms(solid.points - unit.points).mean() / unit.diagonal),
-                apart_deg=float(np.degrees(outcomes.least_angle)),
-                margin_deg=float(np.degrees(outcome_margins(poses, outcomes).min())),
+                apart_deg=math.degrees(min(outcomes.least_angle for outcomes in either)),
+                margin_deg=math.degrees(
+                    min(outcome_margins(poses, outcomes).min() for outcomes in either)
+                ),
                 self_intersections=len(intersecting_triangles(solid.points, unit.triangles)),
             ),
             points=self.center + self.radius * solid.points,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from dicedesign.concave.complementarity import solve_complementarity
-from dicedesign.concave.hull_problem import HeldCorners, center_gradient
+from dicedesign.concave.hull_problem import HeldCorners, center_gradient, spread_points
 from dicedesign.concave.result import Fill, OnEnergy
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
@@ -50,9 +50,10 @@ class Contacts:
         self.points = np.concatenate([self.points, points[fresh]])
         self.facets = np.concatenate([self.facets, facets[fresh]])
         unknown = np.unique(self.points[self.place[self.points] < 0])
-        self.place[unknown] = self.responses.shape[1] + np.arange(len(unknown))
-        fresh_responses = self.held.hold(self.held.elasticity.responses(unknown))
-        self.responses = np.hstack([self.responses, fresh_responses])
+        if len(unknown) > 0:
+            self.place[unknown] = self.responses.shape[1] + np.arange(len(unknown))
+            fresh_responses = self.held.hold(self.held.elasticity.responses(unknown))
+            self.responses = np.hstack([self.responses, fresh_responses])
 
     def solve(
         self, normals: Floats, bounds: Floats, gradient: Floats, raised: Floats, misses: Floats
@@ -65,7 +66,8 @@ class Contacts:
         """
         count, columns = len(normals), self.place[self.points]
         system = np.zeros((count + 3, count + 3))
-        system[:count, :count] = self.responses[self.points][:, columns] * (normals @ normals.T)
+        system[:count, :count] = self.responses[np.ix_(self.points, columns)]
+        system[:count, :count] *= normals @ normals.T
         diagonal = np.arange(count)
         system[diagonal, diagonal] *= 1.0 + CONTACT_REGULARIZATION
         system[:count, count:] = (raised[self.points] * normals[:, :, None]).sum(axis=1)
@@ -92,6 +94,10 @@ MAX_ROUNDS = 30
 FIRST_ROUNDS = 5
 """Number of rounds in which the whole displacement has minimum work. Later only each further one
 has: as it is small, Newton's method for the center of mass then converges quadratically."""
+
+MAX_ADDED = 800
+"""Maximum number of points that a round brings into contact, spread over those that are outside. A
+round with more that are outside prolongs the first rounds by one."""
 
 CENTERED = 1e-13
 """Distance of the center of mass from its required place, over the diagonal, that ends the
@@ -120,7 +126,7 @@ def fill_by_correspondence(
     elasticity, corners = held.elasticity, held.corners
     surface = elasticity.surface
     following = held.follow(hull.vertices - surface.points[corners])
-    contacts, moved = Contacts(held), following.copy()
+    contacts, moved, first_rounds = Contacts(held), following.copy(), FIRST_ROUNDS
     middle = hull.vertices.mean(axis=0)
     room = hull.heights(middle) - DEPTH * surface.diagonal
     for number in range(MAX_ROUNDS):
@@ -139,8 +145,12 @@ def fill_by_correspondence(
         if outside == 0.0 and norms(miss) <= CENTERED * surface.diagonal:
             return now.points, energy
         out = np.flatnonzero(excess > 0.5 * DEPTH * surface.diagonal)
+        if len(out) > MAX_ADDED:
+            # Few of the others are still outside when these are pressed in.
+            out = out[spread_points(surface.points[out], MAX_ADDED)]
+            first_rounds += 1
         contacts.add(out, highest[out])
-        if number < FIRST_ROUNDS:
+        if number < first_rounds:
             # The gradient halfway gives the change from start to end up to the third order.
             gradient = center_gradient(surface.with_points(surface.points + 0.5 * moved))
             miss = center_of_mass - surface.centroid - np.einsum("nab,na->b", gradient, following)

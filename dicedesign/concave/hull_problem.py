@@ -262,10 +262,10 @@ class HullProblem:
         return HeldCorners(self.elasticity, self.source)
 
     @cached_property
-    def displacement_form(self) -> Floats:
-        """(n, 3, n, 3) quadratic form of displacements of the vertices relative to the center of
-        mass: the mean squared displacement of all points of the surface, after it is aligned with
-        the original by a similarity."""
+    def _sampled_moves(self) -> tuple[Floats, Floats]:
+        """Linear map (3 s, 3 n) from displacements of the vertices relative to the center of mass
+        to those of samples of the surface, after it is aligned with the original by a similarity,
+        each times the square root of its weight; and these roots (s,), of weights that sum to 1."""
         points, forces = self.surface.points, self.held.relative[0]
         samples = spread_points(points, SAMPLES)
         nearest = cKDTree(points[samples]).query(points)[1]
@@ -283,6 +283,14 @@ class HullProblem:
         columns = np.stack([*moves, about], axis=-1) * weights[:, None, None]
         similar = np.linalg.qr(columns.reshape(-1, 7))[0]
         flat -= similar @ (similar.T @ flat)
+        return np.asarray(flat), weights
+
+    @cached_property
+    def displacement_form(self) -> Floats:
+        """(n, 3, n, 3) quadratic form of displacements of the vertices relative to the center of
+        mass: the mean squared displacement of all points of the surface, after it is aligned with
+        the original by a similarity."""
+        flat, forces = self._sampled_moves[0], self.held.relative[0]
         return np.asarray((flat.T @ flat).reshape(forces.shape))
 
     def shift(self, moved: Floats) -> Floats:
@@ -304,6 +312,13 @@ class HullProblem:
         moved = moved + self.shift(moved)
         square = np.tensordot(np.tensordot(self.displacement_form, moved, 2), moved, 2)
         return float(np.sqrt(square)) / self.surface.diagonal
+
+    def mean_displacement(self, moved: Floats) -> float:
+        """Mean displacement of the surface over its diagonal, otherwise as `displacement`."""
+        moved = moved + self.shift(moved)
+        flat, roots = self._sampled_moves
+        weighted = (flat @ moved.ravel()).reshape(-1, 3)
+        return float(roots @ norms(weighted)) / self.surface.diagonal
 
     @cached_property
     def _compliances(self) -> dict[tuple[HullMetric, bool], Floats]:

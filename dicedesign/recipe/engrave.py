@@ -29,7 +29,7 @@ from dicedesign.gradient.probability_model import (
 )
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshape, stretch
 from dicedesign.recipe.pipeline import Work
-from dicedesign.results.parts import Status
+from dicedesign.results.parts import Cavities, Concave, Status
 from dicedesign.results.result import Balance, Inside
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_PROBABILITIES
@@ -172,6 +172,26 @@ def _mark_surface(work: Work) -> None:
         _finish(work, marked)
     else:
         _finish_stretched(work, marked, (), options.balance)
+    if work.concave is not None and work.concave.cavities is not None:
+        _measure_marked_wall(work, work.concave, work.concave.cavities)
+
+
+def _measure_marked_wall(work: Work, concave: Concave, cavities: Cavities) -> None:
+    """Record the least wall between marks and cavities, and note one that the printer cannot
+    make."""
+    from dicedesign.balance.cavity import measure_cavities
+
+    wall = measure_cavities(read_stl(work.files["die.stl"]).surface).wall_mm
+    work.concave = replace(concave, cavities=replace(cavities, marked_wall_mm=wall))
+    if work.recipe.print is None:
+        return
+    printer = work.recipe.print.selected_printer
+    if wall < printer.wall_mm:
+        work.notes.append(
+            f"the walls between marks and cavity measure {wall:.2g} mm, {printer.name} makes "
+            f"{printer.wall_mm:.2g} mm or more: raise method.concave.hollow.wall_mm, or reduce "
+            "engrave.depth_mm"
+        )
 
 
 def _finish_stretched(

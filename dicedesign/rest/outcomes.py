@@ -61,14 +61,21 @@ class OutcomeProbabilities:
 
 
 def outcome_probabilities(
-    poses: RestPoses, directions: Floats, outcome_of: Integers | None = None
+    poses: RestPoses,
+    directions: Floats,
+    outcome_of: Integers | None = None,
+    within: float = SAME_REST_ANGLE,
 ) -> OutcomeProbabilities:
     """Probabilities of the outcomes of a body; see `assign_rests`."""
-    return assign_rests(poses.normals, poses.probabilities, directions, outcome_of)
+    return assign_rests(poses.normals, poses.probabilities, directions, outcome_of, within)
 
 
 def assign_rests(
-    normals: Floats, probabilities: Floats, directions: Floats, outcome_of: Integers | None = None
+    normals: Floats,
+    probabilities: Floats,
+    directions: Floats,
+    outcome_of: Integers | None = None,
+    within: float = SAME_REST_ANGLE,
 ) -> OutcomeProbabilities:
     """Outcomes of rests with normals (r, 3) and probabilities (r,), for unit directions (f, 3) that
     are down when a die rests on its labeled faces.
@@ -77,15 +84,16 @@ def assign_rests(
     the rests that are nearer to it than to any other direction, if there are any.
 
     outcome_of: (f,) outcome that each face shows, from 0 to k - 1; None for one outcome each.
+    within: largest angle in radians of rests of one outcome, instead of `SAME_REST_ANGLE`.
     """
     angles = angle_between(normals[:, None, :], directions[None, :, :])
     own = angles.argmin(axis=1)[:, None] == np.arange(len(directions))
     # Near rests before others; among near rests by probability, among others by angle.
-    worth = np.where(angles <= SAME_REST_ANGLE, np.pi + probabilities[:, None], np.pi - angles)
+    worth = np.where(angles <= within, np.pi + probabilities[:, None], np.pi - angles)
     worth = np.where(own, worth, -1.0)
     main = np.where(own.any(axis=0), worth.argmax(axis=0), -1)
     shown = np.flatnonzero(main >= 0)
-    nearest = facet_of_rest(normals, normals[main[shown]])
+    nearest = facet_of_rest(normals, normals[main[shown]], within)
     of_face = np.arange(len(directions)) if outcome_of is None else outcome_of
     of_rest = np.where(nearest >= 0, of_face[shown[nearest]], -1)
     by_outcome = sums_by_outcome(probabilities, of_rest, int(of_face.max()) + 1)
@@ -166,13 +174,13 @@ class OutcomeGroups:
     group_of_rest: Integers
 
 
-def facet_of_rest(normals: Floats, shown: Floats) -> Integers:
+def facet_of_rest(normals: Floats, shown: Floats, within: float = SAME_REST_ANGLE) -> Integers:
     """(k,) the facet of each rest: the nearest one, or -1 if its normal is farther from the rest's
-    than `SAME_REST_ANGLE`. normals: (k, 3) of the rests; shown: (f, 3) of the facets."""
+    than an angle in radians. normals: (k, 3) of the rests; shown: (f, 3) of the facets."""
     if len(shown) == 0:
         return np.full(len(normals), -1)
     angles = angle_between(normals[:, None], shown[None])
-    return np.where(angles.min(axis=1) <= SAME_REST_ANGLE, angles.argmin(axis=1), -1)
+    return np.where(angles.min(axis=1) <= within, angles.argmin(axis=1), -1)
 
 
 def sums_by_outcome(

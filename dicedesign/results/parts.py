@@ -109,6 +109,8 @@ class Cavities:
     wall_mm: minimum distance between the outer surface and a cavity.
     volume_mm3: total volume; part: its share of the volume of the die without cavities.
     shift_mm: distance by which the center of mass moves.
+    marked_wall_mm: minimum distance between the surface with its marks, in die.stl, and a cavity;
+        None without marks.
     """
 
     number: int
@@ -116,6 +118,7 @@ class Cavities:
     volume_mm3: float
     part: float
     shift_mm: float
+    marked_wall_mm: float | None = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from dicedesign.concave.options import ConcaveOptions
-from dicedesign.concave.result import ConcaveDie, ConcaveProgress, FilledHull, JudgePrints
+from dicedesign.concave.result import (
+    ConcaveDie,
+    ConcaveProgress,
+    FilledHull,
+    Hollow,
+    JudgePrints,
+)
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import Surface
@@ -24,6 +30,16 @@ def roof(degrees: float) -> np.ndarray:
     rise = np.tan(np.radians(degrees / 2.0))
     raised = CORNERS + np.array([0.0, 0.0, rise]) * (CORNERS[:, 2:] < 0.0)
     return np.concatenate([raised, [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0]]])
+
+
+def dented_hull(points: np.ndarray, depth: float = 0.05) -> Surface:
+    """Hull of points (n, 3) about the origin, with a pyramid cut out of each facet."""
+    hull = convex_hull(points)
+    order = np.argsort(hull.facet, kind="stable")
+    middles = np.add.reduceat(hull.vertices[hull.tail[order]], hull.facet_start[:-1])
+    middles /= np.diff(hull.facet_start)[:, None]
+    triangles = np.column_stack([hull.tail, hull.head, len(hull.vertices) + hull.facet])
+    return Surface(np.concatenate([hull.vertices, (1.0 - depth) * middles]), triangles)
 
 
 def dented_cube(depth: float = 0.1) -> Surface:
@@ -57,6 +73,7 @@ class MadeUpSearch:
         self.change: Callable[[np.ndarray], np.ndarray] = lambda points: points
         self.attempted: list[int] = []
         self.leads_nowhere = False
+        self.hollow: Hollow | None = None
 
     def __call__(
         self,
@@ -100,4 +117,5 @@ class MadeUpSearch:
             raise NoStartError("start: expected a surface that leads to the target, got a cube")
         after = surface.with_points(progress.best.points)
         hull = convex_hull(progress.best.hull_points)
-        return ConcaveDie(surface, after, hull, progress.best.directions, (8, 8), progress)
+        directions = progress.best.directions
+        return ConcaveDie(surface, after, hull, directions, (8, 8), progress, self.hollow)

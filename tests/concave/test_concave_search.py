@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
@@ -11,17 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 from common.bumpy import bumpy_sphere
+from common.dented_cube import NORMALS, dented_hull, roof
 from common.paths import public_data
+from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 from dicedesign import rest_poses
 from dicedesign.concave import attempt
+from dicedesign.concave.hull_design import design_hull
+from dicedesign.concave.hull_draft import HullDraft
+from dicedesign.concave.hull_problem import NEAREST, UNCROSSED, HullMetric, HullProblem
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, missing, rank
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die
 from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.meshes.reading import read_body, stl_bytes
+from dicedesign.geometry.meshes.reading import read_body, read_stl, stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
@@ -144,6 +150,70 @@ def test_a_failed_search_returns_its_best_die(limit: dict[str, Any], tmp_path: P
     assert apart < 120.0
     assert error == pytest.approx(best.error, abs=1e-4)
     assert (apart, margin) == pytest.approx((best.apart_deg, best.margin_deg), abs=0.01)
+
+
+@pytest.mark.parametrize("wall", [None, 0.05])
+def test_a_hull_is_designed_again_where_the_surface_meets_itself(
+    wall: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the metric of less elastic work, for solid and hollow dice."""
+    metrics: list[HullMetric] = []
+
+    def design(
+        problem: HullProblem,
+        draft: HullDraft,
+        on_step: Callable[[float, float], None],
+        metric: HullMetric,
+        firmness: float,
+    ) -> HullDraft:
+        metrics.append(metric)
+        return design_hull(problem, draft, on_step, metric, firmness)
+
+    monkeypatch.setattr(attempt, "design_hull", design)
+    monkeypatch.setattr(attempt, "MAX_SHIFTS", 0)
+    # It takes long, and there is room for a cavity.
+    monkeypatch.setattr("dicedesign.balance.cavity.balancing_cavity", lambda *surface: None)
+    options = ConcaveOptions(attempts=1, tolerance=0.02)
+    for crossings, tried in ((0, {NEAREST}), (999, {NEAREST, UNCROSSED})):
+        metrics.clear()
+        meeting = np.zeros((crossings, 2))
+        monkeypatch.setattr(attempt, "intersecting_triangles", lambda *surface, of=meeting: of)
+        make_concave_die(small(), HALVES, options, wall=wall)
+        assert set(metrics) == tried
+
+
+@pytest.mark.parametrize(("degrees", "rests"), [(4.9, {2}), (5.0, {1, 2}), (5.1, {1})])
+def test_a_die_is_right_only_if_all_its_files_are(
+    degrees: float, rests: set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rounding decides whether two rests of the lower side, 5 degrees apart, are one outcome."""
+    monkeypatch.setattr(attempt, "outcome_choices", lambda *arguments: [surface_normals])
+    monkeypatch.setattr(attempt, "design_hull", lambda problem, draft, **options: draft)
+    monkeypatch.setattr(attempt, "settle_draft", lambda problem, draft: draft)
+    monkeypatch.setattr(
+        attempt,
+        "fill_by_correspondence",
+        lambda held, *arguments: (held.elasticity.surface.points, 0.0),
+    )
+    original = dented_hull(roof(degrees))
+    poses = rest_poses(original)
+    target = np.array([poses.probabilities[poses.normals @ side > 0.9].sum() for side in NORMALS])
+    counts, are_right = set(), set()
+    for seed in range(8):
+        turn = Rotation.random(random_state=seed).as_matrix()
+        surface = original.with_points(original.points @ turn.T)
+        surface_normals = NORMALS @ turn.T
+        die = make_concave_die(surface, target, ConcaveOptions(attempts=1))
+        assert die.progress.best.draft.displacement < 1e-12
+        is_right = missing(die.progress.best.draft, ConcaveOptions()) == 0.0
+        are_right.add(is_right)
+        for size in (20.0, 30.0, 50.0):
+            written = read_stl(stl_bytes(die.after.with_points(size * die.after.points))).surface
+            outcomes = outcome_probabilities(rest_poses(written), die.directions)
+            counts.add(int(outcomes.rest_counts[5]))
+            assert outcomes.error(target) < 1e-5 or not is_right
+    assert counts == rests
+    assert are_right == {rests == {2}}
 
 
 def without_seconds(progress: ConcaveProgress) -> bytes:

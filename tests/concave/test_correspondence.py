@@ -9,6 +9,7 @@ import pytest
 from common.bumpy import ball, bent_capsule, bumpy_sphere, nearby_hull, unit
 from common.dented_cube import dented_cube
 
+from dicedesign.concave import correspondence
 from dicedesign.concave.correspondence import MAX_ROUNDS, Contacts, fill_by_correspondence
 from dicedesign.concave.hull_problem import Elasticity, HeldCorners
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -123,6 +124,20 @@ def test_hull_and_center_of_mass_are_reached(surface: Surface, amount: float) ->
     assert np.linalg.norm(miss) < 1e-12 * surface.diagonal
     moved = np.linalg.norm(points - surface.points, axis=1) / surface.diagonal
     assert moved.mean() < 2.0 * amount + 0.05
+
+
+def test_contacts_added_in_parts_lead_to_the_same_fill(monkeypatch: pytest.MonkeyPatch) -> None:
+    surface = unit(bumpy_sphere(3))
+    own = convex_hull(surface.points)
+    sparse = np.arange(0, len(own.vertices), 9)
+    hull = convex_hull(own.vertices[sparse])
+    corners = own.source[sparse][hull.source]
+    at_once, energies = fill(surface, hull, corners, surface.centroid)
+    monkeypatch.setattr(correspondence, "MAX_ADDED", 40)
+    in_parts, more = fill(surface, hull, corners, surface.centroid)
+    assert len(more) > len(energies)
+    np.testing.assert_allclose(in_parts, at_once, atol=1e-3 * surface.diagonal)
+    assert more[-1] == pytest.approx(energies[-1], rel=1e-3)
 
 
 def test_a_cube_with_points_on_its_sides_and_edges_is_filled() -> None:

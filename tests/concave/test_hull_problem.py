@@ -104,9 +104,10 @@ def test_the_displacement_is_measured_after_alignment(smooth: bool) -> None:
     # Small enough for the linearization.
     there = points + 1e-5 * displacement_of_all(moved)
     back = best_similarity(there, points, np.ones(len(points)))
-    squares = ((back(there) - points) ** 2).sum(axis=1)
-    expected = np.sqrt(1e10 * squares.mean()) / problem().surface.diagonal
+    distances = 1e5 * np.linalg.norm(back(there) - points, axis=1) / problem().surface.diagonal
+    expected = np.sqrt((distances**2).mean())
     assert problem().displacement(moved) == pytest.approx(expected, rel=1e-3)
+    assert problem().mean_displacement(moved) == pytest.approx(distances.mean(), rel=1e-3)
 
 
 def test_the_metric_sums_smoothness_work_and_displacement() -> None:

@@ -9,6 +9,11 @@ import numpy as np
 import pytest
 from common.dented_cube import MadeUpSearch, write_cube
 
+from dicedesign.concave.result import Hollow
+from dicedesign.geometry.meshes.body import shells_of
+from dicedesign.geometry.meshes.reading import read_stl
+from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
+from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import parse_recipe
@@ -117,3 +122,37 @@ def test_outcomes_with_small_angles_are_named(
     assert np.degrees(work.plain.margins)[[2, 5]] == pytest.approx(left, abs=1e-4)
     for label in ("3", "6"):
         assert f"{label} tips over at {left:.3g} degrees" in message
+
+
+def test_the_walls_of_a_marked_hollow_die_are_measured_in_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The printer makes walls of 0.8 mm."""
+    write_cube(tmp_path / "cube.obj")
+    wall_mm, depth_mm, size_mm, search = 1.2, 0.6, 40.0, MadeUpSearch()
+    search.hollow = Hollow(wall_mm / size_mm, np.array([0.02, 0.01, 0.0]))
+    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", search)
+    entries = {
+        "name": "cube",
+        "target": {"fair": 6},
+        "start": {"mesh": {"path": str(tmp_path / "cube.obj")}},
+        "method": {"concave": {"tolerance": 0.05, "hollow": {"wall_mm": wall_mm}}},
+        "size_mm": size_mm,
+        "engrave": {"depth_mm": depth_mm, "balance": "none"},
+    }
+    work = design_recipe(parse_recipe(entries), last="engrave")
+    body = read_stl(work.files["die.stl"])
+    shell = shells_of(body.triangles)
+    shells = [Surface(body.points, body.triangles[shell == each]) for each in range(2)]
+    outer, inner = sorted(shells, key=lambda each: -each.volume)
+    assert outer.volume > 0.0 > inner.volume
+    nearest = min(
+        distances_from_surface(one, other.points[np.unique(other.triangles)]).min()
+        for one, other in ((outer, inner), (inner, outer))
+    )
+    cavities = work.concave.cavities
+    assert cavities.wall_mm == pytest.approx(wall_mm, rel=0.02)
+    assert cavities.marked_wall_mm == pytest.approx(wall_mm - depth_mm, rel=0.05)
+    assert cavities.marked_wall_mm == pytest.approx(nearest, rel=0.02)
+    (note,) = [note for note in work.notes if "walls between marks and cavity" in note]
+    assert "measure 0.62 mm, fdm makes 0.8 mm or more: raise method.concave.hollow.wall_mm" in note

@@ -61,13 +61,12 @@ def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: boo
     assert outcomes.probabilities.sum() + outcomes.elsewhere == pytest.approx(1.0, rel=1e-12)
 
 
-def test_a_rest_at_the_limit_is_of_the_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rest_at_the_limit_is_of_the_outcome() -> None:
     """So it may be the outcome's main rest, being more probable."""
     normals = np.array([[0.0, 0.0, -1.0], [0.08, 0.0, -1.0] / np.hypot(0.08, 1.0)])
     limit = float(angle_between(*normals))
     for angle, main, rests in ((limit, 1, 2), (np.nextafter(limit, 0.0), 0, 1)):
-        monkeypatch.setattr("dicedesign.rest.outcomes.SAME_REST_ANGLE", angle)
-        outcomes = assign_rests(normals, np.array([0.3, 0.7]), normals[:1])
+        outcomes = assign_rests(normals, np.array([0.3, 0.7]), normals[:1], within=angle)
         assert (outcomes.main.tolist(), outcomes.rest_counts.tolist()) == ([main], [rests])
 
 
