@@ -59,5 +59,6 @@ from dicedesign.throws.simulation import Throws as Throws
 from dicedesign.throws.simulation import simulate as simulate
 from dicedesign.throws.tables import Table as Table
 from dicedesign.throws.tables import load_table as load_table
+from dicedesign.throws.tables import mixture_tables as mixture_tables
 
 __version__: str

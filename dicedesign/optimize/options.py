@@ -60,12 +60,10 @@ class RefineOptions:
 
     Attributes
     ----------
-    drops: simulated throws of the first round, 1 to `MOST_DROPS`; later rounds have more. A robust
-        die is also thrown half as often onto the posterior tables, in all.
+    drops: simulated throws of the first round, 1 to `MOST_DROPS`; later rounds have more.
     rounds: most rounds of throwing a die and designing it again, 1 to `MOST_ROUNDS`; rounds end
         early when the expected error is `within` reach.
-    verdict: throws that judge the finished die, 1 to `MOST_DROPS`, and half as many onto the
-        posterior tables.
+    verdict: throws that judge the finished die, 1 to `MOST_DROPS`.
     within: tolerance: largest total variation from the target in the verdict's throws; above 0 and
         below 1.
     engine: name of the simulator.

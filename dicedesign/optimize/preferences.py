@@ -212,7 +212,7 @@ PREFERENCES: Final = Registry(
         ),
         Preference(
             name="robustness",
-            line="equal thrown probabilities on the posterior tables; only for thrown dice",
+            line="equal thrown probabilities on all tables of a mixture; only for thrown dice",
             residuals=robustness_residuals,
         ),
         Preference(

@@ -20,11 +20,13 @@ from common.thrown import (
     turns_of,
 )
 
+from benchmarks.random_dice import random_die
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
 from dicedesign.throws.engines import advance, longest_throw, throw_states, time_step
+from dicedesign.throws.rigid_body import release_states
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import GRAVITY, Table, load_table
+from dicedesign.throws.tables import GRAVITY, Table, load_table, mixture_tables
 
 WOOD = load_table("hard-wood")
 
@@ -128,3 +130,22 @@ def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
     set_down = longest_throw(replace(table, height=0.0))
     assert longest_throw(table) == pytest.approx(ball + set_down, rel=1e-12)
     assert 14.0 < set_down < 15.0
+
+
+@compiled_only
+@pytest.mark.parametrize("place", [2, 6, 10, 13])
+def test_throws_that_end_in_a_slide_end_as_they_would_later(place: int) -> None:
+    """On slippery tables and with fast spins; without the early end they stop on the same rests."""
+    table = mixture_tables("board-game")[place]
+    for number in range(3):
+        body = random_die(number, 7).body
+        states = release_states(
+            body, table, np.arange(100), "uniform", np.random.default_rng([number, place])
+        )
+        # No edge is far enough from the foot to let it slide.
+        patient = replace(body, flat=body.flat * [1.0, -1.0, 1.0])
+        steps = round(longest_throw(table) / time_step(table))
+        early, taken = advance(body, table, states.copy(), steps)
+        late, all_steps = advance(patient, table, states.copy(), steps)
+        np.testing.assert_array_equal(early, late)
+        assert taken.sum() < all_steps.sum()

@@ -7,13 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from dicedesign.errors import InputError
 from dicedesign.throws.tables import (
     HANDS,
-    SPREADS,
     TABLE_NAMES,
     Table,
     load_table,
@@ -150,20 +148,22 @@ def test_a_hand_on_a_table_of_a_file(tmp_path: Path) -> None:
         load_table(f"{path}:tower")
 
 
-def test_the_hands_of_board_game_are_lognormal_on_one_surface() -> None:
-    table, tables = load_table("board-game"), mixture_tables("board-game")
-    assert len(tables) == 32
-    assert {(one.restitution, one.friction) for one in tables} == {
-        (table.restitution, table.friction)
+def test_a_named_hand_takes_the_place_of_those_of_a_mixture() -> None:
+    tables, cup = mixture_tables("board-game"), HANDS["cup"]
+    with_cup = mixture_tables("board-game:cup")
+    surfaces = [(one.restitution, one.friction) for one in tables]
+    assert [(one.restitution, one.friction) for one in with_cup] == surfaces
+    assert {(one.height, one.speed, one.spin) for one in with_cup} == {
+        (cup.height, cup.speed, cup.spin)
     }
-    means = np.array([[np.mean(getattr(one, name)) for name in SPREADS] for one in tables])
-    logarithms = np.log(means / [np.mean(getattr(table, name)) for name in SPREADS])
-    np.testing.assert_allclose(logarithms.mean(axis=0), 0.0, atol=0.06)
-    # Heights are not below those of dice of 40 mm.
-    np.testing.assert_allclose(logarithms.std(axis=0), [0.64, 0.75, 0.75], atol=0.03)
-    np.testing.assert_allclose(np.corrcoef(logarithms.T), np.eye(3), atol=0.2)
-    # A named hand is one hand.
-    assert [one.height for one in mixture_tables("board-game:cup")] == [HANDS["cup"].height]
+
+
+def test_equal_tables_are_one(tmp_path: Path) -> None:
+    path = tmp_path / "lino.json"
+    row = {key: GOOD[key] for key in ("restitution", "friction", "height", "speed", "spin")}
+    path.write_text(json.dumps({**GOOD, "mixture": [row, {**row, "height": 0.5}]}))
+    (table,) = mixture_tables(f"{path}:cup")
+    assert table.height == HANDS["cup"].height
 
 
 def test_the_energy_of_a_throw_is_that_of_a_ball() -> None:
