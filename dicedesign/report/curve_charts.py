@@ -203,7 +203,7 @@ def hands_chart(die: FinishedDie) -> Sheet:
     for place, (label, probabilities, wanted) in enumerate(outcomes):
         color = DISTINCT[place % len(DISTINCT)]
         axes.plot(energies, 100.0 * probabilities, "o", color=color, ms=6.0, alpha=0.6)
-        curve = Polynomial.fit(np.log(energies), 100.0 * probabilities, min(2, len(energies) - 1))
+        curve = Polynomial.fit(np.log(energies), 100.0 * probabilities, 2)
         axes.plot(even, curve(np.log(even)), color=color)
         axes.axhline(100.0 * wanted, color=color, lw=1.5, ls="--")
         ends.append((float(curve(np.log(even[-1]))), label, color))

@@ -96,6 +96,16 @@ def _can_be_filmed(die: FinishedDie) -> bool:
     return has_mesh and kernels.available()
 
 
+def _has_several_hands(die: FinishedDie) -> bool:
+    """Whether a die was thrown onto a mixture whose throws have different energies."""
+    if die.thrown is None or die.result.thrown is None or die.result.thrown.by_table is None:
+        return False
+    return len({table.energy for table in die.thrown.die.tables}) > MIN_HANDS
+
+
+MIN_HANDS: Final = 2
+"""Number of energies above which a parabola means anything."""
+
 FIGURES: Final = Registry(
     "figure",
     Figure,
@@ -147,11 +157,7 @@ FIGURES: Final = Registry(
         _figure(
             "hands",
             "curve_charts:hands_chart",
-            lambda die: (
-                die.thrown is not None
-                and die.result.thrown is not None
-                and die.result.thrown.by_table is not None
-            ),
+            _has_several_hands,
             "probabilities of the outcomes from gentle to quick hands",
             "From gentle to quick hands",
             "Each column of points is one hand: how often the outcomes come up if somebody throws "
@@ -370,7 +376,17 @@ def _down(subject: Subject) -> Floats | None:
     return None if subject.down is None else np.array([subject.down])
 
 
-BODY_FIGURES: Final = Registry(
+BODY_def _has_several_hands(die: FinishedDie) -> bool:
+    """Whether a die was thrown onto a mixture whose throws have different energies."""
+    if die.thrown is None or die.result.thrown is None or die.result.thrown.by_table is None:
+        return False
+    return len({table.energy for table in die.thrown.die.tables}) > MIN_HANDS
+
+
+MIN_HANDS: Final = 2
+"""Number of energies above which a parabola means anything."""
+
+FIGURES: Final = Registry(
     "kind of figure",
     BodyFigure,
     builtin=[

@@ -128,8 +128,8 @@ LEAST_DEVIATION: Final = 1e-9
 
 MAX_REPRESENTATIVES: Final = 4
 """Number of tables that represent a mixture in the momentum model. With 4, the probabilities of
-random dice differ by a total variation of 0.004 from those of all tables, a tenth of the model's
-own error."""
+random dice differ from the mean over all tables by half of what nine in ten tables differ, or
+less."""
 
 
 def represent_tables(tables: Sequence[Table]) -> tuple[list[int], Floats]:

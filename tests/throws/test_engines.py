@@ -133,11 +133,11 @@ def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("place", [2, 6, 10, 13])
+@pytest.mark.parametrize("place", [6, 9, 10, 13])
 def test_throws_that_end_in_a_slide_end_as_they_would_later(place: int) -> None:
     """On slippery tables and with fast spins; without the early end they stop on the same rests."""
-    table = mixture_tables("board-game")[place]
-    for number in range(3):
+    table, saved = mixture_tables("board-game")[place], 0
+    for number in range(4):
         body = random_die(number, 7).body
         states = release_states(
             body, table, np.arange(100), "uniform", np.random.default_rng([number, place])
@@ -148,4 +148,5 @@ def test_throws_that_end_in_a_slide_end_as_they_would_later(place: int) -> None:
         early, taken = advance(body, table, states.copy(), steps)
         late, all_steps = advance(patient, table, states.copy(), steps)
         np.testing.assert_array_equal(early, late)
-        assert taken.sum() < all_steps.sum()
+        saved += int(all_steps.sum() - taken.sum())
+    assert saved > 0

@@ -214,6 +214,6 @@ def test_few_tables_represent_a_mixture(dice: list[RandomDie]) -> None:
     for die in dice:
         each = [momentum_probabilities(die.poses, die.body, mixture.near(one)) for one in tables]
         few = momentum_probabilities(die.poses, die.body, mixture)
-        assert total_variation(few, np.mean(each, axis=0)) < 0.01
+        assert total_variation(few, np.mean(each, axis=0)) < 0.025
         spread = np.quantile([total_variation(one, few) for one in each], 0.9)
         assert total_variation(few, np.mean(each, axis=0)) < 0.5 * spread
