@@ -96,15 +96,16 @@ def _can_be_filmed(die: FinishedDie) -> bool:
     return has_mesh and kernels.available()
 
 
+MIN_HANDS: Final = 2
+"""Number of energies above which a parabola means anything."""
+
+
 def _has_several_hands(die: FinishedDie) -> bool:
     """Whether a die was thrown onto a mixture whose throws have different energies."""
     if die.thrown is None or die.result.thrown is None or die.result.thrown.by_table is None:
         return False
     return len({table.energy for table in die.thrown.die.tables}) > MIN_HANDS
 
-
-MIN_HANDS: Final = 2
-"""Number of energies above which a parabola means anything."""
 
 FIGURES: Final = Registry(
     "figure",
@@ -376,17 +377,7 @@ def _down(subject: Subject) -> Floats | None:
     return None if subject.down is None else np.array([subject.down])
 
 
-BODY_def _has_several_hands(die: FinishedDie) -> bool:
-    """Whether a die was thrown onto a mixture whose throws have different energies."""
-    if die.thrown is None or die.result.thrown is None or die.result.thrown.by_table is None:
-        return False
-    return len({table.energy for table in die.thrown.die.tables}) > MIN_HANDS
-
-
-MIN_HANDS: Final = 2
-"""Number of energies above which a parabola means anything."""
-
-FIGURES: Final = Registry(
+BODY_FIGURES: Final = Registry(
     "kind of figure",
     BodyFigure,
     builtin=[
