@@ -128,8 +128,8 @@ LEAST_DEVIATION: Final = 1e-9
 
 MAX_REPRESENTATIVES: Final = 4
 """Number of tables that represent a mixture in the momentum model. With 4, the probabilities of
-random dice differ from the mean over all tables by half of what nine in ten tables differ, or
-less."""
+random dice differ from the mean over all tables by less than a third of what nine in ten tables
+differ."""
 
 
 def represent_tables(tables: Sequence[Table]) -> tuple[list[int], Floats]:
