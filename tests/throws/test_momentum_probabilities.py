@@ -20,8 +20,8 @@ from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_probabilities import (
-    hull_probabilities,
     landing_probabilities,
+    mixture_probabilities,
     momentum_probabilities,
 )
 from dicedesign.throws.rigid_body import rigid_body
@@ -153,10 +153,10 @@ def test_one_rest_is_always_reached() -> None:
     assert BOARD_GAME.probabilities(rests) == pytest.approx([1.0])
     assert BOARD_GAME.tensor(rests).detach().numpy() == pytest.approx([1.0])
     assert np.abs(BOARD_GAME.jacobian(rests)).max() < 1e-12
-    assert BOARD_GAME.model is not None
+    assert BOARD_GAME.mixture is not None
     inertia = solid_inertia(hull.vertices, hull.triangles)
-    probabilities = hull_probabilities(
-        hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.model
+    probabilities = mixture_probabilities(
+        hull, rests.paths, center, inertia, np.ones(1), BOARD_GAME.mixture
     )
     assert probabilities == pytest.approx([1.0])
 
@@ -165,7 +165,6 @@ def test_one_rest_is_always_reached() -> None:
 def test_a_tied_body_has_the_probabilities_of_both_sides() -> None:
     rng = np.random.default_rng(4)
     tied = 0
-    assert BOARD_GAME.model is not None
     while tied < 5:
         points = rng.integers(-2, 3, size=(8, 3)).astype(np.float64)
         poses = rest_poses(points)
@@ -173,9 +172,9 @@ def test_a_tied_body_has_the_probabilities_of_both_sides() -> None:
             continue
         tied += 1
         body = rigid_body(make_body(points), poses)
-        probabilities = momentum_probabilities(poses, body, BOARD_GAME.model)
+        probabilities = momentum_probabilities(poses, body, BOARD_GAME.mixture)
         with without_kernels():
-            expected = momentum_probabilities(poses, body, BOARD_GAME.model)
+            expected = momentum_probabilities(poses, body, BOARD_GAME.mixture)
         # Barriers as low as the center is moved aside are known to a few digits.
         assert probabilities == pytest.approx(expected, abs=1e-4)
         assert probabilities.sum() == pytest.approx(1.0, abs=1e-12)
@@ -184,8 +183,9 @@ def test_a_tied_body_has_the_probabilities_of_both_sides() -> None:
 def test_negative_barriers_by_rounding_count_as_zero() -> None:
     hull = convex_hull(random_points(8, 8))
     rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
-    assert BOARD_GAME.model is not None
-    model, inertia = BOARD_GAME.model, solid_inertia(hull.vertices, hull.triangles)
+    assert BOARD_GAME.mixture is not None
+    model, *_ = BOARD_GAME.mixture.models
+    inertia = solid_inertia(hull.vertices, hull.triangles)
     transitions = Transitions.of(hull, rests.paths)
     features = body_features(
         transitions, hull.vertices, hull.centroid, inertia, rests.probability_values, np
