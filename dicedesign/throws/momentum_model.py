@@ -405,8 +405,6 @@ def momentum_model(table: str) -> MomentumMixture | None:
         own = entries.get("momentum")
         general = general_model() if own is None else general_model_of(own)
     model, tables = MomentumModel.of(general, thrown), mixture_tables(table)
-    if len(tables) == 1:
-        return MomentumMixture.alone(model.near(tables[0]))
     places, weights = represent_tables(tables)
     return MomentumMixture(tuple(model.near(tables[place]) for place in places), weights)
 

@@ -24,12 +24,7 @@ from dicedesign.results.parts import SimulatedThrows
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.throws.distances import measure_variation
-from dicedesign.throws.engines import (
-    ENGINES,
-    advance,
-    longest_throw,
-    time_step,
-)
+from dicedesign.throws.engines import ENGINES, advance, longest_throw, time_step
 from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import (

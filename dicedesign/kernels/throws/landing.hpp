@@ -29,12 +29,4 @@ Index rest_below(const Landscape& land, Vec down);
 // Returned while no rest is certain.
 inline constexpr Index STILL_MOVING = -1;
 
-// The rest that a body cannot miss, or STILL_MOVING: its energy, as the height to which it would
-// lift the center of mass, is below all saddles of the border of the basin that `down` lies in.
-inline Index certain_rest(const Landscape& land, const Vec& down, double energy_height) {
-    if (energy_height >= land.highest_barrier) return STILL_MOVING;
-    const Index rest = rest_below(land, down);
-    return rest >= 0 && energy_height < land.barrier[rest] ? rest : STILL_MOVING;
-}
-
 }  // namespace dicedesign

@@ -73,12 +73,8 @@ public:
             elapsed += seconds;
             if (!(bounces || held) || ++events < EVENTS_PER_CHECK) continue;
             events = 0;
-            const Vec up = Axes(motion.turn).row[2];
-            const Index rest = certain_rest(land, -up, energy_height());
+            const Index rest = certain_rest();
             if (rest != STILL_MOVING) return rest;
-            if (!held || tilting_height(up) >= land.highest_barrier) continue;
-            const Index below = rest_below(land, -up);
-            if (below >= 0 && slides_to_rest(land.flat + 3 * below, up)) return below;
         }
         return STILL_MOVING;
     }
@@ -86,6 +82,19 @@ public:
 private:
     double energy_height() const {
         return motion.position.z + 0.5 * twice_kinetic_energy(moments, motion) / how.gravity;
+    }
+
+    // The rest that the body cannot miss any more, or STILL_MOVING: its energy, as the height to
+    // which it would lift the center of mass, is below all saddles of the border of the basin that
+    // it is in, or it slides to a stop there.
+    Index certain_rest() const {
+        const Vec up = Axes(motion.turn).row[2];
+        const double energy = energy_height(), highest = land.highest_barrier;
+        if (energy >= highest && !(held && tilting_height(up) < highest)) return STILL_MOVING;
+        const Index rest = rest_below(land, -up);
+        if (rest < 0) return STILL_MOVING;
+        const bool stays = energy < land.barrier[rest];
+        return stays || (held && slides_to_rest(land.flat + 3 * rest, up)) ? rest : STILL_MOVING;
     }
 
     // The energy without that of sliding and of the spin about the vertical.

@@ -16,7 +16,8 @@ struct Throw {
 
 // Advance a body of mass 1 for `steps` steps, or until it is too slow to leave the basin that it is
 // in: its energy is then below all saddles of the basin's border, or it slides and spins to a stop
-// without tipping. One whose motion is no longer finite is given up. `taken` is how many steps it moved, the last one perhaps in part.
+// without tipping. One whose motion is no longer finite is given up. `taken` is how many steps it
+// moved, the last one perhaps in part.
 //
 // Without drag flight is exact. Impacts are those of `impact.hpp`, of one vertex after the other,
 // the fastest first. Vertices that approach slowly are stopped at the table, without restitution,
