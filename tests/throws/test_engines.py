@@ -20,7 +20,6 @@ from common.thrown import (
     turns_of,
 )
 
-from benchmarks.random_dice import random_die
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
 from dicedesign.throws.engines import advance, longest_throw, throw_states, time_step
@@ -138,7 +137,7 @@ def test_throws_that_end_in_a_slide_end_as_they_would_later(place: int) -> None:
     """On slippery tables and with fast spins; without the early end they stop on the same rests."""
     table, saved = mixture_tables("board-game")[place], 0
     for number in range(4):
-        body = random_die(number, 7).body
+        body, _ = random_body(number)
         states = release_states(
             body, table, np.arange(100), "uniform", np.random.default_rng([number, place])
         )
