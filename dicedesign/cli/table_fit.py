@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from itertools import repeat
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -78,8 +80,9 @@ def fit(options: TableArguments) -> int:
     designed = None if options.die is None else read_die_without_counts(options.die)
     if designed is not None:
         others = (*others, replace(designed[0], material=dice[0].material))
-    checkpoint_file, name = None, "fitted"
+    checkpoint_file, name, session_files = None, "fitted", {}
     if out is not None:
+        session_files = _name_files(out, [die.session for die in dice if die.session is not None])
         # A folder that cannot be written fails before the simulations.
         make_writable_folder(out.parent)
         checkpoint_file, name = out.with_suffix(".checkpoint.npz"), printable(out.stem)
@@ -126,15 +129,36 @@ def fit(options: TableArguments) -> int:
             throws = simulate(die.body, table, new_drops, options.seed, **share)
             answer["die_at_hand"] = _predict(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
-            entries = table.as_dict() | {"mixture": mixture_entries(fit.posterior)}
-            atomic_write(out, json_text(entries).encode())
+            files = {out: (table, fit.posterior)}
+            for session in fit.sessions:
+                if len(fit.sessions) == 1:
+                    files[out] = session.table, session.tables
+                elif session.name in session_files:
+                    files[session_files[session.name]] = session.table, session.tables
+            for file, (one, mixture) in files.items():
+                entries = one.as_dict() | {"mixture": mixture_entries(mixture)}
+                atomic_write(file, json_text(entries).encode())
             on = f", with the materials {dice[0].material}" if len(fit.tables) > 1 else ""
-            print_notes(f"wrote {out}{on}")
+            print_notes(f"wrote {', '.join(map(str, files))}{on}")
     if options.json:
         print_json(answer)
     else:
         print(_describe(answer))
     return 1 if answer["unexplained"] else 0
+
+
+def _name_files(out: Path, sessions: Sequence[str]) -> dict[str, Path]:
+    """File of each named session, beside that of the fit."""
+    files = {
+        name: out.with_stem("_".join([out.stem, re.sub(r"[^\w.]+", "-", name)]))
+        for name in sessions
+    }
+    if len(set(files.values())) < len(files):
+        raise InputError(
+            f"session: expected names that differ in letters or digits, got {', '.join(files)}; "
+            "rename some"
+        )
+    return files
 
 
 def _read_dice(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -137,11 +137,15 @@ class SessionFit:
     size: of its dice in m, if known and equal; else `SIZE`.
     quantiles: (3, 3) of the session's mean height, speed and spin in units of the die: least of
         the credible interval, median, and most, in rows.
+    table: fitted table of its first die's material, with the medians as throws.
+    tables: equally likely tables of that material, each with throws of this session.
     """
 
     name: str
     size: float
     quantiles: Floats
+    table: Table
+    tables: tuple[Table, ...]
 
     @property
     def typical(self) -> Floats:
@@ -316,19 +320,20 @@ def fit_table(
     best = np.exp(sharp - logsumexp(sharp)) @ posterior.points
     height = log_likelihoods(prior, fitted_to, best[None], session_offsets(FINAL[1], rng), True)
     parameters, correlations = _summary(prior, posterior, prior.values(best))
+    tables = {
+        material: table_of(start, prior.session_values(best, np.zeros(3), material))
+        for material in prior.materials
+    }
     return TableFit(
-        tables={
-            material: table_of(start, prior.session_values(best, np.zeros(3), material))
-            for material in prior.materials
-        },
-        posterior=_draw_tables(prior, posterior, start, rng),
+        tables=tables,
+        posterior=_draw_tables(prior, posterior, prior.materials[0], (), start, rng),
         parameters=parameters,
         correlations=correlations,
         dice=tuple(
             _die_fit(prior, one, posterior, fitted_to, i if i < len(dice) else None, rng)
             for i, one in enumerate(surrogates)
         ),
-        sessions=_session_fits(prior, posterior, fitted_to, rng),
+        sessions=_session_fits(prior, posterior, fitted_to, tables, rng),
         evaluations=evaluations,
         drops=drops,
         log_likelihood=float(height[0, 0]),
@@ -337,12 +342,18 @@ def fit_table(
 
 
 def _draw_tables(
-    prior: Prior, posterior: WeightedPoints, start: Table, rng: np.random.Generator
+    prior: Prior,
+    posterior: WeightedPoints,
+    material: str,
+    members: Sequence[ProbabilitySurrogate],
+    start: Table,
+    rng: np.random.Generator,
 ) -> tuple[Table, ...]:
-    """Equally likely tables of the first material, each with the throws of a new session."""
+    """Equally likely tables of a material, each with throws of the session of some dice; without
+    dice, of a new session."""
     points = _resample(posterior.points, posterior.weights(), TABLES, rng)
-    offsets = session_offsets(TABLES, rng)
-    values = simulated_values(prior.session_points(points, offsets, prior.materials[0]))
+    offsets = _draw_hands(prior, points, members, rng)
+    values = simulated_values(prior.session_points(points, offsets, material))
     values[:, 2] = np.maximum(values[:, 2], LOWEST)
     return tuple(table_of(start, row) for row in values)
 
@@ -422,9 +433,10 @@ def _session_fits(
     prior: Prior,
     posterior: WeightedPoints,
     fitted_to: Sequence[ProbabilitySurrogate],
+    tables: dict[str, Table],
     rng: np.random.Generator,
 ) -> tuple[SessionFit, ...]:
-    """Posteriors of the hands of each session."""
+    """Posteriors of the hands of each session. tables: fitted table of each material."""
     fits = []
     for key in dict.fromkeys(one.die.session_key for one in fitted_to):
         members = [one for one in fitted_to if one.die.session_key == key]
@@ -436,7 +448,11 @@ def _session_fits(
         quantiles = np.quantile(hands, [tail, 0.5, 1.0 - tail], axis=0)
         size = die.size if len(sizes) == 1 and die.size is not None else SIZE
         name = die.name if die.session is None else die.session
-        fits.append(SessionFit(name, size, quantiles))
+        surface = replace(tables[die.material], name=f"{tables[die.material].name}_{name}")
+        hand = np.maximum(quantiles[1], [LOWEST, 0.0, 0.0])
+        table = table_of(surface, np.array([surface.restitution, surface.friction, *hand]))
+        drawn = _draw_tables(prior, posterior, die.material, members, surface, rng)
+        fits.append(SessionFit(name, size, quantiles, table, drawn))
     return tuple(fits)
 
 

@@ -304,6 +304,10 @@ def test_dice_of_one_session_share_its_hand(session: str | None) -> None:
     for one in refit.sessions:
         assert (np.diff(one.quantiles, axis=0) > 0.0).all()
         assert one.typical[0] == pytest.approx(SIZE * one.quantiles[1, 0])
+        heights = [np.mean(table.height) / SIZE for table in one.tables]
+        # Tables are for dice of up to 40 mm.
+        assert min(heights) == pytest.approx(3.2)
+        assert np.quantile(heights, [0.5, 0.95]) == pytest.approx(one.quantiles[1:, 0], rel=0.4)
 
 
 def test_known_parameters_of_many_dice_are_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
