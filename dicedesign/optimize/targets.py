@@ -153,6 +153,33 @@ def several_faces(
     return Target(texts, np.repeat(shares / np.array(faces), faces))
 
 
+def equal_faces(target: Target, faces: int) -> Target:
+    """Target whose outcomes have so many equally probable faces in all, each its part of them.
+
+    Raises InputError: a part is not whole, or an outcome has several faces already.
+    """
+    if target.has_repeated_labels:
+        raise InputError(
+            "faces: expected outcomes with one face each, which get their parts of these, got "
+            f"{len(target.face_labels)} faces for {len(target.labels)}; leave out faces or repeats"
+        )
+    _check_counts("faces", len(target.labels), [faces], faces)
+
+    def is_whole(number: Floats) -> bool:
+        return bool(np.abs(number - np.round(number)).max() < PROBABILITY_SUM_TOLERANCE * faces)
+
+    parts = target.probabilities * faces
+    if not is_whole(parts):
+        fits = [n for n in range(1, MOST_FACES + 1) if is_whole(target.probabilities * n)]
+        raise InputError(
+            f"faces: expected a number of which every outcome has a whole part, got {faces}; "
+            + (f"take a multiple of {fits[0]}" if fits else "leave it out, as there is none")
+        )
+    counts = np.round(parts).astype(int)
+    labels = np.repeat(np.array(target.labels, dtype=object), counts)
+    return Target(tuple(labels.tolist()), np.full(faces, 1.0 / faces), keeps_shares=True)
+
+
 def relabel(target: Target, labels: Sequence[str] | None) -> Target:
     """Target with other labels for its faces; None keeps the labels. Faces with the same label
     become one outcome. Raises InputError."""

@@ -16,6 +16,7 @@ from dicedesign.optimize.targets import (
     Target,
     binomial,
     custom,
+    equal_faces,
     fair,
     relabel,
     several_faces,
@@ -164,6 +165,8 @@ class TargetRecipe(Strict):
     outcomes: outcomes with a label, a probability and a number of faces each.
     labels: labels of 1 to 24 characters; by default those of the distribution. Faces with the same
         label are one outcome, whose probability is their sum.
+    faces: number of faces, all equally probable, of which each outcome gets its part: of 36 for two
+        dice, one shows 2 and six show 7. None is one for each outcome.
     share: how the faces of an outcome share its probability: "free" for the shares that make the
         best shape, "equal" for equal parts, or those that `probabilities` gives.
     """
@@ -174,6 +177,7 @@ class TargetRecipe(Strict):
     probabilities: list[Probability] | None = None
     outcomes: list[OutcomeRecipe] | None = None
     labels: list[Label] | None = None
+    faces: int | None = None
     share: Literal["free", "equal"] = "free"
 
     @model_validator(mode="before")
@@ -204,4 +208,6 @@ class TargetRecipe(Strict):
         name = self.one_of(*TARGETS)
         make: Any = TARGETS[name]
         target = relabel(make(getattr(self, name)), self.labels)
+        if self.faces is not None:
+            return equal_faces(target, self.faces)
         return replace(target, keeps_shares=self.share == "equal")

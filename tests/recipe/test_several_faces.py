@@ -11,6 +11,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from dicedesign.errors import InputError
 from dicedesign.fabricate.numbering import spread_labels
 from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.clusters import ClusteredRests
@@ -124,6 +125,34 @@ def test_a_thick_coin_has_the_known_thickness() -> None:
     angle = 12.0 * float(np.arccos(cosine)) - 10.0 * np.pi
     assert angle == pytest.approx(4.0 * np.pi / 3.0, abs=1e-9)
     assert height / (2.0 * radius) == pytest.approx(8.0**-0.5, rel=0.03)
+
+
+def test_equal_faces_of_three_coins_are_an_octahedron() -> None:
+    """Its symmetries map any face to any other, so that it is right however it is thrown."""
+    work = make(target={"binomial": 3, "faces": 8}, symmetry="Oh")
+    assert work.result().status == "converged"
+    placed = sorted(placement.text for placement in work.finished.placements)
+    assert placed == list("01112223")
+    corners = work.die.hull.vertices
+    assert len(corners) == 6
+    corners = corners / np.linalg.norm(corners, axis=1).mean()
+    between = np.abs(corners @ corners.T)
+    np.testing.assert_allclose(between, np.round(between), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("entries", "expected"),
+    [
+        ({"sum_of_dice": [6, 6], "faces": 30}, "take a multiple of 36"),
+        ({"sum_of_dice": [6, 6], "faces": 10}, "of at least 11, got 10"),
+        ({"probabilities": [0.0123, 0.9877], "faces": 12}, "leave it out"),
+        ({"probabilities": SHARES, "labels": LABELS, "faces": 100}, "got 7 faces for 3"),
+        ({"fair": 6, "faces": 600}, "at most 200"),
+    ],
+)
+def test_numbers_of_equal_faces_that_do_not_fit(entries: dict[str, Any], expected: str) -> None:
+    with pytest.raises(InputError, match=rf"target: faces: .*{expected}"):
+        parse_recipe({"name": "die", "target": entries})
 
 
 def test_equal_labels_come_on_opposite_sides_of_a_cube() -> None:
