@@ -13,7 +13,7 @@ give the rest for every density.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -28,7 +28,7 @@ from dicedesign.rest.basins import Basins
 from dicedesign.rest.border_arcs import Borders
 from dicedesign.rest.morse import separatrix_points
 from dicedesign.rest.prior import DensityPrior, Prior, prior_of
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_model import MomentumMixture, momentum_model
 from dicedesign.throws.momentum_probabilities import landing_probabilities, mixture_probabilities
 from dicedesign.throws.transition_features import Transitions, body_features
@@ -63,12 +63,6 @@ class ThrowProbabilities:
     def on(cls, table: str) -> ThrowProbabilities:
         """Model of a table by its name or file; raises as `momentum_model`."""
         return cls(momentum_model(table))
-
-    @cached_property
-    def parts(self) -> list[ThrowProbabilities]:
-        """Models of the single tables."""
-        models = () if self.mixture is None else self.mixture.models
-        return [ThrowProbabilities(MomentumMixture.alone(model)) for model in models]
 
     def probabilities(self, rests: RestEvaluation) -> Floats:
         """See `ProbabilityModel`."""
@@ -140,56 +134,6 @@ class ThrowProbabilities:
 
 RESTING: Final = ThrowProbabilities(None)
 """Model of bodies that are let go without momentum, with uniform start orientations."""
-
-USUAL_SWING: Final = 0.021
-"""Root of the summed squared changes of an ordinary die's probabilities on another table, the mean
-over the tables."""
-
-
-@dataclass(frozen=True)
-class TableSensitivity:
-    """Target probabilities of a die on each table of a mixture.
-
-    Attributes
-    ----------
-    thrown: model of the mixture.
-    wanted: (k,) probabilities of the outcomes, on all tables.
-    bias: (m, k) logarithms of the probabilities over those of the model, on each of the m tables
-        that represent the mixture.
-    outcome_of: (f,) outcome that each face shows; None for one outcome each.
-    """
-
-    thrown: ThrowProbabilities
-    wanted: Floats
-    bias: Floats | float = 0.0
-    outcome_of: Integers | None = None
-
-    @property
-    def is_known(self) -> bool:
-        """Whether there are several tables."""
-        return len(self.thrown.parts) > 1
-
-    def residuals(self, rests: RestEvaluation, facets: Integers) -> Tensor:
-        """(m k,) differences of the probabilities on each table, corrected by their bias, from the
-        wanted ones.
-
-        facets: (f,) of the faces.
-        """
-        mixture = self.thrown.mixture
-        assert mixture is not None
-        of_faces = np.searchsorted(rests.facets, facets)
-        factors = np.exp(self.bias) * np.ones((len(mixture.models), len(self.wanted)))
-        residuals = []
-        for part, factor, weight in zip(self.thrown.parts, factors, mixture.weights, strict=True):
-            probabilities = part.tensor(rests)[of_faces]
-            if self.outcome_of is not None:
-                sums = torch.zeros(len(self.wanted), dtype=torch.float64)
-                outcomes = torch.as_tensor(self.outcome_of)
-                probabilities = sums.index_add(0, outcomes, probabilities)
-            probabilities = probabilities * torch.as_tensor(factor)
-            change = probabilities / probabilities.sum() - torch.as_tensor(self.wanted)
-            residuals.append(change * (weight**0.5 / USUAL_SWING))
-        return torch.cat(residuals)
 
 
 def probability_model(table: str | None, prior: Prior | str | None) -> ProbabilityModel:

@@ -92,9 +92,8 @@ class RefineOptions:
 
 
 def legible() -> Preferences:
-    """Weights for large labels first; then for stable rests, a round die, and, for thrown dice,
-    probabilities that change little with the table."""
-    return Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2, robustness=1.0)
+    """Weights for large labels first, then for stable rests and a round die."""
+    return Preferences(circles=1.0, margin=0.1, asymmetry=0.1, roundness=0.2)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from dicedesign.runtime.registry import Extension, Number, Numbers, Registry
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dicedesign.gradient.probability_model import ProbabilityModel, TableSensitivity
+    from dicedesign.gradient.probability_model import ProbabilityModel
     from dicedesign.gradient.rest_probabilities import RestEvaluation
     from dicedesign.runtime.arrays import Integers
 
@@ -27,13 +27,11 @@ class OutcomeFacets:
     ----------
     rests: hull and rests; tensors are functions of its `vertices` (n, 3).
     facets: (k,) facet of each outcome.
-    sensitivity: probabilities on other tables, or None for probabilities without momentum.
     model: of the probabilities; None for `RESTING`.
     """
 
     rests: RestEvaluation
     facets: Integers
-    sensitivity: TableSensitivity | None = None
     model: ProbabilityModel | None = None
 
 
@@ -43,12 +41,12 @@ class Preference(Extension):
 
     Attributes
     ----------
-    residuals: vector whose sum of squares is minimized, differentiable in the vertices; None if it
-        does not apply to a die. The sum is about 1 for an ordinary die of any size. Derivatives of
-        the probabilities without momentum are not needed, as steps keep these.
+    residuals: vector whose sum of squares is minimized, differentiable in the vertices. The sum is
+        about 1 for an ordinary die of any size. Derivatives of the probabilities without momentum
+        are not needed, as steps keep these.
     """
 
-    residuals: Callable[[OutcomeFacets], Tensor | None]
+    residuals: Callable[[OutcomeFacets], Tensor]
 
 
 CIRCLE_POWER: Final = 4.0
@@ -150,11 +148,6 @@ def helper_residuals(die: OutcomeFacets) -> Tensor:
     return (1.0 - areas[die.facets].sum() / areas.sum())[None] / USUAL_HELPERS
 
 
-def robustness_residuals(die: OutcomeFacets) -> Tensor | None:
-    """See `TableSensitivity.residuals`; None for probabilities without momentum."""
-    return None if die.sensitivity is None else die.sensitivity.residuals(die.rests, die.facets)
-
-
 OFF: Final = 1.0 / 300.0
 """Offset of facets over the diameter: 0.1 mm of an ordinary die."""
 
@@ -211,11 +204,6 @@ PREFERENCES: Final = Registry(
             residuals=helper_residuals,
         ),
         Preference(
-            name="robustness",
-            line="equal thrown probabilities on all tables of a mixture; only for thrown dice",
-            residuals=robustness_residuals,
-        ),
-        Preference(
             name="tolerance",
             line="probabilities that change little under print errors of the facets",
             residuals=tolerance_residuals,
@@ -261,10 +249,5 @@ class Preferences(Numbers):
 def preference_residuals(die: OutcomeFacets, preferences: Preferences) -> list[Tensor]:
     """Residuals of the preferences with a weight; the sum of all squares is the weighted sum of the
     preferences."""
-    residuals = []
-    for preference in PREFERENCES:
-        weight = getattr(preferences, preference.name)
-        own = preference.residuals(die) if weight > 0.0 else None
-        if own is not None:
-            residuals.append(np.sqrt(weight) * own)
-    return residuals
+    weights = {one: getattr(preferences, one.name) for one in PREFERENCES}
+    return [np.sqrt(w) * one.residuals(die) for one, w in weights.items() if w > 0.0]

@@ -93,9 +93,9 @@ def choose_symmetry(work: Work) -> None:
 def _reaches_target(work: Work) -> bool:
     """Whether the recipe's symmetry suits a given start and its labels, and one of a few starts
     with it reaches the probabilities, without preferences."""
-    from dicedesign.gradient.probability_model import TableSensitivity, ThrowProbabilities
+    from dicedesign.gradient.probability_model import ThrowProbabilities
 
-    group, start, sensitivity = work.recipe.group(), work.start, None
+    group, start, thrown = work.recipe.group(), work.start, None
     if start is not None and group is not None:
         try:
             check_orbits(work.recipe, start.directions)
@@ -104,14 +104,13 @@ def _reaches_target(work: Work) -> bool:
             return False
         if orbits_of_directions(start.directions, group).max() + 1 == len(start.directions):
             return False
-    (wanted, outcome_of), options = wanted_of_directions(work.recipe), work.recipe.method.options
+    (wanted, _), options = wanted_of_directions(work.recipe), work.recipe.method.options
     quick = replace(options, prefer=Preferences(), starts=MAX_SYMMETRIC_STARTS)
     if options.probabilities == "thrown":
         thrown = ThrowProbabilities.on(options.table_with_hand)
-        sensitivity = TableSensitivity(thrown, wanted, outcome_of=outcome_of)
     starts = islice(find_starts(work), MAX_SEARCH_TURNS)
     try:
-        result = make_solver(work)(starts, wanted, options=quick, sensitivity=sensitivity)
+        result = make_solver(work)(starts, wanted, options=quick, thrown=thrown)
     except NoStartError:
         return False
     return result.status is Status.CONVERGED

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import islice
@@ -13,7 +12,7 @@ import numpy as np
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.gradient.probability_model import TableSensitivity, ThrowProbabilities
+from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
 from dicedesign.optimize.preferences import Preferences
@@ -34,17 +33,13 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import measure_tables
 from dicedesign.throws.momentum_model import (
     momentum_model,
-    represent_tables,
     table_measures,
 )
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
 from dicedesign.throws.tables import mixture_tables
 
-MORE_SHAPES: Final = 3
-"""Further shapes, of which the steadiest is taken."""
-
-VERDICT_ROUND: Final = MOST_ROUNDS + 1 + MORE_SHAPES
-"""Number of the round of throws of the finished die, after all rounds and shapes of the design."""
+VERDICT_ROUND: Final = MOST_ROUNDS + 1
+"""Number of the round of throws of the finished die, after all rounds of the design."""
 
 SEEDS_PER_RECIPE: Final = VERDICT_ROUND + 1
 """Seeds of throws of one recipe's seed."""
@@ -57,35 +52,28 @@ model."""
 def design_for_table(work: Work) -> Design:
     """Design a die by the momentum model of its table, and refine it by rounds of throws if the
     recipe has `refine`. Raises InputError if no start suits the target."""
-    (target, outcome_of), options = wanted_of_directions(work.recipe), work.recipe.method.options
+    (target, _), options = wanted_of_directions(work.recipe), work.recipe.method.options
     thrown = ThrowProbabilities.on(options.table_with_hand)
-    sensitivity = TableSensitivity(thrown, target, outcome_of=outcome_of)
-    starts = find_starts(work)
-    result = make_solver(work)(starts, target, sensitivity=sensitivity)
+    result = make_solver(work)(find_starts(work), target, thrown=thrown)
     rounds: tuple[RoundOfThrows, ...] = ()
     if options.refine is not None and result.status is Status.CONVERGED:
         with throwing_threads() as workers:
-            result, rounds = _refine(work, result, starts, sensitivity, options.refine, workers)
+            result, rounds = _refine(work, result, thrown, options.refine, workers)
     return make_design(work, result, rounds)
 
 
 def _refine(
     work: Work,
     die: DesignResult,
-    starts: Iterator[Start | None],
-    sensitivity: TableSensitivity,
+    model: ThrowProbabilities,
     refine: RefineOptions,
     workers: Executor,
 ) -> tuple[DesignResult, tuple[RoundOfThrows, ...]]:
-    """Refine a die by rounds of throws at its printed size, and return the die and the rounds.
-    Begin with the steadiest of several shapes if there are several tables."""
+    """Refine a die by rounds of throws at its printed size, and return the die and the rounds."""
     recipe, options, solve = work.recipe, work.recipe.method.options, make_solver(work)
     (target, outcome_of), group = wanted_of_directions(recipe), recipe.group()
     name = options.table_with_hand
-    tables, mixture = mixture_tables(name), sensitivity.thrown.mixture
     center = normalized_center(recipe, work.start)
-    is_free = len(np.unique(target)) > 1 or group is None
-    is_robust = options.prefer.robustness > 0.0 and sensitivity.is_known and is_free
 
     def throw(die: DesignResult, drops: int, number: int) -> Thrown:
         scale = recipe.size_mm / die.hull.diameter
@@ -94,48 +82,31 @@ def _refine(
         placed = DieOnTable.of(solid, com, die.directions, name, outcome_of)
         seed = throw_seed(recipe.seed, number)
         throws = placed.simulate(drops, seed, **_throw_options(work, drops, workers))
-        models = placed.momentum_by_table(mixture), placed.momentum(mixture)
+        models = placed.momentum_by_table(model.mixture), placed.momentum(model.mixture)
         return Thrown(placed.counts(throws), *models)
 
-    def design(
-        die: DesignResult, probabilities: Floats, bias: Floats | None
-    ) -> DesignResult | None:
+    def design(die: DesignResult, probabilities: Floats, is_improved: bool) -> DesignResult | None:
         near = shapes_like(Start(die.hull.vertices, die.directions), recipe.seed, group)
-        own, known = options, sensitivity
-        if bias is None:
-            own = replace(options, prefer=Preferences())
-        elif is_robust:
-            known = replace(sensitivity, bias=bias)
-        return _solve_or_none(
-            solve, islice(near, MAX_VARIATIONS), probabilities, sensitivity=known, options=own
-        )
+        own = options if is_improved else replace(options, prefer=Preferences())
+        try:
+            result = solve(islice(near, MAX_VARIATIONS), probabilities, thrown=model, options=own)
+        except NoStartError:
+            return None
+        return result if result.status is Status.CONVERGED else None
 
-    def rounds(die: DesignResult) -> Refinement:
-        orbits = np.arange(len(target))
-        return Refinement(
-            target=target,
-            orbits=orbits if group is None else orbits_of_outcomes(die, group, outcome_of),
-            tables=table_measures(tables),
-            representatives=represent_tables(tables)[0],
-            is_robust=is_robust,
-            drops=refine.drops,
-            rounds=refine.rounds,
-            within=refine.within,
-            throw=throw,
-            design=design,
-            measures=lambda tried: shape_measures(tried, center),
-            on_round=work.callbacks.on_round,
-        )
-
-    if work.start is None and is_robust:
-        further = [
-            _solve_or_none(solve, islice(starts, MAX_VARIATIONS), target, sensitivity=sensitivity)
-            for _ in range(MORE_SHAPES)
-        ]
-        dice = [die, *(other for other in further if other is not None)]
-        swings = [rounds(each).swing(each, place) for place, each in enumerate(dice)]
-        die = dice[int(np.argmin(swings))]
-    return rounds(die).refine(die)
+    orbits = np.arange(len(target))
+    return Refinement(
+        target=target,
+        orbits=orbits if group is None else orbits_of_outcomes(die, group, outcome_of),
+        tables=table_measures(mixture_tables(name)),
+        drops=refine.drops,
+        rounds=refine.rounds,
+        within=refine.within,
+        throw=throw,
+        design=design,
+        measures=lambda tried: shape_measures(tried, center),
+        on_round=work.callbacks.on_round,
+    ).refine(die)
 
 
 def _throw_options(work: Work, whole: int, workers: Executor) -> dict[str, Any]:
@@ -160,17 +131,6 @@ def orbits_of_outcomes(die: DesignResult, group: Floats, outcome_of: Integers | 
         return orbits
     faces = [tuple(sorted(orbits[outcome_of == k])) for k in range(outcome_of.max() + 1)]
     return np.unique([faces.index(orbit) for orbit in faces], return_inverse=True)[1]
-
-
-def _solve_or_none(
-    solve: Callable[..., DesignResult], *args: Any, **kwargs: Any
-) -> DesignResult | None:
-    """Converged result of a solver, or None."""
-    try:
-        result = solve(*args, **kwargs)
-    except NoStartError:
-        return None
-    return result if result.status is Status.CONVERGED else None
 
 
 def throw_seed(seed: int, number: int) -> int:

@@ -164,10 +164,6 @@ def rounds_chart(die: FinishedDie) -> Sheet:
         axes.plot(drops[-1:], [simulated.total_variation], "D", color=DARK, label=name, ms=13.0)
     axes.plot(drops, floors, "o--", color=FAINT, lw=2.5, ms=8.0, label="a perfect die")
     axes.plot(at, [entry.deviation for entry in rounds], "o", color=FAINT, label="its throws")
-    by_table = [entry.by_table for entry in rounds if entry.by_table is not None]
-    if by_table:
-        tables = "expected by nine of ten hands"
-        axes.plot(at, by_table, "^-", color="#e0ab8c", lw=2.0, label=tables)
     axes.plot(at, expected, "o-", color=ACCENT, ms=14.0, label="expected")
     is_kept = [entry.is_kept for entry in rounds]
     axes.plot(at[is_kept], expected[is_kept], "o", color=DARK, ms=6.0, label="kept")

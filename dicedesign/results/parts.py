@@ -266,7 +266,6 @@ class RoundOfThrows:
         noise_floor: its mean for a perfect die in as many throws.
     expected: expected total variation of the die's probabilities from the target, given the throws
         of all rounds, including their uncertainty.
-    by_table: the same on each table of a mixture, 90 % quantile; None on one table.
     is_kept: whether the design continued with this die.
     requested: target of this round's design in the momentum model. frequencies: of
         the outcomes; they sum to less than 1 if some throws came to rest on no outcome.
@@ -276,7 +275,6 @@ class RoundOfThrows:
     deviation: float
     noise_floor: float
     expected: float
-    by_table: float | None
     is_kept: bool
     requested: Numbers
     frequencies: Numbers

@@ -113,11 +113,7 @@ def vary_recipe(recipe: Recipe, place: int, values: Mapping[str, float]) -> Reci
 
 def _own_weights(recipe: Recipe) -> dict[str, float]:
     exact = recipe.method.exact
-    weights = {} if exact is None else exact.prefer.as_dict()
-    if not recipe.method.is_thrown:
-        # Probabilities without momentum do not depend on the table.
-        weights.pop("robustness", None)
-    return weights
+    return {} if exact is None else exact.prefer.as_dict()
 
 
 RECIPE = "search.yaml"

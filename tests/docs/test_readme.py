@@ -75,7 +75,7 @@ def test_every_concave_recipe_is_recorded_within_its_tolerance(repository: Path)
 def test_every_recipe_for_a_table_is_recorded_within_its_limit(repository: Path) -> None:
     found = json.loads(RECORDED.read_text(encoding="utf-8"))["thrown dice"]
     rows = [dict(zip(found["titles"], row, strict=True)) for row in found["rows"]]
-    thrown = {row["recipe"]: row for row in rows if row["design"] == "thrown"}
+    thrown = {row["recipe"]: row for row in rows if row["design"] == "own"}
     for recipe in shipped_recipes(repository):
         if recipe.method.is_thrown:
             exact, row = recipe.method.exact, thrown[recipe.name]

@@ -13,7 +13,6 @@ from common.stones import stone
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_measures import SOFTNESS
-from dicedesign.gradient.probability_model import USUAL_SWING, TableSensitivity, ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.preferences import (
@@ -173,48 +172,3 @@ def test_gradients_are_differences_along_the_manifold(name: str, seed: int) -> N
 
     along = np.random.default_rng(seed).normal(size=len(free)) @ free
     check_slopes(candidate, residuals, along, 1e-5, 1e-6)
-
-
-BOARD_GAME = ThrowProbabilities.on("board-game")
-
-
-def sensitivity(
-    candidate: Candidate, wanted: np.ndarray, bias: np.ndarray | float = 0.0
-) -> TableSensitivity:
-    return TableSensitivity(BOARD_GAME, wanted, bias)
-
-
-def test_robustness_compares_probabilities_on_all_tables() -> None:
-    candidate = die(0)
-    facets, where = candidate.outcome_facets, candidate.rest_of_face
-    there = [one.probabilities(candidate.rests)[where] for one in BOARD_GAME.parts]
-    weights = BOARD_GAME.mixture.weights
-    wanted = BOARD_GAME.probabilities(candidate.rests)[where]
-    known = sensitivity(candidate, wanted)
-    (residuals,) = preference_residuals(
-        OutcomeFacets(candidate.rests, facets, known), only("robustness")
-    )
-    expected = (np.sqrt(weights)[:, None] * (np.array(there) - wanted)).ravel() / USUAL_SWING
-    np.testing.assert_allclose(residuals.detach(), expected, atol=1e-12)
-    assert np.abs(expected).max() > 0.05
-    # A bias that makes up for the change leaves nothing to wish for.
-    known = sensitivity(candidate, wanted, np.log(wanted / np.array(there)))
-    (residuals,) = preference_residuals(
-        OutcomeFacets(candidate.rests, facets, known), only("robustness")
-    )
-    np.testing.assert_allclose(residuals.detach(), 0.0, atol=1e-12)
-
-
-def test_gradients_of_robustness_are_differences() -> None:
-    candidate, rng = die(0), np.random.default_rng(0)
-    count = len(candidate.outcome_facets)
-    bias = rng.normal(0.0, 0.1, (len(BOARD_GAME.parts), count))
-    known = sensitivity(candidate, np.full(count, 1.0 / count), bias)
-    along = rng.normal(size=len(candidate.parameters))
-    check_slopes(
-        candidate,
-        lambda there: known.residuals(there.rests, there.outcome_facets),
-        along,
-        1e-6,
-        1e-5,
-    )

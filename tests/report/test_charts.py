@@ -125,7 +125,7 @@ SIMULATED = SimulatedThrows(
 
 
 def table_result(rounds: int, simulated: bool = True, **changes: Any) -> TableResult:
-    usual = {"by_table": None, "requested": TARGET, "frequencies": TARGET}
+    usual = {"requested": TARGET, "frequencies": TARGET}
     values = {**usual, **changes}
     all_rounds = (
         RoundOfThrows(1000, 0.1, 0.02, 0.09, is_kept=False, **values),
@@ -244,9 +244,6 @@ def test_rounds_against_all_throws_so_far() -> None:
     )
     np.testing.assert_allclose(limits(sheet)[0], [(0.0, 0.0256)])
     assert is_whole(sheet)
-    spread = table_result(2, by_table=0.3)
-    drawn = curves(rounds_chart(finished_box(thrown=spread)).figure.axes[0])
-    np.testing.assert_allclose(drawn["expected by nine of ten hands"], [[1000, 0.3], [2500, 0.3]])
     drawn = curves(rounds_chart(finished_box(thrown=table_result(1, False))).figure.axes[0])
     assert set(drawn) == {"its throws", "a perfect die", "expected", "kept"}
 

@@ -192,8 +192,7 @@ def test_assignments_are_varied_if_that_has_an_effect(
 ) -> None:
     recipe = make_recipe(**entries)
     space = search_space(recipe)
-    # Robustness needs a table.
-    names = [f"prefer.{name}" for name in PREFERENCES.names if name != "robustness"]
+    names = [f"prefer.{name}" for name in PREFERENCES.names]
     assert set(space) == {*assigned, *(names if entries["method"] == "exact" else [])}
     own = {name: entry.own for name, entry in space.items()}
     assert all(entry.low <= entry.own <= entry.high for entry in space.values())

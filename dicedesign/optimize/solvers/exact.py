@@ -19,7 +19,7 @@ from dicedesign.gradient.probability_model import (
     RESTING,
     ProbabilitiesUnderPrior,
     ProbabilityModel,
-    TableSensitivity,
+    ThrowProbabilities,
 )
 from dicedesign.optimize.coordinates import Coordinates, VertexCoordinates, coordinates_of
 from dicedesign.optimize.options import MOST_WORK, ExactOptions
@@ -59,7 +59,7 @@ def solve_exact(
     center_of_mass: Floats | None = None,
     group: Floats | None = None,
     least_circle: float = 0.0,
-    sensitivity: TableSensitivity | None = None,
+    thrown: ThrowProbabilities | None = None,
     prior: Prior | str | None = None,
     outcome_of: Integers | None = None,
     on_step: Callable[[DesignStep], None] | None = None,
@@ -82,10 +82,9 @@ def solve_exact(
         None. Outcomes whose facets are images of each other are equally probable.
     least_circle: least radius of a circle in the facet of each outcome, over the largest distance
         of two vertices, in [0, 0.5). Starts that do not lead there are skipped.
-    sensitivity: probabilities of thrown dice, for the target and `prefer.robustness`; None for
-        probabilities without momentum.
+    thrown: model of thrown dice; None for probabilities without momentum.
     prior: distribution of the start orientations, in the coordinates of `Start.points`, see
-        `RestPoses.under`; None is uniform. Not with a sensitivity or a group.
+        `RestPoses.under`; None is uniform. Not with `thrown` or a group.
     outcome_of: (f,) outcome that each face shows, whose probabilities sum to its own in any shares;
         None for one outcome each, f = k.
     on_step: called after every accepted step.
@@ -97,7 +96,7 @@ def solve_exact(
     InputError: a start without the symmetry; a symmetry with `coordinates` "vertices"; least_circle
         out of range; a prior without a density, or with a symmetry or thrown probabilities.
     """
-    if prior is not None and (group is not None or sensitivity is not None):
+    if prior is not None and (group is not None or thrown is not None):
         raise InputError(
             "prior: expected no symmetry and no thrown probabilities with it, got one of them; "
             "leave it out"
@@ -112,12 +111,12 @@ def solve_exact(
             "least circle: expected a radius from 0 on and below 0.5 of the largest distance of "
             f"two vertices, got {least_circle:g}; lower it"
         )
-    model: ProbabilityModel = RESTING if sensitivity is None else sensitivity.thrown
+    model: ProbabilityModel = thrown or RESTING
     if prior is not None:
         model = ProbabilitiesUnderPrior.of(prior)
     maker = CandidateMaker(center_of_mass, model=model, outcome_of=outcome_of)
     log = StepLog(on_step, on_candidate)
-    search = ExactSearch(target, options, maker, log, group, least_circle, sensitivity)
+    search = ExactSearch(target, options, maker, log, group, least_circle)
     return search.run(starts)
 
 
@@ -150,7 +149,6 @@ class ExactSearch:
     log: StepLog
     group: Floats | None = None
     least_circle: float = 0.0
-    sensitivity: TableSensitivity | None = None
     least_angle: float = 0.0
     first: Start | None = None
     best: _Best | None = None
@@ -213,9 +211,6 @@ class ExactSearch:
         """Lead a start to the target and improve it by preferences; return whether it is done."""
         self.starts += 1
         self.first = self.first or start
-        prefer = self.options.prefer
-        if self.sensitivity is None or not self.sensitivity.is_known:
-            prefer = prefer.replace(robustness=0.0)
         try:
             coordinates, parameters = self._coordinates(start)
         except DegenerateBodyError:
@@ -244,8 +239,7 @@ class ExactSearch:
         reached = NullSpaceDescent(
             self.target,
             self.maker,
-            prefer,
-            self.sensitivity,
+            self.options.prefer,
             self.least_circle,
             self.aim,
             self.is_spent,

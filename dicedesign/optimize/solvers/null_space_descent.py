@@ -18,7 +18,6 @@ import torch
 from torch import Tensor
 
 from dicedesign.gradient.facet_measures import SOFTNESS, FacetEdges, circle_radii
-from dicedesign.gradient.probability_model import TableSensitivity
 from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preference_residuals
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
@@ -102,7 +101,6 @@ class NullSpaceDescent:
     target: (k,) probabilities.
     maker: makes the dice that are tried.
     preferences: weights of the objectives.
-    sensitivity: probabilities of thrown dice, or None for probabilities without momentum.
     least_circle: least radius of the largest circle in the facet of each outcome, over the hull's
         diameter; 0 for none. While a circle is smaller, only this is improved; then all circles
         stay as large.
@@ -115,7 +113,6 @@ class NullSpaceDescent:
     target: Floats
     maker: CandidateMaker
     preferences: Preferences
-    sensitivity: TableSensitivity | None
     least_circle: float
     tolerance: float
     out_of_time: Callable[[], bool]
@@ -163,7 +160,7 @@ class _Point:
     def residuals(self) -> list[Tensor]:
         """Vectors whose sum of squares is minimized."""
         goal, rests, facets = self.goal, self.candidate.rests, self.candidate.outcome_facets
-        die = OutcomeFacets(rests, facets, goal.sensitivity, self.candidate.model)
+        die = OutcomeFacets(rests, facets, self.candidate.model)
         parts = [
             *preference_residuals(die, goal.preferences),
             np.sqrt(goal.preferences.largest or 1.0) * barrier_residuals(rests),

@@ -12,14 +12,14 @@ The estimate of each die uses all throws, which corrects for its own luck. The t
 least expected deviation is kept. As the throws that chose a die still flatter it, other throws must
 judge it.
 
-After the first round the die is designed to have equal probabilities on all tables. Later rounds
-do not improve it by preferences, so that it moves little and stays similar to what was measured.
+After the first round the die is improved by preferences again. Later rounds do not, so that it
+moves little and stays similar to what was measured.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,7 +29,7 @@ from dicedesign.optimize.options import MOST_DROPS
 from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.results.parts import RoundOfThrows
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.bias import OFTEN, Bias, Estimate, expected_variation
+from dicedesign.throws.bias import Bias, Estimate, expected_variation
 from dicedesign.throws.distances import noise_floor, total_variation
 
 
@@ -64,12 +64,6 @@ AIM: Final = 0.65
 TRIED: Final = 4
 """Throws of the die that ends the rounds, per throw of the first round; after fewer it may only be
 lucky."""
-
-ENOUGH: Final = 0.7
-"""Expected deviation, with that on single tables, above which the first die is improved."""
-
-LOOSER: Final = 2.0
-"""Deviation that suffices on single tables, over `within`."""
 
 MOST_TURNS: Final = 4
 """Limit on the designs of one round."""
@@ -110,15 +104,13 @@ class Refinement:
     orbits: (k,) number of the orbit of each outcome. Outcomes whose facets are images of each other
         by a symmetry of the die are equally probable.
     tables: (t, d) measures of the tables, relative to their mean and in units of how much each
-        varies. representatives: places of the tables that `design` knows.
-    is_robust: whether the probabilities on single tables count.
+        varies.
     drops: throws of the first round. rounds: limit on the rounds.
     within: total variation that suffices.
     throw: throws a die; arguments are the die, the number of throws and the number of the series,
         each with its own random numbers.
     design: designs a die near a given one with probabilities (k,) in the model, or returns None.
-        Its third argument are logarithms (m, k) of the probabilities on the representatives over
-        those in the model; None for the nearest die, without preferences.
+        Its third argument says whether to improve it by preferences.
     measures: measures (f,) of a die that change little between similar dice.
     on_round: called after every round of throws.
     """
@@ -126,13 +118,11 @@ class Refinement:
     target: Floats
     orbits: Integers
     tables: Floats
-    representatives: Sequence[int]
-    is_robust: bool
     drops: int
     rounds: int
     within: float
     throw: Callable[[DesignResult, int, int], Thrown]
-    design: Callable[[DesignResult, Floats, Floats | None], DesignResult | None]
+    design: Callable[[DesignResult, Floats, bool], DesignResult | None]
     measures: Callable[[DesignResult], Floats]
     on_round: Callable[[RoundOfThrows], None] | None = None
 
@@ -155,15 +145,14 @@ class Refinement:
             if self.on_round is not None:
                 self.on_round(known.summarize(trial))
             is_right = known.variation(trial) / self.within <= AIM
-            is_steady = number > 0 or known.shortfall(trial) <= ENOUGH
             best = known.best
             tried = sum(
                 one.thrown.counts.sum() for one in known.trials if one.number == best.number
             )
-            is_over, enough = is_right and is_steady, TRIED * self.drops
-            if (is_over and tried >= enough) or number == self.rounds - 1:
+            enough = TRIED * self.drops
+            if (is_right and tried >= enough) or number == self.rounds - 1:
                 break
-            if is_over:
+            if is_right:
                 die, target, own, least = best.die, best.wanted, best.number, enough
                 continue
             improved = known.correct(trial, is_first=number == 0)
@@ -172,16 +161,6 @@ class Refinement:
             (die, target), own, least = improved, number + 1, self.drops
         best = known.best
         return best.die, tuple(known.summarize(one, one is best) for one in known.trials)
-
-    def swing(self, die: DesignResult, place: int) -> float:
-        """Total variation between the probabilities of a die on the mixture and on its tables, for
-        nine in ten of these. Its throws have the series `place` after those of all rounds."""
-        known = _Trials(self, self.measures(die), 1)
-        trial = known.throw(die, self.target, 0, (self.drops, self.rounds + place))
-        mean, on_tables = known.estimate(trial).probabilities, known.estimate_by_table(trial)
-        return float(
-            np.quantile([total_variation(one.probabilities, mean) for one in on_tables], OFTEN)
-        )
 
 
 @dataclass(frozen=True)
@@ -234,7 +213,7 @@ class _Trials:
     @property
     def best(self) -> _Trial:
         """Trial of the least expected deviation."""
-        return min(self.trials, key=self.shortfall)
+        return min(self.trials, key=self.variation)
 
     def logarithms(self, trial: _Trial, shape: Floats, number: int | None) -> Floats:
         """Logarithms (k,) of the probabilities of outcomes on the mixture over those in its model,
@@ -242,47 +221,19 @@ class _Trials:
 
         shape: measures (f,) of a die; number: of a thrown die, or None for another die.
         """
-        parts = trial.thrown.probabilities * np.exp(self.logarithms_by_table(shape, number))
+        by_table = self.bias.logarithms(self._features(shape, number))[:, self.refinement.orbits]
+        parts = trial.thrown.probabilities * np.exp(by_table)
         logarithms: Floats = np.log(parts.mean(axis=0) / trial.thrown.model)
         return logarithms
-
-    def logarithms_by_table(self, shape: Floats, number: int | None) -> Floats:
-        """Logarithms (t, k) of the probabilities of outcomes on each table over those in its model;
-        see `logarithms`."""
-        return self.bias.logarithms(self._features(shape, number))[:, self.refinement.orbits]
 
     def estimate(self, trial: _Trial) -> Estimate:
         """Estimated probabilities of the orbits of a thrown die on the mixture."""
         model = self._by_orbit(trial.thrown.probabilities)
         return self.bias.estimate(self._features(trial.shape, trial.number), model)
 
-    def estimate_by_table(self, trial: _Trial) -> list[Estimate]:
-        """Estimated probabilities of the orbits of a thrown die on each table."""
-        features = self._features(trial.shape, trial.number)
-        models = self._by_orbit(trial.thrown.probabilities)
-        return [
-            self.bias.estimate(row[None], model[None])
-            for row, model in zip(features, models, strict=True)
-        ]
-
     def variation(self, trial: _Trial) -> float:
         """Expected total variation from the target, of a thrown die on the mixture."""
         return expected_variation(self.estimate(trial), self._by_orbit(self.refinement.target))
-
-    def variation_by_table(self, trial: _Trial) -> float | None:
-        """Expected total variation on nine in ten tables; None if they do not count."""
-        if not self.refinement.is_robust:
-            return None
-        target = self._by_orbit(self.refinement.target)
-        values = [expected_variation(one, target) for one in self.estimate_by_table(trial)]
-        return float(np.quantile(values, OFTEN))
-
-    def shortfall(self, trial: _Trial) -> float:
-        """Expected deviation of a die over what suffices, the mean of the mixture and its tables if
-        these count."""
-        within, by_table = self.refinement.within, self.variation_by_table(trial)
-        on_mixture = self.variation(trial) / within
-        return on_mixture if by_table is None else (on_mixture + by_table / (LOOSER * within)) / 2.0
 
     def summarize(self, trial: _Trial, is_kept: bool = False) -> RoundOfThrows:
         """Summary of a round."""
@@ -293,7 +244,6 @@ class _Trials:
             deviation=total_variation(counts / drops, np.append(target, 0.0)),
             noise_floor=noise_floor(target, drops),
             expected=self.variation(trial),
-            by_table=self.variation_by_table(trial),
             is_kept=is_kept,
             requested=tuple(trial.wanted.tolist()),
             frequencies=tuple((counts[:-1] / drops).tolist()),
@@ -315,9 +265,6 @@ class _Trials:
             lacking.append(wanted - targets[-1])
             if turn > 0 and np.abs(target * lacking[-1]).sum() / 2.0 < EXACT * within:
                 break
-            bias = None
-            if is_first and turn == 0:
-                bias = self.logarithms_by_table(shape, number)[self.refinement.representatives]
             die, designed = trial.die if result is None else result[0], None
             wanted = _mix(targets, lacking)
             # Without a die, try a part of the way; only the first turn needs one.
@@ -325,7 +272,7 @@ class _Trials:
                 part = 0.5**halving
                 probabilities = np.exp(part * wanted + (1.0 - part) * targets[-1])
                 probabilities /= probabilities.sum()
-                designed = self.refinement.design(die, probabilities, bias)
+                designed = self.refinement.design(die, probabilities, is_first and turn == 0)
                 if designed is not None:
                     break
             if designed is None:

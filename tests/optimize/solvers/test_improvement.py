@@ -28,7 +28,6 @@ MIXED = Preferences(
     roundness=0.3,
     areas=0.3,
     small_helpers=0.3,
-    robustness=0.1,
 )
 
 
@@ -54,7 +53,6 @@ class Run:
             target=self.first.probabilities.copy(),
             maker=self.maker,
             preferences=preferences,
-            sensitivity=None,
             least_circle=least_circle,
             tolerance=TOLERANCE,
             out_of_time=lambda: False,
