@@ -3,9 +3,10 @@
 Four parts, or one by --part. `dice`: design the die of each recipe for throws twice: for
 probabilities without momentum, and by its own method; other dice once. Throw all, as they are
 printed, with random numbers that no design has used, onto all tables of the mixture. Numbers are
-means over the seeds, but `from` is the largest lower end of the 95 % intervals. `momentum`: throw random dice that the momentum model was not
-fitted to, three quarters random polyhedra and a quarter designed, and compare how often each rest
-comes up with its probabilities without momentum and by the model. `simulators`: throw dice in the
+means over the seeds, but `from` is the largest lower end of the 95 % intervals. `momentum`: throw
+random dice that the momentum model was not fitted to, three quarters random polyhedra and a quarter
+designed, and compare how often each rest comes up with its probabilities without momentum and by
+the model. `simulators`: throw dice in the
 package's own simulator, with a half and a quarter of its time step, and in others that are
 installed. `contacts`: impacts of single vertices in each simulator against closed forms, and its
 throws per second. Other numbers are total variations; the floor is the mean of right probabilities.
