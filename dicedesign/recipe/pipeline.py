@@ -154,21 +154,27 @@ class Work:
     @property
     def message(self) -> str:
         """Verdict in one sentence, and a second line with status and remarks."""
-        thrown = self.recipe.method.is_thrown
+        method, measured = self.recipe.method, self.throws and self.throws.simulated
         subject = "die.stl" if self.engraved and self.engraved.assessment else "The die"
-        if thrown:
-            subject = "By the momentum model the die"
-        error = self.design_error if thrown else self.final.max_abs_error
+        error, most = self.final.max_abs_error, method.tolerance
+        if method.is_thrown:
+            subject, error = "By the momentum model the die", self.design_error
         # Rounded up to two digits, without an exponent.
         rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(100.0 * error)
         off = f"at most {rounded.normalize():f} percentage points"
         if error < INVISIBLE:
             off = "less than a millionth of a percentage point"
         has = "nearly has" if error > NEARLY else "has"
+        if measured and method.options.refine is not None:
+            subject, has = f"Thrown {measured.drops:,} times, the die", "has"
+            error, most = measured.total_variation, method.options.refine.within
+            off = (
+                f"a total variation of {error:.2g}; a perfect die shows {measured.noise_floor:.2g}"
+            )
         flaw, _, _ = self.status.value.partition(";")
         if self.status is Status.CONVERGED:
             verdict = f"{subject} {has} your probabilities: off by {off}."
-        elif error <= self.recipe.method.tolerance:
+        elif error <= most:
             verdict = f"{subject} {has} your probabilities, but {flaw}."
         else:
             verdict = f"{subject} does not have your probabilities: off by {off}."

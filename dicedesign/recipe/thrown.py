@@ -170,18 +170,13 @@ def throw(work: Work) -> None:
     )
     if measured is None or refine is None:
         return
-    remark = (
-        f"thrown {measured.drops} times, its total variation from the target is "
-        f"{measured.total_variation:.2g}, where a perfect die shows {measured.noise_floor:.2g}"
-    )
-    if by_table is not None:
-        remark += (
-            f"; for nine in ten hands it is at most {by_table.often:.2g}, and in 1,000 rolls by an "
-            f"unknown hand you would notice in {100.0 * by_table.noticed:.2g} of 100 cases"
-        )
     if work.status is Status.CONVERGED and measured.total_variation > refine.within:
         work.status = Status.OFF_TABLE
     if work.status is Status.OFF_TABLE:
-        work.remarks[:] = [work.status.value, remark]
-    else:
-        work.remarks.insert(0, remark)
+        work.remarks[:] = [work.status.value]
+    if by_table is not None:
+        work.remarks.append(
+            f"for nine in ten hands the total variation is at most {by_table.often:.2g}, and in "
+            f"1,000 rolls by an unknown hand you would notice in {100.0 * by_table.noticed:.2g} of "
+            "100 cases"
+        )

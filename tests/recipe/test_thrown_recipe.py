@@ -58,7 +58,7 @@ def test_a_result_has_the_probabilities_on_the_table(folder: Path) -> None:
     assert by_table["often"] == pytest.approx(np.quantile(by_table["values"], 0.9))
     assert by_table["worst"] == max(by_table["values"])
     assert by_table["often"] < 1.5 * by_table["chance_often"]
-    assert "thrown 1000 times" in result["message"]
+    assert "Thrown 1,000 times, the die has your probabilities" in result["message"]
 
 
 def test_the_die_is_thrown_at_its_printed_size(folder: Path) -> None:
@@ -90,7 +90,7 @@ def test_a_die_off_target_on_the_table(
     assert main(["run", str(again), "--out", str(tmp_path / "out")]) == 1
     out = capsys.readouterr().out
     assert "off_table: simulated throws are off by more than the tolerance" in out
-    assert "thrown 1000 times, its total variation from the target is" in out
+    assert "Thrown 1,000 times, the die does not have your probabilities: off by a total" in out
     assert out.splitlines()[2].split() == ["label", "target", "set", "down", "model", "thrown"]
 
 
