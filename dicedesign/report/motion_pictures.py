@@ -43,6 +43,9 @@ GIF_PIXELS: Final = 480
 MAX_FRAMES: Final = 150
 """Most frames of the moving picture."""
 
+LONGEST_WAY: Final = 16.0
+"""Distance from the rest at which the moving picture begins at most, over the radius of the die."""
+
 SLOW_MOTION: Final = 4
 """Duration of the moving picture over the duration of the throw."""
 
@@ -71,7 +74,8 @@ def throw(die: FinishedDie) -> bytes:
 def moving_picture(film: Film, surface: Surface, center_of_mass: Floats) -> bytes:
     """Looping GIF of a throw, four times slower than real; faster if it had more than 150 frames.
 
-    Deterministic. The throw runs to the right.
+    Deterministic. The throw runs to the right. It begins where the die is `LONGEST_WAY` radii from
+    its rest, so that the die is not small.
 
     Parameters
     ----------
@@ -79,7 +83,10 @@ def moving_picture(film: Film, surface: Surface, center_of_mass: Floats) -> byte
     surface: the solid to draw, in the frame and the unit of length of the body that was filmed.
     center_of_mass: (3,) center of mass of that body.
     """
-    radius, ways = film.table.size / 2.0, film.positions
+    radius = film.table.size / 2.0
+    far = np.flatnonzero(norms(film.positions - film.positions[-1]) > LONGEST_WAY * radius)
+    begin = int(far[-1]) + 1 if len(far) > 0 else 0
+    ways = film.positions[begin:]
     right = _level_direction(ways[-1] - ways[0], radius)
     level = np.cross(right, UP)
     camera = Camera(tilt_up(level, UP), UP)
@@ -100,8 +107,9 @@ def moving_picture(film: Film, surface: Surface, center_of_mass: Floats) -> byte
     paper = np.where(np.abs(rows) <= -front, 0.94, 1.0)
     paper[(rows < front) & (rows >= front - EDGE * radius)] = 0.72
     last = len(film.seconds) - 1
+    frames = np.linspace(begin, last, min(len(ways), MAX_FRAMES)).round().astype(int)
     pictures = []
-    for frame in np.linspace(0, last, min(last + 1, MAX_FRAMES)).round().astype(int).tolist():
+    for frame in frames.tolist():
         placed = film.place_points(surface.points, center_of_mass, frame)
         above = placed[:, 2].clip(0.0)
         shadow = render_shadow(placed, surface.triangles, above, UP, camera, GIF_PIXELS, radius)

@@ -86,6 +86,15 @@ def test_a_long_film_is_thinned() -> None:
     assert middle_of_die(pictures[-1])[0] > 420
 
 
+def test_of_a_long_slide_the_end_is_shown() -> None:
+    way = np.linspace(0.0, 1.0, 101)[:, None]
+    pictures, _, _ = frames_of(gif_of(film_of(way * [1.2, 0.0, 0.0] + [0.0, 0.0, 0.015], 0.0)))
+    # Sixteen radii of 15 mm.
+    assert len(pictures) == 1 + 20
+    columns = np.nonzero(np.ptp(pictures[-1].astype(int), axis=2) > 12)[1]
+    assert np.ptp(columns) > 40
+
+
 def test_a_motionless_die_is_drawn() -> None:
     film = film_of(np.full((3, 3), [0.0, 0.0, 0.015]), 0.0)
     pictures, _, _ = frames_of(gif_of(film))
