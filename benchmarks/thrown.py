@@ -6,12 +6,12 @@ printed, with random numbers that no design has used, onto all tables of the mix
 means over the seeds, but `from` is the largest lower end of the 95 % intervals. `momentum`: throw
 random dice that the momentum model was not fitted to, three quarters random polyhedra and a quarter
 designed, and compare how often each rest comes up with its probabilities without momentum and by
-the model. `simulators`: throw dice in the
-package's own simulator, with a half and a quarter of its time step, and in others that are
-installed. `contacts`: impacts of single vertices in each simulator against closed forms, and its
-throws per second. Other numbers are total variations; the floor is the mean of right probabilities.
-Exits 1 where a die by its own method does not converge, or its throws are further from the target
-than the recipe's refine.within (of other dice: 0.01) and chance is not the reason.
+the model. `simulators`: throw dice in the package's own simulator, with a half and a quarter of its
+time step, and in others that are installed. `contacts`: impacts of single vertices in each
+simulator against closed forms, and its throws per second. Other numbers are total variations; the
+floor is the mean of right probabilities. Exits 1 where a die by its own method does not converge,
+or its throws are further from the target than the recipe's refine.within (of other dice: 0.01) and
+chance is not the reason.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ TASK = 500
 """Drops."""
 
 FAR = 0.01
-"""Most total variation of a die with equally probable faces that is not designed for throws."""
+"""Limit on the total variation of dice that are not designed for throws."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -145,7 +145,13 @@ def throw_recipes(
         exact = recipe.method.exact
         assert exact is not None
         within, table, designs = FAR, options.table, {"own": exact}
-        if exact.refine is not None:
+        if recipe.method.is_thrown:
+            if exact.refine is None:
+                raise InputError(
+                    f"{recipe.name}: expected method: "
+                    f"{{exact: {{probabilities: thrown, refine: {{}}}}}}, got "
+                    "none that is refined; change the method, or leave the recipe out"
+                )
             within, table, refine = exact.refine.within, exact.table_with_hand, exact.refine
             if options.quick:
                 refine = replace(refine, drops=min(refine.drops, 2_000), rounds=1)
@@ -156,7 +162,7 @@ def throw_recipes(
             own = with_method(recipe, exact=method)
             dice = [
                 throw_die(own.model_copy(update={"seed": recipe.seed + k}), table, options, workers)
-                for k in range(options.seeds)
+                for k in range(max(options.seeds, 1))
             ]
             right = sum(die[0] for die in dice)
             numbers = np.transpose([die[1:] for die in dice])

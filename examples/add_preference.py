@@ -2,8 +2,7 @@
 
 Residuals are a tensor that is differentiable in the vertices. Their sum of squares is about 1 for
 an ordinary die of any size. `die.rests` are the rests, `die.facets` (k,) the facet of each
-outcome. A preference that does not apply returns None. Its weight is the recipe key
-`method.exact.prefer.level`.
+outcome. Its weight is the recipe key `method.exact.prefer.level`.
 """
 
 import dicedesign as dd

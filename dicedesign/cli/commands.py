@@ -443,9 +443,8 @@ class TableArguments(WithJson, WithWorkers):
 
     Fits restitution and friction of each material, throws of each session, and scatter beyond
     chance. Predicts each die from the others, and tests the fit with new drops. The file is of the
-    first die's material and a new session, with another file for each named session; of a single
-    session it is of that one. Repeat with --out to resume. Exit code 1: no table explains some
-    counts.
+    first die's material and a new session, or of the only session. Of several, each with a name has
+    a file of its own. Repeat with --out to resume. Exit code 1: no table explains some counts.
 
     Options:
     action: the word fit

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
@@ -25,7 +26,7 @@ from dicedesign.cli.options import (
 from dicedesign.errors import InputError, printable
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.runtime.files import atomic_write, json_text, make_writable_folder
+from dicedesign.runtime.files import json_text, make_writable_folder, write_files
 from dicedesign.throws.distances import jeffreys_means, measure_variation
 from dicedesign.throws.engines import CONTACT_LAW, require_engine
 from dicedesign.throws.goodness_of_fit import Prediction
@@ -63,6 +64,9 @@ IMPOSSIBLE: Final = 0.001
 
 VAGUE: Final = 0.8
 """Part of the prior's standard deviation from which on a posterior's is uninformative."""
+
+MOST_BYTES: Final = 200
+"""Length of the name of a session's file."""
 
 CONFIDENCE: Final = 0.95
 """Confidence of intervals of total variation."""
@@ -129,17 +133,17 @@ def fit(options: TableArguments) -> int:
             throws = simulate(die.body, table, new_drops, options.seed, **share)
             answer["die_at_hand"] = _predict(fit.dice[-1], die.by_outcome(throws.counts), target)
         if out is not None:
-            files = {out: (table, fit.posterior)}
-            for session in fit.sessions:
-                if len(fit.sessions) == 1:
-                    files[out] = session.table, session.tables
-                elif session.name in session_files:
-                    files[session_files[session.name]] = session.table, session.tables
-            for file, (one, mixture) in files.items():
-                entries = one.as_dict() | {"mixture": mixture_entries(mixture)}
-                atomic_write(file, json_text(entries).encode())
-            on = f", with the materials {dice[0].material}" if len(fit.tables) > 1 else ""
-            print_notes(f"wrote {', '.join(map(str, files))}{on}")
+            files = {out: _table_file(table, fit.posterior)}
+            materials = {out: dice[0].material}
+            for one in fit.sessions:
+                if one.is_named and len(fit.sessions) > 1:
+                    file = session_files[one.name]
+                    files[file] = _table_file(one.table, one.tables)
+                    materials[file] = one.material
+            write_files(files)
+            for file, material in materials.items():
+                on = f", with the materials {material}" if len(fit.tables) > 1 else ""
+                print_notes(f"wrote {file}{on}")
     if options.json:
         print_json(answer)
     else:
@@ -148,17 +152,25 @@ def fit(options: TableArguments) -> int:
 
 
 def _name_files(out: Path, sessions: Sequence[str]) -> dict[str, Path]:
-    """File of each named session, beside that of the fit."""
+    """File of each named session, beside that of the fit. Raises InputError unless names make
+    different ones."""
     files = {
-        name: out.with_stem("_".join([out.stem, re.sub(r"[^\w.]+", "-", name)]))
-        for name in sessions
+        name: out.with_stem(
+            "_".join([out.stem, re.sub(r"[^\w.]+", "-", unicodedata.normalize("NFC", name))])
+        )
+        for name in dict.fromkeys(sessions)
     }
-    if len(set(files.values())) < len(files):
+    names = [os.fsencode(file.name.casefold()) for file in files.values()]
+    if len(set(names)) < len(names) or any(len(name) > MOST_BYTES for name in names):
         raise InputError(
-            f"session: expected names that differ in letters or digits, got {', '.join(files)}; "
-            "rename some"
+            f"session: expected short names that differ in letters or digits, got "
+            f"{', '.join(map(repr, files))}; rename some"
         )
     return files
+
+
+def _table_file(table: Table, mixture: Sequence[Table]) -> bytes:
+    return json_text(table.as_dict() | {"mixture": mixture_entries(mixture)}).encode()
 
 
 def _read_dice(

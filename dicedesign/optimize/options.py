@@ -244,8 +244,7 @@ class PaperOptions:
         the terms no longer act; "none" ends as in the paper.
     tolerance: largest |p - q| wanted, from `FINEST_TOLERANCE` on and below 1; None for 1e-12 with
         an exact finish and 2e-2 without.
-    prefer: weights of secondary objectives after an exact finish; see `ExactOptions`. Robustness
-        applies to thrown dice only.
+    prefer: weights of secondary objectives after an exact finish; see `ExactOptions`.
     """
 
     __pydantic_config__ = STRICT

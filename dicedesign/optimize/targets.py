@@ -154,28 +154,38 @@ def several_faces(
 
 
 def equal_faces(target: Target, faces: int) -> Target:
-    """Target whose outcomes have so many equally probable faces in all, each its part of them.
+    """Target with each outcome on its part of the equally probable faces. faces: number of all.
 
-    Raises InputError: a part is not whole, or an outcome has several faces already.
+    Raises InputError: a part is not a whole number of faces, or an outcome has several faces
+    already.
     """
     if target.has_repeated_labels:
         raise InputError(
-            "faces: expected outcomes with one face each, which get their parts of these, got "
-            f"{len(target.face_labels)} faces for {len(target.labels)}; leave out faces or repeats"
+            f"faces: expected different labels, one for each outcome, got "
+            f"{len(target.face_labels)} for {len(target.labels)} outcomes; leave out target.faces, "
+            "or join outcomes"
         )
-    _check_counts("faces", len(target.labels), [faces], faces)
+    if not len(target.labels) <= faces <= MOST_FACES:
+        raise InputError(
+            f"faces: expected {len(target.labels)} to {MOST_FACES}, got {faces}; take another "
+            "number, or leave it out"
+        )
 
-    def is_whole(number: Floats) -> bool:
-        return bool(np.abs(number - np.round(number)).max() < PROBABILITY_SUM_TOLERANCE * faces)
+    def parts(faces: int) -> Integers | None:
+        """Faces of each outcome, if these are whole numbers."""
+        exact = target.probabilities * faces
+        whole = np.round(exact).astype(np.int64)
+        is_close = np.abs(exact - whole).max() < PROBABILITY_SUM_TOLERANCE * faces
+        return whole if is_close and whole.min() > 0 else None
 
-    parts = target.probabilities * faces
-    if not is_whole(parts):
-        fits = [n for n in range(1, MOST_FACES + 1) if is_whole(target.probabilities * n)]
+    counts = parts(faces)
+    if counts is None:
+        fits = (n for n in range(1, MOST_FACES + 1) if parts(n) is not None)
+        least = next(fits, None)
         raise InputError(
             f"faces: expected a number of which every outcome has a whole part, got {faces}; "
-            + (f"take a multiple of {fits[0]}" if fits else "leave it out, as there is none")
+            + (f"take a multiple of {least}" if least else f"leave it out: none to {MOST_FACES} is")
         )
-    counts = np.round(parts).astype(int)
     labels = np.repeat(np.array(target.labels, dtype=object), counts)
     return Target(tuple(labels.tolist()), np.full(faces, 1.0 / faces), keeps_shares=True)
 

@@ -169,7 +169,8 @@ class Work:
             subject, has = f"Thrown {measured.drops:,} times, the die", "has"
             error, most = measured.total_variation, method.options.refine.within
             off = (
-                f"a total variation of {error:.2g}; a perfect die shows {measured.noise_floor:.2g}"
+                f"a total variation of {error:.2g}, where {most:.2g} is allowed and chance alone "
+                f"makes {measured.noise_floor:.2g}"
             )
         flaw, _, _ = self.status.value.partition(";")
         if self.status is Status.CONVERGED:

@@ -165,8 +165,9 @@ class TargetRecipe(Strict):
     outcomes: outcomes with a label, a probability and a number of faces each.
     labels: labels of 1 to 24 characters; by default those of the distribution. Faces with the same
         label are one outcome, whose probability is their sum.
-    faces: number of faces, all equally probable, of which each outcome gets its part: of 36 for two
-        dice, one shows 2 and six show 7. None is one for each outcome.
+    faces: number of faces, all equally probable whatever `share` says; each outcome gets its part.
+        Of 36 faces for two dice, one shows 2 and six show 7. `labels` are one for each outcome.
+        None is one face for each label.
     share: how the faces of an outcome share its probability: "free" for the shares that make the
         best shape, "equal" for equal parts, or those that `probabilities` gives.
     """

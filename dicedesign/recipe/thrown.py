@@ -175,8 +175,9 @@ def throw(work: Work) -> None:
     if work.status is Status.OFF_TABLE:
         work.remarks[:] = [work.status.value]
     if by_table is not None:
-        work.remarks.append(
+        work.remarks.insert(
+            work.status is Status.OFF_TABLE,
             f"for nine in ten hands the total variation is at most {by_table.often:.2g}, and in "
             f"1,000 rolls by an unknown hand you would notice in {100.0 * by_table.noticed:.2g} of "
-            "100 cases"
+            "100 cases",
         )

@@ -44,7 +44,7 @@ MAX_FRAMES: Final = 150
 """Most frames of the moving picture."""
 
 LONGEST_WAY: Final = 16.0
-"""Distance from the rest at which the moving picture begins at most, over the radius of the die."""
+"""Largest distance from the rest at which the moving picture begins, over the radius of the die."""
 
 SLOW_MOTION: Final = 4
 """Duration of the moving picture over the duration of the throw."""

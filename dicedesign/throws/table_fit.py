@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import qmc
 
-from dicedesign.errors import MOST_SEED, check_whole
+from dicedesign.errors import MOST_SEED, check_whole, printable
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.checkpoint import Checkpoint
 from dicedesign.throws.distances import jeffreys_means
@@ -46,7 +46,7 @@ from dicedesign.throws.sessions import (
     table_of,
 )
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import Table
+from dicedesign.throws.tables import SPREADS, Table
 from dicedesign.throws.throw_counts import CountedDie
 
 
@@ -133,15 +133,18 @@ class SessionFit:
 
     Attributes
     ----------
-    name: of the session, or of its only die.
+    name: of the session, or of its only die if it has none (`is_named`).
+    material: of its first die.
     size: of its dice in m, if known and equal; else `SIZE`.
     quantiles: (3, 3) of the session's mean height, speed and spin in units of the die: least of
         the credible interval, median, and most, in rows.
-    table: fitted table of its first die's material, with the medians as throws.
-    tables: equally likely tables of that material, each with throws of this session.
+    table: fitted table of the material, with the medians as throws, within what is simulated.
+    tables: equally likely tables of the material, each with throws of this session.
     """
 
     name: str
+    is_named: bool
+    material: str
     size: float
     quantiles: Floats
     table: Table
@@ -162,13 +165,13 @@ class DieFit:
     ----------
     die: with its counts, which may be 0 if they were not used in the fit.
     probabilities, deviation: (g,) mean and standard deviation of its probabilities in a new
-        session, with scatter as in all predictions.
+        session, or in the only one, with scatter as in all predictions.
     whole: prediction of another such die in the die's own session, by the posterior of all counts.
         Its p-value is slightly optimistic, as the counts are part of the posterior. None for a die
         that was not used in the fit.
     left_out: prediction of the die in its session, by the posterior of the other dice's counts.
         None without counts.
-    drawn: (m, g) equally likely probabilities in a new session, by the surrogate's means and
+    drawn: (m, g) equally likely probabilities in that session, by the surrogate's means and
         without scatter.
     """
 
@@ -188,7 +191,8 @@ class TableFit:
     ----------
     tables: most likely table of each material, with the center of all sessions as throws, to three
         digits (see `SHARPNESS`); first that of the first die.
-    posterior: equally likely tables of the first material, each with the throws of a new session.
+    posterior: equally likely tables of the first material, each with the throws of a new session;
+        of the same session if there is only one.
     parameters: posteriors of the d parameters of `Prior`, in that order.
     correlations: (d, d) of the posterior, of logarithms where the prior is flat in these.
     dice: the fitted dice, then the others.
@@ -324,16 +328,19 @@ def fit_table(
         material: table_of(start, prior.session_values(best, np.zeros(3), material))
         for material in prior.materials
     }
+    unknown = _draw_tables(prior, posterior, prior.materials[0], (), start, rng)
+    dice_fits = tuple(
+        _die_fit(prior, one, posterior, fitted_to, i if i < len(dice) else None, rng)
+        for i, one in enumerate(surrogates)
+    )
+    sessions = _session_fits(prior, posterior, fitted_to, tables, rng)
     return TableFit(
         tables=tables,
-        posterior=_draw_tables(prior, posterior, prior.materials[0], (), start, rng),
+        posterior=sessions[0].tables if len(sessions) == 1 else unknown,
         parameters=parameters,
         correlations=correlations,
-        dice=tuple(
-            _die_fit(prior, one, posterior, fitted_to, i if i < len(dice) else None, rng)
-            for i, one in enumerate(surrogates)
-        ),
-        sessions=_session_fits(prior, posterior, fitted_to, tables, rng),
+        dice=dice_fits,
+        sessions=sessions,
         evaluations=evaluations,
         drops=drops,
         log_likelihood=float(height[0, 0]),
@@ -412,7 +419,8 @@ def _die_fit(
         means = surrogate.probabilities(at, rng)
         return at, scatter_probabilities(means, prior.concentration(points), rng)
 
-    fresh, probabilities = draw(None, ())
+    is_single = len({one.die.session_key for one in fitted_to}) == 1
+    fresh, probabilities = draw(None, fitted_to if is_single else ())
     whole = left_out = None
     if number is not None:
         whole = predict(die.counts, draw(None, members)[1], rng)
@@ -437,6 +445,8 @@ def _session_fits(
     rng: np.random.Generator,
 ) -> tuple[SessionFit, ...]:
     """Posteriors of the hands of each session. tables: fitted table of each material."""
+    least, most = np.transpose([SIMULATED[name] for name in SPREADS])
+    least[0] = LOWEST
     fits = []
     for key in dict.fromkeys(one.die.session_key for one in fitted_to):
         members = [one for one in fitted_to if one.die.session_key == key]
@@ -447,12 +457,13 @@ def _session_fits(
         tail = (1.0 - CREDIBLE_LEVEL) / 2.0
         quantiles = np.quantile(hands, [tail, 0.5, 1.0 - tail], axis=0)
         size = die.size if len(sizes) == 1 and die.size is not None else SIZE
-        name = die.name if die.session is None else die.session
-        surface = replace(tables[die.material], name=f"{tables[die.material].name}_{name}")
-        hand = np.maximum(quantiles[1], [LOWEST, 0.0, 0.0])
+        is_named, name = die.session is not None, die.session or die.name
+        surface = tables[die.material]
+        surface = replace(surface, name=f"{surface.name}_{printable(name)}")
+        hand = np.clip(quantiles[1], least, most)
         table = table_of(surface, np.array([surface.restitution, surface.friction, *hand]))
         drawn = _draw_tables(prior, posterior, die.material, members, surface, rng)
-        fits.append(SessionFit(name, size, quantiles, table, drawn))
+        fits.append(SessionFit(name, is_named, die.material, size, quantiles, table, drawn))
     return tuple(fits)
 
 

@@ -15,6 +15,7 @@ from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws import table_fit
+from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.tables import load_table, mixture_tables
 
 
@@ -63,10 +64,17 @@ def test_a_fit_predicts_other_dice(
     assert notes == f"note: wrote {out}\n"
     answer = json.loads(output)
     table = load_table(str(out))
-    assert (table.name, table.source) == ("mine_box", "fitted to 200 throws of box")
-    assert np.mean(table.speed) == pytest.approx(answer["sessions"][0]["typical"][1], rel=0.01)
+    assert table.as_dict() == answer["table"]
+    assert (table.name, table.source) == ("mine", "fitted to 200 throws of box")
     assert table.restitution == answer["parameters"]["restitution"]["fitted"]
-    assert len(mixture_tables(str(out))) == 32
+    drawn = mixture_tables(str(out))
+    assert [each.restitution for each in drawn] == [
+        row["restitution"] for row in answer["posterior"]
+    ]
+    # Of the hand that threw, the only one.
+    median = answer["sessions"][0]["quantiles"][1][1] * np.sqrt(9.81 * 0.025)
+    assert np.median([np.mean(each.speed) for each in drawn]) == pytest.approx(median, rel=0.5)
+    assert len(drawn) == 32
     assert np.diag(answer["correlations"]) == pytest.approx(np.ones(7))
     die, twin = answer["dice"]
     assert die["outcomes"] == ["A or B", "C or D", "E or F"]
@@ -106,17 +114,19 @@ def test_sessions_and_materials_of_a_file(
 ) -> None:
     first, *rows = throws.read_text().splitlines()
     lines = [f"{first},session,material,size_mm"]
-    for name, more in (("box", "1st,oak,20"), ("twin", "1st,glass,20"), ("new", "2nd,oak,")):
+    for name, more in (("box", "1st,oak,20"), ("twin", "1st,glass,20"), ("new", "2nd,glass,")):
         lines += [f"{row.replace('box', name, 1)},{more}" for row in rows]
     throws.write_text("\n".join(lines) + "\n")
     out = tmp_path / "mine.json"
     assert fit("--throws", throws, "--out", out) == 0
     text, notes = capsys.readouterr()
-    files = [out, out.with_stem("mine_1st"), out.with_stem("mine_2nd")]
-    on = "with the materials oak"
-    assert notes == f"note: wrote {', '.join(map(str, files))}, {on}\n"
-    assert [load_table(str(file)).name for file in files] == ["mine", "mine_1st", "mine_2nd"]
-    assert {len(mixture_tables(str(file))) for file in files} == {32}
+    files = {name: out.with_stem(name) for name in ("mine", "mine_1st", "mine_2nd")}
+    for (name, file), material in zip(files.items(), ("oak", "oak", "glass"), strict=True):
+        assert f"note: wrote {file}, with the materials {material}\n" in notes
+        assert load_table(str(file)).name == name
+        assert len(mixture_tables(str(file))) == 32
+        # Within its range.
+        assert momentum_model(str(file)) is not None
     assert text.count("session 1st: a drop from") == text.count("a = 20 mm falls from") == 1
     assert text.count("session 2nd: a drop from") == text.count("a = 25 mm falls from") == 1
     lines = text.splitlines()
@@ -127,6 +137,20 @@ def test_sessions_and_materials_of_a_file(
     assert float(oak[3]) == load_table(str(out)).restitution
     # Standard deviation and limits of the prior.
     assert oak[-4:] == glass[-4:] == ["0.23", "0.1", "to", "0.9"]
+
+
+@pytest.mark.parametrize("names", [("Evening", "evening"), ("a b", "a-b"), ("x" * 240, "y")])
+def test_sessions_without_a_file_of_their_own(
+    throws: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], names: tuple[str, str]
+) -> None:
+    first, *rows = throws.read_text().splitlines()
+    lines = [f"{first},session"]
+    for number, name in enumerate(names):
+        lines += [f"{row.replace('box', f'box {number}', 1)},{name}" for row in rows]
+    throws.write_text("\n".join(lines) + "\n")
+    assert fit("--throws", throws, "--out", tmp_path / "mine.json") == 2
+    assert "session: expected short names" in capsys.readouterr().err
+    assert not list(tmp_path.glob("mine*"))
 
 
 @compiled_only

@@ -144,10 +144,11 @@ def test_equal_faces_of_three_coins_are_an_octahedron() -> None:
     ("entries", "expected"),
     [
         ({"sum_of_dice": [6, 6], "faces": 30}, "take a multiple of 36"),
-        ({"sum_of_dice": [6, 6], "faces": 10}, "of at least 11, got 10"),
+        ({"sum_of_dice": [6, 6], "faces": 10}, "expected 11 to 200, got 10"),
         ({"probabilities": [0.0123, 0.9877], "faces": 12}, "leave it out"),
-        ({"probabilities": SHARES, "labels": LABELS, "faces": 100}, "got 7 faces for 3"),
-        ({"fair": 6, "faces": 600}, "at most 200"),
+        ({"probabilities": SHARES, "labels": LABELS, "faces": 100}, "got 7 for 3 outcomes"),
+        ({"fair": 6, "faces": 600}, "expected 6 to 200"),
+        ({"probabilities": [1e-10, 0.9999999999], "faces": 2}, "leave it out"),
     ],
 )
 def test_numbers_of_equal_faces_that_do_not_fit(entries: dict[str, Any], expected: str) -> None:

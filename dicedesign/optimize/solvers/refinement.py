@@ -131,7 +131,7 @@ class Refinement:
         rounds, and the rounds; there are none if symmetry makes the die right."""
         if len(np.unique(self.orbits)) == 1:
             return die, ()
-        known = _Trials(self, self.measures(die), self.rounds)
+        known = _Trials(self, self.measures(die))
         target, total_throws, own, least = self.target, 0, 0, self.drops
         for number in range(self.rounds):
             # Throws of one die that reduce the uncertainty to the aim; at least a part of all
@@ -184,17 +184,16 @@ class _Trials:
     """Thrown dice, and estimates of the probabilities of dice over those in the model, by orbits of
     outcomes."""
 
-    def __init__(self, refinement: Refinement, first: Floats, dice: int) -> None:
-        """Start without throws. first: measures (f,) of the first die; dice: limit on their
-        number."""
-        sizes = [1, refinement.tables.shape[1], len(first), dice]
+    def __init__(self, refinement: Refinement, first: Floats) -> None:
+        """Start without throws. first: measures (f,) of the first die."""
+        sizes = [1, refinement.tables.shape[1], len(first), refinement.rounds]
         deviations = [
             np.repeat([COMMON, by_table, by_shape, own], sizes)
             for by_table in BY_TABLE
             for by_shape, own in BY_SHAPE
         ]
         self.bias = Bias(np.array(deviations))
-        self.refinement, self.first, self.dice = refinement, first, dice
+        self.refinement, self.first = refinement, first
         self.trials: list[_Trial] = []
 
     def throw(
@@ -291,7 +290,7 @@ class _Trials:
     def _features(self, shape: Floats, number: int | None) -> Floats:
         """(t, 1 + d + f + n) features of the bias on each table."""
         tables = self.refinement.tables
-        own = np.arange(self.dice) == (-1 if number is None else number)
+        own = np.arange(self.refinement.rounds) == (-1 if number is None else number)
         of_die = np.concatenate([shape - self.first, own])
         ones, rows = np.ones((len(tables), 1)), np.tile(of_die, (len(tables), 1))
         return np.concatenate([ones, tables, rows], axis=1)
