@@ -34,7 +34,7 @@ from benchmarks.frame import (
     take_seeds,
     with_method,
 )
-from dicedesign import InputError, Recipe, load_table, rigid_body, simulate
+from dicedesign import InputError, Recipe, mixture_tables, rigid_body, simulate
 from dicedesign.energies import Preferences, cluster
 from dicedesign.methods import ExactOptions, PaperOptions, SobolevOptions, solve_paper
 from dicedesign.optimize.solvers.candidate import DesignResult
@@ -322,7 +322,7 @@ def largest_change(before: DesignResult, after: DesignResult) -> float:
 
 def compare_sides(recipe: Recipe, report: Report) -> None:
     """The recipe without a finish, as it is, and by the exact method from the same start, each with
-    its preferences, and simulated throws onto the board-game table."""
+    its preferences, and simulated throws onto the tables of board-game."""
     row = report.table(
         "sides",
         "recipe 28s | by 9s | status 12s | max |p - q| 9.1e | circle 7.1% | facet 7.1% | "
@@ -341,7 +341,9 @@ def compare_sides(recipe: Recipe, report: Report) -> None:
         main = [rest for rest in solid.outcomes.main if rest >= 0]
         facet = min(float(solid.poses.areas[rest]) for rest in main) / solid.poses.hull.areas.sum()
         body = rigid_body(work.plain.body, work.plain.poses)
-        throws = simulate(body, load_table("board-game").for_size(2e-3 * body.radius), DROPS, 1)
+        size = 2e-3 * body.radius
+        tables = [table.for_size_above(size) for table in mixture_tables("board-game")]
+        throws = simulate(body, tables, DROPS, 1)
         counts = work.plain.outcomes.sums(throws.counts)
         frequencies = np.append(counts, DROPS - counts.sum()) / DROPS
         row(

@@ -171,7 +171,7 @@ def rounds_chart(die: FinishedDie) -> Sheet:
     axes.set(xlabel="simulated throws so far", ylabel="total variation to the target")
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.grid()
-    put_legend_above(axes, "deviation from the target, round by round", 4)
+    put_legend_above(axes, "deviation from the target, round by round", 3)
     return sheet
 
 
