@@ -441,10 +441,9 @@ class RollsArguments(WithJson):
 class TableArguments(WithJson, WithWorkers):
     help_text = """Fit a table's throw parameters to counts of real dice.
 
-    Fits restitution and friction of each material, throws of each session, and scatter beyond
-    chance. Predicts each die from the others, and tests the fit with new drops. The file is of the
-    first die's material and a new session, or of the only session. Of several, each with a name has
-    a file of its own. Repeat with --out to resume. Exit code 1: no table explains some counts.
+    Fits restitution and friction of each material, throws of each session, and scatter. Predicts
+    each die from the others. The file is of the first die's material and a new session, or the only
+    one; of several, each with a name has its own. Exit code 1: no table explains some counts.
 
     Options:
     action: the word fit
@@ -460,7 +459,7 @@ class TableArguments(WithJson, WithWorkers):
     drops (N): drops per die and parameter set (default: 2000); the test takes a twelfth of all
     seed (S): random seed (default: 0)
     jobs (J): parallel tasks (default: one per core or cluster thread); does not change the results
-    out (TABLE.json): table file to write
+    out (TABLE.json): table file to write; repeat the command to resume
 
     Example: dicedesign table fit --throws throws.csv --out my_table.json"""
 

@@ -168,10 +168,8 @@ class Work:
         if measured and method.options.refine is not None:
             subject, has = f"Thrown {measured.drops:,} times, the die", "has"
             error, most = measured.total_variation, method.options.refine.within
-            off = (
-                f"a total variation of {error:.2g}, where {most:.2g} is allowed and chance alone "
-                f"makes {measured.noise_floor:.2g}"
-            )
+            chance = measured.noise_floor
+            off = f"a total variation of {error:.2g} ({most:.2g} allowed, {chance:.2g} by chance)"
         flaw, _, _ = self.status.value.partition(";")
         if self.status is Status.CONVERGED:
             verdict = f"{subject} {has} your probabilities: off by {off}."

@@ -71,7 +71,7 @@ def test_results_by_direction_are_reordered_by_outcome() -> None:
     result = DesignResult(
         Status.CONVERGED, convex_hull(start.points), start.directions, 0.0, {}, (), 1, 1, 0
     )
-    rounds = (RoundOfThrows(100, 0.1, 0.01, 0.1, None, True, requested, frequencies),)
+    rounds = (RoundOfThrows(100, 0.1, 0.01, 0.1, True, requested, frequencies),)
     die = make_design(Work(given), result, rounds)
     for place, label in enumerate(ORDER):
         outcome = "abcd".index(label)

@@ -59,7 +59,7 @@ def test_probabilities_stay_with_their_labels(style: str) -> None:
 
 def test_rounds_of_throws_are_reordered_too() -> None:
     requested = np.arange(6.0)
-    thrown = RoundOfThrows(10, 0.0, 0.0, 0.0, None, True, tuple(requested), tuple(2.0 * requested))
+    thrown = RoundOfThrows(10, 0.0, 0.0, 0.0, True, tuple(requested), tuple(2.0 * requested))
     work = run_to_design(box(1.0, 1.0, 1.0), entries={"numbering": "standard"}, rounds=(thrown,))
     run_stages(work, after="design", last="numbering")
     (after,) = work.die.rounds

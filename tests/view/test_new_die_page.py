@@ -176,7 +176,11 @@ def test_steps_undo_pins_and_swaps(new_die: NewDie, tmp_path: Path) -> None:
 @pytest.fixture
 def extension() -> Iterator[str]:
     """Name of a preference registered by an extension."""
-    preference = Preference(name="levelness", line="has no effect", residuals=lambda die: None)
+    preference = Preference(
+        name="levelness",
+        line="has no effect",
+        residuals=lambda die: 0.0 * die.rests.vertices.sum()[None],
+    )
     PREFERENCES.register(preference)
     yield preference.name
     PREFERENCES.unregister(preference.name)
