@@ -165,7 +165,7 @@ class Work:
         if error < INVISIBLE:
             off = "less than a millionth of a percentage point"
         has = "nearly has" if error > NEARLY else "has"
-        if measured and method.options.refine is not None:
+        if measured:
             subject, has = f"Thrown {measured.drops:,} times, the die", "has"
             error, most = measured.total_variation, method.options.refine.within
             chance = measured.noise_floor

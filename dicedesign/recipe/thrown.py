@@ -31,10 +31,7 @@ from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status, TableResult
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import measure_tables
-from dicedesign.throws.momentum_model import (
-    momentum_model,
-    table_measures,
-)
+from dicedesign.throws.momentum_model import momentum_model, table_measures
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
 from dicedesign.throws.tables import mixture_tables
 

@@ -132,7 +132,7 @@ random dice differ from the mean over all tables by less than a third of what ni
 differ."""
 
 
-def represent_tables(tables: Sequence[Table]) -> tuple[list[int], Floats]:
+def _represent_tables(tables: Sequence[Table]) -> tuple[list[int], Floats]:
     """Places of at most `MAX_REPRESENTATIVES` tables that represent equally likely ones, and their
     weights, with the sum 1: greedy medoids, and the shares of the tables nearest to each."""
     measures = table_measures(tables)
@@ -405,7 +405,7 @@ def momentum_model(table: str) -> MomentumMixture | None:
         own = entries.get("momentum")
         general = general_model() if own is None else general_model_of(own)
     model, tables = MomentumModel.of(general, thrown), mixture_tables(table)
-    places, weights = represent_tables(tables)
+    places, weights = _represent_tables(tables)
     return MomentumMixture(tuple(model.near(tables[place]) for place in places), weights)
 
 

@@ -200,7 +200,7 @@ def test_a_correction_without_a_die_is_halved() -> None:
     assert world.deviation(die) < 0.02
 
 
-def test_few_throws_on_each_table_measure_its_bias() -> None:
+def test_few_throws_on_each_table_lead_to_the_mean() -> None:
     world = World(FACTORS)
     die, rounds = world.refined(tables=TABLES, drops=100_000, rounds=6, within=0.01)
     assert world.deviation(die) < 0.008
