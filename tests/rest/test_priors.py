@@ -102,7 +102,8 @@ def errors(poses: dd.RestPoses) -> Floats:
 
 
 def test_errors_bound_what_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
-    poses, axis = dd.rest_poses(random_body(0, 5)), AXES[0]
+    poses, axis = dd.rest_poses(random_body(0, 8)), AXES[0]
+    monkeypatch.setattr("dicedesign.rest.border_arcs.MOST_VALUES", 800_000)
     rough = poses.under(dd.DensityFunction(lambda u: (u @ axis > 0.0).astype(float)))
     off = np.abs(by_facet(rough) - by_facet(poses.under(dd.SphericalCap(axis))))
     assert off.max() > 1e-12
