@@ -45,7 +45,7 @@ from dicedesign.rest.outcomes import asymmetry
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance
 from dicedesign.throws.rigid_body import PAPER_DIRECTIONS
-from tests.reference.gear import gear
+from tests.common.bumpy import gear
 
 TABLES = ("carpet", "board-game")
 """Without and with momentum."""

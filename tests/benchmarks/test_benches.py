@@ -98,11 +98,11 @@ def test_gradients_and_a_wrong_one(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_stability_and_a_wrong_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert stability.run_case("cube", 2).verdict == OK
-    assert stability.run_case("design: loaded cube, exact", 0).ending.startswith("converged")
+    assert stability.run_case("platonic cube", 2).verdict == OK
+    assert stability.run_case("design: loaded box, exact", 0).ending.startswith("converged")
     real = stability.measure
     monkeypatch.setattr(stability, "measure", lambda problem: replace(real(problem), excess=1e-6))
-    assert stability.run_case("cube", 0).verdict == "sum of probabilities off by 1.0e-06"
+    assert stability.run_case("platonic cube", 0).verdict == "sum of probabilities off by 1.0e-06"
 
 
 def test_accuracy_and_speed(monkeypatch: pytest.MonkeyPatch) -> None:

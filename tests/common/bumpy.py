@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from manifold3d import CrossSection, Manifold
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.manifold import mesh_of
 from dicedesign.geometry.triangles import Surface
 
 
@@ -62,6 +64,20 @@ def bent_capsule(rings: int = 24, around: int = 12) -> Surface:
     triangles = np.concatenate([sides, *caps])
     surface = Surface(np.concatenate([points, centers]), triangles)
     return surface if surface.volume > 0.0 else Surface(surface.points, triangles[:, ::-1].copy())
+
+
+def gear() -> Surface:
+    """A spur gear of nine teeth with a hole, with sharp rims and edges of at most 0.085."""
+    turn = 2.0 * np.pi / 9
+    profile = ((0.78, -0.5), (0.78, -0.30), (1.08, -0.17), (1.08, 0.17), (0.78, 0.30))
+    rim = [
+        (radius * np.cos(turn * (tooth + part)), radius * np.sin(turn * (tooth + part)))
+        for tooth in range(9)
+        for radius, part in profile
+    ]
+    face = CrossSection([rim]) - CrossSection.circle(0.33, 24)
+    wheel = Manifold.extrude(face, 0.5).translate((0.0, 0.0, -0.25)).refine_to_length(0.085)
+    return mesh_of(wheel)
 
 
 def nearby_hull(surface: Surface, amount: float, seed: int = 0) -> ConvexHull:

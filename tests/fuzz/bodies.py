@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy.spatial import ConvexHull as Triangulation
 from scipy.spatial import QhullError
 
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
+from tests.reference.extremes import hull_triangles
 from tests.reference.problem import Problem
 from tests.reference.solids import icosphere
 
@@ -42,33 +42,6 @@ def globe_with_weight(subdivisions: int, seed: int, depth: float) -> Problem:
     return with_center_near_surface(Problem(points), seed, depth, "facet")
 
 
-def with_repeats(problem: Problem, seed: int) -> Problem:
-    """All points, some of them repeated up to three times, in random order."""
-    rng = np.random.default_rng(seed)
-    counts = np.maximum(rng.integers(-2, 4, size=len(problem.points)), 0) + 1
-    order = rng.permutation(np.repeat(np.arange(len(problem.points)), counts))
-    return replace(problem, points=problem.points[order])
-
-
-def with_extras(problem: Problem, seed: int, count: int, on: str) -> Problem:
-    """Further points on facets or edges of the hull, to within rounding, or "inside" of it."""
-    rng = np.random.default_rng(seed)
-    triangles = _triangles(problem.points)
-    if triangles is None:
-        return problem
-    corners = problem.points[triangles[rng.integers(len(triangles), size=count)]]
-    weights = rng.dirichlet(np.ones(3), size=count)
-    if on == "edge":
-        weights[:, 2] = 0.0
-        weights /= weights.sum(axis=1)[:, None]
-    extras = (weights[:, :, None] * corners).sum(axis=1)
-    if on == "inside":
-        middle = problem.points[np.unique(triangles)].mean(axis=0)
-        extras = middle + rng.uniform(0.0, 0.98, size=(count, 1)) * (extras - middle)
-    order = rng.permutation(len(problem.points) + count)
-    return replace(problem, points=np.concatenate([problem.points, extras])[order])
-
-
 def with_noise(problem: Problem, seed: int, power: float) -> Problem:
     """Every coordinate moved by about 10^power of the extent; known answers are dropped."""
     points = problem.points
@@ -86,7 +59,7 @@ def squeeze(problem: Problem, powers: tuple[float, float]) -> Problem:
 
 def with_random_center(problem: Problem, seed: int) -> Problem:
     """With a center of mass anywhere inside."""
-    triangles = _triangles(problem.points)
+    triangles = hull_triangles(problem.points)
     if triangles is None:
         return problem
     corners = problem.points[np.unique(triangles)]
@@ -98,7 +71,7 @@ def with_center_near_surface(problem: Problem, seed: int, depth: float, on: str)
     """With a center of mass between a point on a facet, edge or corner of the hull and the hull's
     middle, at a fraction `depth` of the distance."""
     rng = np.random.default_rng(seed)
-    triangles = _triangles(problem.points)
+    triangles = hull_triangles(problem.points)
     if triangles is None:
         return problem
     weights = rng.dirichlet(np.ones(3))
@@ -112,7 +85,7 @@ def overhanging(problem: Problem, seed: int, distance: float, on: str) -> Proble
     """With a center of mass above a point that is `distance` extents from an edge or a corner of a
     facet, inside or outside: the body nearly balances there."""
     rng = np.random.default_rng(seed)
-    triangles = _triangles(problem.points)
+    triangles = hull_triangles(problem.points)
     if triangles is None:
         return problem
     points = problem.points
@@ -139,7 +112,7 @@ def glancing_edge(problem: Problem, seed: int, growth: float) -> Problem:
     |r_p| |v|: a path crosses the edge at a grazing angle, or the corner is about to be a
     maximum."""
     rng = np.random.default_rng(seed)
-    triangles = _triangles(problem.points)
+    triangles = hull_triangles(problem.points)
     if triangles is None:
         return problem
     points = problem.points
@@ -166,13 +139,3 @@ def _with_center(problem: Problem, center: Floats) -> Problem:
     if planes[:, 3].max() >= 0.0:
         return problem
     return Problem(problem.points, center, coplanar_tolerance=problem.coplanar_tolerance)
-
-
-def _triangles(points: Floats) -> Integers | None:
-    """Triangles of the hull, in a fixed order, or None where points are too flat for Qhull."""
-    local = points - points.mean(axis=0)
-    try:
-        simplices = Triangulation(local / max(float(np.abs(local).max()), 1e-300)).simplices
-    except (QhullError, ValueError):
-        return None
-    return np.unique(np.sort(simplices, axis=1), axis=0).astype(np.int64)

@@ -18,14 +18,12 @@ from bodies import (
     overhanging,
     squeeze,
     with_center_near_surface,
-    with_extras,
     with_noise,
     with_random_center,
-    with_repeats,
 )
 from hypothesis import strategies as st
 
-from tests.reference import extremes, monostatic, solids, stiff
+from tests.reference import extremes, solids, stiff
 from tests.reference.problem import Problem, rotate_problem
 from tests.reference.solids import ARCHIMEDEAN, PLATONIC
 
@@ -101,13 +99,13 @@ def add_points_and_noise(problems: Problems) -> Problems:
     """With duplicates, collinear, coplanar and interior points, with noise of 1e-16 to 1e-10, with
     another center of mass."""
     extras = st.builds(
-        with_extras,
+        extremes.with_extras,
         problems,
         SEEDS,
         st.integers(1, 20),
         st.sampled_from(["facet", "edge", "inside"]),
     )
-    repeats = st.builds(with_repeats, problems, SEEDS)
+    repeats = st.builds(extremes.with_repeats, problems, SEEDS)
     crowded = maybe(problems, extras, repeats)
     noisy = maybe(crowded, st.builds(with_noise, crowded, SEEDS, st.integers(-16, -10)))
     return maybe(noisy, st.builds(with_random_center, noisy, SEEDS))
@@ -148,7 +146,7 @@ def few_rests() -> Problems:
         st.builds(extremes.lens),
         st.builds(extremes.lopsided_needle, SEEDS),
         st.builds(extremes.lopsided_needle, st.sampled_from(extremes.ANTIPODE_SEEDS)),
-        st.builds(monostatic.conway_guy, st.sampled_from([17, 19, 21]), powers(1.0, 1.5)),
+        st.builds(extremes.conway_guy, st.sampled_from([17, 19, 21]), powers(1.0, 1.5)),
     )
     return st.one_of(turns(shapes), turns(st.builds(with_random_center, shapes.map(_plain), SEEDS)))
 

@@ -36,10 +36,9 @@ def of_facets(rests: RestEvaluation, values: np.ndarray, normals: np.ndarray) ->
 
 
 @pytest.mark.parametrize("model", [RESTING, BOARD_GAME], ids=["set down", "thrown"])
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("given", [False, True], ids=["uniform", "given center"])
-def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabilities) -> None:
-    normals, distances = half_spaces(seed)
+def test_derivatives_are_differences(given: bool, model: ThrowProbabilities) -> None:
+    normals, distances = half_spaces(0)
     center = torch.tensor([0.03, -0.02, 0.01], dtype=torch.float64) if given else None
     step = 1e-6
 
@@ -64,8 +63,7 @@ def test_derivatives_are_differences(seed: int, given: bool, model: ThrowProbabi
     np.testing.assert_allclose(secants, offset_derivatives(rests, rows), atol=2e-7)
 
 
-@pytest.mark.parametrize("step", [0.005, 0.05])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("seed", "step"), [(1, 0.005), (2, 0.05)])
 def test_secants_are_differences_of_bodies_with_moved_facets(seed: int, step: float) -> None:
     normals, distances = half_spaces(seed)
     rests = evaluate_half_spaces(normals, distances)

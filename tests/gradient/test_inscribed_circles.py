@@ -39,25 +39,22 @@ def round_stone(seed: int, facets: int = 9) -> np.ndarray:
     return stone(seed, facets, noise=0.15, least=0.9, longest=1.0)
 
 
-@pytest.mark.parametrize(
-    "points",
-    [CUBE, CUBE * [1.0, 2.0, 5.0], prism(12).points, round_stone(0, 40), DRUM]
-    + [np.random.default_rng(seed).normal(size=(20, 3)) for seed in range(3)]
-    + [round_stone(seed) for seed in range(6)],
-)
-def test_radii_are_those_of_the_linear_program(points: np.ndarray) -> None:
-    rests = evaluate(points)
-    hull, facets = rests.hull, all_facets(rests)
-    expected = []
-    for facet in facets:
-        upright = rotation_between(hull.normals[facet], UP)
-        expected.append(inscribed_circle((hull.polygon(facet) @ upright.T)[:, :2])[1])
-    radii = circle_radii(rests, facets).numpy() * hull.diameter
-    np.testing.assert_allclose(radii, expected, rtol=1e-9)
+def test_radii_are_those_of_the_linear_program() -> None:
+    bodies = [CUBE, CUBE * [1.0, 2.0, 5.0], prism(12).points, round_stone(0, 40), DRUM]
+    bodies += [np.random.default_rng(seed).normal(size=(20, 3)) for seed in range(3)]
+    for points in [*bodies, *(round_stone(seed) for seed in range(4))]:
+        rests = evaluate(points)
+        hull, facets = rests.hull, all_facets(rests)
+        expected = []
+        for facet in facets:
+            upright = rotation_between(hull.normals[facet], UP)
+            expected.append(inscribed_circle((hull.polygon(facet) @ upright.T)[:, :2])[1])
+        radii = circle_radii(rests, facets).numpy() * hull.diameter
+        np.testing.assert_allclose(radii, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("measure", ["largest", "soft", "barrier"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_gradients_are_differences(measure: str, seed: int) -> None:
     points = round_stone(seed)
     coordinates, parameters = FacetCoordinates.of(points, convex_hull(points).centroid)

@@ -19,7 +19,6 @@ AXIS = RNG.normal(size=3)
 PRIORS = {
     "vmf": dd.VonMisesFisher(AXIS, 4.0),
     "narrow": dd.VonMisesFisher(AXIS, 300.0),
-    "half": dd.SphericalCap(AXIS),
     "cap": dd.SphericalCap(AXIS, 40.0),
     "function": dd.DensityFunction(lambda u: 1.0 + u[:, 0] ** 2 + 0.5 * u[:, 1]),
 }

@@ -1,29 +1,25 @@
-"""Batches of bodies against single calls."""
+"""Batches and maps of bodies against single calls."""
 
 from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 import torch
-from common.kernels import compiled_only, without_kernels
+from common.kernels import compiled_only
 from torch import Tensor
+from torch.func import grad, vmap
 
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
+from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.differentiable_rest import differentiable_rest, differentiable_rest_batch
 from dicedesign.kernels import ops
 from tests.reference import solids
 
-WAYS = {"kernels": nullcontext, "without kernels": without_kernels}
-
-
-@pytest.fixture(params=WAYS)
-def way(request: pytest.FixtureRequest) -> Callable[[], AbstractContextManager]:
-    return WAYS[request.param]
+GOOD = torch.tensor(solids.box(1.0, 2.0, 3.0).points)
 
 
 def assorted_bodies() -> list[Tensor]:
@@ -57,8 +53,16 @@ def one_by_one(
     return results, slopes, by_center
 
 
-@pytest.mark.parametrize("table", [None, "board-game"])
-@pytest.mark.parametrize("given", [False, True])
+def assert_rows(mapped: tuple[Tensor, Tensor], alone: Sequence[tuple[Tensor, Tensor]]) -> None:
+    """Normals and probabilities of many bodies are those of each, followed by zeros."""
+    assert mapped[1].shape == (len(alone), max(len(own) for _, own in alone))
+    for row, single in enumerate(alone):
+        for many, one in zip(mapped, single, strict=True):
+            assert torch.equal(many[row, : len(one)], one)
+            assert not many[row, len(one) :].any()
+
+
+@pytest.mark.parametrize(("given", "table"), [(False, None), (True, None), (True, "board-game")])
 def test_a_batch_equals_single_calls(way, given: bool, table: str | None) -> None:
     bodies = assorted_bodies()
     centers = torch.stack([points.mean(0) for points in bodies]) if given else None
@@ -68,17 +72,12 @@ def test_a_batch_equals_single_calls(way, given: bool, table: str | None) -> Non
         middles = None if centers is None else centers.clone().requires_grad_()
         normals, probabilities = differentiable_rest_batch(leaves, middles, table=table)
         rowwise(normals, probabilities).backward()
-    assert probabilities.shape == (len(bodies), max(len(own) for _, own in singles))
-    for row, (directions, own) in enumerate(singles):
-        assert torch.equal(probabilities[row, : len(own)], own)
-        assert torch.equal(normals[row, : len(own)], directions)
-        assert not probabilities[row, len(own) :].any()
-        assert not normals[row, len(own) :].any()
-        size = slopes[row].abs().max()
-        torch.testing.assert_close(leaves[row].grad, slopes[row], rtol=0, atol=1e-12 * size)
+    assert_rows((normals, probabilities), singles)
+    for row, slope in enumerate(slopes):
+        atol = 1e-12 * slope.abs().max()
+        torch.testing.assert_close(leaves[row].grad, slope, rtol=0, atol=atol)
         if middles is not None:
-            expected = by_center[row]
-            torch.testing.assert_close(middles.grad[row], expected, rtol=0, atol=1e-12 * size)
+            torch.testing.assert_close(middles.grad[row], by_center[row], rtol=0, atol=atol)
 
 
 def test_a_padded_tensor_equals_a_list(way) -> None:
@@ -103,39 +102,49 @@ def test_a_padded_tensor_equals_a_list(way) -> None:
         assert not gradient[row, counts[row] :].any()
 
 
+def test_maps_over_bodies_of_every_kind(way) -> None:
+    """Numbers of rests differ, and one body balances."""
+    rng = np.random.default_rng(1)
+    points = torch.tensor(unit_vectors(rng.normal(size=(4, 8, 3))))
+    points[1] = GOOD
+    points[3] *= torch.tensor([1.0, 1.0, 4.0])
+    centers = points.mean(1)
+    with way():
+        singles, *slopes = one_by_one(points, centers)
+        assert len({len(own) for _, own in singles}) > 2
+        assert_rows(vmap(differentiable_rest)(points, centers), singles)
+        weigh = grad(lambda *body: rowwise(*differentiable_rest(*body)), argnums=(0, 1))
+        for mapped, expected in zip(vmap(weigh)(points, centers), slopes, strict=True):
+            torch.testing.assert_close(mapped, torch.stack(expected), rtol=0, atol=1e-13)
+
+
 @compiled_only
 def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another Python thread runs before the kernels are done."""
-    turns, done, counted = 0, threading.Event(), []
-    original = ops.bodies
+    turns, done, original, counted = [0], threading.Event(), ops.bodies, []
 
     def count() -> None:
-        nonlocal turns
         while not done.wait(1e-4):
-            turns += 1
+            turns[0] += 1
 
     def watch(*arguments: object) -> object:
-        before = turns
+        before = turns[0]
         answer = original(*arguments)  # type: ignore[arg-type]
-        counted.append(turns - before)
+        counted.append(turns[0] - before)
         return answer
 
     monkeypatch.setattr(ops, "bodies", watch)
-    points = torch.randn(3000, 30, 3, generator=torch.Generator().manual_seed(0)).double()
     other, usual = threading.Thread(target=count), sys.getswitchinterval()
     other.start()
     # None gets a turn but where another one waits.
     sys.setswitchinterval(1000.0)
     try:
-        differentiable_rest_batch(points)
+        differentiable_rest_batch(torch.randn(3000, 30, 3, generator=torch.manual_seed(0)).double())
     finally:
         sys.setswitchinterval(usual)
         done.set()
         other.join()
     assert counted[0] > 0
-
-
-GOOD = torch.tensor(solids.box(1.0, 2.0, 3.0).points)
 
 
 @pytest.mark.parametrize(
@@ -152,16 +161,13 @@ GOOD = torch.tensor(solids.box(1.0, 2.0, 3.0).points)
         ([GOOD, GOOD], {"centers_of_mass": torch.zeros(3)}, InputError, r"of shape \(2, 3\), got"),
         ([GOOD, GOOD.numpy()], {}, InputError, r"^body 1: .* of shape \(n, 3\), got ndarray"),
         ([GOOD, GOOD.float()], {}, InputError, "^body 1: expected torch.float64 on cpu as body 0"),
-        ([GOOD], {"counts": [8]}, InputError, "^counts: expected none with a list of bodies"),
         (GOOD, {}, InputError, r"^bodies: .* of shape \(b, n, 3\), got shape \(8, 3\)"),
-        (GOOD[None], {"counts": [8, 8]}, InputError, "^counts: expected a whole number for each"),
         (GOOD[None], {"counts": [8.0]}, InputError, "^counts: expected a whole number for each"),
         (GOOD[None], {"counts": [9]}, InputError, "expected from 0 to 8 points, got 9 for body 0"),
-        (GOOD[None], {"counts": [3]}, DegenerateBodyError, "^body 0: points: expected at least 4"),
     ],
 )
 def test_errors_have_the_number_of_the_body(
-    way, bodies, options: dict, error: type[Exception], text: str
+    bodies, options: dict, error: type[Exception], text: str
 ) -> None:
-    with way(), pytest.raises(error, match=text):
+    with pytest.raises(error, match=text):
         differentiable_rest_batch(bodies, **options)

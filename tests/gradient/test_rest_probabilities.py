@@ -16,7 +16,6 @@ from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.clusters import ClusteredRests
 from dicedesign.throws.momentum_probabilities import throw_probabilities
 
-SIZES = [4, 5, 6, 8, 10, 12, 16, 20]
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
@@ -30,26 +29,19 @@ def inside(points: np.ndarray, seed: int) -> np.ndarray:
     return 0.6 * rest_poses(points).center_of_mass + 0.4 * weights @ points
 
 
-@pytest.mark.parametrize("count", [4, 6, 9, 14, 20])
-def test_gradcheck_in_vertices_and_center(random_points, count: int) -> None:
-    points = random_points(count, count)
-    center = leaf(inside(points, count))
-    assert torch.autograd.gradcheck(
-        differentiable_rest, (leaf(points), center), eps=1e-6, atol=1e-7, rtol=1e-5
-    )
+def test_gradcheck_in_vertices_and_center(random_points) -> None:
+    """And of uniform solids."""
+    for count in (4, 6, 9, 14, 20):
+        points = random_points(count, count)
+        for leaves in ((leaf(points), leaf(inside(points, count))), (leaf(points),)):
+            assert torch.autograd.gradcheck(
+                differentiable_rest, leaves, eps=1e-6, atol=1e-7, rtol=1e-5
+            )
 
 
-@pytest.mark.parametrize("count", [4, 7, 12, 20])
-def test_gradcheck_of_the_uniform_solid(random_points, count: int) -> None:
-    points = random_points(100 + count, count)
-    assert torch.autograd.gradcheck(
-        differentiable_rest, (leaf(points),), eps=1e-6, atol=1e-7, rtol=1e-5
-    )
-
-
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_values_are_those_of_the_forward_model(random_points, seed: int) -> None:
-    points = random_points(seed, SIZES[seed % len(SIZES)]) * 3.0 + np.array([10.0, -4.0, 2.0])
+    points = random_points(seed, 4 + 5 * seed) * 3.0 + np.array([10.0, -4.0, 2.0])
     for center in (None, inside(points, seed)):
         poses = rest_poses(points, center)
         given = None if center is None else torch.tensor(center)
@@ -62,44 +54,24 @@ def test_values_are_those_of_the_forward_model(random_points, seed: int) -> None
     np.testing.assert_allclose(values, np.sort(poses.probabilities), atol=1e-13)
 
 
+GOOD = torch.tensor(CUBE)
+
+
 @pytest.mark.parametrize(
     ("vertices", "center", "error", "text"),
     [
-        (
-            CUBE,
-            None,
-            InputError,
-            "vertices: expected a float32 or float64 tensor of shape (n, 3), got ndarray; make a "
-            "tensor with torch.tensor",
-        ),
-        (torch.tensor(CUBE).half(), None, InputError, "got torch.float16; convert it with .double"),
-        (torch.tensor(CUBE).to(torch.complex128), None, InputError, "got torch.complex128"),
-        (torch.tensor(CUBE).long(), None, InputError, "got torch.int64"),
-        (torch.tensor(CUBE, device="meta"), None, InputError, "got a meta tensor; pass one with"),
-        (torch.tensor(CUBE).to_sparse(), None, InputError, "got one of layout torch.sparse_coo"),
+        (CUBE, None, InputError, "vertices: expected a float32 or float64 tensor of shape (n, 3)"),
+        (GOOD.half(), None, InputError, "got torch.float16; convert it with .double"),
+        (GOOD.long(), None, InputError, "got torch.int64"),
+        (GOOD.to("meta"), None, InputError, "got a meta tensor; pass one with"),
+        (GOOD.to_sparse(), None, InputError, "got one of layout torch.sparse_coo"),
         (torch.ones(8, 2).double(), None, InputError, "got shape (8, 2)"),
-        (torch.ones(24).double(), None, InputError, "got shape (24,)"),
-        (
-            torch.tensor(CUBE),
-            torch.zeros(3, 1).double(),
-            InputError,
-            "center of mass: expected a float32 or float64 tensor of shape (3,), got shape (3, 1)",
-        ),
-        (torch.tensor(CUBE), (0.0, 0.0, 0.0), InputError, "center of mass: expected a float32 or"),
-        (
-            torch.tensor(CUBE),
-            torch.tensor([2.0, 0.0, 0.0]).double(),
-            OutsideHullError,
-            "center of mass: expected a point strictly inside the hull, got [2.0, 0.0, 0.0]",
-        ),
-        (torch.tensor(CUBE[:3]), None, DegenerateBodyError, "expected at least 4"),
-        (torch.tensor(CUBE * [1, 1, 0]), None, DegenerateBodyError, "on one plane"),
-        (
-            torch.tensor(CUBE),
-            torch.tensor([float("nan"), 0.0, 0.0]).double(),
-            InputError,
-            "center of mass: expected three finite numbers",
-        ),
+        (GOOD, torch.zeros(3, 1).double(), InputError, "of shape (3,), got shape (3, 1)"),
+        (GOOD, (0.0, 0.0, 0.0), InputError, "center of mass: expected a float32 or"),
+        (GOOD, torch.tensor([2.0, 0.0, 0.0]).double(), OutsideHullError, "strictly inside"),
+        (GOOD, torch.full((3,), torch.nan).double(), InputError, "three finite numbers"),
+        (GOOD[:3], None, DegenerateBodyError, "expected at least 4"),
+        (GOOD * torch.tensor([1, 1, 0]), None, DegenerateBodyError, "on one plane"),
     ],
 )
 def test_bad_tensors_are_refused_in_words(vertices, center, error, text: str) -> None:

@@ -3,35 +3,21 @@ other and one body at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 
 import numpy as np
 import pytest
 import torch
-from common.kernels import without_kernels
 from torch import Tensor
 from torch.func import grad, hessian, jacfwd, jacrev, jvp, vmap
 
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.gradient.differentiable_rest import differentiable_rest, differentiable_rest_batch
-from dicedesign.gradient.rest_probabilities import evaluate_rests
-from dicedesign.optimize.clusters import ClusteredRests
 from dicedesign.optimize.coordinates import FacetCoordinates, SymmetricCoordinates
-from dicedesign.optimize.energy import energy_terms
-from dicedesign.optimize.terms import EnergyWeights
 from tests.reference import solids
 
 # Torch itself warns where it is first asked for tangents.
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")
-
-WAYS = {"kernels": nullcontext, "without kernels": without_kernels}
-
-
-@pytest.fixture(params=WAYS)
-def way(request: pytest.FixtureRequest) -> Callable[[], AbstractContextManager]:
-    return WAYS[request.param]
 
 
 def die(seed: int, count: int = 6) -> Tensor:
@@ -58,71 +44,36 @@ def by_autograd(points: Tensor, *center: Tensor, **options: str) -> tuple[Tensor
 
 
 @pytest.mark.parametrize("table", [None, "board-game"])
-def test_gradients_are_those_of_autograd(way, table: str | None) -> None:
-    points, center = die(1), die(1).mean(0)
-    with way():
-        function = partial(energy, table=table)
-        (expected,) = by_autograd(points, table=table)
-        torch.testing.assert_close(grad(function)(points), expected, rtol=0, atol=1e-14)
-        expected = by_autograd(points, center, table=table)
-        gradients = grad(function, argnums=(0, 1))(points, center)
-        torch.testing.assert_close(gradients, expected, rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize("table", [None, "board-game"])
-def test_tangents_are_differences(way, table: str | None) -> None:
-    points, along = die(2), die(3)
+def test_gradients_are_those_of_autograd_and_tangents_are_differences(
+    way, table: str | None
+) -> None:
+    points, along, step = die(1), die(3), 1e-6
     center, aside = points.mean(0), along.mean(0)
+    function = partial(probabilities, table=table)
     with way():
-        function = partial(probabilities, table=table)
+        expected = by_autograd(points, center, table=table)
+        gradients = grad(partial(energy, table=table), argnums=(0, 1))(points, center)
+        torch.testing.assert_close(gradients, expected, rtol=0, atol=1e-14)
         value, tangent = jvp(function, (points, center), (along, aside))
-        step = 1e-6
         ahead, behind = (function(points + t * along, center + t * aside) for t in (step, -step))
     torch.testing.assert_close(value, function(points, center), rtol=0, atol=1e-12)
     torch.testing.assert_close(tangent, (ahead - behind) / (2.0 * step), rtol=0, atol=1e-8)
 
 
-def test_jacobians_forward_and_backward(way) -> None:
-    points, along = die(4), die(5)
+def test_first_and_second_derivatives_of_a_uniform_solid(way) -> None:
+    points, along, step = die(6), die(7), 1e-6
     with way():
         backward, forward = jacrev(probabilities)(points), jacfwd(probabilities)(points)
         _, tangent = jvp(probabilities, (points,), (along,))
         rows = torch.autograd.functional.jacobian(probabilities, points)
+        second = hessian(energy)(points)
+        ahead, behind = (by_autograd(points + t * along)[0] for t in (step, -step))
     torch.testing.assert_close(backward, rows, rtol=0, atol=1e-13)
     torch.testing.assert_close(forward, rows, rtol=0, atol=1e-13)
     torch.testing.assert_close(tangent, (rows * along).sum((1, 2)), rtol=0, atol=1e-13)
-
-
-def test_second_derivatives(way) -> None:
-    points, along, step = die(6), die(7), 1e-6
-    with way():
-        second = hessian(energy)(points)
-        ahead, behind = (by_autograd(points + t * along)[0] for t in (step, -step))
     along_once = (second * along).sum((2, 3))
     torch.testing.assert_close(along_once, (ahead - behind) / (2.0 * step), rtol=0, atol=1e-7)
     torch.testing.assert_close(second, second.permute(2, 3, 0, 1), rtol=0, atol=1e-10)
-
-
-def test_maps_over_bodies_of_every_kind(way) -> None:
-    """Numbers of rests differ, and one body balances."""
-    cube = torch.tensor(solids.box(1.0, 1.0, 1.0).points)
-    points = torch.stack([die(1, 8), cube, die(2, 8), die(3, 8) * torch.tensor([1.0, 1.0, 4.0])])
-    centers = points.mean(1)
-    with way():
-        alone = [differentiable_rest(body) for body in points]
-        assert len({len(own) for _, own in alone}) > 2
-        normals, probabilities = vmap(differentiable_rest)(points)
-        assert probabilities.shape[1] == max(len(own) for _, own in alone)
-        for row, (directions, own) in enumerate(alone):
-            assert torch.equal(probabilities[row, : len(own)], own)
-            assert torch.equal(normals[row, : len(own)], directions)
-            assert not probabilities[row, len(own) :].any()
-            assert not normals[row, len(own) :].any()
-        slopes = vmap(grad(energy, argnums=(0, 1)))(points, centers)
-        for row in range(len(points)):
-            expected = by_autograd(points[row], centers[row])
-            for mapped, slope in zip(slopes, expected, strict=True):
-                torch.testing.assert_close(mapped[row], slope, rtol=0, atol=1e-14)
 
 
 def test_maps_and_derivatives_in_any_order(way) -> None:
@@ -137,9 +88,9 @@ def test_maps_and_derivatives_in_any_order(way) -> None:
         tangents = vmap(lambda body, moved: jvp(probabilities, (body,), (moved,))[1])(points, along)
         by_rows = (jacobians * along[:, None]).sum((2, 3))
         torch.testing.assert_close(tangents, by_rows, rtol=0, atol=1e-12)
-        second = vmap(grad(lambda body: (grad(energy)(body) ** 2).sum()))(points)
-        alone = grad(lambda body: (grad(energy)(body) ** 2).sum())(points[1])
-        torch.testing.assert_close(second[1], alone, rtol=0, atol=1e-11)
+        of_slopes = grad(lambda body: (grad(energy)(body) ** 2).sum())
+        second = vmap(of_slopes)(points)
+        torch.testing.assert_close(second[1], of_slopes(points[1]), rtol=0, atol=1e-11)
 
 
 def make_coordinates(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates, Tensor]:
@@ -158,15 +109,11 @@ def make_coordinates(name: str) -> tuple[FacetCoordinates | SymmetricCoordinates
 def test_compiled_code_calls_the_functions_as_they_are() -> None:
     """In a program that compiles, with breaks between its graphs."""
     points = die(5, 14)
-    normals, target = (tensor.numpy() for tensor in differentiable_rest(points))
-    weights = EnergyWeights()
 
     def loss(vertices: Tensor) -> Tensor:
         moved = 1.5 * vertices
-        alone = differentiable_rest(moved)[1]
         many = differentiable_rest_batch(torch.stack([moved, 2.0 * moved]))[1]
-        terms = energy_terms(ClusteredRests.of(evaluate_rests(moved), normals, target), weights)
-        return (alone**2).sum() + many.amax() + sum(terms.values())
+        return energy(moved) + many.amax()
 
     slopes = []
     for function in (loss, torch.compile(loss, backend="eager")):
@@ -177,7 +124,7 @@ def test_compiled_code_calls_the_functions_as_they_are() -> None:
     torch.testing.assert_close(slopes[1], slopes[0])
 
 
-@pytest.mark.parametrize("name", ["facets", "C2v", "D2d"])
+@pytest.mark.parametrize("name", ["facets", "D2d"])
 def test_points_are_differentiable_in_parameters(name: str) -> None:
     coordinates, parameters = make_coordinates(name)
     points = coordinates.points(parameters)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import fields
 
@@ -11,7 +10,6 @@ import pytest
 from common.kernels import compiled_only, without_kernels
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.kernels import ops as kernels
 from dicedesign.kernels.ops import Tie
 from dicedesign.rest.basins import basin_areas, find_basins, tie_distance
@@ -19,33 +17,9 @@ from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import Separatrices, separatrices
 from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.tracing import trace_to_rests
-from dicedesign.runtime.arrays import Floats
+from tests.reference.random_hulls import extreme_hulls
 
 pytestmark = compiled_only
-
-
-def random_points(seed: int) -> Floats:
-    """Points of a round body, a flat one, a needle, a sphere or a small lattice."""
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(int(rng.integers(4, 40)), 3))
-    match seed % 5:
-        case 1:
-            points *= [1.0, 1.0, 10.0 ** rng.uniform(-6, 0)]
-        case 2:
-            points *= [1.0, 1.0, 10.0 ** rng.uniform(0, 6)]
-        case 3:
-            points /= np.linalg.norm(points, axis=1)[:, None]
-        case 4:
-            points = rng.integers(-3, 4, size=points.shape).astype(np.float64)
-    return points
-
-
-def hulls(count: int) -> Iterator[ConvexHull]:
-    for seed in range(count):
-        try:
-            yield convex_hull(random_points(seed))
-        except DiceError:
-            continue
 
 
 def answer(equilibria: Equilibria, kernel: bool) -> Separatrices | str | None:
@@ -63,7 +37,7 @@ def answer(equilibria: Equilibria, kernel: bool) -> Separatrices | str | None:
 @pytest.mark.parametrize("ties", [True, False])
 def test_separatrices_are_those_of_numpy(ties: bool) -> None:
     undecided, bodies = 0, 0
-    for hull in hulls(300):
+    for hull in extreme_hulls(200, most=40):
         center = hull.centroid
         distance = tie_distance(hull, center) if ties else 0.0
         kernel, numpy_ = classify(hull, center, distance), classify(hull, center, distance)
@@ -83,16 +57,10 @@ def test_separatrices_are_those_of_numpy(ties: bool) -> None:
 
 
 def test_without_kernels_probabilities_are_the_same() -> None:
-    for seed in range(60):
-        points = random_points(seed)
-        try:
-            with without_kernels():
-                expected = rest_poses(points)
-        except DiceError as error:
-            with pytest.raises(type(error)):
-                rest_poses(points)
-            continue
-        poses = rest_poses(points)
+    for hull in extreme_hulls(60, most=40):
+        with without_kernels():
+            expected = rest_poses(hull.vertices)
+        poses = rest_poses(hull.vertices)
         assert len(poses.probabilities) == len(expected.probabilities)
         np.testing.assert_allclose(poses.probabilities, expected.probabilities, atol=1e-13)
         nearest = (poses.normals @ expected.normals.T).max(axis=1)
@@ -101,7 +69,7 @@ def test_without_kernels_probabilities_are_the_same() -> None:
 
 def test_areas_and_destinations_are_those_of_numpy() -> None:
     answers = []
-    for hull in hulls(200):
+    for hull in extreme_hulls(120, most=40):
         center, facets = hull.centroid, np.arange(len(hull.normals))
         basins, *_ = find_basins(hull, center)
         areas = kernels.basin_areas(hull, basins.paths, center)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -67,7 +68,7 @@ class DesignProblem:
 
 @dataclass(frozen=True)
 class Case:
-    """A row of a suite.
+    """A row of a suite; see `case`.
 
     Attributes
     ----------
@@ -85,6 +86,21 @@ class Case:
     points: int = 0
     quick: bool = True
     kind: str = ""
+
+
+def case(
+    build: Callable[..., Problem | DesignProblem],
+    *arguments: object,
+    turns: int = 0,
+    points: int = 0,
+    quick: bool = True,
+    **options: object,
+) -> Case:
+    """A case named after the function that makes it and its arguments."""
+    values = (getattr(value, "__name__", value) for value in (*arguments, *options.values()))
+    words = (f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+    name = " ".join([build.__name__.replace("_", " ").strip(), *words])
+    return Case(name, partial(build, *arguments, **options), turns, points, quick)
 
 
 def rotate_problem(problem: Problem, seed: int) -> Problem:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
+
 import numpy as np
 
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.errors import DiceError
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.rest.equilibria import classify
 from dicedesign.runtime.arrays import Floats
@@ -34,6 +38,36 @@ def random_hull(number: int) -> tuple[str, Problem]:
         triangular = len(hull.triangles) == len(hull.normals)
         if triangular and np.count_nonzero(classify(hull, center).stable) > 1:
             return kind, Problem(hull.vertices, None if uniform else center)
+
+
+def off_center_body(seed: int) -> tuple[Floats, Floats]:
+    """4 to 30 points (n, 3) and a center of mass (3,) inside, away from the centroid."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(4 + seed % 27, 3)) * rng.uniform(0.5, 1.5, size=3)
+    hull = convex_hull(points)
+    somewhere = rng.dirichlet(np.ones(len(hull.vertices))) @ hull.vertices
+    return points, 0.6 * hull.centroid + 0.4 * somewhere
+
+
+def extreme_hulls(
+    count: int, most: int = 16, tolerance: float | None = None
+) -> Iterator[ConvexHull]:
+    """Yield hulls of round bodies, flat ones, needles, spheres and small lattices in turn; fewer
+    where points span no solid. most: largest number of points; tolerance: coplanar tolerance."""
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        points = rng.normal(size=(int(rng.integers(5, most + 1)), 3))
+        match seed % 5:
+            case 1:
+                points *= [1.0, 1.0, 10.0 ** rng.uniform(-6, 0)]
+            case 2:
+                points *= [1.0, 1.0, 10.0 ** rng.uniform(0, 6)]
+            case 3:
+                points = unit_vectors(points)
+            case 4:
+                points = rng.integers(-3, 4, size=points.shape).astype(np.float64)
+        with suppress(DiceError):
+            yield convex_hull(points, tolerance)
 
 
 def _cloud(rng: np.random.Generator) -> Floats:

@@ -15,43 +15,39 @@ from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.shapes import prism, repulsion
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.targets import binomial, custom, fair, sum_of_dice
+from dicedesign.optimize.targets import Target, binomial, custom, fair, sum_of_dice
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.arrays import Floats
-from tests.reference.problem import Case, DesignProblem
+from tests.reference.problem import Case, DesignProblem, case
 from tests.reference.stiff import off_balance
 
 AXES = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 
 METHODS = {
-    ", paper, line search": {},
-    ", exact": {"method": "exact", "tolerance": 1e-12, "steps": 3000},
-    ", exact, vertices": {
+    "paper, line search": {},
+    "exact": {"method": "exact", "tolerance": 1e-12, "steps": 3000},
+    "exact, vertices": {
         "method": "exact",
         "coordinates": "vertices",
         "tolerance": 1e-12,
         "steps": 150,
     },
-    ", paper": {"method": "paper"},
-    ", paper with finish": {"method": "paper with finish", "tolerance": 1e-12},
+    "paper": {"method": "paper"},
+    "paper with finish": {"method": "paper with finish", "tolerance": 1e-12},
 }
-"""Additions to the name of a design, and changes of its fields."""
-
-TOO_LONG = (("60 facets, fair", ", exact, vertices"),)
-"""Combinations that are left out, as each step by preferences takes as long as another design."""
+"""Changes of a design's fields by method."""
 
 
 def design_cases() -> Iterator[Case]:
     """Yield every design with every method; quick ones converge quickly."""
-    for name, build, quick in _designs():
-        for method in METHODS:
-            if (name, method) in TOO_LONG:
-                continue
+    for design, method in product(_designs(), METHODS):
+        # Each step by preferences takes as long as another design.
+        if (design.name, method) != ("spread fair 60", "exact, vertices"):
             yield Case(
-                f"design: {name}{method}",
-                partial(_by_method, build, method),
-                quick=quick and method in (", paper, line search", ", exact"),
-                kind=f"designs{method}",
+                f"design: {design.name}, {method}",
+                partial(_by_method, design.build, method),
+                quick=design.quick and method in ("paper, line search", "exact"),
+                kind=f"designs, {method}",
             )
 
 
@@ -59,38 +55,28 @@ def _by_method(build: Callable[[], DesignProblem], name: str) -> DesignProblem:
     return replace(build(), **METHODS[name])
 
 
-def _designs() -> Iterator[tuple[str, Callable[[], DesignProblem], bool]]:
-    """Yield the name of each design, its maker, and whether it is quick."""
-    for power in (3, 6, 9, 12):
-        depth = 10.0**-power
-        yield f"leans 1e-{power} short of tipping", partial(leaning, depth), True
-        yield f"leans 1e-{power} beyond tipping", partial(leaning, -depth), True
-    yield "leans on the verge of tipping", partial(leaning, 0.0), True
-    yield "balances on a corner", _cornered, True
+def _designs() -> Iterator[Case]:
+    """Yield each design without a method."""
+    for depth in (0.0, *(sign * 10.0**-power for power in (3, 6, 9, 12) for sign in (1.0, -1.0))):
+        yield case(leaning, depth)
+    yield case(_cornered)
     for power in (4, 5, 6):
-        improbable = partial(_improbable, 10.0**-power)
-        yield f"two outcomes of 1e-{power}", improbable, False
-        yield f"two outcomes of 1e-{power}, searched", partial(_searched, improbable), False
-    yield "one outcome of 0.97", _lopsided, False
+        yield case(_improbable, 10.0**-power, quick=False)
+        yield case(_improbable, 10.0**-power, is_searched=True, quick=False)
+    yield case(_lopsided, quick=False)
     for power in (3, 6):
-        yield f"coin of 1e-{power}", partial(_coin, 10.0**-power), False
-    for factor in (2, 10):
-        yield f"needle {factor}:1", partial(_stretched, float(factor)), factor == 2
-        yield f"plate 1:{factor}", partial(_stretched, 1.0 / factor), factor == 2
-    for name, target in (
-        ("30 facets, fair", fair(30)),
-        ("30 facets, two dice", sum_of_dice([15, 16])),
-        ("30 facets, 29 coins", binomial(29)),
-        ("60 facets, fair", fair(60)),
-    ):
-        yield name, partial(_spread, target.probabilities), False
+        yield case(_coin, 10.0**-power, quick=False)
+    for factor in (0.1, 0.5, 2.0, 10.0):
+        yield case(_stretched, factor, quick=0.1 < factor < 10.0)
+    for build, argument in ((fair, 30), (sum_of_dice, [15, 16]), (binomial, 29), (fair, 60)):
+        yield case(_spread, build, argument, quick=False)
     for power in (3, 6, 9, 12):
-        yield f"center 1e-{power} from a facet", partial(near_facet, 10.0**-power), power == 12
+        yield case(near_facet, 10.0**-power, quick=power == 12)
     for power in (3, 8):
-        yield f"facets 1e-{power} apart in angle", partial(coincident, 10.0**-power), False
-    yield "loaded cube", loaded_box, True
-    yield "symmetric prism", _symmetric, True
-    yield "tolerance 1e-12", _exact, False
+        yield case(coincident, 10.0**-power, quick=False)
+    yield case(loaded_box)
+    yield case(_symmetric)
+    yield case(_exact, quick=False)
 
 
 def leaning(depth: float) -> DesignProblem:
@@ -138,20 +124,16 @@ def _cornered() -> DesignProblem:
     return DesignProblem(start, target, center_of_mass=problem.center, perturbation=0.0)
 
 
-def _improbable(probability: float) -> DesignProblem:
-    target = custom([probability] * 2 + [0.25 - 0.5 * probability] * 4)
-    tolerance = 0.1 * probability
-    return DesignProblem(repulsion(6, 0), target.probabilities, tolerance=tolerance)
+def _improbable(probability: float, is_searched: bool = False) -> DesignProblem:
+    """Two of six outcomes have a small probability. is_searched: the start is a searched one."""
+    target = custom([probability] * 2 + [0.25 - 0.5 * probability] * 4).probabilities
+    start = _near(target) if is_searched else repulsion(6, 0)
+    return DesignProblem(start, target, tolerance=0.1 * probability)
 
 
 def _coin(probability: float) -> DesignProblem:
     target = np.array([1.0 - probability, probability])
     return DesignProblem(_near(target), target, tolerance=0.1 * probability)
-
-
-def _searched(build: Callable[[], DesignProblem]) -> DesignProblem:
-    problem = build()
-    return replace(problem, start=_near(problem.target))
 
 
 def _near(target: Floats) -> Start:
@@ -171,7 +153,8 @@ def _stretched(factor: float) -> DesignProblem:
     )
 
 
-def _spread(target: Floats) -> DesignProblem:
+def _spread(build: Callable[..., Target], argument: int | list[int]) -> DesignProblem:
+    target = build(argument).probabilities
     return DesignProblem(repulsion(len(target), 0), target)
 
 

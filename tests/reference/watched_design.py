@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,44 @@ from dicedesign.runtime.workers import one_tensor_thread
 from tests.reference.measurement import Measurement, measure
 from tests.reference.oracle import exact_outcome_error
 from tests.reference.problem import DesignProblem, Problem
+
+SUM_LIMIT = 1e-12
+"""Tolerance on the sum of the probabilities of a step."""
+
+ERROR_LIMIT = 1e-14
+"""Tolerance on the recorded error against that of the designed hull, read back or in 60 digits;
+larger if its probabilities magnify the rounding of coordinates."""
+
+
+def watch_design(design: DesignProblem) -> tuple[Measurement | None, list[str], float, str]:
+    """Run a design by its method, and list its faults. Raises as the method, except NoStartError.
+
+    Returns the measurement of the designed hull against the oracle, or None if there was no first
+    shape; the faults of the first step that has any; wall-clock seconds of the design; and its end
+    in a few words with the error.
+    """
+    faults: list[str] = []
+    dice: list[tuple[RestEvaluation, Floats]] = []
+
+    def on_step(step: DesignStep) -> None:
+        numbers = {**step.terms, "whole": step.energy, "error": step.error}
+        step_found = step_faults(*dice[-1], numbers)
+        if step_found and not faults:
+            faults.extend(f"{fault} at step {step.step}" for fault in step_found)
+        del dice[:-1]
+
+    started = time.perf_counter()
+    with one_tensor_thread():
+        try:
+            result = run_method(design, lambda *die: dice.append(die), on_step)
+        except NoStartError as refused:
+            return None, faults, time.perf_counter() - started, str(refused).partition(";")[0]
+    seconds = time.perf_counter() - started
+    measurement = measure(Problem(result.hull.vertices, design.center_of_mass))
+    error = _end(design, result, measurement, faults)
+    converged = result.status is Status.CONVERGED
+    words = "converged" if converged else result.status.value.partition(";")[0]
+    return measurement, faults, seconds, f"{words}, max |p - q| {error:.0e}"
 
 
 def run_method(
@@ -64,38 +101,6 @@ def run_method(
     )
 
 
-SUM_LIMIT = 1e-12
-"""Tolerance on the sum of the probabilities of a step."""
-
-ERROR_LIMIT = 1e-14
-"""Tolerance on the recorded error against that of the designed hull, read back or in 60 digits;
-larger if its probabilities magnify the rounding of coordinates."""
-
-
-def watch_design(design: DesignProblem) -> tuple[Measurement | None, list[str], float, str]:
-    """Run a design by its method, and list its faults. Raises as the method, except NoStartError.
-
-    Returns the measurement of the designed hull against the oracle, or None if there was no first
-    shape; the faults of the first step that has any; wall-clock seconds of the design; and its end
-    in a few words with the error.
-    """
-    watch, result, ending = _Watch(), None, ""
-    started = time.perf_counter()
-    with one_tensor_thread():
-        try:
-            result = run_method(design, watch.on_die, watch.on_step)
-        except NoStartError as refused:
-            ending = str(refused).partition(";")[0]
-    seconds, measurement = time.perf_counter() - started, None
-    if result is not None:
-        measurement = measure(Problem(result.hull.vertices, design.center_of_mass))
-        error = _end(design, result, measurement, watch.faults)
-        converged = result.status is Status.CONVERGED
-        words = "converged" if converged else result.status.value.partition(";")[0]
-        ending = f"{words}, max |p - q| {error:.0e}"
-    return measurement, watch.faults, seconds, ending
-
-
 def _end(
     design: DesignProblem, result: DesignResult, measurement: Measurement, faults: list[str]
 ) -> float:
@@ -121,47 +126,22 @@ def _end(
 
 
 def step_faults(
-    rests: RestEvaluation, derivatives: Floats, terms: Mapping[str, float]
+    rests: RestEvaluation, derivatives: Floats, numbers: Mapping[str, float]
 ) -> list[str]:
     """List the faults of an accepted step.
 
-    rests: the die; derivatives: of any shape, for the next direction; terms: of the energy, by
-    name.
+    rests: the die; derivatives: of any shape, for the next direction; numbers: terms of the energy
+    and the error, by name.
     """
-    hull = rests.hull
-    faults = [f"{name} energy {value}" for name, value in terms.items() if not np.isfinite(value)]
-    if not np.isfinite(derivatives).all():
-        faults.append("derivatives not finite")
-    volume = hull.surface.volume
-    if not volume > 0.0:
-        faults.append(f"volume {volume:.1e}")
-    if not (hull.heights(rests.center_of_mass.detach().numpy()) > 0.0).all():
-        faults.append("center of mass lost")
-    probabilities = rests.probabilities.detach().numpy()
+    hull, probabilities = rests.hull, rests.probability_values
+    heights = hull.heights(rests.center_of_mass.detach().numpy())
     excess = float(probabilities.sum()) - 1.0
-    if not abs(excess) <= SUM_LIMIT:
-        faults.append(f"probabilities sum to 1 + {excess:.1e}")
-    if (probabilities < 0.0).any():
-        faults.append(f"probability {probabilities.min():.1e}")
-    return faults
-
-
-@dataclass
-class _Watch:
-    """Collects the faults of the first accepted step that has any."""
-
-    faults: list[str] = field(default_factory=list)
-    steps: int = 0
-    _last: tuple[RestEvaluation, Floats] | None = None
-
-    def on_die(self, rests: RestEvaluation, derivatives: Floats) -> None:
-        self._last = rests, derivatives
-
-    def on_step(self, step: DesignStep) -> None:
-        rests, derivatives = self._last
-        faults = step_faults(rests, derivatives, {**step.terms, "whole": step.energy})
-        if not np.isfinite(step.error):
-            faults.append(f"error {step.error}")
-        if faults and not self.faults:
-            self.faults = [f"{fault} at step {self.steps}" for fault in faults]
-        self.steps += 1
+    checks = {
+        "derivatives not finite": np.isfinite(derivatives).all(),
+        f"volume {hull.surface.volume:.1e}": hull.surface.volume > 0.0,
+        "center of mass lost": (heights > 0.0).all(),
+        f"probabilities sum to 1 + {excess:.1e}": abs(excess) <= SUM_LIMIT,
+        f"probability {probabilities.min():.1e}": (probabilities >= 0.0).all(),
+        **{f"{name} {value}": np.isfinite(value) for name, value in numbers.items()},
+    }
+    return [fault for fault, is_right in checks.items() if not is_right]

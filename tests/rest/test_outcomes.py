@@ -3,16 +3,13 @@ with rests."""
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
 from common.dented_cube import CORNERS, NORMALS, roof
-from numpy.typing import NDArray
 
 from dicedesign import rest_poses
 from dicedesign.errors import InputError
-from dicedesign.geometry.sphere import angle_between
+from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.rest.outcomes import (
     assign_rests,
     match_by_normals,
@@ -20,8 +17,7 @@ from dicedesign.rest.outcomes import (
     outcome_margins,
     outcome_probabilities,
 )
-
-Floats = NDArray[np.float64]
+from dicedesign.runtime.arrays import Floats
 
 
 def test_a_cube_is_a_fair_die() -> None:
@@ -44,21 +40,21 @@ def test_probabilities_elsewhere_count_as_error() -> None:
     assert (outcomes.outcome_of_rest == -1).sum() == 4
 
 
-@pytest.mark.parametrize(("degrees", "together"), [(3.0, True), (4.99, True), (5.01, False)])
-def test_rests_within_five_degrees_are_one_outcome(degrees: float, together: bool) -> None:
-    body = roof(degrees)
-    poses = rest_poses(body, center_of_mass=np.zeros(3))
-    below = poses.normals[:, 2] < -0.5
-    assert below.sum() == 2
+def test_rests_within_five_degrees_are_one_outcome() -> None:
     directions = NORMALS.copy()
     # The main rest is one of the two, though the direction is that between them or beyond.
     directions[5] = [0.01, 0.0, -1.0] / np.hypot(0.01, 1.0)
-    outcomes = outcome_probabilities(poses, directions)
-    both = float(poses.probabilities[below].sum())
-    assert outcomes.rest_counts[5] == (2 if together else 1)
-    assert outcomes.probabilities[5] == pytest.approx(both if together else both / 2.0, rel=1e-9)
-    assert outcomes.elsewhere == pytest.approx(0.0 if together else both / 2.0, abs=1e-12)
-    assert outcomes.probabilities.sum() + outcomes.elsewhere == pytest.approx(1.0, rel=1e-12)
+    for degrees, together in ((3.0, True), (4.99, True), (5.01, False)):
+        poses = rest_poses(roof(degrees), center_of_mass=np.zeros(3))
+        below = poses.normals[:, 2] < -0.5
+        assert below.sum() == 2
+        outcomes = outcome_probabilities(poses, directions)
+        both = float(poses.probabilities[below].sum())
+        got = both if together else both / 2.0
+        assert outcomes.rest_counts[5] == (2 if together else 1)
+        assert outcomes.probabilities[5] == pytest.approx(got, rel=1e-9)
+        assert outcomes.elsewhere == pytest.approx(both - got, abs=1e-12)
+        assert outcomes.probabilities.sum() + outcomes.elsewhere == pytest.approx(1.0, rel=1e-12)
 
 
 def test_a_rest_at_the_limit_is_of_the_outcome() -> None:
@@ -116,40 +112,35 @@ def test_outcomes_take_the_rests_of_their_rank(
     group_of_rest: list[int],
 ) -> None:
     """Equal probabilities are one group, and a facet in two is one outcome."""
-    units = normals / np.linalg.norm(normals, axis=1)[:, None]
-    groups = match_by_probability("die", units, np.array(probabilities), wanted)
+    groups = match_by_probability("die", unit_vectors(normals), np.array(probabilities), wanted)
     assert groups.members == tuple(m if isinstance(m, tuple) else (m,) for m in members)
     assert groups.group_of_rest.tolist() == group_of_rest
 
 
-@pytest.mark.parametrize("height", [0.47, 0.93, 1.0, 1.44, 1.6])
-def test_an_outcome_of_several_faces_is_matched_by_their_sum(height: float) -> None:
+def test_an_outcome_of_several_faces_is_matched_by_their_sum() -> None:
     """Both squares of a cuboid are one outcome, and its four sides another; at a height of 1.44,
     one side is about as probable as both squares."""
-    poses = rest_poses(np.array(list(product((0.0, 1.0), (0.0, 1.0), (0.0, height)))))
-    is_square = np.abs(poses.normals[:, 2]) > 0.5
-    square = float(poses.probabilities[is_square].sum())
-    groups = match_by_probability("c", poses.normals, poses.probabilities, [square, 1.0 - square])
-    of_rest = [groups.members[group] for group in groups.group_of_rest]
-    if height == 1.0:
-        assert of_rest.count((0,)) == 2
-    else:
-        assert of_rest == [(0,) if one else (1,) for one in is_square]
+    for height in (0.47, 0.93, 1.0, 1.44, 1.6):
+        poses = rest_poses(CORNERS * [1.0, 1.0, height])
+        is_square = np.abs(poses.normals[:, 2]) > 0.5
+        square = float(poses.probabilities[is_square].sum())
+        wanted = [square, 1.0 - square]
+        groups = match_by_probability("c", poses.normals, poses.probabilities, wanted)
+        of_rest = [groups.members[group] for group in groups.group_of_rest]
+        if height == 1.0:
+            assert of_rest.count((0,)) == 2
+        else:
+            assert of_rest == [(0,) if one else (1,) for one in is_square], height
 
 
-@pytest.mark.parametrize(
-    ("probabilities", "wanted", "message"),
-    [
-        ([0.5, 0.5], [0.5, 0.25, 0.25], "expected at least as many rests as outcomes, got 2 rests"),
+def test_dice_that_cannot_be_matched() -> None:
+    for probabilities, wanted, message in (
+        ([0.5, 0.5], [0.5, 0.25, 0.25], "at least as many rests as outcomes, got 2 rests"),
         ([0.5, 0.3, 0.2], [0.5, 0.25, 0.25], "got 0.3000 for 0.2500"),
-        ([0.5, 0.5], [0.5, 0.5], "expected outcomes that differ in their geometric probabilities"),
-    ],
-)
-def test_dice_that_cannot_be_matched(
-    probabilities: list[float], wanted: list[float], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        match_by_probability("die", AXES[: len(probabilities)], np.array(probabilities), wanted)
+        ([0.5, 0.5], [0.5, 0.5], "outcomes that differ in their geometric probabilities"),
+    ):
+        with pytest.raises(InputError, match=message):
+            match_by_probability("die", AXES[: len(wanted)], np.array(probabilities), wanted)
 
 
 def test_by_normals() -> None:

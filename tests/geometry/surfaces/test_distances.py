@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from common.bumpy import bent_capsule, bumpy_sphere
+from common.bumpy import bent_capsule, bumpy_sphere, gear
 from common.dented_cube import dented_cube
 
 from dicedesign.geometry.surfaces.grid_surface import (
@@ -14,7 +14,6 @@ from dicedesign.geometry.surfaces.grid_surface import (
     distances_from_surface,
 )
 from dicedesign.geometry.triangles import Surface, winding_number
-from tests.reference.gear import gear
 
 
 @pytest.mark.parametrize("surface", [bumpy_sphere(), bent_capsule()])

@@ -14,21 +14,15 @@ from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.facet_measures import circle_radii
 from dicedesign.optimize.coordinates import Coordinates, FacetCoordinates, SymmetricCoordinates
 from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preference_residuals
-from dicedesign.optimize.solvers import null_space_descent as improvement
+from dicedesign.optimize.solvers import null_space_descent
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.optimize.solvers.null_space_descent import NullSpaceDescent, barrier_residuals
 from dicedesign.rest.poses import rest_poses
 
 TOLERANCE = 1e-12
 CIRCLES = Preferences(circles=1.0)
-MIXED = Preferences(
-    circles=1.0,
-    margin=0.3,
-    asymmetry=0.3,
-    roundness=0.3,
-    areas=0.3,
-    small_helpers=0.3,
-)
+TERMS = ("circles", "margin", "asymmetry", "roundness", "areas", "small_helpers")
+MIXED = Preferences(**{**dict.fromkeys(TERMS, 0.3), "circles": 1.0})
 
 
 @dataclass
@@ -37,7 +31,7 @@ class Run:
     keep."""
 
     first: Candidate
-    maker: CandidateMaker = field(default_factory=lambda: CandidateMaker(None))
+    maker: CandidateMaker
     on_the_way: list[Candidate] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
     phases: int = 1
@@ -78,12 +72,16 @@ class Run:
             assert np.abs(poses.probabilities - target[outcome]).max() <= 2.0 * TOLERANCE
 
 
-def start(coordinates: Coordinates, parameters: np.ndarray, points: np.ndarray) -> Run:
-    run = Run(None)  # type: ignore[arg-type]
-    candidate = run.maker.attempt(coordinates, parameters, rest_poses(points).normals)
+def start(
+    coordinates: Coordinates,
+    parameters: np.ndarray,
+    points: np.ndarray,
+    center: np.ndarray | None = None,
+) -> Run:
+    maker = CandidateMaker(center)
+    candidate = maker.attempt(coordinates, parameters, rest_poses(points, center).normals)
     assert candidate is not None
-    run.first = candidate
-    return run
+    return Run(candidate, maker)
 
 
 def facet_run(seed: int) -> Run:
@@ -102,9 +100,7 @@ def value(candidate: Candidate, preferences: Preferences) -> float:
     return sum(float((vector.detach() ** 2).sum()) for vector in residuals)
 
 
-@pytest.mark.parametrize(
-    "name", ["circles", "margin", "asymmetry", "roundness", "areas", "small_helpers"]
-)
+@pytest.mark.parametrize("name", TERMS)
 def test_every_preference_improves_its_objective(name: str) -> None:
     # The die of seed 3 has facets without an outcome.
     run = facet_run(3 if name == "small_helpers" else 1)
@@ -143,14 +139,10 @@ def test_mixed_preferences_with_a_given_center_of_mass() -> None:
     points = stone(3, 8)
     hull = convex_hull(points)
     center = hull.centroid + np.array([0.03, -0.02, 0.01])
-    coordinates, parameters = FacetCoordinates.of(points, center)
-    maker = CandidateMaker(center)
-    candidate = maker.attempt(coordinates, parameters, rest_poses(points, center).normals)
-    assert candidate is not None
-    run = Run(candidate, maker)
+    run = start(*FacetCoordinates.of(points, center), points, center)
     improved = run.improved(MIXED)
     run.check()
-    assert value(improved, MIXED) < 0.8 * value(candidate, MIXED)
+    assert value(improved, MIXED) < 0.8 * value(run.first, MIXED)
 
 
 def test_symmetry_that_causes_ties_is_kept() -> None:
@@ -188,7 +180,7 @@ def test_a_required_circle_is_reached_and_then_kept() -> None:
 
 
 def test_many_residuals_need_no_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(improvement, "MOST_ROWS", 0)
+    monkeypatch.setattr(null_space_descent, "MOST_ROWS", 0)
     run = facet_run(1)
     improved = run.improved(MIXED)
     run.check()

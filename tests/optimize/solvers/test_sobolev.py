@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
-from dicedesign.optimize.coordinates import Coordinates, FacetCoordinates, VertexCoordinates
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.optimize.coordinates import FacetCoordinates, VertexCoordinates
 from dicedesign.optimize.options import SobolevOptions
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker, LevenbergMarquardt
 from dicedesign.optimize.solvers.descent import SobolevGradient, SobolevSolver, graph_laplacian
@@ -16,14 +17,9 @@ from dicedesign.rest.poses import rest_poses
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
-@pytest.fixture(params=["cube", "random"])
-def hull(request, random_points) -> ConvexHull:
-    return convex_hull(CUBE if request.param == "cube" else random_points(3, 40))
-
-
 def dense_laplacian(hull: ConvexHull) -> np.ndarray:
-    size = len(hull.vertices)
-    matrix = np.zeros((size, size))
+    """Of the edge graph."""
+    matrix = np.zeros((len(hull.vertices),) * 2)
     for facet in range(len(hull.normals)):
         loop = hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]
         for a, b in zip(loop, np.roll(loop, -1), strict=True):
@@ -31,25 +27,20 @@ def dense_laplacian(hull: ConvexHull) -> np.ndarray:
     return matrix - np.diag(matrix.sum(axis=1))
 
 
-def test_the_laplacian_is_that_of_the_edge_graph(hull: ConvexHull) -> None:
-    laplacian = graph_laplacian(hull).toarray()
-    np.testing.assert_array_equal(laplacian, dense_laplacian(hull))
-
-
-@pytest.mark.parametrize("smoothing", [0.01, 50.0])
-@pytest.mark.parametrize("power", [1, 4])
-def test_the_solver_is_the_dense_inverse(hull: ConvexHull, smoothing: float, power: int) -> None:
-    size = len(hull.vertices)
-    right = np.random.default_rng(0).normal(size=(size, 3))
-    operator = np.eye(size) + smoothing * dense_laplacian(hull)
-    expected = right
-    for _ in range(power):
-        expected = np.linalg.solve(operator, expected)
-    options = SobolevOptions(smoothing, power)
-    given = right.copy()
-    solved = SobolevSolver(graph_laplacian(hull), options).solve(given)
-    np.testing.assert_allclose(solved, expected, rtol=1e-9, atol=1e-11)
-    np.testing.assert_array_equal(given, right)
+def test_the_solver_is_the_dense_inverse(random_points) -> None:
+    for points in (CUBE, random_points(3, 40)):
+        hull = convex_hull(points)
+        laplacian = graph_laplacian(hull)
+        np.testing.assert_array_equal(laplacian.toarray(), dense_laplacian(hull))
+        right = np.random.default_rng(0).normal(size=hull.vertices.shape)
+        for smoothing, power in ((0.01, 1), (50.0, 4)):
+            operator = np.eye(len(right)) + smoothing * dense_laplacian(hull)
+            expected, given = right, right.copy()
+            for _ in range(power):
+                expected = np.linalg.solve(operator, expected)
+            solved = SobolevSolver(laplacian, SobolevOptions(smoothing, power)).solve(given)
+            np.testing.assert_allclose(solved, expected, rtol=1e-9, atol=1e-11)
+            np.testing.assert_array_equal(given, right)
 
 
 @pytest.mark.parametrize("options", [None, SobolevOptions(5.0, 2)])
@@ -70,15 +61,11 @@ def test_without_drift_the_mean_stays(random_points, options: SobolevOptions | N
 torch.set_num_threads(1)
 
 
-def first_candidate(vertices: bool) -> tuple[CandidateMaker, Candidate]:
-    points = np.random.default_rng(5).normal(size=(9, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
-    center = convex_hull(points).centroid
-    coordinates: Coordinates
-    if vertices:
-        coordinates, parameters = VertexCoordinates.of(points, center)
-    else:
-        coordinates, parameters = FacetCoordinates.of(points, center)
+def first_candidate(
+    kind: type[FacetCoordinates] | type[VertexCoordinates],
+) -> tuple[CandidateMaker, Candidate]:
+    points = unit_vectors(np.random.default_rng(5).normal(size=(9, 3)))
+    coordinates, parameters = kind.of(points, convex_hull(points).centroid)
     maker = CandidateMaker(None)
     candidate = maker.attempt(coordinates, parameters, rest_poses(points).normals)
     assert candidate is not None
@@ -88,7 +75,7 @@ def first_candidate(vertices: bool) -> tuple[CandidateMaker, Candidate]:
 @pytest.mark.parametrize("options", [None, SobolevOptions(1.5, 1), SobolevOptions(0.7, 2)])
 def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) -> None:
     """With little damping, s^T W s is least among steps s with J s = q - p."""
-    maker, candidate = first_candidate(vertices=True)
+    maker, candidate = first_candidate(VertexCoordinates)
     shift = 2e-4 * np.cos(np.arange(len(candidate.probabilities)))
     target = candidate.probabilities + shift - shift.mean()
     candidates: list[Candidate] = []
@@ -120,9 +107,9 @@ def test_a_step_is_the_shortest_in_its_metric(options: SobolevOptions | None) ->
     assert np.linalg.norm(step - shortest) <= 0.02 * np.linalg.norm(shortest)
 
 
-@pytest.mark.parametrize("vertices", [False, True])
-def test_a_near_target_is_met_in_few_steps(vertices: bool) -> None:
-    maker, candidate = first_candidate(vertices)
+@pytest.mark.parametrize("kind", [FacetCoordinates, VertexCoordinates])
+def test_a_near_target_is_met_in_few_steps(kind) -> None:
+    maker, candidate = first_candidate(kind)
     shift = 1e-3 * np.sin(1.0 + np.arange(len(candidate.probabilities)))
     target = candidate.probabilities + shift - shift.mean()
     candidates: list[Candidate] = []
