@@ -139,7 +139,7 @@ def test_unregistered_extensions_are_unknown(tmp_path: Path) -> None:
         ({"method": {"exact": {"prefer": {"flat": 1}}}}, "method.exact.prefer.flat: unknown key"),
         (
             {"method": {"exact": {"probabilities": "thrown", "refine": {"engine": "set_down"}}}},
-            "engine: expected native, mujoco, got 'set_down'; take one of them",
+            "engine: expected native, got 'set_down'; take one of them",
         ),
     ):
         with pytest.raises(RecipeError, match=text):
@@ -262,7 +262,7 @@ def test_reading_a_recipe_loads_no_torch_and_no_scipy(repository: Path) -> None:
         "import sys; from pathlib import Path; "
         "from dicedesign.recipe.reading import read_recipe; "
         "[read_recipe(path) for path in Path('recipes').glob('*.yaml')]; "
-        "print({'torch', 'scipy', 'matplotlib', 'manifold3d', 'mujoco'} & set(sys.modules))"
+        "print({'torch', 'scipy', 'matplotlib', 'manifold3d'} & set(sys.modules))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=repository

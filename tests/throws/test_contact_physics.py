@@ -90,11 +90,11 @@ def state_of(position: np.ndarray, turn: Rotation, velocity: np.ndarray) -> np.n
     return np.concatenate([position, turn.as_quat(scalar_first=True), velocity, np.zeros(3)])[None]
 
 
-@pytest.mark.parametrize("engine", ["native", "mujoco"])
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("engine", STRIKES)
+@pytest.mark.parametrize("restitution", [0.2, 0.8])
 def test_impact_without_slip_or_coupling(engine: str, restitution: float) -> None:
     if engine == "mujoco":
-        pytest.importorskip("mujoco", reason="the extra 'throws' is not installed")
+        pytest.importorskip("mujoco", reason="the extra 'bench' is not installed")
     body, vertex = faceted_ball()
     strike = Strike(body, vertex, lean(body, vertex, 0.0), np.zeros(2), restitution, 0.5)
     impulse = STRIKES[engine](strike)
@@ -114,18 +114,6 @@ def test_oblique_impact(made: Callable[[], tuple[RigidBody, int]], angle: float)
         strike = Strike(body, vertex, turn, np.array([slip, 0.0]), restitution, friction)
         wanted = planar_impulse(strike.response, strike.velocity, restitution, friction)
         np.testing.assert_allclose(strike_natively(strike), wanted, atol=PLANAR_ERROR)
-
-
-def test_impulse_of_a_ball() -> None:
-    """The textbook's: friction is mu times the normal impulse, or less if it stops the slip."""
-    body, vertex = faceted_ball()
-    for slip, friction, restitution in product(SLIPS, FRICTIONS, RESTITUTIONS):
-        turn = lean(body, vertex, 0.0)
-        strike = Strike(body, vertex, turn, np.array([slip, 0.0]), restitution, friction)
-        needed = slip / (1.0 + 1.0 / body.moments.mean())
-        normal = 1.0 + restitution
-        wanted = [-min(friction * normal, needed), 0.0, normal]
-        np.testing.assert_allclose(strike_natively(strike), wanted, atol=1e-4)
 
 
 def test_slip_that_turns() -> None:
@@ -154,7 +142,7 @@ def test_slip_that_turns() -> None:
     drag=st.sampled_from([0.0, 0.0, 3.0, 1000.0]),
     drop=st.integers(0, 2**20),
 )
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=50)
 def test_energy_never_grows(
     seed: int,
     restitution: float,
@@ -178,8 +166,7 @@ def test_energy_never_grows(
     assert heights.min() > -0.01 * table.size
 
 
-@pytest.mark.parametrize("slip", [5e-4, 6e-4, 7e-4])
-def test_energy_where_friction_hardly_stops_a_slip(slip: float) -> None:
+def test_energy_where_friction_hardly_stops_a_slip() -> None:
     """The slip of a rod almost stops, and would turn at once: friction kept constant for a part of
     the impact would add a quarter to the energy or more."""
     octahedron, _ = rigid_body_with_rests(OCTAHEDRON)
@@ -198,7 +185,7 @@ def test_energy_where_friction_hardly_stops_a_slip(slip: float) -> None:
         rod,
         vertex,
         turn,
-        slip * heading / np.linalg.norm(heading),
+        6e-4 * heading / np.linalg.norm(heading),
         restitution=0.95,
         friction=(1.0 + 2e-6) * float(np.linalg.norm(force)),
     )
@@ -311,11 +298,10 @@ def test_a_prism_rolls_on_its_edges() -> None:
     assert turned.magnitude() == pytest.approx(rolled, rel=MOTION_ERROR)
 
 
-@pytest.mark.parametrize("table", [BOARD, load_table("hard-wood")])
-def test_turned_about_the_vertical_or_scaled(table: Table) -> None:
+def test_turned_about_the_vertical_or_scaled() -> None:
     """A turned throw stays a turned one, and a larger body moves as the square root of its size
     faster, until rounding has grown."""
-    body, _ = random_body(3)
+    body, table = random_body(3)[0], load_table("hard-wood")
     states, seconds = sample_states(body, table, 40), 0.14
     first = states.copy()
     advance_time(body, table, first, seconds)
@@ -342,12 +328,10 @@ def test_turned_about_the_vertical_or_scaled(table: Table) -> None:
     assert np.quantile(error, 0.9) < 1e-6
 
 
-@pytest.mark.parametrize("name", ["board-game", "paper"])
-def test_probabilities_do_not_depend_on_the_step(name: str) -> None:
-    body, _ = rigid_body_with_rests(random_points(3))
-    table = load_table(name)
+def test_probabilities_do_not_depend_on_the_step() -> None:
+    body, table = rigid_body_with_rests(random_points(3))[0], load_table("board-game")
     counts = []
     for seed, refinement in enumerate((1.0, 2.0)):
-        rests = throw_states(body, table, sample_states(body, table, 2000, seed), refinement)
+        rests = throw_states(body, table, sample_states(body, table, 1500, seed), refinement)
         counts.append(np.bincount(rests[rests >= 0], minlength=len(body.rest_heights)))
     assert alike(*counts) > 1e-3

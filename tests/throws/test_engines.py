@@ -9,25 +9,25 @@ import pytest
 from common.kernels import compiled_only
 from common.thrown import (
     BOARD,
-    OCTAHEDRON,
     box,
     fits,
     random_body,
     random_points,
     rigid_body_with_rests,
     sample_states,
-    turn_down,
     turns_of,
 )
 
 from dicedesign.errors import InputError
 from dicedesign.kernels import ops as kernels
 from dicedesign.throws.engines import advance, longest_throw, throw_states, time_step
-from dicedesign.throws.rigid_body import release_states
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import GRAVITY, Table, load_table, mixture_tables
+from dicedesign.throws.tables import GRAVITY, load_table, mixture_tables
 
 WOOD = load_table("hard-wood")
+
+SLIPPERY = 9
+"""Place of a table in the mixture of board-game."""
 
 
 @compiled_only
@@ -54,7 +54,7 @@ def test_energy_and_angular_momentum_in_flight() -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize(("entry", "number"), [(2, np.inf), (3, np.nan), (9, np.nan), (12, np.inf)])
+@pytest.mark.parametrize(("entry", "number"), [(2, np.inf), (9, np.nan)])
 def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
     body, _ = random_body(1)
     states = sample_states(body, BOARD, 3)
@@ -65,36 +65,15 @@ def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
-def test_a_ball_bounces(restitution: float) -> None:
-    """An octahedron that falls onto a vertex rises to the squared restitution times the height."""
-    body, _ = rigid_body_with_rests(OCTAHEDRON)
-    table = replace(BOARD, restitution=restitution, speed=0.0, spin=0.0)
-    state = sample_states(body, table, 1)
-    state[0, 3:7] = turn_down(body.vertices[0])
-    radius = table.size / 2.0
-    state[0, 2] = table.height + radius
-    fall = np.sqrt(2.0 * table.height / GRAVITY)
-    before = round(0.99 * fall / time_step(table))
-    advance(body, table, state, before)
-    assert state[0, 9] < 0.0
-    while state[0, 9] < 0.0:
-        advance(body, table, state, 1)
-    top = state[0, 2] - radius + state[0, 9] ** 2 / 2.0 / GRAVITY
-    assert np.sqrt(top / table.height) == pytest.approx(restitution, abs=1e-3)
-
-
-@compiled_only
-@pytest.mark.parametrize("table", [BOARD, WOOD])
-def test_certain_rests_are_reached(table: Table) -> None:
+def test_certain_rests_are_reached() -> None:
     """Throws that continue after their rest is certain end at no other rest."""
     for seed in (1, 4):
         body, _ = random_body(seed)
-        states = sample_states(body, table, 80)
-        rests, _ = advance(body, table, states, 100_000)
+        states = sample_states(body, WOOD, 60)
+        rests, _ = advance(body, WOOD, states, 100_000)
         assert (rests >= 0).all()
         for _ in range(100):
-            again, _ = advance(body, table, states, 16)
+            again, _ = advance(body, WOOD, states, 16)
             assert ((again == rests) | (again == -1)).all()
         np.testing.assert_array_equal(again, rests)
 
@@ -116,11 +95,11 @@ def test_a_box_has_the_probabilities_of_its_symmetry() -> None:
 def test_without_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernels, "compiled", None)
     body, _ = random_body(1)
-    with pytest.raises(InputError, match=r"engine native: expected the compiled kernels, .*mujoco"):
+    with pytest.raises(InputError, match=r"engine native: expected the compiled kernels, .*compil"):
         throw_states(body, BOARD, sample_states(body, BOARD, 1))
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])
+@pytest.mark.parametrize("restitution", [0.0, 0.95])
 def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
     table = replace(BOARD, height=30.0, restitution=restitution)
     speed = np.sqrt(2.0 * GRAVITY * 30.0)
@@ -132,15 +111,12 @@ def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("place", [6, 9, 10, 13])
-def test_throws_that_end_in_a_slide_end_as_they_would_later(place: int) -> None:
-    """On slippery tables and with fast spins; without the early end they stop on the same rests."""
-    table, saved = mixture_tables("board-game")[place], 0
+def test_throws_that_end_in_a_slide_end_as_they_would_later() -> None:
+    """On a slippery table; without the early end they stop on the same rests."""
+    table, saved = mixture_tables("board-game")[SLIPPERY], 0
     for number in range(4):
         body, _ = random_body(number)
-        states = release_states(
-            body, table, np.arange(100), "uniform", np.random.default_rng([number, place])
-        )
+        states = sample_states(body, table, 60, number)
         # No edge is far enough from the foot to let it slide.
         patient = replace(body, flat=body.flat * [1.0, -1.0, 1.0])
         steps = round(longest_throw(table) / time_step(table))
