@@ -239,15 +239,15 @@ def turned_by(state: np.ndarray, turn: Rotation) -> np.ndarray:
     return turned
 
 
-@pytest.mark.parametrize("friction", [0.0, 2.0])
-def test_a_block_tips_about_its_edge(friction: float) -> None:
+@pytest.mark.parametrize(("friction", "seconds"), [(0.0, 0.06), (2.0, 0.09)])
+def test_a_block_tips_about_its_edge(friction: float, seconds: float) -> None:
     """As a pendulum on its edge, or with its center of mass on a vertical line."""
     body, _ = rigid_body_with_rests(box(0.5, 0.4, 1.0))
     table, started = replace(BOARD, friction=friction, restitution=0.5, size=0.05), 0.1
     state, turn, radius, moment = stand_on_edge(body, table, started)
-    while turned_by(state, turn)[1] < 0.4:
-        advance(unstopped(body), table, state, 1)
+    advance_time(body, table, state, seconds)
     aside, angle, yaw = turned_by(state, turn)
+    assert 0.2 < angle < 0.6
     np.testing.assert_allclose([aside, yaw], 0.0, atol=1e-3)
     ended = started + angle
     fallen = GRAVITY * radius * (math.cos(started) - math.cos(ended))
@@ -280,27 +280,6 @@ def test_a_prism_rolls_on_its_edges() -> None:
     assert np.linalg.norm(state[0, 10:]) == pytest.approx(spin, rel=MOTION_ERROR)
     rolled = edges * 2.0 * math.pi / SIDES
     np.testing.assert_allclose(turned_by(state, turn), [0.0, rolled, 0.0], atol=MOTION_ERROR)
-
-
-def test_turned_about_the_vertical_or_scaled() -> None:
-    """A turned throw stays a turned one, and a larger body moves as the square root of its size
-    faster, until rounding has grown."""
-    body, table = random_body(3)[0], load_table("hard-wood")
-    states, seconds, factor = sample_states(body, table, 40), 0.14, 9.0
-    yaw, turned, scaled = Rotation.from_rotvec([0.0, 0.0, 1.1]), states.copy(), states.copy()
-    turned[:, :3], turned[:, 7:10] = yaw.apply(states[:, :3]), yaw.apply(states[:, 7:10])
-    turns = Rotation.from_quat(states[:, 3:7], scalar_first=True)
-    turned[:, 3:7] = (yaw * turns).as_quat(scalar_first=True)
-    scaled *= np.repeat([factor, 1.0, math.sqrt(factor), 1.0 / math.sqrt(factor)], [3, 4, 3, 3])
-    larger = replace(table, size=factor * table.size, height=1.0)
-    before = states.copy()
-    advance_time(body, table, states, seconds)
-    assert (np.abs(states[:, 10:] - before[:, 10:]).max(axis=1) > 1.0).mean() > 0.9
-    advance_time(body, table, turned, seconds)
-    advance_time(body, larger, scaled, math.sqrt(factor) * seconds)
-    for spins in (turned[:, 10:], scaled[:, 10:] * math.sqrt(factor)):
-        error = np.abs(spins - states[:, 10:]).max(axis=1) / np.abs(states[:, 10:]).max()
-        assert np.quantile(error, 0.9) < 1e-6
 
 
 def test_probabilities_do_not_depend_on_the_step() -> None:

@@ -6,7 +6,6 @@ import copy
 import json
 from contextlib import nullcontext
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -65,14 +64,11 @@ def test_invalid_models_are_refused(change: dict[str, Any], named: str) -> None:
 
 def test_dimensionless_numbers() -> None:
     """Dice of twice the size fall equally from twice the height, and so on."""
-    table = Table("x", 0.5, 0.3, 0.2, 0.7, 20.0, size=0.02)
-    root = np.sqrt(2.0)
-    double = Table("y", 0.5, 0.3, 0.4, 0.7 * root, 20.0 / root, size=0.04)
+    table, root = Table("x", 0.5, 0.3, 0.2, 0.7, 20.0, size=0.02), np.sqrt(2.0)
+    double = Table("y", 0.5, 0.3, (0.2, 0.6), 0.7 * root, (0.0, 40.0 / root), size=0.04)
     np.testing.assert_allclose(dimensionless(table), dimensionless(double), rtol=1e-12)
     speed = 0.7 / np.sqrt(9.81 * 0.02)
     np.testing.assert_allclose(dimensionless(table)[:4], [0.5, 0.3, 10.0, speed], rtol=1e-12)
-    spread = replace(table, height=(0.1, 0.3), speed=(0.0, 1.4), spin=(10.0, 30.0))
-    np.testing.assert_allclose(dimensionless(spread), dimensionless(table), rtol=1e-12)
 
 
 def test_a_table_beyond_the_range_is_refused(tmp_path: Path) -> None:
@@ -95,32 +91,25 @@ def test_a_table_beyond_the_range_is_refused(tmp_path: Path) -> None:
             momentum_model(str(path))
 
 
-def _hull_and_rests(seed: int, count: int, flatness: float) -> tuple[Any, ...]:
-    points = np.random.default_rng(seed).normal(size=(count, 3)) * [1.0, 1.0, flatness]
-    hull, side = convex_hull(points), rest_poses(points).basins[0]
-    inertia = solid_inertia(hull.vertices, hull.triangles)
-    return hull, side.paths, hull.centroid, inertia, side.areas / (4.0 * np.pi)
-
-
-BODIES = [_hull_and_rests(1, 8, 1.0), _hull_and_rests(2, 30, 1.0), _hull_and_rests(3, 12, 0.05)]
-
-
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(6))
 def test_every_model_within_its_ranges_gives_probabilities(seed: int) -> None:
     """Each array has a few different numbers in random places, such as the ends of its range."""
     rng = np.random.default_rng(seed)
+    points = rng.normal(size=(12, 3)) * [1.0, 1.0, rng.choice([0.05, 1.0])]
+    hull, side = convex_hull(points), rest_poses(points).basins[0]
+    inertia = solid_inertia(hull.vertices, hull.triangles)
+    body = hull, side.paths, hull.centroid, inertia, side.areas / (4.0 * np.pi)
 
     def draw(name: str, part: Any) -> Any:
         if isinstance(part, dict):
             return {key: draw(key, value) for key, value in part.items()}
         least, most = RANGES.get(name, WEIGHTS)
-        between = np.geomspace if name == "deviation" else np.linspace
-        values = rng.choice([*between(least, most, 7), 0.5], size=rng.integers(1, 5))
+        values = rng.choice([least, most, *np.geomspace(1e-9, most, 5)], size=rng.integers(1, 5))
         return rng.choice(values, size=np.shape(part)).tolist()
 
-    plain = {key: PLAIN[key] if key == "range" else draw(key, PLAIN[key]) for key in PLAIN}
+    plain = {key: draw(key, part) for key, part in PLAIN.items()} | {"range": PLAIN["range"]}
     model = MomentumModel.of(general_model_of(plain), draw_table(GENERAL, TABLE, rng))
-    for context, body in product((nullcontext, without_kernels), BODIES):
+    for context in (nullcontext, without_kernels):
         with context(), np.errstate(over="raise", invalid="raise", divide="raise"):
             probabilities = hull_probabilities(*body, model)
         assert np.isfinite(probabilities).all()

@@ -18,6 +18,7 @@ from common.thrown import (
 )
 from scipy.stats import kstest
 
+from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.throws.rigid_body import release_states, rigid_body
 
 
@@ -64,8 +65,7 @@ SPREAD = replace(BOARD, height=(0.05, 0.2), speed=(0.0, 0.6), spin=(5.0, 25.0))
 @pytest.mark.parametrize("aimed", [False, True])
 def test_ranges_are_drawn_evenly_and_independently(aimed: bool) -> None:
     body, count = random_body(2)[0], 4000
-    down = np.random.default_rng(1).normal(size=(count, 3))
-    down /= np.linalg.norm(down, axis=1)[:, None]
+    down = unit_vectors(np.random.default_rng(1).normal(size=(count, 3)))
     states = release_states(body, SPREAD, count, np.random.default_rng(5), down if aimed else None)
     turns = turns_of(states)
     if aimed:
