@@ -14,6 +14,7 @@ from benchmarks.frame import Report, time_in_turn
 from dicedesign import InputError, load_table, rigid_body
 from dicedesign.extensions import ENGINES, Engine
 from dicedesign.throws.rigid_body import release_states
+from examples.mujoco_engine import MUJOCO
 from tests.reference.impacts import planar_impulse
 from tests.reference.strikes import STRIKES, Strike, faceted_ball, lean, needle
 
@@ -62,7 +63,7 @@ def compare_contacts(options: argparse.Namespace, report: Report) -> None:
 
 def installed() -> Iterator[Engine]:
     """Simulators whose impacts can be measured."""
-    for engine in ENGINES:
+    for engine in (*ENGINES, MUJOCO):
         with suppress(InputError):
             engine.require()
             if engine.name in STRIKES:
@@ -99,7 +100,7 @@ def time_throws(engines: list[Engine], options: argparse.Namespace, report: Repo
             engine.throw_states,
             body,
             table,
-            release_states(body, table, np.arange(count), "uniform", np.random.default_rng(0)),
+            release_states(body, table, count, np.random.default_rng(0)),
         )
         for engine, count in zip(engines, counts, strict=True)
     ]

@@ -3,11 +3,10 @@
 Cut boxes, spheres and models into pieces by planes and Voronoi cells, throw each piece onto two
 tables, without momentum (carpet) and as in a board game, in the package's own simulator and in
 others that are installed, and compare all probabilities with each other: W, the Wasserstein
-    distance on the
-sphere in radians, and TV, total variation, as means over the shapes; the floor is the mean of two
-right predictions at these numbers of drops, as if the drops were independent. r is Pearson's
-correlation of W with the asymmetry rho of equation 20. The package's own simulator throws each
-shape from the paper's 1,212 directions. The picture has W against rho.
+distance on the sphere in radians, and TV, total variation, as means over the shapes; the floor is
+the mean of two right predictions at these numbers of drops, as if the drops were independent. r is
+Pearson's correlation of W with the asymmetry rho of equation 20. The package's own simulator throws
+each shape from the paper's 1,212 directions. The picture has W against rho.
 """
 
 from __future__ import annotations
@@ -15,12 +14,14 @@ from __future__ import annotations
 import argparse
 import csv
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from itertools import combinations, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from manifold3d import Manifold
+from scipy.spatial import ConvexHull, SphericalVoronoi
 from scipy.spatial.distance import pdist
 from scipy.stats import pearsonr
 
@@ -28,29 +29,34 @@ from benchmarks.frame import Report, panels, processes
 from dicedesign import (
     Body,
     InputError,
+    Table,
     load_table,
     read_body,
     rest_poses,
     rigid_body,
-    simulate,
 )
 from dicedesign.concave.shapes import shape
-from dicedesign.extensions import ENGINES
+from dicedesign.extensions import ENGINES, Engine, RigidBody
 from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
-from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import asymmetry
 from dicedesign.runtime.arrays import Floats
-from dicedesign.throws.distances import effective_counts, total_variation, wasserstein_distance
-from dicedesign.throws.rigid_body import PAPER_DIRECTIONS
+from dicedesign.throws.distances import total_variation
+from dicedesign.throws.rigid_body import release_states
+from examples.mujoco_engine import MUJOCO
 from tests.common.bumpy import gear
 
 TABLES = ("carpet", "board-game")
 """Without and with momentum."""
 
 GEOMETRIC = "geometric"
+
+SUBDIVISIONS = 11
+"""Parts of each edge of the icosahedron whose 1,212 vertices are the paper's directions: 10 times
+their square plus 2. Source: section 4.1."""
 
 LEAST_THICKNESS = 0.02
 """Volume of a piece over the cube of the largest distance between two of its points, below which it
@@ -123,18 +129,21 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     return True
 
 
-def find_engines(report: Report) -> tuple[str, ...]:
+def find_engines(report: Report) -> list[Engine]:
     """Engines that can throw here. Raises InputError where none can."""
-    names = []
-    for engine in ENGINES:
+    engines = []
+    for engine in (*ENGINES, MUJOCO):
         try:
             engine.require()
-            names.append(engine.name)
+            engines.append(engine)
         except InputError as error:
             report.line(f"left out: {error}")
-    if not names:
-        raise InputError("engines: expected a simulator, got none; install the extra throws")
-    return tuple(names)
+    if not engines:
+        raise InputError(
+            "engines: expected a simulator, got none; install the package where there is a C++ "
+            "compiler, or pip install mujoco"
+        )
+    return engines
 
 
 def cut_shapes(models: Mapping[str, Surface], seed: int = 0) -> list[Body]:
@@ -199,7 +208,7 @@ def thick_pieces(name: str, pieces: Iterable[Manifold]) -> Iterator[Body]:
 
 
 def compare_shape(
-    task: tuple[Body, int, tuple[str, ...], int, int],
+    task: tuple[Body, int, list[Engine], int, int],
 ) -> tuple[int, list[tuple[str, str, Floats]]]:
     """How many rests, and the table, two models, and asymmetry, W, its floor, TV and its floor (5,)
     of what each two models say on each table.
@@ -214,26 +223,68 @@ def compare_shape(
     for place, table in enumerate(TABLES):
         # Probabilities, and the drops that each was counted in, 0 for exact ones.
         said: dict[str, tuple[Floats, int]] = {GEOMETRIC: (poses.probabilities, 0)}
-        for engine in engines:
-            count = PAPER_DIRECTIONS if engine == "native" else drops
-            throws = simulate(
-                thrown,
-                load_table(table),
-                count,
-                3 * number + ENGINES.names.index(engine),
-                engine=engine,
-                orientations="uniform" if count % PAPER_DIRECTIONS else "icosahedron",
-            )
-            landed = throws.outcomes >= 0
-            if landed.any():
-                came, weights = throws.outcomes[landed], throws.weights[landed]
-                worth = float(effective_counts(came, weights, throws.rests).sum())
-                said[engine] = throws.frequencies, round(worth)
+        for order, engine in enumerate(engines):
+            rng = np.random.default_rng([number, place, order])
+            counted = throw_shape(thrown, load_table(table), engine, drops, rng)
+            if counted is not None:
+                said[engine.name] = counted
         rng = np.random.default_rng([number, place])
         for pair in combinations(said, 2):
             distances = compare(poses.normals, *said[pair[0]], *said[pair[1]], draws, rng)
             comparisons.append((table, " vs ".join(pair), np.array([asymmetry(poses), *distances])))
     return len(poses.probabilities), comparisons
+
+
+def throw_shape(
+    body: RigidBody, table: Table, engine: Engine, drops: int, rng: np.random.Generator
+) -> tuple[Floats, int] | None:
+    """Frequencies (k,) of a body's rests, and the number of independent drops that scatter as much;
+    None if no drop came to rest.
+
+    The package's own simulator throws from each of the paper's directions, with the area of its
+    cell as weight, others from random ones.
+
+    Source: Kish, Survey Sampling, 1965, section 11.7.
+    """
+    weights, down = np.ones(drops), None
+    if engine.name == "native":
+        directions, weights = up_directions()
+        down = -directions
+    states = release_states(body, table, len(weights), rng, down)
+    rests = engine.throw_states(body, table, states)
+    landed = rests >= 0
+    if not landed.any():
+        return None
+    weights = weights[landed]
+    sums = np.bincount(rests[landed], weights, len(body.rest_heights))
+    return sums / weights.sum(), round(weights.sum() ** 2 / (weights**2).sum())
+
+
+@cache
+def up_directions() -> tuple[Floats, Floats]:
+    """The paper's up directions (1212, 3), unit vectors, and the areas (1212,) of their Voronoi
+    cells."""
+    golden = (1.0 + np.sqrt(5.0)) / 2.0
+    corners = np.array([(0.0, a, b * golden) for a in (-1.0, 1.0) for b in (-1.0, 1.0)])
+    corners = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])
+    parts = np.arange(SUBDIVISIONS + 1)
+    i, j = (grid.ravel() for grid in np.meshgrid(parts, parts, indexing="ij"))
+    inside = i + j <= SUBDIVISIONS
+    weights = np.stack([i, j, SUBDIVISIONS - i - j], axis=1)[inside] / SUBDIVISIONS
+    points = unit_vectors((weights @ corners[ConvexHull(corners).simplices]).reshape(-1, 3))
+    _, first = np.unique(points.round(9), axis=0, return_index=True)
+    directions = points[np.sort(first)]
+    return directions, SphericalVoronoi(directions).calculate_areas()
+
+
+def wasserstein_distance(normals: Floats, first: Floats, second: Floats) -> float:
+    """Smallest mean angle in radians, 0 to pi, by which probability must turn to make one
+    distribution (k,) of rests with normals (k, 3) into another. Source: section 4.1."""
+    # Imported late: it loads torch.
+    import ot
+
+    angles = angle_between(normals[:, None], normals)
+    return float(ot.emd2(first / first.sum(), second / second.sum(), angles))
 
 
 def compare(
@@ -252,7 +303,7 @@ def compare(
         right = (first_drops * first + second_drops * second) / (first_drops + second_drops)
 
     def distances(one: Floats, other: Floats) -> tuple[float, float]:
-        return wasserstein_distance(normals, one, normals, other), total_variation(one, other)
+        return wasserstein_distance(normals, one, other), total_variation(one, other)
 
     def drawn(drops: int) -> Floats:
         return rng.multinomial(drops, right / right.sum()) / drops if drops else right

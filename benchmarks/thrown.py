@@ -74,6 +74,7 @@ from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody, release_states
 from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.tables import mixture_tables
+from examples.mujoco_engine import MUJOCO
 
 FRESH = 2**64
 """First seed of the throws of dice, beyond all that designs and their verdicts take."""
@@ -260,7 +261,7 @@ def ways() -> Iterator[tuple[str, ThrowStates, bool]]:
     yield "native again", throw_states, False
     yield "half the step", partial(throw_states, refinement=2.0), False
     yield "a quarter of it", partial(throw_states, refinement=4.0), False
-    for engine in ENGINES:
+    for engine in (*ENGINES, MUJOCO):
         with suppress(InputError):
             engine.require()
             if engine.name != "native":
@@ -320,7 +321,7 @@ def throw_part(task: tuple[RigidBody, Table, ThrowStates, int, tuple[int, ...]])
     """Counts (g + 1,) of the outcomes of a die, and of drops that came to none."""
     body, table, throw, drops, seed = task
     rng = np.random.default_rng([2 * UNSEEN, *seed])
-    rests = throw(body, table, release_states(body, table, np.arange(drops), "uniform", rng))
+    rests = throw(body, table, release_states(body, table, drops, rng))
     close = body.rest_normals @ body.rest_normals.T > math.cos(ALIKE)
     count, outcome = connected_components(close)
     return np.bincount(np.append(outcome, count)[rests], minlength=count + 1)

@@ -30,6 +30,5 @@ from dicedesign.runtime.registry import Extension as Extension
 from dicedesign.throws.engines import ENGINES as ENGINES
 from dicedesign.throws.engines import Engine as Engine
 from dicedesign.throws.engines import longest_throw as longest_throw
-from dicedesign.throws.mujoco_engine import final_rest as final_rest
 from dicedesign.throws.rigid_body import RigidBody as RigidBody
 from dicedesign.throws.tables import GRAVITY as GRAVITY

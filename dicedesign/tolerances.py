@@ -183,10 +183,6 @@ WARP_TOLERANCE: Final = 0.01
 It is larger where an edge or a facet is hardly wider than its facets are uneven, as among clustered
 points."""
 
-TRANSPORT_TOLERANCE: Final = 1e-10
-"""Share of the mass by which a transport plan may miss its marginals, the least that HiGHS
-takes."""
-
 SMALLEST_EXTENT: Final = 1e-40
 """Least extent of a body, and inverse of the largest coordinate, in any unit: products of up to six
 coordinates must neither underflow nor overflow."""

@@ -4,7 +4,7 @@ An engine gets a `RigidBody` of radius 1, a `Table`, and states (n, 13): positio
 w, x, y, z, velocity (m/s) and spin (rad/s, about the principal axes). It returns the number of
 the rest for each, or -1 if the body did not come to rest in time. All chance is in `states`, so
 one seed gives one result. `require` raises `InputError` if the engine is not installed. A complete
-one: bullet_engine.py.
+one: mujoco_engine.py.
 """
 
 import numpy as np

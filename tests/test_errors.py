@@ -24,10 +24,10 @@ def test_errors_are_caught_by_their_standard_kind_too(name: str) -> None:
 
 
 def test_an_extra_that_is_missing_is_named_with_the_way_to_it() -> None:
-    fault = ImportError("No module named 'mujoco'")
-    error = missing_extra("throws", "engine mujoco", fault)
+    fault = ImportError("No module named 'igl'")
+    error = missing_extra("repair", "winding numbers", fault)
     assert isinstance(error, InputError)
-    for part in ("engine mujoco: ", str(fault), "pip install 'dicedesign[throws]'"):
+    for part in ("winding numbers: ", str(fault), "pip install 'dicedesign[repair]'"):
         assert part in str(error)
 
 

@@ -383,12 +383,11 @@ class ThrowArguments(WithJson, WithWorkers):
 
     Options:
     die (DIE): mesh, or folder written by `dicedesign run`
-    drops (N): number of throws (default: 10000; one per orientation of icosahedron)
+    drops (N): number of throws (default: 10000)
     engine (NAME): simulator from the list above (default: native)
     table (NAME|FILE.json): board-game, hard-wood, carpet (no momentum), paper (as in the paper) or
         a table file (default: board-game)
     hand (NAME): throw distribution: cup, hand or tower (default: the table's own)
-    orientations (KIND): at release: uniform or icosahedron (default: uniform; icosahedron on paper)
     size (MM): diameter of the die, twice its largest radius about the center of mass (default: the
         die's own size; 25 for a mesh)
     com (x,y,z|hull): center of mass, as in rest (default: the design's, or the uniform solid)
@@ -399,11 +398,10 @@ class ThrowArguments(WithJson, WithWorkers):
 
     die: Path
     _: KW_ONLY
-    drops: int | None = None
+    drops: int = 10_000
     engine: str = "native"
     table: str = "board-game"
     hand: str | None = None
-    orientations: str | None = None
     size: float | None = None
     com: str | None = None
     seed: int = 0

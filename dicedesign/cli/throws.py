@@ -26,15 +26,13 @@ from dicedesign.rest.outcomes import asymmetry, facet_of_rest
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.folder import read_result
 from dicedesign.runtime.arrays import exact_intervals
-from dicedesign.throws.distances import effective_counts, measure_transport, measure_variation
+from dicedesign.throws.distances import measure_variation
 from dicedesign.throws.goodness_of_fit import chi_square
 from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
-from dicedesign.throws.rigid_body import PAPER_DIRECTIONS, rigid_body
+from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.simulation import Throws, check_throws, simulate
 from dicedesign.throws.tables import load_table, mixture_tables, with_hand
-
-DROPS: Final = 10_000
 
 CONFIDENCE: Final = 0.95
 
@@ -52,11 +50,7 @@ def throw(options: ThrowArguments) -> int:
         model = momentum_model(name)
     except InputError as error:
         print_notes(f"without probabilities by the momentum model, as {error}")
-    orientations: Any = options.orientations or ("icosahedron" if name == "paper" else "uniform")
-    drops = options.drops
-    if drops is None:
-        drops = PAPER_DIRECTIONS if orientations == "icosahedron" else DROPS
-    check_throws(drops, options.seed, options.engine, orientations)
+    check_throws(options.drops, options.seed, options.engine)
     labels = None
     if os.path.isdir(options.die):
         mesh, poses, labels = _read_finished(options)
@@ -69,14 +63,13 @@ def throw(options: ThrowArguments) -> int:
     table, tables = table.for_size(size), tuple(one.for_size_above(size) for one in tables)
     started = time.perf_counter()
     momentum = None if model is None else momentum_probabilities(poses, body, model)
-    with workers_of(options, "drops", drops) as workers:
+    with workers_of(options, "drops", options.drops) as workers:
         throws = simulate(
             body,
             tables,
-            drops,
+            options.drops,
             options.seed,
             engine=options.engine,
-            orientations=orientations,
             workers=workers.executor,
             progress=workers.bar.update,
         )
@@ -92,7 +85,7 @@ def throw(options: ThrowArguments) -> int:
     }
     summary = _judge_throws(throws, poses, columns) | {"table": table.as_dict()}
     if options.json:
-        print_json(summary | {"orientations": orientations, "seconds": seconds})
+        print_json(summary | {"seconds": seconds})
     else:
         heading = (
             f"{printable(options.die)}: {throws.drops} drops on {table.name}, "
@@ -121,21 +114,18 @@ def _read_finished(options: ThrowArguments) -> tuple[Body, RestPoses, list[str |
 def _judge_throws(throws: Throws, poses: RestPoses, columns: dict[str, Any]) -> dict[str, Any]:
     """Answer as plain data; adds the intervals to the columns of rests.
 
-    Frequencies are relative to the drops that came to rest. Without any, they and the distances are
-    None.
+    Frequencies are relative to the drops that came to rest. Without any, they and the total
+    variation are None.
     """
-    landed = throws.outcomes >= 0
-    counts, probabilities = np.zeros(throws.rests), poses.probabilities
-    variation = transport = test = None
-    if landed.any():
-        counts = effective_counts(throws.outcomes[landed], throws.weights[landed], throws.rests)
+    counts, probabilities = throws.counts, poses.probabilities
+    variation = test = None
+    if counts.any():
         variation = asdict(measure_variation(counts, probabilities, CONFIDENCE))
-        transport = asdict(measure_transport(poses.normals, counts, probabilities, CONFIDENCE))
         if throws.rests > 1:
             test = asdict(chi_square(counts, probabilities))
     else:
         columns["frequency"] = [None] * throws.rests
-    columns["interval"] = exact_intervals(counts, float(counts.sum()), CONFIDENCE)
+    columns["interval"] = exact_intervals(counts, counts.sum(), CONFIDENCE)
     return {
         "drops": throws.drops,
         "unresolved": throws.unresolved,
@@ -143,7 +133,6 @@ def _judge_throws(throws: Throws, poses: RestPoses, columns: dict[str, Any]) -> 
         "seed": throws.seed,
         "rests": plain_rows(columns),
         "total_variation": variation,
-        "wasserstein": transport,
         "chi_square": test,
         "asymmetry": asymmetry(poses),
     }
@@ -168,17 +157,13 @@ def _describe(columns: dict[str, Any], summary: dict[str, Any]) -> list[str]:
     ]
     if summary["unresolved"]:
         lines.append(f"unresolved: {summary['unresolved']} drops ended on no facet in time")
-    for name, what in (
-        ("total_variation", "total variation from the probabilities without momentum"),
-        ("wasserstein", "Wasserstein distance from them, in radians,"),
-    ):
-        distance = summary[name]
-        if distance is not None:
-            low, high = distance["interval"]
-            lines.append(
-                f"{what} {distance['value']:.4f}, {level} interval {low:.4f} to {high:.4f}; noise "
-                f"floor {distance['noise_floor']:.4f}"
-            )
+    variation = summary["total_variation"]
+    if variation is not None:
+        low, high = variation["interval"]
+        lines.append(
+            f"total variation from the probabilities without momentum {variation['value']:.4f}, "
+            f"{level} interval {low:.4f} to {high:.4f}; noise floor {variation['noise_floor']:.4f}"
+        )
     test = summary["chi_square"]
     if test is not None:
         lines.append(

@@ -47,10 +47,7 @@ class Engine(Extension):
 ENGINES: Final = Registry(
     "engine",
     Engine,
-    builtin=(
-        "dicedesign.throws.engines:NATIVE",
-        "dicedesign.throws.mujoco_engine:MUJOCO",
-    ),
+    builtin=("dicedesign.throws.engines:NATIVE",),
     group="dicedesign.engines",
 )
 
@@ -88,7 +85,7 @@ of basins shallower than a thousandth of the radius need them."""
 
 MISSING: Final = (
     "engine native: expected the compiled kernels, but they were not built; install the package "
-    "where there is a C++ compiler, or take the engine mujoco"
+    "where there is a C++ compiler"
 )
 
 

@@ -13,7 +13,7 @@ from scipy.special import chdtr, chdtrc, chdtri, chndtr, chndtrinc, gammaln, xlo
 
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.throws.distances import (
-    MeasuredDistance,
+    MeasuredVariation,
     draw_counts,
     event_error,
     jeffreys_intervals,
@@ -259,7 +259,7 @@ class RollVerdict:
     posterior_intervals: Floats
     chi_square: ChiSquareTest
     exact: MultinomialTest | None
-    variation: MeasuredDistance
+    variation: MeasuredVariation
     to_reject: int | None
     to_confirm: int
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from functools import cache
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -160,74 +159,28 @@ def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
     return solid_inertia(body.points, solid[0])
 
 
-Orientations = Literal["uniform", "icosahedron"]
-"""Random, or the paper's: up directions at the vertices of a subdivided icosahedron."""
-
-ORIENTATIONS: Final[tuple[Orientations, ...]] = get_args(Orientations)
-
 UPSIDE_DOWN: Final = 1e-12
 """Distance of a direction's vertical part from -1 below which the shortest turn up is
 undetermined."""
-
-PAPER_DIRECTIONS: Final = 1212
-"""Vertices of the icosahedron whose edges are divided into `SUBDIVISIONS` parts: 10 times its
-square plus 2. Source: section 4.1."""
-
-SUBDIVISIONS: Final = 11
-
-
-@cache
-def up_directions() -> tuple[Floats, Floats]:
-    """The paper's up directions (1212, 3), unit vectors, and the areas (1212,) of their Voronoi
-    cells, with the sum 1."""
-    # Imported late: most throws need neither.
-    from scipy.spatial import ConvexHull, SphericalVoronoi
-
-    golden = (1.0 + np.sqrt(5.0)) / 2.0
-    corners = np.array([(0.0, a, b * golden) for a in (-1.0, 1.0) for b in (-1.0, 1.0)])
-    corners = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])
-    parts = np.arange(SUBDIVISIONS + 1)
-    i, j = (grid.ravel() for grid in np.meshgrid(parts, parts, indexing="ij"))
-    inside = i + j <= SUBDIVISIONS
-    weights = np.stack([i, j, SUBDIVISIONS - i - j], axis=1)[inside] / SUBDIVISIONS
-    points = (weights @ corners[ConvexHull(corners).simplices]).reshape(-1, 3)
-    points /= np.linalg.norm(points, axis=1)[:, None]
-    _, first = np.unique(points.round(9), axis=0, return_index=True)
-    directions = points[np.sort(first)]
-    areas = SphericalVoronoi(directions).calculate_areas()
-    return directions, areas / areas.sum()
-
-
-def drop_weights(drops: int, orientations: Orientations) -> Floats:
-    """Weights (n,) of drops, with mean 1: areas of the paper's directions, or equal."""
-    if orientations == "uniform":
-        return np.ones(drops)
-    return PAPER_DIRECTIONS * up_directions()[1][np.arange(drops) % PAPER_DIRECTIONS]
 
 
 def release_states(
     body: RigidBody,
     table: Table,
-    numbers: Integers,
-    orientations: Orientations,
+    count: int,
     rng: np.random.Generator,
     down: Floats | None = None,
 ) -> Floats:
     """Random states (n, 13) of a body at release: position (m), quaternion w, x, y, z from
     principal axes to the world, velocity (m/s), angular velocity about the principal axes (rad/s).
 
-    numbers: (n,) of the drops, which select the paper's directions. down: (3,) unit direction of
-    the body's frame that points down, or None; then, and with the paper's directions, the body is
-    turned about the vertical at random. Nothing is drawn for a height, speed or spin that is one
-    number.
+    count: n. down: (3,) or (n, 3) unit directions of the body's frame that point down, about which
+    it is turned at random; None for uniform orientations. Nothing is drawn for a height, speed or
+    spin that is one number.
     """
-    count = len(numbers)
     states = np.zeros((count, 13))
     turns = rng.normal(size=(count, 4))
     turns /= np.linalg.norm(turns, axis=1)[:, None]
-    if orientations == "icosahedron":
-        yaw = np.arctan2(turns[:, 1], turns[:, 0])
-        turns = _turn_up(up_directions()[0][numbers % PAPER_DIRECTIONS] @ body.axes, yaw)
     axes = rng.normal(size=(count, 3))
     spins = np.reshape(draw(table.spin, count, rng), (-1, 1))
     states[:, 10:13] = spins * axes / np.linalg.norm(axes, axis=1)[:, None]
@@ -235,7 +188,7 @@ def release_states(
     heights = draw(table.height, count, rng)
     if down is not None:
         yaw = rng.uniform(-np.pi, np.pi, count)
-        turns = _turn_up(np.tile(-down @ body.axes, (count, 1)), yaw)
+        turns = _turn_up(np.broadcast_to(-down @ body.axes, (count, 3)), yaw)
         # A second draw keeps throws identical to those of earlier versions for a seed.
         heights = draw(table.height, count, rng)
     states[:, 3:7] = turns

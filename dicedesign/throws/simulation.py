@@ -28,11 +28,7 @@ from dicedesign.throws.engines import ENGINES, advance, longest_throw, time_step
 from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import (
-    ORIENTATIONS,
-    PAPER_DIRECTIONS,
-    Orientations,
     RigidBody,
-    drop_weights,
     release_states,
     rigid_body,
     vertical,
@@ -54,7 +50,6 @@ class Throws:
     engine: name of the simulator; seed: of its random numbers.
     outcomes: (n,) final rest of each drop, in the order of `RestPoses`; -1 for drops that ended on
         no facet in time.
-    weights: (n,) weight of each drop, 1 on average.
     rests: number of rests of the body.
     """
 
@@ -62,7 +57,6 @@ class Throws:
     engine: str
     seed: int
     outcomes: Integers
-    weights: Floats
     rests: int
 
     @property
@@ -99,33 +93,18 @@ class Throws:
 
     @cached_property
     def frequencies(self) -> Floats:
-        """(k,) weighted frequencies of the rests among resolved drops; NaN if there are none."""
-        landed = self.outcomes >= 0
-        weights = self.weights[landed]
-        total = np.bincount(self.outcomes[landed], weights, minlength=self.rests)
+        """(k,) frequencies of the rests among resolved drops; NaN if there are none."""
         with np.errstate(invalid="ignore"):
-            frequencies: Floats = total / weights.sum()
+            frequencies: Floats = self.counts / self.counts.sum()
         return frequencies
 
 
-def check_throws(drops: int, seed: int, engine: str, orientations: str) -> None:
-    """Raise InputError for an invalid number of drops or seed, or an unknown engine or kind of
-    orientations."""
+def check_throws(drops: int, seed: int, engine: str) -> None:
+    """Raise InputError for an invalid number of drops or seed, or an unknown engine."""
     check_whole("drops", drops)
     check_whole("seed", seed, least=0, most=MOST_SEED)
     # Raises for an unknown engine.
     ENGINES[engine]
-    if orientations not in ORIENTATIONS:
-        raise InputError(
-            f"orientations: expected {', '.join(ORIENTATIONS)}, got {orientations!r}; take one of "
-            "them"
-        )
-    if orientations == "icosahedron" and drops % PAPER_DIRECTIONS != 0:
-        raise InputError(
-            f"drops: expected a multiple of {PAPER_DIRECTIONS} with orientations icosahedron, "
-            f"whose directions count only together, got {drops}; take "
-            f"{PAPER_DIRECTIONS * max(1, round(drops / PAPER_DIRECTIONS))}"
-        )
 
 
 def simulate(
@@ -135,7 +114,6 @@ def simulate(
     seed: int = 0,
     *,
     engine: str = "native",
-    orientations: Orientations = "uniform",
     workers: Executor | None = None,
     checkpoint: Checkpoint | None = None,
     progress: Callable[[int], object] = lambda _: None,
@@ -146,7 +124,6 @@ def simulate(
     ----------
     table: one table, or several, such as `mixture_tables`, onto which drops fall in turn.
     drops: number of throws, above 0. seed: determines the drops, for any number of workers.
-    orientations: distribution of orientations at release.
     workers: run tasks of `DROPS_PER_TASK` drops; None runs them in this thread. A task whose worker
         is lost runs again.
     checkpoint: finished tasks are read from it, new ones are added.
@@ -158,7 +135,7 @@ def simulate(
         throws have a speed or a spin.
     DiceError: workers are lost repeatedly, or the executor fails.
     """
-    check_throws(drops, seed, engine, orientations)
+    check_throws(drops, seed, engine)
     tables = (table,) if isinstance(table, Table) else tuple(table)
     for one in tables:
         if one.friction == 0.0 and max(most_of(one.speed), most_of(one.spin)) > 0.0:
@@ -167,30 +144,16 @@ def simulate(
                 "nothing would take from the die, got 0; raise it"
             )
     blocks = np.split(np.arange(drops), range(DROPS_PER_TASK, drops, DROPS_PER_TASK))
-    tasks = [
-        partial(throw_task, body, tables, numbers, seed, engine, orientations) for numbers in blocks
-    ]
-    series = body.digest(tables, drops, seed, engine, orientations)
+    tasks = [partial(throw_task, body, tables, numbers, seed, engine) for numbers in blocks]
+    series = body.digest(tables, drops, seed, engine)
     outcomes = (checkpoint or Checkpoint()).results(
         series, tasks, workers, lambda outcome: progress(len(outcome))
     )
-    return Throws(
-        tables,
-        engine,
-        seed,
-        np.concatenate(outcomes),
-        drop_weights(drops, orientations),
-        len(body.rest_heights),
-    )
+    return Throws(tables, engine, seed, np.concatenate(outcomes), len(body.rest_heights))
 
 
 def throw_task(
-    body: RigidBody,
-    tables: Sequence[Table],
-    numbers: Integers,
-    seed: int,
-    engine: str,
-    orientations: Orientations,
+    body: RigidBody, tables: Sequence[Table], numbers: Integers, seed: int, engine: str
 ) -> Integers:
     """Rests (n,) of drops with consecutive numbers (n,), from a multiple of `DROPS_PER_TASK` on; -1
     without a rest."""
@@ -199,7 +162,7 @@ def throw_task(
     for place, table in enumerate(tables):
         onto = numbers % len(tables) == place
         if onto.any():
-            states = release_states(body, table, numbers[onto], orientations, rng)
+            states = release_states(body, table, int(onto.sum()), rng)
             came[onto] = _rests_by(engine, body, table, states)
     return came
 
@@ -397,7 +360,7 @@ def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None
     """
     step, seconds = time_step(table), longest_throw(table)
     rng = np.random.default_rng(seed)
-    states = release_states(body, table, np.arange(CANDIDATES), "uniform", rng, down)
+    states = release_states(body, table, CANDIDATES, rng, down)
     _, steps = advance(body, table, states.copy(), round(seconds / step))
     state = states[[np.argsort(steps, kind="stable")[CANDIDATES // 2]]]
     # A whole number of steps in a frame.

@@ -51,7 +51,7 @@ def random_body(seed: int) -> tuple[RigidBody, RestPoses]:
 
 def sample_states(body: RigidBody, table: Table, drops: int, seed: int = 0) -> np.ndarray:
     """Release states (n, 13) of throws."""
-    return release_states(body, table, np.arange(drops), "uniform", np.random.default_rng(seed))
+    return release_states(body, table, drops, np.random.default_rng(seed))
 
 
 def turns_of(states: np.ndarray) -> np.ndarray:

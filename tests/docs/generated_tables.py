@@ -44,7 +44,6 @@ REGISTRIES = {
     "starting shapes": "dicedesign.optimize.starts.start:STARTS",
     "energy terms": "dicedesign.optimize.terms:TERMS",
     "preferences": "dicedesign.optimize.preferences:PREFERENCES",
-    "engines": "dicedesign.throws.engines:ENGINES",
     "printers": "dicedesign.fabricate.printers:PRINTERS",
     "stages": "dicedesign.recipe.pipeline:STAGES",
     "figures": "dicedesign.report.figures:FIGURES",

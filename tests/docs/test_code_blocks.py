@@ -9,7 +9,6 @@ import re
 import shlex
 import shutil
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -32,11 +31,7 @@ LONG = (
 SHORTER = {"design ": " --no-figures", "run ": " --no-figures", "throw ": " --drops 500"}
 """Options added to commands."""
 
-EXAMPLES = sorted(
-    path
-    for path in (ROOT / "examples").glob("*.py")
-    if path.name != "bullet_engine.py" or find_spec("pybullet") is not None
-)
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 TYPED = list(dict.fromkeys(line for page in PAGES for line in commands(page)))
 """All lines of all pages, each once."""
@@ -86,7 +81,7 @@ def test_commands_examples_and_code_run(tmp_path: Path) -> None:
     assert {name for name, text in printed.items() if not text} == set()
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_examples_import_public_modules(path: Path) -> None:
     modules = set(re.findall(r"^\s*(?:from|import) (dicedesign[\w.]*)", path.read_text(), re.M))
     names = ("compat", "energies", "extensions", "methods", "starts")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -121,14 +120,12 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-@pytest.mark.parametrize("writes", [4, 8])
-def test_a_killed_run_is_resumed_with_the_same_die(
-    recipe_path: Path, tmp_path: Path, writes: int
+def test_a_run_killed_in_its_verdict_is_resumed_with_the_same_die(
+    recipe_path: Path, tmp_path: Path
 ) -> None:
-    """Killed in a round, and in the verdict."""
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     run(recipe_path, whole)
-    kill_at_write(["run", str(recipe_path), "--out", str(parts)], writes)
+    kill_at_write(["run", str(recipe_path), "--out", str(parts)], 8)
     assert "checkpoint.npz" in contents(parts)
     assert "result.json" not in contents(parts)
     run(recipe_path, parts, resume=True)
@@ -179,16 +176,3 @@ def test_a_resumed_run_repeats_no_throws(
     assert after
     assert not set(before) & set(after)
     assert "checkpoint.npz" not in contents(folder)
-
-
-def test_progress_counts_throws_in_a_pipe(
-    recipe_path: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr("dicedesign.runtime.workers.PIPE_INTERVAL", 0.002)
-    assert main(["run", str(recipe_path), "--out", str(tmp_path / "out")]) == 0
-    shown = capsys.readouterr().err
-    assert re.search(r"^throws: +\d+% \d+/\d+ \[\d\d:\d\d<\d\d:\d\d, +\S+ throws/s\]$", shown, re.M)
-    assert re.search(r"^printing: \d\d:\d\d$", shown, re.M)

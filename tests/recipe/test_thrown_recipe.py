@@ -87,7 +87,7 @@ def test_a_die_off_target_on_the_table(
 ) -> None:
     again = tmp_path / "recipe.yaml"
     again.write_text(RECIPE.replace("within: 0.1", "within: 1e-9") + "engrave: false\n")
-    assert main(["run", str(again), "--out", str(tmp_path / "out")]) == 1
+    assert main(["run", str(again), "--out", str(tmp_path / "out"), "--no-figures"]) == 1
     out = capsys.readouterr().out
     assert "off_table: simulated throws are off by more than the tolerance" in out
     assert "Thrown 1,000 times, the die does not have your probabilities: off by a total" in out
@@ -102,7 +102,7 @@ def test_a_design_by_the_model_alone_has_no_simulation(
         "name: loaded\ntarget: {probabilities: [1/8, 1/8, 1/4, 1/4, 1/4]}\nsymmetry: C2v\n"
         "method: {exact: {probabilities: thrown}}\nengrave: false\n"
     )
-    assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 0
+    assert main(["run", str(recipe), "--out", str(tmp_path / "out"), "--no-figures"]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert "simulated" not in result["thrown"]
     np.testing.assert_allclose(result["thrown"]["momentum"], result["target"], atol=1e-6)
@@ -118,7 +118,7 @@ def test_a_throw_distribution_with_a_table(
         "name: held\ntarget: {fair: 3}\nstart: {prism: {}}\nsymmetry: D3h\nengrave: false\n"
         "method: {exact: {probabilities: thrown, hand: cup, refine: {drops: 200, rounds: 1, "
         "verdict: 300, "
-        "within: 0.2}}}\n"
+        "within: 0.2}}}\nfigures: false\n"
     )
     assert main(["run", str(recipe), "--out", str(tmp_path / "out")]) == 0
     result = json.loads((tmp_path / "out" / "result.json").read_text())

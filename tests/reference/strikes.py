@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.rest.poses import rest_poses
-from dicedesign.throws import mujoco_engine
 from dicedesign.throws.engines import advance, time_step
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.tables import GRAVITY, Table
+from examples import mujoco_engine
 from tests.reference.impacts import response_of
 
 STRUCK = Table("struck", restitution=0.5, friction=0.5, height=0.5, speed=8.0, spin=0.0)
@@ -116,7 +116,7 @@ def strike_in_mujoco(strike: Strike) -> np.ndarray:
         sliding_damping=faster * usual.sliding_damping,
         step=usual.step / faster / FINER,
     )
-    scene = mujoco_engine._scene(strike.body, strike.table, contact)
+    scene = mujoco_engine.scene_of(strike.body, strike.table, contact)
     model = mujoco.MjModel.from_xml_string(scene)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = strike.state[:7], strike.state[7:]

@@ -41,7 +41,7 @@ THROWN = TableResult(
     (0.16, 0.16, 0.16, 0.16, 0.16, 0.2),
     (),
     SimulatedThrows(
-        "mujoco",
+        "native",
         1,
         100_100,
         60,
@@ -127,7 +127,7 @@ def test_a_die_to_be_thrown() -> None:
         "bounces off with 50 % of its speed; the coefficient of friction is 0.3",
         "31.7 mm across",
         'This is the table "my <table>": guessed.',
-        "In 100,100 throws that the design had not seen, simulated by MuJoCo, the outcomes'",
+        "In 100,100 throws that the design had not seen, simulated by the package's own engine,",
         "total variation of 0.0050",
         "a perfect die would show 0.0011",
         "off by 0.0023 to 0.0077",

@@ -6,28 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common.kernels import compiled_only
+from common.kernels import compiled_only, without_kernels
 from common.thrown import (
     BOARD,
-    OCTAHEDRON,
     box,
     fits,
     random_body,
     random_points,
     rigid_body_with_rests,
     sample_states,
-    turn_down,
     turns_of,
 )
 
 from dicedesign.errors import InputError
-from dicedesign.kernels import ops as kernels
 from dicedesign.throws.engines import advance, longest_throw, throw_states, time_step
-from dicedesign.throws.rigid_body import release_states
 from dicedesign.throws.simulation import simulate
-from dicedesign.throws.tables import GRAVITY, Table, load_table, mixture_tables
+from dicedesign.throws.tables import GRAVITY, load_table, mixture_tables
 
 WOOD = load_table("hard-wood")
+
+SLIPPERY = 9
+"""Place of a table in the mixture of board-game."""
 
 
 @compiled_only
@@ -35,26 +34,25 @@ def test_energy_and_angular_momentum_in_flight() -> None:
     body, _ = rigid_body_with_rests(random_points(2))
     before = sample_states(body, WOOD, 20)
     before[:, 2] = 1000.0
-    after, step = before.copy(), time_step(WOOD)
-    steps = round(0.3 / step)
-    seconds = steps * step
+    after, steps = before.copy(), 280
+    seconds = steps * time_step(WOOD)
     rests, taken = advance(body, WOOD, after, steps)
     assert (rests == -1).all()
     assert (taken == steps).all()
     fallen = before[:, 9] * seconds - 0.5 * GRAVITY * seconds**2
     np.testing.assert_allclose(after[:, 2] - before[:, 2], fallen, rtol=1e-9)
     np.testing.assert_allclose(after[:, 7:9], before[:, 7:9])
-    first, last = (
+    momenta = [
         np.einsum("nij,nj->ni", turns_of(state), state[:, 10:] * body.moments)
         for state in (before, after)
-    )
-    np.testing.assert_allclose(last, first, atol=1e-9 * WOOD.spin)
-    first, last = (state[:, 10:] ** 2 @ body.moments for state in (before, after))
-    np.testing.assert_allclose(last, first, rtol=1e-9)
+    ]
+    np.testing.assert_allclose(*momenta, atol=1e-9 * WOOD.spin)
+    energies = [state[:, 10:] ** 2 @ body.moments for state in (before, after)]
+    np.testing.assert_allclose(*energies, rtol=1e-9)
 
 
 @compiled_only
-@pytest.mark.parametrize(("entry", "number"), [(2, np.inf), (3, np.nan), (9, np.nan), (12, np.inf)])
+@pytest.mark.parametrize(("entry", "number"), [(2, np.inf), (9, np.nan)])
 def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
     body, _ = random_body(1)
     states = sample_states(body, BOARD, 3)
@@ -65,38 +63,33 @@ def test_a_motion_that_is_not_finite_ends(entry: int, number: float) -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8])
-def test_a_ball_bounces(restitution: float) -> None:
-    """An octahedron that falls onto a vertex rises to the squared restitution times the height."""
-    body, _ = rigid_body_with_rests(OCTAHEDRON)
-    table = replace(BOARD, restitution=restitution, speed=0.0, spin=0.0)
-    state = sample_states(body, table, 1)
-    state[0, 3:7] = turn_down(body.vertices[0])
-    radius = table.size / 2.0
-    state[0, 2] = table.height + radius
-    fall = np.sqrt(2.0 * table.height / GRAVITY)
-    before = round(0.99 * fall / time_step(table))
-    advance(body, table, state, before)
-    assert state[0, 9] < 0.0
-    while state[0, 9] < 0.0:
-        advance(body, table, state, 1)
-    top = state[0, 2] - radius + state[0, 9] ** 2 / 2.0 / GRAVITY
-    assert np.sqrt(top / table.height) == pytest.approx(restitution, abs=1e-3)
+def test_certain_rests_are_reached() -> None:
+    """Throws that continue after their rest is certain end at no other rest."""
+    body, _ = random_body(4)
+    states = sample_states(body, WOOD, 100)
+    rests, _ = advance(body, WOOD, states, 100_000)
+    assert (rests >= 0).all()
+    for _ in range(100):
+        again, _ = advance(body, WOOD, states, 16)
+        assert ((again == rests) | (again == -1)).all()
+    np.testing.assert_array_equal(again, rests)
 
 
 @compiled_only
-@pytest.mark.parametrize("table", [BOARD, WOOD])
-def test_certain_rests_are_reached(table: Table) -> None:
-    """Throws that continue after their rest is certain end at no other rest."""
-    for seed in (1, 4):
-        body, _ = random_body(seed)
-        states = sample_states(body, table, 80)
-        rests, _ = advance(body, table, states, 100_000)
-        assert (rests >= 0).all()
-        for _ in range(100):
-            again, _ = advance(body, table, states, 16)
-            assert ((again == rests) | (again == -1)).all()
-        np.testing.assert_array_equal(again, rests)
+def test_throws_that_end_in_a_slide_end_as_they_would_later() -> None:
+    """On a slippery table; without the early end they stop on the same rests."""
+    table, saved = mixture_tables("board-game")[SLIPPERY], 0
+    for number in range(4):
+        body, _ = random_body(number)
+        states = sample_states(body, table, 60, number)
+        # No edge is far enough from the foot to let it slide.
+        patient = replace(body, flat=body.flat * [1.0, -1.0, 1.0])
+        steps = round(longest_throw(table) / time_step(table))
+        early, taken = advance(body, table, states.copy(), steps)
+        late, all_steps = advance(patient, table, states.copy(), steps)
+        np.testing.assert_array_equal(early, late)
+        saved += int(all_steps.sum() - taken.sum())
+    assert saved > 0
 
 
 @compiled_only
@@ -113,39 +106,18 @@ def test_a_box_has_the_probabilities_of_its_symmetry() -> None:
     assert pairs[0].sum() / 3000 > poses.probabilities[:2].sum()
 
 
-def test_without_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "compiled", None)
+@without_kernels()
+def test_without_the_kernels() -> None:
     body, _ = random_body(1)
-    with pytest.raises(InputError, match=r"engine native: expected the compiled kernels, .*mujoco"):
+    with pytest.raises(InputError, match=r"engine native: expected the compiled .* C\+\+ compiler"):
         throw_states(body, BOARD, sample_states(body, BOARD, 1))
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95])
+@pytest.mark.parametrize("restitution", [0.0, 0.95])
 def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
     table = replace(BOARD, height=30.0, restitution=restitution)
     speed = np.sqrt(2.0 * GRAVITY * 30.0)
-    bounces = 2.0 * speed * restitution ** np.arange(1, 1000) / GRAVITY
-    ball = speed / GRAVITY + bounces.sum()
+    ball = speed / GRAVITY * (1.0 + 2.0 * (restitution ** np.arange(1, 1000)).sum())
     set_down = longest_throw(replace(table, height=0.0))
     assert longest_throw(table) == pytest.approx(ball + set_down, rel=1e-12)
     assert 14.0 < set_down < 15.0
-
-
-@compiled_only
-@pytest.mark.parametrize("place", [6, 9, 10, 13])
-def test_throws_that_end_in_a_slide_end_as_they_would_later(place: int) -> None:
-    """On slippery tables and with fast spins; without the early end they stop on the same rests."""
-    table, saved = mixture_tables("board-game")[place], 0
-    for number in range(4):
-        body, _ = random_body(number)
-        states = release_states(
-            body, table, np.arange(100), "uniform", np.random.default_rng([number, place])
-        )
-        # No edge is far enough from the foot to let it slide.
-        patient = replace(body, flat=body.flat * [1.0, -1.0, 1.0])
-        steps = round(longest_throw(table) / time_step(table))
-        early, taken = advance(body, table, states.copy(), steps)
-        late, all_steps = advance(patient, table, states.copy(), steps)
-        np.testing.assert_array_equal(early, late)
-        saved += int(all_steps.sum() - taken.sum())
-    assert saved > 0

@@ -1,4 +1,4 @@
-"""Intervals and distances, against SciPy, enumeration, another library and sampling."""
+"""Intervals and total variation, against SciPy, enumeration and sampling."""
 
 from __future__ import annotations
 
@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.runtime.arrays import exact_intervals
 from dicedesign.throws import distances as module
 from dicedesign.throws.distances import (
     jeffreys_intervals,
     jeffreys_means,
-    measure_transport,
     measure_variation,
     noise_floor,
     total_variation,
-    wasserstein_distance,
 )
 
 
@@ -46,14 +43,10 @@ def test_total_variation_is_the_largest_difference_of_any_event() -> None:
     p, q = rng.dirichlet(np.ones(6)), rng.dirichlet(np.ones(6))
     events = np.array(list(product([0.0, 1.0], repeat=6)))
     assert total_variation(p, q) == pytest.approx((events @ (p - q)).max(), abs=1e-15)
-    assert total_variation(p, p) == 0.0
-    assert total_variation([1, 0], [0, 1]) == 1.0
 
 
-@pytest.mark.parametrize("throws", [1, 7, 100])
-@pytest.mark.parametrize(
-    "probabilities", [TWO_DICE, np.array([0.5, 0.5]), np.array([0.999, 0.001])]
-)
+@pytest.mark.parametrize("throws", [1, 100])
+@pytest.mark.parametrize("probabilities", [TWO_DICE, np.array([0.999, 0.001])])
 def test_the_noise_floor_is_the_mean_over_all_counts(
     probabilities: np.ndarray, throws: int
 ) -> None:
@@ -64,13 +57,12 @@ def test_the_noise_floor_is_the_mean_over_all_counts(
     assert noise_floor(probabilities, throws) == pytest.approx(deviations.sum() / 2, rel=1e-12)
 
 
-@pytest.mark.parametrize("throws", [60, 2_000])
 @pytest.mark.parametrize(
-    ("probabilities", "truth"),
+    ("probabilities", "truth", "throws"),
     [
-        pytest.param(TWO_DICE, TWO_DICE, id="as given"),
-        pytest.param(np.full(4, 0.25), np.array([0.4, 0.1, 0.25, 0.25]), id="two labels off"),
-        pytest.param(np.array([0.98, 0.02]), np.array([0.9, 0.1]), id="rare outcome"),
+        pytest.param(TWO_DICE, TWO_DICE, 60, id="as given"),
+        pytest.param(np.full(4, 0.25), np.array([0.4, 0.1, 0.25, 0.25]), 2000, id="two labels off"),
+        pytest.param(np.array([0.98, 0.02]), np.array([0.9, 0.1]), 60, id="rare outcome"),
     ],
 )
 def test_the_interval_covers(
@@ -83,42 +75,9 @@ def test_the_interval_covers(
     measured = [measure_variation(counts, probabilities, 0.95) for counts in drawn]
     covered = [m.interval[0] <= expected <= m.interval[1] for m in measured]
     assert np.mean(covered) >= 0.93
+    # An interval of all values would cover, too.
+    widths = [high - low for low, high in (m.interval for m in measured)]
+    assert np.mean(widths) < 4.0 / np.sqrt(throws)
     if probabilities is truth:
         values = [m.value for m in measured]
         assert np.mean(values) == pytest.approx(measured[0].noise_floor, rel=0.08)
-
-
-X, Y, _ = np.eye(3)
-
-
-def distribution(seed: int, count: int, spread: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Random directions and weights; a small spread makes most weights tiny."""
-    rng = np.random.default_rng(seed)
-    weights = np.maximum(rng.dirichlet(np.full(count, spread)), 10 ** rng.uniform(-14, -5, count))
-    return unit_vectors(rng.normal(size=(count, 3))), weights / weights.sum()
-
-
-@pytest.mark.parametrize("spread", [1.0, 0.03])
-@pytest.mark.parametrize("count", [2, 11, 60])
-def test_against_another_library(count: int, spread: float) -> None:
-    ot = pytest.importorskip("ot")
-    for seed in range(5):
-        (a, p), (b, q) = distribution(seed, count, spread), distribution(99 + seed, count + 3)
-        expected = ot.emd2(p, q, angle_between(a[:, None], b))
-        assert wasserstein_distance(a, p, b, q) == pytest.approx(expected, abs=1e-8)
-        # Both at the same rests.
-        other = distribution(seed + 50, count, spread)[1]
-        expected = ot.emd2(p, other, angle_between(a[:, None], a))
-        assert wasserstein_distance(a, p, a, other) == pytest.approx(expected, abs=1e-8)
-
-
-def test_distance_between_two_rests_is_their_angle_times_the_total_variation() -> None:
-    measured = measure_transport([X, Y], [60, 40], [0.5, 0.5], 0.95)
-    assert measured.value == pytest.approx(0.1 * np.pi / 2)
-    # The mean of 200 draws, within four standard errors.
-    expected = noise_floor([0.5, 0.5], 100) * np.pi / 2
-    assert measured.noise_floor == pytest.approx(expected, rel=4 * 0.76 / np.sqrt(200))
-    low, high = measured.interval
-    assert 0.0 <= low < measured.value < high
-    # 1.96 standard errors of the frequency to either side.
-    assert high - measured.value == pytest.approx(1.96 * 0.049 * np.pi / 2, rel=0.15)

@@ -1,8 +1,9 @@
-"""Throws in MuJoCo, with the criterion of rest of the package's own engine.
+"""Add the simulator of another library as an engine: throws in MuJoCo.
 
-MuJoCo's contacts are soft. Stiffness and damping are chosen for a table's restitution in a bounce
-without slip. With slip its cone of friction couples the directions, so that restitution and
-friction are other ones: `python -m benchmarks thrown --part contacts` prints by how much.
+It needs `pip install mujoco`. MuJoCo's contacts are soft. Stiffness and damping are chosen for a
+table's restitution in a bounce without slip. With slip its cone of friction couples the directions,
+so that restitution and friction are other ones: `python -m benchmarks thrown --part contacts`
+prints by how much. A throw ends as soon as its energy is below every saddle around its basin.
 """
 
 from __future__ import annotations
@@ -10,19 +11,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import missing_extra
-from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.engines import Engine, longest_throw
-from dicedesign.throws.rigid_body import RigidBody, vertical
-from dicedesign.throws.tables import GRAVITY, most_of
-
-if TYPE_CHECKING:
-    from dicedesign.throws.tables import Table
-
+import dicedesign as dd
+from dicedesign.extensions import ENGINES, GRAVITY, Engine, RigidBody, longest_throw
 
 DEEPEST: Final = 0.05
 """Largest depth of a vertex below the table in the fastest impact of a throw, relative to the die's
@@ -31,11 +27,19 @@ radius."""
 STEPS_PER_CONTACT: Final = 8
 """Number of time steps of one bounce."""
 
+STEPS_PER_CHECK: Final = 32
+"""Number of time steps after which the energy is compared with the saddles."""
+
+STEPS_IN_FLIGHT: Final = 4
+"""Time steps that replace `STEPS_PER_CHECK` while a die cannot touch the table. At the fastest spin
+of a throw's energy, each Runge-Kutta step turns the die by 0.2 rad, and the energy of the spin
+changes by less than 1e-5 in a second."""
+
 IMPEDANCE: Final = 0.99
 """Share of the requested contact acceleration that MuJoCo's soft contacts realize; 1 has no unique
 solution."""
 
-LARGEST_RATIO: Final = 100.0
+MAX_DAMPING_RATIO: Final = 100.0
 """Damping ratio for a restitution of 0."""
 
 
@@ -57,10 +61,11 @@ class Contact:
     step: float
 
 
-def contact_of(table: Table) -> Contact:
+def contact_of(table: dd.Table) -> Contact:
     """Contact parameters of a table: stiff enough for its fastest throw."""
     radius = table.size / 2.0
-    height, speed, spin = (most_of(value) for value in (table.height, table.speed, table.spin))
+    # Each may be a range.
+    height, speed, spin = (float(np.max(x)) for x in (table.height, table.speed, table.spin))
     fastest = math.sqrt(2.0 * GRAVITY * (height + 2.0 * radius) + speed**2 + (spin * radius) ** 2)
     frequency = fastest / (DEEPEST * radius)
     step = math.pi / frequency / STEPS_PER_CONTACT
@@ -75,6 +80,12 @@ def contact_of(table: Table) -> Contact:
     )
 
 
+def damping_ratio(restitution: float) -> float:
+    """Damping ratio of a spring and damper for a restitution in [0, 1)."""
+    target = max(restitution, restitution_of(MAX_DAMPING_RATIO))
+    return float(brentq(lambda z: restitution_of(z) - target, 0.0, MAX_DAMPING_RATIO, xtol=1e-14))
+
+
 def restitution_of(ratio: float) -> float:
     """Ratio of speeds after and before a bounce off a spring and damper with a damping ratio of at
     least 0, which the body leaves as soon as they would pull."""
@@ -85,17 +96,7 @@ def restitution_of(ratio: float) -> float:
     return math.exp(-ratio / root * angle)
 
 
-def damping_ratio(restitution: float) -> float:
-    """Damping ratio for a restitution in [0, 1)."""
-    # Imported late: a list of engines does not need it.
-    from scipy.optimize import brentq
-
-    wanted = max(restitution, restitution_of(LARGEST_RATIO))
-    ratio: float = brentq(lambda z: restitution_of(z) - wanted, 0.0, LARGEST_RATIO, xtol=1e-14)
-    return ratio
-
-
-def rest_below(body: RigidBody, down: Floats) -> int:
+def rest_below(body: RigidBody, down: np.ndarray) -> int:
     """Rest in whose basin a direction is; -1 if rounding hides the path to it.
 
     down: (3,) unit vector that points down, in the frame of the principal axes. The path without
@@ -128,7 +129,7 @@ def rest_below(body: RigidBody, down: Floats) -> int:
     return -1
 
 
-def final_rest(body: RigidBody, down: Floats, energy: float) -> int:
+def final_rest(body: RigidBody, down: np.ndarray, energy: float) -> int:
     """Certain rest of a moving body, or -1: it cannot leave a basin if its energy is below every
     saddle on the border.
 
@@ -141,14 +142,7 @@ def final_rest(body: RigidBody, down: Floats, energy: float) -> int:
     return rest if rest >= 0 and energy < body.barriers[rest] else -1
 
 
-STEPS_PER_CHECK: Final = 32
-
-STEPS_IN_FLIGHT: Final = 4
-"""Time steps that replace `STEPS_PER_CHECK` while a die cannot touch the table. At the fastest spin
-of a throw's energy, each Runge-Kutta step turns the die by 0.2 rad, and the energy of the spin
-changes by less than 1e-5 in a second."""
-
-_SCENE: Final = """<mujoco>
+SCENE: Final = """<mujoco>
 <compiler boundmass="0" boundinertia="0" inertiafromgeom="false"/>
 <option timestep="{step}" gravity="0 0 {gravity}" cone="elliptic" tolerance="1e-12"
  integrator="{integrator}"/>
@@ -164,24 +158,50 @@ principal frame of its hull: it turns it back within the body. Negative numbers 
 stiffness and damping of the contact."""
 
 
+def scene_of(body: RigidBody, table: dd.Table, contact: Contact) -> str:
+    """MuJoCo scene of a body on a table."""
+    scale = table.size / 2.0
+    return SCENE.format(
+        step=contact.step,
+        # Euler's steps handle drag best, but change the energy of a fast spin.
+        integrator="Euler" if table.drag > 0.0 else "RK4",
+        gravity=-GRAVITY,
+        vertices=_format_numbers((body.vertices * scale).ravel()),
+        moments=_format_numbers(body.moments * scale**2),
+        rows=3 if table.friction > 0.0 else 1,
+        friction=table.friction,
+        stiffness=-contact.stiffness,
+        damping=-contact.damping,
+        sliding=-contact.sliding_damping,
+        impedance=IMPEDANCE,
+    )
+
+
+def _format_numbers(numbers: np.ndarray) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
 def require() -> ModuleType:
     """Module of MuJoCo. Raises InputError if it is not installed."""
     try:
         import mujoco
     except ImportError as error:
-        raise missing_extra("throws", "engine mujoco", error) from error
+        raise dd.InputError(
+            f"engine mujoco: expected MuJoCo, but {error}; pip install mujoco"
+        ) from error
     module: ModuleType = mujoco
     return module
 
 
-def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
-    """Final rests (n,) of throws released in states (n, 13); -1 without a rest in time.
+def throw_states(body: RigidBody, table: dd.Table, states: np.ndarray) -> np.ndarray:
+    """Final rests (n,) of throws released in states (n, 13), see add_engine.py; -1 without a rest
+    in time.
 
     Raises InputError if MuJoCo is not installed.
     """
     mujoco = require()
     contact = contact_of(table)
-    model = mujoco.MjModel.from_xml_string(_scene(body, table, contact))
+    model = mujoco.MjModel.from_xml_string(scene_of(body, table, contact))
     # Drag of the spin alone: drag of the fall would only delay the rest.
     scale = table.size / 2.0
     model.dof_damping[3:6] = table.drag * scale**2 * body.moments.mean()
@@ -200,7 +220,7 @@ def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
             moving = velocity @ velocity + spin**2 @ body.moments
             least = data.qpos[2] + 0.5 * moving / GRAVITY
             if least < scale * body.barriers.max():
-                up = vertical(data.qpos[3:])
+                up = Rotation.from_quat(data.qpos[3:], scalar_first=True).inv().apply([0, 0, 1])
                 depths = np.minimum(data.qpos[2] + scale * (body.vertices @ up), 0.0)
                 stored = 0.5 * contact.stiffness * float(depths @ depths) / GRAVITY
                 outcome[i] = final_rest(body, -up, (least + stored) / scale)
@@ -209,32 +229,21 @@ def throw_states(body: RigidBody, table: Table, states: Floats) -> Integers:
     return outcome
 
 
-def _scene(body: RigidBody, table: Table, contact: Contact) -> str:
-    scale = table.size / 2.0
-    return _SCENE.format(
-        step=contact.step,
-        # Euler's steps handle drag best, but change the energy of a fast spin.
-        integrator="Euler" if table.drag > 0.0 else "RK4",
-        gravity=-GRAVITY,
-        vertices=_format_numbers((body.vertices * scale).ravel()),
-        moments=_format_numbers(body.moments * scale**2),
-        rows=3 if table.friction > 0.0 else 1,
-        friction=table.friction,
-        stiffness=-contact.stiffness,
-        damping=-contact.damping,
-        sliding=-contact.sliding_damping,
-        impedance=IMPEDANCE,
-    )
-
-
-def _format_numbers(numbers: Floats) -> str:
-    return " ".join(repr(float(x)) for x in numbers)
-
-
 MUJOCO: Final = Engine(
     name="mujoco",
-    line="MuJoCo, which needs the extra 'throws'",
+    line="MuJoCo",
     title="MuJoCo",
     require=require,
     throw_states=throw_states,
 )
+
+if __name__ == "__main__":
+    ENGINES.register(MUJOCO)
+    corners = np.array([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.15) for z in (0.0, 1.3)])
+    body = dd.rigid_body(corners)
+    for engine in ENGINES:
+        try:
+            throws = dd.simulate(body, dd.load_table("board-game"), drops=200, engine=engine.name)
+            print(f"{engine.name:7}", throws.frequencies.round(3))
+        except dd.InputError as error:
+            print(error)
