@@ -72,7 +72,7 @@ class GridValues:
         """function: maps places (n, 3) to values (n,); low, high: (3,) corners of a box; spacing:
         of the grid, positive."""
         self._grid = (*low.tolist(), *high.tolist()), spacing
-        nodes: list[tuple[float, float, float]] = []
+        nodes: list[tuple[float, ...]] = []
 
         def record(*place: float) -> float:
             nodes.append(place)
