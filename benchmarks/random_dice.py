@@ -22,7 +22,6 @@ from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.solvers.exact import solve_exact
 from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.starts.shapes import spread_directions
-from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
@@ -210,9 +209,7 @@ def _design_die(
     if not rests[0] <= len(target) <= rests[1]:
         return None
     seed = int(rng.integers(2**31))
-    shapes = (
-        shapes_near(target, seed) if group is None else symmetric_shapes_near(target, group, seed)
-    )
+    shapes = shapes_near(target, seed, group=group)
     # Far finer than thousands of throws tell.
     options = ExactOptions(tolerance=1e-6, starts=4)
     result = solve_exact(islice(shapes, 12), target, options, group=group)

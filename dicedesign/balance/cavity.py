@@ -18,18 +18,13 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.sphere import even_directions, norms
-from dicedesign.geometry.surfaces.grid_surface import (
-    DepthGrid,
-    depth_grid,
-    surface_nets,
-    without_double_cuts,
-)
+from dicedesign.geometry.surfaces.grid_surface import GridValues, depths_inside
 from dicedesign.geometry.triangles import Surface, join_surfaces, surface_of
 from dicedesign.results.parts import Cavities
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
-STEPS: Final = 48
-"""Grid cells along the longest extent."""
+STEPS: Final = 40
+"""Grid steps along the longest extent."""
 
 LEAST_PART: Final = 0.01
 """Volume of a part of the cavity, relative to the largest part, below which it stays solid."""
@@ -167,7 +162,7 @@ def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
     surface, measured between triangles. Raises InputError if there is none.
     """
     outside = _outside(surface, wall)
-    grid, depth = depth_grid(surface, STEPS), wall
+    grid, depth = _sample_depths(surface, STEPS), wall
     for _ in range(MAX_TRIES):
         room = _deeper(grid, depth)
         if room is None:
@@ -178,7 +173,7 @@ def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
         depth += DEEPER * (wall - least) + DEEPER_BY_WALL * wall
     raise InputError(
         f"hollow: expected room for a cavity in walls of {wall:g}, got none in a body with a "
-        f"largest depth of {grid.depths.max():.3g}; reduce wall_mm, or leave hollow out"
+        f"largest depth of {grid.values.max():.3g}; reduce wall_mm, or leave hollow out"
     )
 
 
@@ -197,31 +192,28 @@ def _outside(surface: Surface, margin: float) -> Manifold:
     return Manifold.cube(tuple(size)).translate(tuple(lower)) - body
 
 
-def _deeper(grid: DepthGrid, depth: float) -> Manifold | None:
-    """Part of a solid deeper than a distance; None if there is none."""
-    values = grid.depths - depth
-    # Cells where two sheets would meet are not part of the cavity.
-    inside = ~without_double_cuts(-values)
-    if not inside.any():
+def _sample_depths(surface: Surface, steps: int) -> GridValues:
+    """Depths inside a solid on a grid with a number of steps along its longest extent."""
+    low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+    spacing = float((high - low).max()) / steps
+    return GridValues(
+        lambda places: depths_inside(surface, places), low - spacing, high + spacing, spacing
+    )
+
+
+def _deeper(grid: GridValues, depth: float) -> Manifold | None:
+    """Part of a solid deeper than a distance, without small parts; None if there is none."""
+    surface = grid.above(depth)
+    if len(surface.triangles) == 0:
         return None
-    least = np.finfo(np.float64).eps * grid.spacing
-
-    def crossing(nodes: Integers, ahead: Integers) -> Floats:
-        one, other = values[tuple(nodes.T)], values[tuple(ahead.T)]
-        leaves = inside[tuple(nodes.T)]
-        inner = np.where(leaves, one, other).clip(least)
-        outer = np.where(leaves, other, one).clip(max=0.0)
-        part = np.where(leaves, inner, -outer) / (inner - outer)
-        return grid.places(nodes + part[:, None] * (ahead - nodes))
-
-    parts = solid(Surface(*surface_nets(inside, crossing))).decompose()
+    parts = solid(surface).decompose()
     most = max(part.volume() for part in parts)
     large_parts = [part for part in parts if part.volume() >= LEAST_PART * most]
     return Manifold.batch_boolean(large_parts, OpType.Add)
 
 
-REACH_STEPS: Final = 28
-"""Grid cells along the longest extent."""
+REACH_STEPS: Final = 24
+"""Grid steps along the longest extent."""
 
 DIRECTIONS: Final = 60
 """Number of directions in which the farthest shift is computed."""
@@ -243,12 +235,12 @@ def reach(
 
     Raises InputError if the walls leave no room, or only a thin one.
     """
-    grid = depth_grid(surface, REACH_STEPS)
-    near = np.isfinite(grid.depths)
-    depths, nodes = grid.depths[near], grid.places(np.argwhere(near))
-    # Shares of the cubes about the nodes that are in the solid, and deeper than the wall; 0 for
-    # cubes whose centers are not, so that thin solids have none.
-    filled, deep = (np.clip((depths - least) / grid.spacing + 0.5, 0.0, 1.0) for least in (0, wall))
+    grid = _sample_depths(surface, REACH_STEPS)
+    near = grid.values > -grid.cell
+    depths, nodes = grid.values[near], grid.nodes[near]
+    # Shares of the cells about the nodes that are in the solid, and deeper than the wall; 0 for
+    # cells whose centers are not, so that thin solids have none.
+    filled, deep = (np.clip((depths - least) / grid.cell + 0.5, 0.0, 1.0) for least in (0, wall))
     deep[depths <= wall] = 0.0
     away = nodes - filled @ nodes / filled.sum()
     # Deep parts have the largest density, except for those behind the center of mass.

@@ -91,8 +91,7 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
     corners = surface.points[surface.triangles[which]]
     places = (weights[:, :, None] * corners).sum(axis=1)
     normals = vectors[which] / areas[which, None]
-    triangles, weights = closest_points(cavity, places)
-    feet = (weights[:, :, None] * cavity.points[cavity.triangles[triangles]]).sum(axis=1)
+    _, feet = closest_points(cavity, places)
     inward, lengths = unit_vectors(feet - places), norms(feet - places)
     hull = convex_hull(surface.points, single_precision=True)
     apart = norms(places[:, None] - hull.vertices[None]).min(axis=1)

@@ -316,7 +316,7 @@ class RepairArguments(Command):
     help_text = """Repair a mesh into the closed surface of one solid.
 
     A mesh that is open, non-manifold, in several pieces or self-intersecting becomes the surface of
-    the largest solid that it encloses. A sound mesh is written unchanged. Needs the extra 'repair'.
+    the largest solid that it encloses. A sound mesh is written unchanged.
 
     Options:
     mesh (IN): STL, OBJ, PLY, OFF, GLB, ...

@@ -199,9 +199,16 @@ class ClosestPointEnergy:
     @classmethod
     def of(cls, surface: Surface, corners: Floats) -> ClosestPointEnergy:
         """Energy with the closest points of a surface."""
-        triangles, weights = closest_points(surface, corners)
+        chosen, feet = closest_points(surface, corners)
+        triangles = surface.triangles[chosen]
+        starts, ends = surface.points[triangles[:, :1]], surface.points[triangles[:, 1:]]
+        # The least ones where a triangle has no area.
+        shares = (
+            np.linalg.pinv((ends - starts).transpose(0, 2, 1)) @ (feet - starts[:, 0])[..., None]
+        )
+        weights = np.concatenate([1.0 - shares.sum(axis=1), shares[..., 0]], axis=1)
         rows = np.repeat(np.arange(len(corners)), 3)
-        columns = surface.triangles[triangles].ravel()
+        columns = triangles.ravel()
         shape = (len(corners), len(surface.points))
         return cls(corners, csr_array((weights.ravel(), (rows, columns)), shape=shape))
 

@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
-from dicedesign.geometry.surfaces.grid_surface import smooth_mesh, surface_nets
+from dicedesign.geometry.surfaces.grid_surface import GridValues
 from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 
 Distance = Callable[[Floats], Floats]
 
@@ -98,45 +98,13 @@ def blend(first: Distance, second: Distance, width: float) -> Distance:
     return distance
 
 
-ROUNDS = 15
-"""Number of rounds that flip edges and move points."""
-
-DIFFERENCE = 1e-5
-"""Step of the difference quotients, in cells."""
-
-
 def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> Surface:
-    """Surface with edges of similar length on which a distance function is 0.
+    """Surface on which a distance function is 0.
 
-    A surface between the nodes of a grid (`surface_nets`) is made even (`smooth_mesh`).
-
-    Parameters
-    ----------
-    distance: negative inside; no part and no gap may be thinner than two cells.
-    low, high: (3,) corners of a box that contains the surface with a margin of one cell.
-    spacing: side of the cells, positive.
-
-    Returns
-    -------
-    Surface oriented outward, deterministic.
+    distance: negative inside; no part and no gap may be thinner than two grid steps; low, high:
+    (3,) corners of a box that contains the surface; spacing: of the grid, positive.
     """
-    axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
-    values = distance(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
-
-    def crossing(nodes: Integers, ahead: Integers) -> Floats:
-        inside, there = values[tuple(nodes.T)], values[tuple(ahead.T)]
-        part = inside / (inside - there)
-        return np.asarray(low + spacing * (nodes + part[:, None] * (ahead - nodes)))
-
-    def onto(points: Floats, _: Integers) -> Floats:
-        """Points after a Newton step to the level set, of at most half a cell."""
-        step, values = DIFFERENCE * spacing, distance(points)
-        slopes = (distance(points[:, None] + step * np.eye(3)) - values[:, None]) / step
-        squares = (slopes * slopes).sum(axis=-1).clip(0.25)
-        steps = (values / squares).clip(-0.5 * spacing, 0.5 * spacing)
-        return points - steps[:, None] * slopes
-
-    return Surface(*smooth_mesh(*surface_nets(values < 0.0, crossing), onto, ROUNDS))
+    return GridValues(lambda points: -distance(points), low, high, spacing).above(0.0)
 
 
 PARTS: Final[dict[str, Callable[..., Distance]]] = {

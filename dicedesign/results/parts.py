@@ -73,7 +73,7 @@ class Repair:
 
     Attributes
     ----------
-    cells: grid cells along the longest side.
+    cells: grid steps along the longest side.
     pieces: solids enclosed by the triangles, of which the largest is repaired.
     dropped: volume share of the other solids.
     cavities: number of filled cavities.

@@ -196,9 +196,8 @@ def test_a_printer_gets_an_oriented_file(
 def test_a_mesh_with_holes_becomes_a_die(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("igl", reason="repair needs the extra repair")
     # A coarse repair; other tests are for the fine one.
-    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.GRIDS", ((32, 0.0),))
+    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.CELLS", 25)
     whole, path = bent_capsule(), tmp_path / "capsule.obj"
     trimesh.Trimesh(whole.points, whole.triangles[9:], process=False).export(path)
     command = ["design", "--target", "1/2,1/2", "--mesh", str(path), "--no-figures", "--repair"]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -78,20 +76,6 @@ def test_where_a_repaired_mesh_is_written(
         assert main(["repair", "a.obj", *arguments]) == 0
     written = ("a_repaired.obj", "folder/a_repaired.obj", "new/deep/a.stl")
     assert all(Path(each).is_file() for each in written)
-
-
-def test_a_missing_extra(tmp_path: Path) -> None:
-    original = bumpy_sphere(1)
-    broken = write_obj(tmp_path / "broken.obj", original.points, original.triangles[5:])
-    script = (
-        "import sys; sys.modules['igl'] = None;"
-        "from dicedesign.cli.main import main; sys.exit(main(sys.argv[1:]))"
-    )
-    command = [sys.executable, "-c", script, "repair", str(broken), str(tmp_path / "out.stl")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "pip install 'dicedesign[repair]'" in done.stderr
-    assert not (tmp_path / "out.stl").exists()
 
 
 def test_repeated_and_flat_triangles_are_removed(tmp_path: Path) -> None:

@@ -10,97 +10,44 @@ from typing import Any, Final
 
 import numpy as np
 
-from dicedesign.errors import DegenerateBodyError, InputError, missing_extra
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, distinct_triangles, outward_patches, shells_of
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.closed_surface import decimate, make_surface, one_shell, thin
 from dicedesign.geometry.surfaces.grid_surface import (
-    smooth_mesh,
-    surface_nets,
-    untangle,
-    without_double_cuts,
+    GridValues,
+    distances_from_surface,
+    winding_numbers,
 )
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_keys, surface_of
 from dicedesign.results.parts import Repair
-from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
+from dicedesign.runtime.arrays import Floats, Integers
 
-
-class Soup:
-    """Triangles (t, 3) between points (n, 3), for queries by libigl."""
-
-    def __init__(self, points: Floats, triangles: Integers) -> None:
-        """Raises InputError without the extra `repair`."""
-        try:
-            import igl
-        except ImportError as error:
-            raise missing_extra("repair", "repair", error) from error
-        self._igl: Any = igl
-        self.points = np.ascontiguousarray(points, dtype=np.float64)
-        self.triangles = np.ascontiguousarray(triangles, dtype=np.int64)
-        self._tree = igl.AABB()
-        self._tree.init(self.points, self.triangles)
-
-    @property
-    def area(self) -> float:
-        """Area of all triangles."""
-        return float(norms(doubled_area_vectors(self.points, self.triangles)).sum()) / 2.0
-
-    def turns(self, places: Floats) -> Floats:
-        """(k,) winding numbers around places (k, 3)."""
-        queries = np.ascontiguousarray(places)
-        return np.asarray(self._igl.fast_winding_number(self.points, self.triangles, queries))
-
-    def closest(self, places: Floats) -> Floats:
-        """(k, 3) the points of the triangles that are closest to places (k, 3)."""
-        queries = np.ascontiguousarray(places)
-        if len(queries) == 0:
-            return queries
-        return np.asarray(self._tree.squared_distance(self.points, self.triangles, queries)[2])
-
-    def pieces(self, longest: float) -> Floats:
-        """(p, 3, 3) corners of the triangles, cut in halves until no edge is longer than that."""
-        corners, done = self.points[self.triangles], []
-        while len(corners):
-            lengths = norms(np.roll(corners, -1, axis=1) - corners)
-            long = lengths.max(axis=1) > longest
-            done.append(corners[~long])
-            start = lengths[long].argmax(axis=1)
-            rows = np.arange(len(start))
-            a, b, c = (corners[long][rows, (start + k) % 3] for k in range(3))
-            middle = (a + b) / 2.0
-            corners = np.concatenate(
-                [np.stack(t, axis=1) for t in ((a, middle, c), (middle, b, c))]
-            )
-        return np.concatenate(done)
-
+CELLS: Final = 75
+"""Grid steps along the longest side."""
 
 HALF: Final = 0.5
 """Winding number of a point from which on it is inside."""
 
-HALVINGS: Final = 5
-"""Bisections that locate the surface on an edge of the grid or a line of that length."""
-
-ROUNDS: Final = 3
-"""Rounds of moving points and flipping edges."""
-
-REACH: Final = 0.5
-"""Distance, in cells, within which the surface is looked for."""
+WINDING_CELLS: Final = 2.0
+"""Depth in grid steps that a winding number of one more counts as, where no triangle is nearer."""
 
 BESIDE: Final = 0.02
-"""Distance from a triangle, in cells, at which both of its sides are tested for being inside."""
+"""Distance from a triangle, in grid steps, at which both of its sides are tested for being
+inside."""
 
 BORDER: Final = 2.5
-"""Cells of the grid beyond the box on each side, not whole, so that flat faces along the box are
-between nodes."""
+"""Grid steps beyond the box on each side."""
 
-THIN: Final = 1.0
-"""Thickness in cells below which a part is thin, as nodes of the grid may miss it."""
+THIN: Final = 0.01
+"""Thickness over the longest side below which a part is thin, as nodes of the grid may miss it."""
 
-THICKENING: Final = 0.6
-"""Cells by which a thin part is thickened on each side, so that nodes cannot miss it."""
+THICKENING: Final = 0.5
+"""Grid steps by which a thin part is thickened on each side, so that nodes cannot miss it."""
 
 PIECES: Final = 2.0
-"""Longest edge, in cells, of the pieces into which triangles are cut to be tested for thinness."""
+"""Longest edge, in grid steps, of the pieces into which triangles are cut to be tested for
+thinness."""
 
 
 class WoundSolid:
@@ -112,108 +59,69 @@ class WoundSolid:
 
     Attributes
     ----------
-    soup: the triangles, consistently oriented.
-    cell: side of the grid's cells.
-
-    Source: Barill et al., Fast winding numbers for soups and clouds (2018).
+    triangles: surface of the triangles, consistently oriented, not necessarily closed.
+    spacing: of the grid.
+    thin: pieces of the triangles where the solid beneath is thinner than `THIN`.
     """
 
-    def __init__(self, points: Floats, triangles: Integers, cells: int) -> None:
-        """points: (n, 3) in a box of about 1; triangles: (t, 3); cells: of a grid, along the
-        longest side. Raises InputError without the extra `repair`."""
-        self.soup = Soup(points, outward_patches(points, triangles))
-        self.cell = float(np.ptp(points, axis=0).max()) / cells
-        self._thin: Soup | None = None
-        self._thin = self._thin_parts()
+    def __init__(self, points: Floats, triangles: Integers) -> None:
+        """points: (n, 3); triangles: (t, 3)."""
+        self.triangles = Surface(points, outward_patches(points, triangles))
+        self.spacing = float(np.ptp(points, axis=0).max()) / CELLS
+        self.thin = Surface(points, triangles[:0])
+        self.thin = self._thin_parts()
 
-    @property
-    def thin_area(self) -> float:
-        """Area of the triangles over thin parts."""
-        return 0.0 if self._thin is None else self._thin.area
-
-    def holds(self, places: Floats) -> Booleans:
-        """(k,) whether places (k, 3) are inside."""
-        return np.asarray(self._depths(places) > 0.0)
-
-    def surfaces(self, shift: float) -> tuple[Floats, Integers]:
-        """Points and triangles of all surfaces of the solid, to the accuracy of the grid.
-
-        shift: of the grid, in cells. No two sheets are joined at a point or an edge; there are none
-        where no node is inside.
-        """
-        origin = self.soup.points.min(axis=0) - (BORDER + shift) * self.cell
-        counts = np.ceil(np.ptp(self.soup.points, axis=0) / self.cell).astype(np.int64) + 7
-        nodes = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-        values = np.full(counts, -HALF)
-        # Shells that are open on one side may wind around places beyond it: there it ends.
-        within = (slice(1, -1),) * 3
-        places = origin + self.cell * nodes[within].reshape(-1, 3)
-        values[within] = self._depths(places).reshape(counts - 2)
-        inside = without_double_cuts(values)
-
-        def crossing(nodes: Integers, ahead: Integers) -> Floats:
-            leaves = inside[tuple(nodes.T)][:, None]
-            return self._between(
-                origin + self.cell * np.where(leaves, nodes, ahead),
-                origin + self.cell * np.where(leaves, ahead, nodes),
-            )
-
-        return surface_nets(inside, crossing)
-
-    def _depths(self, places: Floats) -> Floats:
-        """(k,) values of places (k, 3), above 0 inside, and growing toward the solid outside."""
-        depths = self.soup.turns(places) - HALF
-        if self._thin is not None:
-            outer = np.flatnonzero(depths <= 0.0)
-            near = norms(self._thin.closest(places[outer]) - places[outer])
-            depths[outer[near < THICKENING * self.cell]] = HALF
+    def depths(self, places: Floats) -> Floats:
+        """(k,) values of places (k, 3), above 0 inside: near the triangles that bound the solid,
+        and thin parts, distances in grid steps."""
+        excess = WINDING_CELLS * (winding_numbers(self.triangles, places) - HALF)
+        near = distances_from_surface(self.triangles, places) / self.spacing
+        depths: Floats = np.clip(excess, -near, near)
+        if len(self.thin.triangles):
+            away = distances_from_surface(self.thin, places) / self.spacing
+            depths = np.maximum(depths, THICKENING - away)
         return depths
 
-    def _thin_parts(self) -> Soup | None:
-        """Pieces of the triangles where the solid beneath is thinner than `THIN`."""
-        corners = self.soup.pieces(PIECES * self.cell)
-        flat = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
-        vectors = doubled_area_vectors(*flat)
+    def surface(self) -> Surface:
+        """All surfaces of the solid, to the accuracy of the grid; no two meet, and there are none
+        where no node is inside."""
+        points, border = self.triangles.points, BORDER * self.spacing
+        low, high = points.min(axis=0) - border, points.max(axis=0) + border
+        return GridValues(self.depths, low, high, self.spacing).above(0.0)
+
+    def _thin_parts(self) -> Surface:
+        corners = _cut_edges(self.triangles, PIECES * self.spacing)
+        pieces = Surface(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        vectors = doubled_area_vectors(pieces.points, pieces.triangles)
         normals = vectors / norms(vectors)[:, None].clip(np.finfo(float).tiny)
-        middles = corners.mean(axis=1)
-        outer = self._parts(middles, BESIDE * self.cell * normals)
-        thin = np.flatnonzero(outer)
-        thin = thin[~self.holds(middles[thin] - THIN * self.cell * normals[thin])]
-        return Soup(flat[0], flat[1][thin]) if len(thin) else None
-
-    def onto(self, points: Floats, triangles: Integers) -> Floats:
-        """Points moved to the closest triangle between inside and outside; where none is near, to
-        the surface along the normal, if it is within `REACH`."""
-        vectors = doubled_area_vectors(points, triangles).repeat(3, axis=0)
-        normals = sums_by_index(triangles.ravel(), vectors, len(points))
-        normals /= norms(normals)[:, None].clip(np.finfo(float).tiny)
-        moved = self.soup.closest(points)
-        near = norms(moved - points) <= REACH * self.cell
-        near[near] = self._parts(moved[near], BESIDE * self.cell * normals[near])
-        far = np.flatnonzero(~near)
-        moved[far] = points[far]
-        reach = REACH * self.cell * normals[far]
-        parted = self._parts(points[far], reach)
-        far, reach = far[parted], reach[parted]
-        moved[far] = self._between(points[far] - reach, points[far] + reach)
-        return moved
-
-    def _parts(self, points: Floats, reach: Floats) -> Booleans:
-        """(k,) whether the surface is within a reach (k, 3) inward and outward of points (k, 3)."""
-        return self.holds(points - reach) & ~self.holds(points + reach)
-
-    def _between(self, inner: Floats, outer: Floats) -> Floats:
-        """(k, 3) points of the surface between one inside and one outside."""
-        for _ in range(HALVINGS):
-            middle = (inner + outer) / 2.0
-            held = self.holds(middle)[:, None]
-            inner, outer = np.where(held, middle, inner), np.where(held, outer, middle)
-        return (inner + outer) / 2.0
+        middles, beside = corners.mean(axis=1), BESIDE * self.spacing * normals
+        beneath = THIN * CELLS * self.spacing * normals
+        thin = (
+            (self.depths(middles - beside) > 0.0)
+            & (self.depths(middles + beside) <= 0.0)
+            & (self.depths(middles - beneath) <= 0.0)
+        )
+        return Surface(pieces.points, pieces.triangles[thin])
 
 
-GRIDS: Final = ((100, 0.0), (100, 0.25), (80, 0.0), (64, 0.25))
-"""Cells along the longest side and the grid's shift, in cells, tried in turn until a surface does
-not meet itself."""
+def _cut_edges(surface: Surface, longest: float) -> Floats:
+    """(p, 3, 3) corners of triangles, cut in halves until no edge is longer than a length."""
+    corners, done = surface.points[surface.triangles], []
+    while len(corners):
+        lengths = norms(np.roll(corners, -1, axis=1) - corners)
+        long = lengths.max(axis=1) > longest
+        done.append(corners[~long])
+        start = lengths[long].argmax(axis=1)
+        rows = np.arange(len(start))
+        a, b, c = (corners[long][rows, (start + k) % 3] for k in range(3))
+        middle = (a + b) / 2.0
+        corners = np.concatenate([np.stack(t, axis=1) for t in ((a, middle, c), (middle, b, c))])
+    return np.concatenate(done)
+
+
+def _area(surface: Surface) -> float:
+    return float(norms(doubled_area_vectors(surface.points, surface.triangles)).sum()) / 2.0
+
 
 MOST_TRIANGLES: Final = 100_000
 """Most triangles of a repair; more are decimated first."""
@@ -260,8 +168,7 @@ def repair_mesh(body: Body) -> RepairedMesh:
 
     Raises
     ------
-    InputError: the body is a point cloud; the extra `repair` is not installed; every surface meets
-        itself.
+    InputError: the body is a point cloud, or is large and the extra `concave` is not installed.
     DegenerateBodyError: the triangles bound no solid, or are mostly sheets.
     """
     if body.triangles is None:
@@ -277,51 +184,42 @@ def repair_mesh(body: Body) -> RepairedMesh:
             f"thinned out {len(body.triangles)} triangles to {len(triangles)} before the repair "
             "(fast-simplification)",
         )
-    low, extent = points.min(axis=0), float(np.ptp(points, axis=0).max())
     distinct = distinct_triangles(triangles)
     if len(distinct) < len(triangles):
         notes += (f"left {len(triangles) - len(distinct)} repeated triangles out",)
-    for cells, shift in GRIDS:
-        solid = WoundSolid((points - low) / extent, distinct, cells)
-        solid_surface, joined = solid.surfaces(shift)
-        if len(joined) == 0:
-            raise _nothing_inside(body)
-        shell = shells_of(joined)
-        a, b, c = (solid_surface[joined] - solid_surface.mean(axis=0)).transpose(1, 0, 2)
-        volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
-        solids = volumes[volumes > 0.0]
-        # The surface of the largest solid without its cavities.
-        largest = surface_of(solid_surface, joined[shell == volumes.argmax()])
-        even = untangle(
-            Surface(*smooth_mesh(largest.points, largest.triangles, solid.onto, ROUNDS))
-        )
-        if even is None:
-            continue
-        numbers = _compare(
-            solid,
-            even,
-            body.triangles,
-            cells=cells,
-            pieces=len(solids),
-            dropped=1.0 - float(solids.max() / solids.sum()),
-            cavities=len(volumes) - len(solids),
-        )
-        if numbers.sheets > SHEETS:
-            raise _nothing_inside(body)
-        surface = even.with_points(low + extent * even.points)
-        return RepairedMesh(
-            points, solid.soup.triangles, surface, numbers, notes + _sentences(numbers, surface)
-        )
-    raise InputError(
-        f"{body.name}: expected triangles whose solid has a surface that does not meet itself, got "
-        f"none on {len(GRIDS)} grids; take the mesh apart, or repair it in a modeling program"
+    solid = WoundSolid(points, distinct)
+    whole = solid.surface()
+    if len(whole.triangles) == 0:
+        raise _nothing_inside(body)
+    shell = shells_of(whole.triangles)
+    a, b, c = (whole.points[whole.triangles] - whole.points.mean(axis=0)).transpose(1, 0, 2)
+    volumes = np.bincount(shell, (a * np.linalg.cross(b, c)).sum(axis=1) / 6.0)
+    solids = volumes[volumes > 0.0]
+    # The surface of the largest solid without its cavities.
+    surface = surface_of(whole.points, whole.triangles[shell == volumes.argmax()])
+    numbers = _compare(
+        solid,
+        surface,
+        body.triangles,
+        pieces=len(solids),
+        dropped=1.0 - float(solids.max() / solids.sum()),
+        cavities=len(volumes) - len(solids),
+    )
+    if numbers.sheets > SHEETS:
+        raise _nothing_inside(body)
+    return RepairedMesh(
+        points,
+        solid.triangles.triangles,
+        surface,
+        numbers,
+        notes + _sentences(numbers, surface),
     )
 
 
 def _nothing_inside(body: Body) -> DegenerateBodyError:
     return DegenerateBodyError(
         f"{body.name}: expected triangles that enclose a solid, got sheets, open or thinner than "
-        f"1/{GRIDS[0][0]} of the longest side; give them a thickness (Solidify in Blender) or "
+        f"{THIN:g} of the longest side; give them a thickness (Solidify in Blender) or "
         "close large holes"
     )
 
@@ -338,20 +236,20 @@ def _sample_points(points: Floats, triangles: Integers) -> tuple[Floats, Floats]
 
 
 def _compare(solid: WoundSolid, surface: Surface, triangles: Integers, **counted: Any) -> Repair:
-    """Comparison of a repaired surface, in the coordinates of the solid, with the input triangles;
-    counted: further fields of `Repair`."""
-    diagonal = float(norms(np.ptp(solid.soup.points, axis=0)))
+    """Comparison of a repaired surface with the input triangles; counted: further fields of
+    `Repair`."""
+    given = solid.triangles
     ours, _ = _sample_points(surface.points, surface.triangles)
-    off = norms(solid.soup.closest(ours) - ours) / diagonal
-    theirs, normals = _sample_points(solid.soup.points, solid.soup.triangles)
-    beside = BESIDE * solid.cell * normals
-    above, below = (solid.soup.turns(theirs + way * beside) > HALF for way in (1.0, -1.0))
-    outer = theirs[~(above & below)]
-    missed = norms(Soup(surface.points, surface.triangles).closest(outer) - outer) / diagonal
+    off = distances_from_surface(given, ours) / given.diagonal
+    theirs, normals = _sample_points(given.points, given.triangles)
+    beside = BESIDE * solid.spacing * normals
+    above, below = (winding_numbers(given, theirs + way * beside) > HALF for way in (1.0, -1.0))
+    missed = distances_from_surface(surface, theirs[~(above & below)]) / given.diagonal
     closed = (np.unique(edge_keys(triangles), return_counts=True)[1] == 2).all()
     euler = len(np.unique(triangles)) - len(triangles) // 2
     return Repair(
         **counted,
+        cells=CELLS,
         # Of shells in which each edge is of two triangles.
         handles_before=int(shells_of(triangles).max()) + 1 - euler // 2 if closed else None,
         handles=1 - (len(surface.points) - len(surface.triangles) // 2) // 2,
@@ -359,7 +257,7 @@ def _compare(solid: WoundSolid, surface: Surface, triangles: Integers, **counted
         off_largest=float(off.max()),
         missed_mean=float(missed.mean()),
         missed_largest=float(missed.max()),
-        thin=solid.thin_area / solid.soup.area,
+        thin=_area(solid.thin) / _area(given),
         sheets=float((~above & ~below).mean()),
     )
 
@@ -368,7 +266,7 @@ def _sentences(numbers: Repair, surface: Surface) -> tuple[str, ...]:
     before = "" if numbers.handles_before is None else f", {numbers.handles_before} before"
     sentences = [
         f"repaired the mesh: the surface of the solid that its triangles enclose, on a grid of "
-        f"{numbers.cells} cells along the longest side, has {len(surface.points)} points and "
+        f"{numbers.cells} steps along the longest side, has {len(surface.points)} points and "
         f"{numbers.handles} handle{'' if numbers.handles == 1 else 's'}{before}",
         f"the repaired surface is {_percent(numbers.off_mean)} of the diagonal from the triangles "
         f"on average and {_percent(numbers.off_largest)} at most, these from it "
@@ -385,7 +283,7 @@ def _sentences(numbers: Repair, surface: Surface) -> tuple[str, ...]:
         )
     if numbers.thin > REPORTED_SHARE:
         sentences.append(
-            f"{_percent(numbers.thin)} of the area is over parts thinner than 1/{numbers.cells} of "
+            f"{_percent(numbers.thin)} of the area is over parts thinner than {THIN:g} of "
             "the longest side, which were thickened to about that"
         )
     if numbers.sheets > REPORTED_SHARE:

@@ -167,14 +167,9 @@ def _check_search(options: SearchOptions, outcomes: int) -> None:
 def _search(
     options: SearchOptions, target: Floats, group: Floats | None, seed: int
 ) -> Iterator[Start | None]:
-    """Yield searched shapes; see `shapes_near` and `symmetric_shapes_near`."""
-    if group is None:
-        from dicedesign.optimize.starts.search import shapes_near
+    from dicedesign.optimize.starts.search import shapes_near
 
-        return shapes_near(target, seed, options.helpers)
-    from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
-
-    return symmetric_shapes_near(target, group, seed, options.helpers)
+    return shapes_near(target, seed, options.helpers, group)
 
 
 PRISM: Final = StartKind(

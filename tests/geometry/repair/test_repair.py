@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 import trimesh
 from common.bumpy import ball, bent_capsule, bumpy_sphere, self_intersecting_sphere
-from scipy.ndimage import gaussian_filter, label
 
 from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.surfaces.closed_surface import make_surface
-from dicedesign.geometry.surfaces.grid_surface import surface_nets, without_double_cuts
 from dicedesign.geometry.surfaces.repair import RepairedMesh, input_surface, repair_mesh
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
@@ -25,7 +21,7 @@ CELL = 0.02
 @pytest.fixture(autouse=True)
 def coarse_grids(monkeypatch: pytest.MonkeyPatch) -> None:
     """A grid of half as many cells along each side takes an eighth of the time."""
-    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.GRIDS", ((50, 0.0), (50, 0.25)))
+    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.CELLS", 40)
 
 
 def body_of(points: Floats, triangles: Integers) -> Body:
@@ -142,12 +138,6 @@ def test_a_point_cloud_has_no_surface() -> None:
         repair_mesh(make_body(ball(2).points, name="thing"))
 
 
-def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "igl", None)
-    with pytest.raises(InputError, match=r"pip install 'dicedesign\[repair\]'"):
-        repair_mesh(join(ball(2)))
-
-
 def large() -> Surface:
     """10,242 points."""
     return bumpy_sphere(5)
@@ -167,47 +157,3 @@ def test_errors_about_a_large_mesh_refer_to_the_input() -> None:
     original = large()
     with pytest.raises(InputError, match="3 edges with one triangle"):
         input_surface(body_of(original.points, original.triangles[1:]), 300)
-
-
-def middles(nodes: Integers, ahead: Integers) -> Floats:
-    return (nodes + ahead) / 2.0
-
-
-def noise(seed: int, blur: float, share: float) -> Floats:
-    """Values of which a share is above 0, none on the border."""
-    values = np.random.default_rng(seed).normal(size=(17, 14, 15))
-    if blur:
-        values = gaussian_filter(values, blur)
-    values = values - np.quantile(values, 1.0 - share)
-    border = np.pad(np.zeros(tuple(n - 2 for n in values.shape), dtype=bool), 1, constant_values=1)
-    return np.where(border, -np.inf, values)
-
-
-def rings_around_points(triangles: Integers) -> Integers:
-    """How often the triangles around each point close to a ring, by walking from edge to edge."""
-    after = {(int(t[k]), int(t[k - 2])): int(t[k - 1]) for t in triangles for k in range(3)}
-    rings = np.zeros(int(triangles.max()) + 1, dtype=np.int64)
-    visited: set[tuple[int, int]] = set()
-    for point, neighbor in after:
-        if (point, neighbor) not in visited:
-            rings[point] += 1
-            while (point, neighbor) not in visited:
-                visited.add((point, neighbor))
-                neighbor = after[point, neighbor]
-    return rings
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize(("blur", "share"), [(0.0, 0.1), (0.0, 0.4), (0.7, 0.3), (1.5, 0.5)])
-def test_the_surface_of_noise_is_a_manifold(seed: int, blur: float, share: float) -> None:
-    values = noise(seed, blur, share)
-    inside = without_double_cuts(values)
-    assert inside[values > 0.0].all()
-    points, triangles = surface_nets(inside, middles)
-    edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-    assert len(np.unique(edges, axis=0)) == len(edges)  # each once each way
-    assert {tuple(edge) for edge in edges} == {tuple(edge) for edge in edges[:, ::-1]}
-    assert (rings_around_points(triangles) == 1).all()
-    # Nodes side by side are in one solid, or in one gap; the outer one has no surface of its own.
-    parts = label(inside)[1] + label(~inside)[1] - 1
-    assert trimesh.Trimesh(points, triangles, process=False).body_count == parts

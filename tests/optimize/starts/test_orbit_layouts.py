@@ -12,7 +12,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts, fitting_groups
-from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
+from dicedesign.optimize.starts.search import shapes_near
 from dicedesign.optimize.targets import binomial, fair, sum_of_dice
 
 # Sizes of orbits in textbooks: on each end of the axes, then those of which there is any number.
@@ -137,7 +137,7 @@ def test_images_share_their_probabilities(target: np.ndarray, probabilities_left
     there are as many orbits as different probabilities."""
     for name in fitting_groups(target)[:2]:
         group = point_group(name)
-        starts = symmetric_shapes_near(target, group, 0)
+        starts = shapes_near(target, 0, group=group)
         start = next(one for one in starts if one is not None)
         orbits = orbits_of_directions(start.directions, group)
         assert len(np.unique(orbits)) == probabilities_left

@@ -20,7 +20,6 @@ from dicedesign.optimize.starts.search import (
 )
 from dicedesign.optimize.starts.shapes import start_with_probabilities
 from dicedesign.optimize.starts.start import Start
-from dicedesign.optimize.starts.symmetric_search import symmetric_shapes_near
 from dicedesign.optimize.targets import binomial, sum_of_dice
 from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import rest_poses
@@ -167,7 +166,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_starts_are_symmetric_and_have_a_rest_for_each_outcome(name: str) -> None:
     target, group = CASES[name][0], point_group(CASES[name][1])
-    for start in islice(filter(None, symmetric_shapes_near(target, group, 0)), 4):
+    for start in islice(filter(None, shapes_near(target, 0, group=group)), 4):
         probabilities = outcome_probabilities(start)
         hull = convex_hull(start.points)
         assert len(find_basins(hull, hull.centroid)) == 1
@@ -186,4 +185,4 @@ def test_starts_are_symmetric_and_have_a_rest_for_each_outcome(name: str) -> Non
 
 def test_impossible_symmetries_are_refused_by_the_call() -> None:
     with pytest.raises(InputError, match="expected outcomes of equal probability to fill whole"):
-        symmetric_shapes_near(sum_of_dice([6, 6]).probabilities, point_group("D3h"), 0)
+        shapes_near(sum_of_dice([6, 6]).probabilities, 0, group=point_group("D3h"))
