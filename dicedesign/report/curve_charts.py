@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from numpy.polynomial import Polynomial
 
 from dicedesign.fabricate.die import FinishedDie
+from dicedesign.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
-from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
 from dicedesign.report.sheet import NOTE, Sheet, with_style
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Step

@@ -11,6 +11,7 @@ from common.drawings import curves, is_whole
 from common.finished import CONCAVE, finished_box
 
 from dicedesign.errors import InputError
+from dicedesign.palette import ACCENT, FAINT, PALE
 from dicedesign.report.bar_charts import (
     Bars,
     bars_chart,
@@ -21,7 +22,6 @@ from dicedesign.report.bar_charts import (
     table_chart,
 )
 from dicedesign.report.curve_charts import course_chart, rounds_chart, trade_off_chart
-from dicedesign.report.palette import ACCENT, FAINT, PALE
 from dicedesign.report.sheet import Sheet
 from dicedesign.results.parts import (
     Draft,

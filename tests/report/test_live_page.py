@@ -27,9 +27,9 @@ from scipy.spatial import KDTree
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
+from dicedesign.palette import BASINS
 from dicedesign.report import pages
 from dicedesign.report.pages import facet_parts, rests_of_triangles, three_script
-from dicedesign.report.palette import BASINS
 
 EXTENTS = np.array([14.0, 16.0, 20.0])
 """Of the box, whose facets are all rests."""
