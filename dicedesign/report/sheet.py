@@ -145,10 +145,12 @@ class Sheet:
     def png(self) -> bytes:
         """Content of a PNG file, deterministic."""
         buffer = BytesIO()
-        fitting = {"bbox_inches": "tight", "pad_inches": 18.0 / DPI} if self.grows else {}
+        options: dict[str, Any] = {"metadata": {"Software": None}}
         # The file is a fifth larger than by default, and written in a fourth of the time.
-        packing = {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 1}}
-        self.figure.savefig(buffer, format="png", dpi=DPI, **fitting, **packing)
+        options["pil_kwargs"] = {"compress_level": 1}
+        if self.grows:
+            options |= {"bbox_inches": "tight", "pad_inches": 18.0 / DPI}
+        self.figure.savefig(buffer, format="png", dpi=DPI, **options)
         return buffer.getvalue()
 
     def pixels(self) -> Picture:
