@@ -9,6 +9,8 @@ FLOORS = (
     "errors",
     "tolerances",
     "runtime",
+    "palette",
+    "notebook",
     "kernels",
     "results",
     "geometry",
@@ -113,9 +115,9 @@ def test_torch_begins_at_its_floor(repository: Path) -> None:
 
 def test_nothing_loose_at_the_top(repository: Path) -> None:
     loose = {path.name for path in (repository / "dicedesign").glob("*.py")}
-    assert loose == {"__init__.py", "__main__.py", "compat.py", "errors.py", "tolerances.py"} | {
-        f"{name}.py" for name in ("energies", "methods", "starts", "extensions")
-    }
+    low, public = ("errors", "tolerances", "palette", "notebook"), ("compat", "energies", "methods")
+    names = ("__init__", "__main__", *low, *public, "starts", "extensions")
+    assert loose == {f"{name}.py" for name in names}
 
 
 def test_modules_are_small_enough_to_read_in_one_go(repository: Path) -> None:

@@ -80,7 +80,6 @@ class WithResults(Command):
     help_text = """Options:
     out (DIR): folder for the results (default: outputs/NAME)
     files (FORMATS): file formats besides STL, such as 3mf,obj,glb
-    data_sheet: add a one-page data sheet as PDF and PNG
     printer (NAME): check printability for fdm (filament), sla (resin) or sls (powder), and write
         die_oriented.stl, oriented for the print bed
     no_figures: skip the figures and the report page
@@ -89,7 +88,6 @@ class WithResults(Command):
         folder"""
     out: Path | None = None
     files: str | None = None
-    data_sheet: bool = False
     printer: str | None = None
     no_figures: bool = False
     no_clock: bool = False
@@ -322,7 +320,8 @@ class RepairArguments(Command):
     mesh (IN): STL, OBJ, PLY, OFF, GLB, ...
     file (OUT): same as --out
     out (OUT): file, in the unit of IN, or folder to write (default: IN_repaired in this folder);
-        the ending gives the format; a figure of before and after is written as *_repair.png
+        the ending gives the format, stl, 3mf, obj or glb; a figure of before and after is written
+        as *_repair.png
 
     Example: dicedesign repair scan.obj --out scan_repaired.stl"""
 

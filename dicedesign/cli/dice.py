@@ -134,8 +134,6 @@ def _apply_options(recipe: Recipe, options: WithResults) -> Recipe:
     if options.files is not None:
         names = [name.strip() for name in options.files.split(",")]
         changes["files"] = with_stl(names, "--files")
-    if options.data_sheet:
-        changes["data_sheet"] = True
     if options.printer is not None:
         with named("--printer"):
             printing = recipe.print or PrintOptions()

@@ -275,7 +275,11 @@ def _repaired_path(options: RepairArguments) -> Path:
             f"--out: expected one file to write, got {options.out} and {options.file}; leave one "
             "of them out"
         )
-    out, name = options.file or options.out, f"{options.mesh.stem}_repaired{options.mesh.suffix}"
+    from dicedesign.fabricate.file_formats import FILE_FORMATS
+
+    mesh, out = options.mesh, options.file or options.out
+    ending = mesh.suffix if mesh.suffix[1:].lower() in FILE_FORMATS else ".stl"
+    name = f"{mesh.stem}_repaired{ending}"
     return Path(name) if out is None else out / name if os.path.isdir(out) else out
 
 

@@ -96,7 +96,6 @@ class FileFormat(Extension):
     write: returns the content of a file, deterministically.
     read: returns points (n, 3) and triangles (t, 3) of a file, in its own unit and axes, if
         possible by code independent of the writer.
-    require: raises InputError if a library is missing.
     """
 
     write: Callable[[Contents], bytes]
@@ -105,7 +104,6 @@ class FileFormat(Extension):
     precision: str = "float64"
     carries: str = "nothing else"
     read: Callable[[Path], tuple[Floats, Integers]] = _read
-    require: Callable[[], object] = bool
 
     @property
     def frame(self) -> Floats:
@@ -329,46 +327,10 @@ OBJ: Final = FileFormat(
 )
 
 
-def ply(contents: Contents) -> bytes:
-    """Write little-endian binary PLY."""
-    whole = join_surfaces(*contents.parts)
-    points, triangles = whole.points, whole.triangles
-    header = f"ply\nformat binary_little_endian 1.0\ncomment lengths in {contents.unit}\n"
-    header += f"element vertex {len(points)}\n"
-    header += "".join(f"property double {axis}\n" for axis in "xyz")
-    header += f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
-    faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, triangles
-    return header.encode() + points.astype("<f8").tobytes() + faces.tobytes()
-
-
-PLY: Final = FileFormat(
-    name="ply",
-    line="binary PLY, small, all digits",
-    write=ply,
-)
-
-
-def off(contents: Contents) -> bytes:
-    """Write ASCII OFF."""
-    whole = join_surfaces(*contents.parts)
-    text = rows("{!r} {!r} {!r}\n", whole.points) + rows("3 {} {} {}\n", whole.triangles)
-    return f"OFF\n{len(whole.points)} {len(whole.triangles)} 0\n{text}".encode()
-
-
-OFF: Final = FileFormat(
-    name="off",
-    line="OFF, the plainest format of programs for geometry, all digits as text",
-    write=off,
-)
-
 FILE_FORMATS: Final = Registry(
     "file format",
     FileFormat,
-    builtin=(
-        *(STL, THREE_MF, OBJ, GLB, PLY, OFF),
-        "dicedesign.fabricate.step_file:STEP",
-    ),
+    builtin=(STL, THREE_MF, OBJ, GLB),
     group="dicedesign.file_formats",
 )
 """All formats of solids."""
@@ -396,8 +358,7 @@ def mesh_bytes(points: Floats, triangles: Integers, ending: str, name: str = "me
 
     Raises
     ------
-    InputError: an unknown ending; a coordinate that is not finite in the format's precision; a
-        missing library.
+    InputError: an unknown ending; a coordinate that is not finite in the format's precision.
     """
     contents = Contents("die", [Part(points, triangles, "die", BODY_COLOR)])
     return file_bytes(contents, format_of_ending(ending, name), name)
@@ -417,8 +378,7 @@ def format_of_ending(ending: str, name: str = "mesh file") -> FileFormat:
 
 
 def with_stl(names: Sequence[str], key: str = "files") -> list[str]:
-    """Unique names of formats, STL first. Raises InputError for an unknown format or a missing
-    library.
+    """Unique names of formats, STL first. Raises InputError for an unknown format.
 
     key: option in messages.
     """
@@ -428,7 +388,6 @@ def with_stl(names: Sequence[str], key: str = "files") -> list[str]:
                 f"{key}: expected formats out of {', '.join(FILE_FORMATS.names)}, got {name!r}; "
                 "choose among them"
             )
-        FILE_FORMATS[name].require()
     return list(dict.fromkeys(["stl", *names]))
 
 
@@ -437,7 +396,6 @@ def file_bytes(contents: Contents, kind: FileFormat, name: str = "mesh file") ->
 
     name: of the file in messages.
     """
-    kind.require()
     for part in contents.parts:
         with np.errstate(over="ignore"):
             finite = np.isfinite(part.points.astype(kind.precision)).all(axis=1)

@@ -60,9 +60,7 @@ class Die:
 
     def _repr_html_(self) -> str:
         """The die to turn, and its table, in a notebook."""
-        from dicedesign.report.notebook import result_html
-
-        return result_html(self.result, (self.vertices, self.triangles))
+        return self.result.html_of((self.vertices, self.triangles))
 
     @property
     def status(self) -> str:
@@ -140,10 +138,9 @@ class Die:
 
     def save(self, path: Path | str) -> None:
         """Write the solid to a file in the format of its ending, one of `FILE_FORMATS`: .stl, .3mf,
-        .obj, .glb, .ply, .off or .step.
+        .obj or .glb.
 
-        Raises InputError for another ending or a missing library, and OutputError if the file
-        cannot be written.
+        Raises InputError for another ending, and OutputError if the file cannot be written.
         """
         from dicedesign.fabricate.file_formats import save_contents
         from dicedesign.recipe.output import die_contents

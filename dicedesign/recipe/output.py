@@ -1,4 +1,4 @@
-"""Stages printing, tolerances, files, figures, data sheet and report."""
+"""Stages printing, tolerances, files, figures and report."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import tempfile
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -228,32 +227,10 @@ def _compute_probabilities(work: Work, solid: Surface) -> Floats:
     return outcome_probabilities(poses, die.directions, die.outcome_of).probabilities
 
 
-FIGURES_SHOWN: Final = ("faces", "rests", "reading")
-"""Figures of the report on the data sheet, if there is room."""
-
-
 def draw_figures(work: Work) -> None:
     """Draw the figures that apply to the die."""
     work.images = figure_files(make_finished_die(work), work.callbacks.on_part)
     work.files |= {f"{name}{FIGURES[name].suffix}": data for name, data in work.images.items()}
-
-
-def write_data_sheet(work: Work) -> None:
-    """Make data_sheet.pdf and data_sheet.png from the result and the figures."""
-    from dicedesign.report.data_sheet import data_sheet, four_views, sheet_facts, sheet_pdf
-    from dicedesign.report.raster import decode_png
-    from dicedesign.report.renderer import RenderMesh
-
-    die = make_finished_die(work)
-    solid, smooth = die.printed, die.reshaped is not None
-    surface = RenderMesh(solid.points, solid.triangles, smooth=smooth)
-    file = f"{work.stem}.stl"
-    checksum = hashlib.sha256(work.files[file]).hexdigest()
-    facts = sheet_facts(die, file, checksum)
-    figures = [decode_png(work.images[name]) for name in FIGURES_SHOWN if name in work.images]
-    sheet = data_sheet(facts, four_views(surface, die.upward), figures)
-    pdf = sheet_pdf(sheet, facts.title)
-    work.files |= {"data_sheet.png": sheet.png(dpi=150), "data_sheet.pdf": pdf}
 
 
 def write_page(work: Work) -> None:

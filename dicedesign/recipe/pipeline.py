@@ -390,12 +390,6 @@ STAGES: Final[Registry[Stage]] = Registry(
             lambda work: work.recipe.figures and work.folder is not None,
         ),
         Stage(
-            "data sheet",
-            "makes the one-page data_sheet.pdf and data_sheet.png",
-            "dicedesign.recipe.output:write_data_sheet",
-            lambda work: work.recipe.data_sheet and work.folder is not None,
-        ),
-        Stage(
             "report",
             "makes report.html, a single file",
             "dicedesign.recipe.output:write_page",

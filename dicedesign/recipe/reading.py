@@ -22,7 +22,6 @@ from dicedesign.errors import RecipeError
 from dicedesign.fabricate.finish_options import is_font_file
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.target import read_shorthand
-from dicedesign.results.renamed_keys import RENAMED_KEYS
 from dicedesign.runtime.files import read_text
 
 MAX_DEPTH: Final = 30
@@ -203,8 +202,6 @@ def _explain(error: ValidationError) -> str:
     key = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
     cause = first.get("ctx", {}).get("error")
     if first["type"] in UNKNOWN:
-        if key in RENAMED_KEYS:
-            return f"{key}: expected its new name, got the old one; write {RENAMED_KEYS[key]}"
         return f"{key}: unknown key; {_hint(key)}"
     if first["type"] == "missing":
         return f"{key}: expected this key, but it is missing; add it"

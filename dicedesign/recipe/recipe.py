@@ -171,9 +171,8 @@ def _word(word: str, meaning: object) -> BeforeValidator:
 
 
 def _list_names(names: object) -> object:
-    """Wrap a single name in a list; YAML reads a bare `off` as false."""
-    names = names if isinstance(names, list) else [names]
-    return ["off" if name is False else name for name in names]
+    """Wrap a single name in a list."""
+    return names if isinstance(names, list) else [names]
 
 
 def _switch(key: str | None = None) -> BeforeValidator:
@@ -218,7 +217,6 @@ class Recipe(Strict):
         leave that to the maker.
     print: printer and material, or None to skip the check of printability.
     files: file formats of the die; STL is always included.
-    data_sheet: whether to make a one-page data sheet as PDF and PNG.
     figures: whether to draw figures. report: whether to make the report page.
     clock: whether to record run times and memory; without them, and unless a time limit is reached,
         the files of a recipe are always identical byte for byte.
@@ -247,7 +245,6 @@ class Recipe(Strict):
     files: Annotated[list[str], AfterValidator(with_stl), BeforeValidator(_list_names)] = Field(
         default_factory=lambda: ["stl"]
     )
-    data_sheet: bool = False
     figures: bool = True
     report: bool = True
     clock: bool = True

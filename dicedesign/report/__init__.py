@@ -1,4 +1,4 @@
-"""What people look at: charts, rendered views, figures, pages and the data sheet."""
+"""What people look at: charts, rendered views, figures and pages."""
 
 import logging
 

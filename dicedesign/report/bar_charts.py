@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.report.palette import ACCENT, DARK, FAINT, PALE
+from dicedesign.palette import ACCENT, DARK, FAINT, PALE
 from dicedesign.report.sheet import SMALL, TINY, Sheet, text_width, with_style
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats

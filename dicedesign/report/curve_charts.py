@@ -8,11 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator
 from numpy.polynomial import Polynomial
 
 from dicedesign.fabricate.die import FinishedDie
+from dicedesign.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
-from dicedesign.report.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
 from dicedesign.report.sheet import NOTE, Sheet, with_style
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Step
@@ -30,11 +31,8 @@ ZERO_RATIO: Final = 1e-18
 WIDE_RATIO: Final = 50.0
 """Ratio of the largest to the smallest value above which an axis is logarithmic."""
 
-ENERGIES: Final = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
-"""Possible ticks of an axis of energies."""
-
-LABEL_ROOM: Final = 0.04
-"""Height of a label beside a curve, relative to the axis; labels that would overlap are joined."""
+LEGEND_ROWS: Final = 16
+"""Most entries of a column of a legend beside a chart."""
 
 ZERO_ERROR: Final = 1e-9
 """Errors of attempts up to this are drawn as zero."""
@@ -188,40 +186,22 @@ def hands_chart(die: FinishedDie) -> Sheet:
     assert by_table is not None
     energies = np.array([table.energy for table in die.thrown.die.tables])
     even = np.geomspace(energies.min(), energies.max(), 50)
-    sheet = Sheet(1275.0, 640.0)
+    sheet = Sheet(1275.0, 640.0, grows=True)
     axes = sheet.axes(120.0, 60.0, 1120.0, 545.0)
-    ticks = [tick for tick in ENERGIES if energies.min() <= tick <= energies.max()]
-    axes.set_xscale("log")
-    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axes.set_xticks([], minor=True)
-    ends: list[tuple[float, str, str]] = []
     outcomes = zip(die.result.labels, np.array(by_table.probabilities).T, target, strict=True)
     for place, (label, probabilities, wanted) in enumerate(outcomes):
         color = DISTINCT[place % len(DISTINCT)]
-        axes.plot(energies, 100.0 * probabilities, "o", color=color, ms=6.0, alpha=0.6)
+        axes.plot(energies, 100.0 * probabilities, "o", color=color, ms=6.0, alpha=0.6, label=label)
         curve = Polynomial.fit(np.log(energies), 100.0 * probabilities, 2)
         axes.plot(even, curve(np.log(even)), color=color)
         axes.axhline(100.0 * wanted, color=color, lw=1.5, ls="--")
-        ends.append((float(curve(np.log(even[-1]))), label, color))
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_xticks([], minor=True)
     axes.set_ylim(bottom=0.0)
-    room = LABEL_ROOM * axes.get_ylim()[1]
-    written: list[tuple[float, str, str]] = []
-    for height, label, color in sorted(ends):
-        if written and height - written[-1][0] < room:
-            below, names, first = written.pop()
-            height, label, color = below, f"{names}, {label}", first
-        written.append((height, label, color))
-    for height, text, color in written:
-        axes.annotate(
-            text,
-            (1.0, height),
-            (8.0, 0.0),
-            xycoords=("axes fraction", "data"),
-            textcoords="offset points",
-            va="center",
-            size=NOTE,
-            color=color,
-        )
+    columns = -(-len(target) // LEGEND_ROWS)
+    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), ncols=columns)
     axes.set(xlabel="energy of the throw (weights × sizes of the die)", ylabel="probability (%)")
     axes.set_title(
         f"total variation on nine in ten hands {by_table.often:.4f}, worst {by_table.worst:.4f}"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import even_directions, norms
+from dicedesign.palette import BASINS, DARK, FAINT, rgb
 from dicedesign.report.discs import (
     DISC_PIXELS,
     LEAST_WRITTEN,
@@ -24,7 +25,6 @@ from dicedesign.report.discs import (
     great_arcs,
     map_basins,
 )
-from dicedesign.report.palette import BASINS, DARK, FAINT, rgb
 from dicedesign.report.sheet import NOTE, Sheet, with_style
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.prior import DensityPrior

@@ -24,9 +24,9 @@ from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
+from dicedesign.palette import BASINS
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES, MAX_FLAT_TRIANGLES
-from dicedesign.report.palette import BASINS
 from dicedesign.report.raster import Camera, encode_png, frame_cameras, three_cameras
 from dicedesign.report.renderer import RenderMesh, render
 from dicedesign.results.parts import Draft, Search, Status, TableResult
@@ -245,7 +245,7 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
         .render(
             title=result.name,
             policy=policy,
-            style=style + _template_file("viewer.css"),
+            style=style + _template_file("viewer.css") + _template_file("print.css"),
             script=script,
             data=data,
             left_out=left_out,

@@ -88,20 +88,17 @@ def tilt_up(level: Floats, up: Floats, degrees: float = 18.0) -> Floats:
     return np.asarray(np.cos(rise) * level + np.sin(rise) * up)
 
 
-def three_cameras(
-    points: Floats, up: Floats, turns_deg: Sequence[float] = TURNS_DEG
-) -> list[Camera]:
+def three_cameras(points: Floats, up: Floats) -> list[Camera]:
     """Cameras around points, 120 degrees apart and slightly above them, all at one scale.
 
     points: (n, 3) in any length unit, all in the pictures; up: (3,) direction that is upward in the
-    pictures, of any length above 0; turns_deg: angle of each camera to the right from the front of
-    the body, which is +z if y is upward and -y if z is.
+    pictures, of any length above 0. The front of the body is +z if y is upward and -y if z is.
     """
     upward = up / norms(up)
     right = np.eye(3)[int(abs(upward[0]) > np.sqrt(0.5))]
     right = unit_vectors(right - (right @ upward) * upward)
     front = np.cross(right, upward)
-    levels = [np.cos(turn) * front + np.sin(turn) * right for turn in np.radians(turns_deg)]
+    levels = [np.cos(turn) * front + np.sin(turn) * right for turn in np.radians(TURNS_DEG)]
     cameras = [Camera(tilt_up(level, upward, 15.0), upward) for level in levels]
     return frame_cameras(cameras, [points] * len(cameras))
 

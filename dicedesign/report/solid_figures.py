@@ -14,7 +14,7 @@ from matplotlib.path import Path
 
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
-from dicedesign.report.palette import ACCENT, DARK, FAINT, rgb
+from dicedesign.palette import ACCENT, DARK, FAINT, rgb
 from dicedesign.report.raster import UP, Camera, frame_cameras, tilt_up
 from dicedesign.report.renderer import (
     MATERIAL,

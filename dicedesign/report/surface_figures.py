@@ -14,8 +14,8 @@ from matplotlib.patches import Patch
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import edge_keys
+from dicedesign.palette import ACCENT, BASINS, FAINT, PALE, repeat, rgb
 from dicedesign.report.bar_charts import Bars, outcome_chart
-from dicedesign.report.palette import ACCENT, BASINS, FAINT, PALE, repeat, rgb
 from dicedesign.report.raster import (
     UP,
     Camera,

@@ -6,7 +6,6 @@ import math
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import import_module
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -152,8 +151,18 @@ class RestPoses:
 
     def _repr_html_(self) -> str:
         """HTML of the hull to turn and a table of the rests, for notebooks."""
-        # Imported by its address, as `report` is on a higher floor.
-        return str(import_module("dicedesign.report.notebook").poses_html(self))
+        from dicedesign.notebook import solid_and_table
+
+        rests = range(len(self.probabilities))
+        margins = np.degrees(self.margins)
+        return solid_and_table(
+            (self.hull.vertices, self.hull.triangles),
+            self.normals,
+            rests,
+            f"{len(rests)} resting poses",
+            ("rest", "probability", "margin"),
+            [(f"{k}", f"{self.probabilities[k]:.4%}", f"{margins[k]:.1f}°") for k in rests],
+        )
 
     def under(self, prior: Prior | str | None) -> RestPoses:
         """Rests with their probabilities under a prior, the most probable first. A rest whose

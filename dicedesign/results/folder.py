@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -13,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.results.renamed_keys import RENAMED_KEYS
 from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.files import (
     hold_interrupts,
@@ -34,9 +32,6 @@ RECIPE: Final = "recipe.yaml"
 PAGE: Final = "report.html"
 """Report page."""
 
-DATA_SHEETS: Final = ("data_sheet.pdf", "data_sheet.png")
-"""One-page data sheet."""
-
 SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_oriented.stl", "die_plain.stl")
 """Die with labels, inlays that fill the labels, die oriented on the print bed, die without
 labels."""
@@ -54,13 +49,13 @@ def write_results(
     ----------
     folder: existing folder.
     files: contents by name. result: content of `RESULT`.
-    names: files of earlier runs to remove, besides `SOLIDS`, `RECIPE`, `PAGE` and `DATA_SHEETS`.
+    names: files of earlier runs to remove, besides `SOLIDS`, `RECIPE` and `PAGE`.
 
     Raises
     ------
     OutputError: a file cannot be removed or written.
     """
-    owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *DATA_SHEETS, *names])
+    owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *names])
     result_data = result.json_text().encode("utf-8")
     with hold_interrupts("the results were complete by then"):
         contents = {folder / name: data for name, data in files.items()}
@@ -111,14 +106,10 @@ def read_result(folder: Path | str) -> Result:
         if isinstance(error, ValidationError):
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"])) or "the file"
-            old = [name for name, new in RENAMED_KEYS.items() if new == re.sub(r"\.\d+", "", key)]
             if first["type"] == "json_invalid":
                 reason = "text that is no JSON"
             elif first["type"] != "missing":
                 reason = f"{key}: {reprlib.repr(first['input'])}"
-            elif old or key == "design":
-                reason = f"the result of an older version without the key {key!r}"
-                reason += "".join(f", which was called {name!r}" for name in old)
             else:
                 reason = f"{key}: nothing"
         else:

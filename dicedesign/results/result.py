@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -26,6 +25,9 @@ from dicedesign.results.parts import (
 )
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, plain
+
+if TYPE_CHECKING:
+    from dicedesign.notebook import Solid
 
 RESULT: Final = "result.json"
 """Name of the file, written last: a folder with it is complete."""
@@ -314,8 +316,23 @@ class Result:
 
     def _repr_html_(self) -> str:
         """HTML of the printed die to turn and a table of its outcomes, for notebooks."""
-        # By its address, as pictures are drawn on a higher floor.
-        return str(import_module("dicedesign.report.notebook").result_html(self))
+        name = self.files.get("die", self.files.get("die_plain", ""))
+        path = (self.folder or Path()) / name
+        return self.html_of(path if path.is_file() else None)
+
+    def html_of(self, solid: Solid | None) -> str:
+        """HTML of a solid, the die, beside a table of its outcomes."""
+        from dicedesign.notebook import solid_and_table
+
+        percents = [map("{:.4%}".format, values) for values in (self.probabilities, self.target)]
+        return solid_and_table(
+            solid,
+            np.array([facet.normal for facet in self.facets]),
+            [[*self.labels, facet.outcome].index(facet.outcome) for facet in self.facets],
+            self.message,
+            ("outcome", "probability", "target"),
+            list(zip(self.labels, *percents, strict=True)),
+        )
 
     @property
     def converged(self) -> bool:

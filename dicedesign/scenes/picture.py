@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.report.palette import BASINS, rgb
+from dicedesign.palette import BASINS, rgb
 from dicedesign.report.raster import UP, Camera, encode_png, frame_cameras, rasterize, trim
 from dicedesign.report.renderer import RenderMesh, render, render_shadow
 from dicedesign.runtime.arrays import Floats, Integers

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
 POINTS_ENDING = ".xyz"
 
+TRIMESH_KINDS = ("glb", "ply", "off")
+"""Formats that trimesh writes."""
+
 Y_UP = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
@@ -45,8 +48,9 @@ def check_ending(ending: str, name: str) -> None:
 
     name: subject of the message.
     """
-    if ending.lower() != POINTS_ENDING and ending[1:].lower() not in FILE_FORMATS:
-        known = ", ".join([*(f".{known}" for known in FILE_FORMATS.names), POINTS_ENDING])
+    endings = [f".{kind}" for kind in dict.fromkeys([*FILE_FORMATS.names, *TRIMESH_KINDS])]
+    if ending.lower() not in (*endings, POINTS_ENDING):
+        known = ", ".join([*endings, POINTS_ENDING])
         raise InputError(
             f"{name}: expected a format that can be written, {known}, got {ending!r}; choose one "
             "of them"
@@ -56,8 +60,8 @@ def check_ending(ending: str, name: str) -> None:
 def pose_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
     """Content of a mesh file after a rigid motion, in the unit of length of the original.
 
-    A GLB file keeps colors, materials, textures and part names. A PLY file written from a PLY file
-    keeps its colors. Other formats hold the shape alone.
+    A GLB file keeps colors, materials, textures and part names, a PLY file colors. Other formats
+    hold the shape alone.
 
     Parameters
     ----------
@@ -80,14 +84,12 @@ def pose_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
             f"{path}: expected triangles for a file ending in {ending}, got points alone; write "
             f"one ending in {POINTS_ENDING}"
         )
-    if kind == "glb":
+    if kind in TRIMESH_KINDS:
         scene = load_scene(path, body)
         scene.apply_transform(transform)
-        return cast("bytes", scene.export(file_type="glb"))
-    if kind == "ply" and path.suffix.lower() == ".ply":
-        mesh: Any = load_scene(path, body).to_geometry()
-        if mesh.visual.kind in ("vertex", "face"):
-            return cast("bytes", mesh.apply_transform(transform).export(file_type="ply"))
+        posed: Any = scene if kind == "glb" else scene.to_geometry()
+        content = posed.export(file_type=kind)
+        return content.encode() if isinstance(content, str) else cast("bytes", content)
     part = Part(points, body.triangles, path.stem, BODY_COLOR)
     contents = Contents(path.stem, [part], unit="the unit of the mesh that was posed")
     return file_bytes(contents, FILE_FORMATS[kind], str(path))

@@ -9,7 +9,7 @@ import numpy as np
 from dicedesign.errors import DiceError
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.report.palette import BASINS
+from dicedesign.palette import BASINS
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.goodness_of_fit import chi_square
 from dicedesign.throws.momentum_model import MomentumMixture, momentum_model

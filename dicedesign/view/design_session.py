@@ -27,7 +27,7 @@ from dicedesign.results.parts import Status
 from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 
-SHAPE_FILE: Final = "shape.off"
+SHAPE_FILE: Final = "shape.obj"
 """File of the shape that a design continues from, beside its recipe."""
 
 

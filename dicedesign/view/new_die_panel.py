@@ -13,8 +13,8 @@ from dicedesign.geometry.meshes.body import body_of, make_body
 from dicedesign.optimize.options import PaperWeights, legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import STARTS, StartKind
+from dicedesign.palette import BASINS
 from dicedesign.recipe.reading import format_probabilities, parse_target
-from dicedesign.report.palette import BASINS
 from dicedesign.results.parts import Status
 from dicedesign.runtime.registry import Number
 from dicedesign.view.design_session import DesignedShape, DesignSession, DieRequest

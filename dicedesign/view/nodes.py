@@ -9,8 +9,8 @@ import numpy as np
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import even_directions
+from dicedesign.palette import BASINS, DARK, FAINT, PALE, rgb
 from dicedesign.report.discs import basin_of_directions, great_arcs, lowest_corners
-from dicedesign.report.palette import BASINS, DARK, FAINT, PALE, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.view.motion import SPHERE_POSITION, SPHERE_RADIUS, SceneFrame
 from dicedesign.view.viewed_body import ViewedBody, facet_vertices

@@ -69,7 +69,7 @@ class PrintableDie:
         with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
             for member, data in (
                 ("recipe.yaml", text),
-                (SHAPE_FILE, mesh_bytes(hull.vertices, hull.triangles, ".off")),
+                (SHAPE_FILE, mesh_bytes(hull.vertices, hull.triangles, ".obj")),
             ):
                 file.writestr(zipfile.ZipInfo(member, _ARCHIVE_DATE), data)
         return f"{name}.zip", archive.getvalue()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
 
 from dicedesign.errors import InputError, check_whole, missing_extra
-from dicedesign.report.palette import ACCENT, DARK, FAINT, GRID, PALE
+from dicedesign.palette import ACCENT, DARK, FAINT, GRID, PALE
 
 if TYPE_CHECKING:
     import viser

@@ -61,13 +61,13 @@ def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 def test_other_files_and_a_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["design", "--target", "1/2,1/3,1/6", "--out", str(tmp_path / "coin"), "--no-figures"]
-    assert main([*command, "--files", "obj, glb", "--data-sheet"]) == 0
+    assert main([*command, "--files", "obj, glb"]) == 0
     output = capsys.readouterr().out.splitlines()[-1]
-    for name in ("die.stl", "die.obj", "die.glb", "data_sheet.pdf", "data_sheet.png"):
+    for name in ("die.stl", "die.obj", "die.glb"):
         assert (tmp_path / "coin" / name).is_file()
         assert name in output
     recipe = read_recipe(tmp_path / "coin" / "recipe.yaml")
-    assert (recipe.files, recipe.data_sheet) == (["stl", "obj", "glb"], True)
+    assert recipe.files == ["stl", "obj", "glb"]
 
 
 def test_the_size_grows_until_the_labels_fit(

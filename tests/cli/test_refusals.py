@@ -257,7 +257,7 @@ KEYS = (
     "method.paper steps weights step",
     "method.concave attempts hull fill",
     *["target", "start", "seed", "size_mm", "assignment", "center_of_mass", "symmetry", "prior"],
-    *["numbering", "files", "data_sheet", "clock"],
+    *["numbering", "files", "clock"],
 )
 """Entries of a recipe, each with its nested entries."""
 

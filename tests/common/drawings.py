@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from dicedesign.report.palette import rgb
+from dicedesign.palette import rgb
 from dicedesign.report.sheet import Sheet
 
 

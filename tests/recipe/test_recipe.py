@@ -151,10 +151,6 @@ BAD = [
         {"method": {"paper": {"weights": {"coplaner": 1}}}},
         "weights.coplaner: unknown key.*coplanar",
     ),
-    (
-        {"method": {"exact": {"odds": "thrown"}}},
-        "method.exact.odds: expected its new name, .* write method.exact.probabilities",
-    ),
     ({"labels": ["a", "b"]}, "labels: unknown key; it belongs at target.labels"),
     ({"evaluatons": {}}, r"evaluatons: unknown key; did you mean method.exact.evaluations\?"),
     (

@@ -1,8 +1,9 @@
-"""Charts hold their values, and nothing of them is cut off."""
+"""Charts hold their values, read back from their axes, and nothing of them is cut off."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from common.drawings import curves, is_whole
 from common.finished import CONCAVE, finished_box
 
 from dicedesign.errors import InputError
+from dicedesign.palette import ACCENT, FAINT
 from dicedesign.report.bar_charts import (
     Bars,
     bars_chart,
@@ -20,8 +22,7 @@ from dicedesign.report.bar_charts import (
     rolls_chart,
     table_chart,
 )
-from dicedesign.report.curve_charts import course_chart, rounds_chart, trade_off_chart
-from dicedesign.report.palette import ACCENT, FAINT, PALE
+from dicedesign.report.curve_charts import course_chart, hands_chart, rounds_chart, trade_off_chart
 from dicedesign.report.sheet import Sheet
 from dicedesign.results.parts import (
     Draft,
@@ -55,31 +56,17 @@ def limits(sheet: Sheet) -> list[np.ndarray]:
     return [np.array(lines)[:, :, 1] for lines in ends]
 
 
-def test_bars_are_side_by_side_in_front_of_the_target() -> None:
+def test_bars_beside_each_other_have_their_values() -> None:
     two = Bars("two", ACCENT, TARGET, INTERVALS, "range", ())
     kinds = [Bars("one", FAINT, PROBABILITIES), two]
     sheet = outcome_chart(["a", "b", "$c$"], kinds, title="title", x_label="x", target=TARGET)
     assert is_whole(sheet)
-    (axes,) = sheet.figure.axes
     drawn = heights(sheet)
     for name, values in (("target", TARGET), ("one", PROBABILITIES), ("two", TARGET)):
         np.testing.assert_allclose(drawn[name], 100.0 * np.array(values))
-    target, one, two = (c for c in axes.containers if hasattr(c, "patches"))
-    for back, left, right in zip(target, one, two, strict=True):
-        assert left.get_x() + left.get_width() == pytest.approx(right.get_x())
-        assert back.get_x() < left.get_x()
-        assert right.get_x() + right.get_width() < back.get_x() + back.get_width()
     np.testing.assert_allclose(limits(sheet)[0], 100.0 * np.array(INTERVALS))
-    assert [text.get_text() for text in axes.get_xticklabels()] == ["a", "b", "$c$"]
-    expected = ["20.00", "50.00", "30.00", "title", "x", "probability (%)", "target", "range"]
-    assert set(expected) <= set(sheet.texts)
-
-
-@pytest.mark.parametrize("labels", [[], ["a", "b"]])
-def test_one_rest_for_each_outcome(labels: list[str]) -> None:
-    kinds = [Bars("p", PALE, PROBABILITIES)]
-    with pytest.raises(InputError, match=rf"got {len(labels)} labels and 3, 3 probabilities"):
-        outcome_chart(labels, kinds, title="", x_label="", target=TARGET)
+    assert [text.get_text() for text in sheet.figure.axes[0].get_xticklabels()] == ["a", "b", "$c$"]
+    assert {"20.00", "50.00", "30.00", "target", "range"} <= set(sheet.texts)
 
 
 def test_counts_of_throws_with_their_intervals() -> None:
@@ -91,9 +78,6 @@ def test_counts_of_throws_with_their_intervals() -> None:
     )
     np.testing.assert_allclose(limits(sheet)[0], 100 * verdict.intervals)
     assert {"30", "50", "20", "exact 90 % interval"} <= set(sheet.texts)
-    assert any(
-        text.startswith("100 throws: p = 0.37, total variation 0.050") for text in sheet.texts
-    )
     with pytest.raises(InputError, match=r"one probability of each kind each, got 1 labels and 3"):
         rolls_chart(["a"], verdict)
 
@@ -138,7 +122,6 @@ def table_result(rounds: int, simulated: bool = True, **changes: Any) -> TableRe
 def test_dice_and_their_targets() -> None:
     die = finished_box(labels=("a", "b", "c"), target=TARGET, probabilities=PROBABILITIES)
     sheet = bars_chart(die)
-    assert any("max |p − q| = 0.05" in text for text in sheet.texts)
     np.testing.assert_allclose(heights(sheet)["achieved"], 100.0 * np.array(PROBABILITIES))
     table = replace(die, result=replace(die.result, thrown=table_result(0)))
     drawn = heights(table_chart(table))
@@ -146,11 +129,8 @@ def test_dice_and_their_targets() -> None:
     np.testing.assert_allclose(drawn["without momentum"], 100.0 * np.array(PROBABILITIES))
     np.testing.assert_allclose(drawn["momentum model"], [24, 50, 26])
     np.testing.assert_allclose(drawn["simulated throws"], [26, 50, 24])
-    title = "12,345 throws: total variation 0.0100 (95 %: 0.0000 to 0.0256), a perfect die: 0.0123"
-    assert title in table_chart(table).texts
     table = replace(die, result=replace(die.result, thrown=table_result(0, False)))
-    title = "total variation to the target: without momentum 0.0500, momentum model 0.0100"
-    assert title in table_chart(table).texts
+    assert "simulated throws" not in heights(table_chart(table))
 
 
 def test_bars_before_and_after_have_one_for_all_other_rests() -> None:
@@ -162,7 +142,6 @@ def test_bars_before_and_after_have_one_for_all_other_rests() -> None:
     np.testing.assert_allclose(drawn["target"], [50, 50, 0])
     np.testing.assert_allclose(drawn["before"], [10, 70, 20])
     np.testing.assert_allclose(drawn["after"], [49, 50, 1])
-    assert {"elsewhere", "max |p − q| = 0.4 before, 0.01 after"} <= set(sheet.texts)
 
 
 def history(count: int) -> list[Step]:
@@ -186,13 +165,10 @@ def course(sheet: Sheet, column: int) -> list[np.ndarray]:
 def test_error_and_energy_over_time(count: int) -> None:
     steps = history(count)
     sheet = course_of(steps, 1e-3)
-    left, right = sheet.figure.axes
-    low, high = left.get_ylim()
-    assert low < 1e-3 < high
     (errors,), (energies,) = course(sheet, 0), course(sheet, 1)
     np.testing.assert_allclose(errors, [(s.seconds, s.max_abs_error) for s in steps])
     np.testing.assert_allclose(energies, [(s.seconds, s.energy) for s in steps])
-    assert right.get_yscale() == ("log" if count == 1000 else "linear")
+    assert "tolerance 0.001" in sheet.texts
     assert is_whole(sheet)
     clockless = course_of([replace(step, seconds=None) for step in steps], 1e-3)
     np.testing.assert_allclose(course(clockless, 0)[0][:, 0], range(count))
@@ -205,7 +181,6 @@ def test_the_energy_of_preferences_is_drawn_from_their_first_step() -> None:
     sheet = course_of(steps, 1e-3)
     assert len(course(sheet, 0)[0]) == 20
     assert course(sheet, 1)[0][:, 1].tolist() == [step.energy for step in steps[12:]]
-    assert "energy of preferences" in sheet.texts
 
 
 STAGES = [
@@ -222,15 +197,12 @@ def test_each_stage_has_its_stretch_and_its_curve() -> None:
     for axes in sheet.figure.axes:
         spans = [(b.get_x(), b.get_x() + b.get_width(), b.get_label()) for b in axes.patches]
         assert spans == [(0.0, 1.0, "hull"), (1.0, 3.0, "fill"), (3.0, 3.5, "hull")]
-        assert axes.patches[0].get_facecolor() == axes.patches[2].get_facecolor()
-        assert axes.get_yscale() == "log"
     energies = [part.tolist() for part in course(sheet, 1)]
     assert energies == [[[0.0, 1.0], [1.0, 0.1]], [[1.5, 50.0], [3.0, 40.0]], [[3.5, 0.01]]]
     assert course(sheet, 0)[0][:, 0].tolist() == [0.0, 1.0, 3.0, 3.5]
-    assert sheet.texts.count("hull") == 1
     assert is_whole(sheet)
-    for error, text in ((None, "not known"), (0.0, "0")):
-        assert text in course_of([replace(s, max_abs_error=error) for s in STAGES], 1e-4).texts
+    unknown = course_of([replace(step, max_abs_error=None) for step in STAGES], 1e-4)
+    assert "not known" in unknown.texts
 
 
 def test_rounds_against_all_throws_so_far() -> None:
@@ -244,8 +216,23 @@ def test_rounds_against_all_throws_so_far() -> None:
     )
     np.testing.assert_allclose(limits(sheet)[0], [(0.0, 0.0256)])
     assert is_whole(sheet)
-    drawn = curves(rounds_chart(finished_box(thrown=table_result(1, False))).figure.axes[0])
-    assert set(drawn) == {"its throws", "a perfect die", "expected", "kept"}
+
+
+def test_hands_against_the_energy_of_their_throws() -> None:
+    energies, shares = [2.0, 5.0, 20.0, 30.0], np.linspace(0.1, 0.4, 4)
+    tables = [SimpleNamespace(energy=energy) for energy in energies]
+    each: Any = SimpleNamespace(die=SimpleNamespace(tables=tables))
+    probabilities = np.stack([shares, 1.0 - shares], axis=1)
+    by_table: Any = SimpleNamespace(probabilities=probabilities, often=0.1, worst=0.2)
+    thrown = replace(table_result(0), by_table=by_table)
+    die = finished_box(labels=("a", "b"), target=(0.25, 0.75), thrown=thrown)
+    sheet = hands_chart(replace(die, thrown=each))
+    drawn = curves(sheet.figure.axes[0])
+    for label, values in zip("ab", 100.0 * probabilities.T, strict=True):
+        np.testing.assert_allclose(drawn[label], np.stack([energies, values], axis=1))
+    levels = [line.get_ydata()[0] for line in sheet.figure.axes[0].lines[2::3]]
+    assert levels == [25.0, 75.0]
+    assert is_whole(sheet)
 
 
 GOOD = Draft(3, 1.0, 1e-4, 0.02, 60.0, 15.0, 0)
@@ -282,6 +269,6 @@ def test_every_draft_is_drawn_once_by_its_worst_flaw() -> None:
     assert is_whole(sheet)
 
 
-@pytest.mark.parametrize("drafts", [(), (GOOD,), (Draft(1, None, 0.0, 0.0, 0.0, 0.0, 0),)])
-def test_few_drafts_of_any_kind_are_drawn(drafts: tuple[Draft, ...]) -> None:
-    assert is_whole(trade_off(drafts, None, 0.0))
+def test_an_unfinished_search_is_drawn() -> None:
+    for drafts in ((), (Draft(1, None, 0.0, 0.0, 0.0, 0.0, 0),)):
+        assert is_whole(trade_off(drafts, None, 0.0))

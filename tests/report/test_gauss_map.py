@@ -8,6 +8,7 @@ from common.drawings import color_mask, is_whole
 from matplotlib.path import Path
 
 from dicedesign.errors import InputError
+from dicedesign.palette import BASINS
 from dicedesign.report.discs import basin_of_directions, basin_outlines
 from dicedesign.report.gauss_map import (
     gauss_map_figure,
@@ -15,7 +16,6 @@ from dicedesign.report.gauss_map import (
     paths_figure,
     place_texts,
 )
-from dicedesign.report.palette import BASINS
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.prior import SampledDirections
 

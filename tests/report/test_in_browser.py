@@ -1,10 +1,13 @@
-"""In a browser, the facet under the pointer in one place is shown in all."""
+"""In a browser, the facet under the pointer in one place is shown in all; on paper, a report is one
+page."""
 
 from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,184 +21,155 @@ from dicedesign.report.discs import MAP_SIZE, place_discs
 from dicedesign.rest.poses import rest_poses
 
 SHOWN = "() => [...document.querySelectorAll('.shown')].map((x) => [x.tagName, x.dataset.facet])"
+DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+BOXES = """() => [...document.querySelectorAll("body *")].map((element) => {
+  const box = element.getBoundingClientRect();
+  return [element.tagName, box.left, box.top, box.right, box.bottom];
+}).filter(([tag, left, top, right, bottom]) => right > left && bottom > top)"""
+"""Tags and boxes of visible elements."""
+
 ACCENT = np.array([194, 87, 26])
 
 
 class Opened:
     """Page with its requests and its messages."""
 
-    def __init__(self, page: Any, file: Path) -> None:
-        self.page = page
+    def __init__(self, browser: Any, file: Path, **options: Any) -> None:
+        self.page = browser.new_page(reduced_motion="reduce", **options)
         self.requests: list[str] = []
         self.messages: list[str] = []
-        page.on("request", lambda request: self.requests.append(request.url))
-        page.on("console", lambda message: self.messages.append(message.text))
-        page.on("pageerror", lambda error: self.messages.append(str(error)))
-        page.goto(file.as_uri())
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("console", lambda message: self.messages.append(message.text))
+        self.page.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.page.goto(file.as_uri())
+        self.page.wait_for_selector("#view:not([hidden])")
 
-    def shown(self) -> set[tuple[str, str]]:
-        """Tags and facets of marked elements."""
-        return {(tag.lower(), facet) for tag, facet in self.page.evaluate(SHOWN)}
+    def shows(self, facet: str | None, tags: tuple[str, ...] = ("tr", "path")) -> bool:
+        """Whether a facet alone is marked, in the elements and in the view, which is drawn at once
+        for those who want no motion."""
+        self.page.evaluate(DRAWN)
+        marked = {(tag.lower(), name) for tag, name in self.page.evaluate(SHOWN)}
+        in_view = self.page.evaluate("document.getElementById('view').dataset.shown || ''")
+        expected = set() if facet is None else {(tag, facet) for tag in tags}
+        return marked == expected and in_view == (facet or "")
 
-    def facet_in_view(self) -> str:
-        return str(self.page.evaluate("document.getElementById('view').dataset.shown || ''"))
-
-    def marked_pixels(self) -> float:
-        """Share of the view that has the color of the facet under the pointer."""
-        return float((np.abs(self.pixels() - ACCENT).max(axis=2) < 40.0).mean())
-
-    def pixels(self) -> np.ndarray:
+    def view(self) -> np.ndarray:
         """Colors (h, w, 3) of the view, from 0 to 255."""
         data = self.page.locator("canvas").screenshot()
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
 
-    def settle(self) -> None:
-        """Wait until the die, which turns at once for those who want no motion, is drawn."""
-        frame = (
-            "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        )
-        self.page.evaluate(frame)
+    def marked_share(self) -> float:
+        """Share of the view that has the color of the facet under the pointer."""
+        return float((np.abs(self.view() - ACCENT).max(axis=2) < 40.0).mean())
+
+    def move(self, selector: str, x: float, y: float) -> None:
+        """Move the pointer to a place in an element, in pixels from its upper left."""
+        box = self.page.locator(selector).bounding_box()
+        self.page.mouse.move(box["x"] + x, box["y"] + y)
 
 
-@pytest.fixture
-def opened(browser: Any, fair_d3: Path) -> Iterator[Opened]:
+@pytest.fixture(scope="module")
+def report(fair_d3: Path) -> Path:
+    return fair_d3 / "report.html"
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Any, report: Path) -> Iterator[Opened]:
     # The map is far below the view.
-    size = {"width": 1100, "height": 6000}
-    page = browser.new_page(viewport=size, reduced_motion="reduce")
-    view = Opened(page, fair_d3 / "report.html")
-    page.wait_for_selector("#view:not([hidden])")
-    yield view
-    assert view.requests == [(fair_d3 / "report.html").as_uri()]
-    assert view.messages == []
-    page.close()
+    opened = Opened(browser, report, viewport={"width": 1100, "height": 6000})
+    yield opened
+    assert opened.requests == [report.as_uri()]
+    assert opened.messages == []
+    opened.page.close()
 
 
-def facets(folder: Path) -> list[dict[str, Any]]:
-    sections: list[dict[str, Any]] = json.loads((folder / "result.json").read_text())["facets"]
-    return sections
-
-
-def test_a_row_shows_its_facet_in_view_and_map(opened: Opened, fair_d3: Path) -> None:
-    assert opened.shown() == set()
-    assert opened.marked_pixels() < 0.002
-    for facet in map(str, range(len(facets(fair_d3)))):
-        opened.page.hover(f"tr[data-facet='{facet}']")
-        opened.settle()
-        assert opened.shown() == {("tr", facet), ("path", facet)}
-        assert opened.facet_in_view() == facet
-        assert opened.marked_pixels() > 0.1
-    opened.page.hover("h1")
-    assert opened.shown() == set()
-    assert opened.marked_pixels() < 0.002
-
-
-def test_the_view_shows_its_facet_in_table_and_map(opened: Opened, fair_d3: Path) -> None:
+def test_the_facet_under_the_pointer_is_shown_in_table_view_and_map(
+    opened: Opened, report: Path
+) -> None:
     """A facet that is turned to the viewer holds the middle of the view: the center of mass is
     above each facet that a die rests on."""
     box = opened.page.locator("canvas").bounding_box()
-    middle = (box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0)
-    for facet in map(str, range(len(facets(fair_d3)))):
+    scale = opened.page.locator(".covered img").bounding_box()["width"] / MAP_SIZE[0]
+    discs = place_discs(rest_poses(read_body(report.parent / "die_plain.stl")))
+    assert opened.shows(None)
+    assert opened.marked_share() < 0.002
+    facets = json.loads((report.parent / "result.json").read_text())["facets"]
+    for facet, section in enumerate(facets):
         opened.page.hover(f"tr[data-facet='{facet}']")
-        opened.settle()
+        assert opened.shows(str(facet))
+        assert opened.marked_share() > 0.1
         opened.page.hover("h1")
-        opened.page.mouse.move(*middle)
-        assert opened.shown() == {("tr", facet), ("path", facet)}
-        assert opened.facet_in_view() == facet
-    opened.page.mouse.move(box["x"] + 3.0, box["y"] + 3.0)
-    assert opened.shown() == set()
-
-
-def test_the_map_shows_its_basin_in_view_and_table(opened: Opened, fair_d3: Path) -> None:
-    poses = rest_poses(read_body(fair_d3 / "die_plain.stl"))
-    box = opened.page.locator(".covered img").bounding_box()
-    scale = box["width"] / MAP_SIZE[0]
-    for facet, section in enumerate(facets(fair_d3)):
+        assert opened.shows(None)
+        opened.move("canvas", box["width"] / 2.0, box["height"] / 2.0)
+        assert opened.shows(str(facet))
+        opened.move("canvas", 3.0, 3.0)
+        assert opened.shows(None)
         normal = np.array(section["normal"])
-        disc = max(place_discs(poses), key=lambda disc: float(disc.heights(normal)))
+        disc = max(discs, key=lambda disc: float(disc.heights(normal)))
         # A little aside of its middle, where the figure has a dot.
         x, y = scale * disc.to_paper(disc.project(normal)) + [4.0, 4.0]
-        opened.page.mouse.move(box["x"] + x, box["y"] + y)
-        opened.settle()
-        assert opened.shown() == {("tr", str(facet)), ("path", str(facet))}
-        assert opened.facet_in_view() == str(facet)
-        assert opened.marked_pixels() > 0.1
+        opened.move(".covered img", x, y)
+        assert opened.shows(str(facet))
+        assert opened.marked_share() > 0.1
+    opened.page.hover("h1")
+    assert opened.marked_share() < 0.002
 
 
-def test_keys_do_as_the_pointer(opened: Opened) -> None:
-    page = opened.page
-    page.focus("canvas")
-    before = page.locator("canvas").screenshot()
-    page.keyboard.press("ArrowRight")
-    assert page.locator("canvas").screenshot() != before
-    turned = page.locator("canvas").screenshot()
-    page.keyboard.press("+")
-    assert page.locator("canvas").screenshot() != turned
-    page.keyboard.press("Tab")
-    opened.settle()
-    assert opened.shown() == {("tr", "0"), ("path", "0")}
-    page.keyboard.press("Tab")
-    opened.settle()
-    assert opened.shown() == {("tr", "1"), ("path", "1")}
-    assert opened.facet_in_view() == "1"
-
-
-def test_dragging_turns_the_die(opened: Opened) -> None:
-    page = opened.page
-    box = page.locator("canvas").bounding_box()
-    page.mouse.move(box["x"] + 5.0, box["y"] + 5.0)
-    before = page.locator("canvas").screenshot()
+def test_keys_and_drags_turn_the_die(opened: Opened) -> None:
+    page, before = opened.page, opened.view()
+    opened.move("canvas", 5.0, 5.0)
     page.mouse.down()
-    page.mouse.move(box["x"] + 105.0, box["y"] + 5.0, steps=4)
+    page.mouse.move(*np.add(page.locator("canvas").bounding_box()["x"], [105.0, 5.0]), steps=4)
     page.mouse.up()
-    page.mouse.move(box["x"] + 5.0, box["y"] + 5.0)
-    assert page.locator("canvas").screenshot() != before
+    page.hover("h1")
+    views = [before, opened.view()]
+    page.focus("canvas")
+    for key in ("ArrowRight", "+"):
+        page.keyboard.press(key)
+        views.append(opened.view())
+    assert all((one != other).any() for one, other in pairwise(views))
+    for facet in ("0", "1"):
+        page.keyboard.press("Tab")
+        assert opened.shows(facet)
 
 
-def test_a_finger_taps(browser: Any, fair_d3: Path) -> None:
-    size = {"width": 400, "height": 800}
-    page = browser.new_page(viewport=size, has_touch=True, reduced_motion="reduce")
-    opened = Opened(page, fair_d3 / "report.html")
-    page.wait_for_selector("#view:not([hidden])")
+def test_a_finger_taps(browser: Any, report: Path) -> None:
+    opened = Opened(browser, report, viewport={"width": 400, "height": 800}, has_touch=True)
+    page = opened.page
     page.tap("tr[data-facet='1']")
-    opened.settle()
-    assert opened.shown() == {("tr", "1"), ("path", "1")}
-    assert opened.marked_pixels() > 0.1
+    assert opened.shows("1")
+    assert opened.marked_share() > 0.1
     page.tap("tr[data-facet='0']")
-    assert opened.facet_in_view() == "0"
-    opened.settle()
+    assert opened.shows("0")
     page.tap("canvas", position={"x": 5.0, "y": 5.0})
-    assert opened.shown() == set()
+    assert opened.shows(None)
     box = page.locator("canvas").bounding_box()
     page.tap("canvas", position={"x": box["width"] / 2.0, "y": box["height"] / 2.0})
-    assert opened.shown() == {("tr", "0"), ("path", "0")}
+    assert opened.shows("0")
     assert opened.messages == []
     page.close()
 
 
 def test_a_shape_stands_on_the_rest_that_is_pointed_at(browser: Any, tmp_path: Path) -> None:
     """Of a box of 14 x 16 x 20 mm more is seen on its smallest side than on its largest."""
-    die = finished_box(concave=CONCAVE)
-    file = tmp_path / "box.html"
+    die, file = finished_box(concave=CONCAVE), tmp_path / "box.html"
     file.write_text(page_text(die), "utf-8")
-    page = browser.new_page(viewport={"width": 1100, "height": 900}, reduced_motion="reduce")
-    opened = Opened(page, file)
-    page.wait_for_selector("#view:not([hidden])")
-    rows: dict[int, list[int]] = {0: [], 1: [], 2: []}
+    opened = Opened(browser, file, viewport={"width": 1100, "height": 900})
+    heights: dict[int, list[int]] = {0: [], 1: [], 2: []}
     for number, facet in enumerate(die.result.facets):
-        page.hover(f"tr[data-facet='{number}']")
-        opened.settle()
-        assert opened.shown() == {("tr", str(number))}
+        opened.page.hover(f"tr[data-facet='{number}']")
+        assert opened.shows(str(number), ("tr",))
         # The table, which is pale, does not count.
-        colored = np.ptp(opened.pixels(), axis=2) > 40.0
-        rows[int(np.abs(facet.normal).argmax())].append(int(colored.any(axis=1).sum()))
-    assert 0 < max(rows[0]) < min(rows[2])
+        colored = np.ptp(opened.view(), axis=2) > 40.0
+        heights[int(np.abs(facet.normal).argmax())].append(int(colored.any(axis=1).sum()))
+    assert 0 < max(heights[0]) < min(heights[2])
     assert opened.messages == []
-    page.close()
+    opened.page.close()
 
 
-def test_no_other_script_runs_and_nothing_is_fetched(browser: Any, fair_d3: Path) -> None:
+def test_no_other_script_runs_and_nothing_is_fetched(browser: Any, report: Path) -> None:
     page = browser.new_page()
-    page.goto((fair_d3 / "report.html").as_uri())
+    page.goto(report.as_uri())
     ran = """() => {
       const other = document.createElement("script");
       other.textContent = "window.ran = true";
@@ -211,30 +185,43 @@ def test_no_other_script_runs_and_nothing_is_fetched(browser: Any, fair_d3: Path
     page.close()
 
 
-def test_without_scripts_the_page_is_as_printed(browser: Any, fair_d3: Path) -> None:
-    context = browser.new_context(java_script_enabled=False)
-    page = context.new_page()
-    page.goto((fair_d3 / "report.html").as_uri())
-    assert not page.locator("#view").is_visible()
-    assert page.locator("tr[data-facet]").count() == len(facets(fair_d3))
-    assert page.locator(".covered img").is_visible()
-    context.close()
-
-
-def test_without_webgl_table_and_map_are_linked(browser: Any, fair_d3: Path) -> None:
-    page = browser.new_page()
+@pytest.mark.parametrize("scripts", [False, True])
+def test_without_webgl_or_scripts_the_table_and_the_map_are_there(
+    browser: Any, report: Path, scripts: bool
+) -> None:
+    page = browser.new_page(java_script_enabled=scripts)
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
-    opened = Opened(page, fair_d3 / "report.html")
-    page.hover("tr[data-facet='1']")
-    assert opened.shown() == {("tr", "1"), ("path", "1")}
+    page.goto(report.as_uri())
+    assert page.locator("tr[data-facet]").count() == 3
+    assert page.locator(".covered img").is_visible()
     assert not page.locator("#view").is_visible()
-    assert opened.messages == []
+    if scripts:
+        page.hover("tr[data-facet='1']")
+        assert len(page.evaluate(SHOWN)) == 3
     page.close()
 
 
-def test_the_view_is_omitted_in_print(opened: Opened) -> None:
-    opened.page.emulate_media(media="print")
-    assert not opened.page.locator("#view").is_visible()
-    assert opened.page.locator(".covered img").is_visible()
-    opened.page.emulate_media(media="screen")
-    assert opened.page.locator("#view").is_visible()
+def test_a_report_is_printed_on_one_page(browser: Any, report: Path) -> None:
+    """The page as it is laid out for paper, within margins of 12 mm, and its PDF."""
+    page = browser.new_page()
+    page.goto(report.as_uri())
+    page.emulate_media(media="print")
+    for paper, size in (("A4", (210.0, 297.0)), ("Letter", (215.9, 279.4))):
+        width, height = ((np.array(size) - 24.0) / 25.4 * 96.0).astype(int).tolist()
+        page.set_viewport_size({"width": width, "height": height})
+        text = page.inner_text("body")
+        for facet in json.loads((report.parent / "result.json").read_text())["facets"]:
+            assert re.search(rf"^{facet['label']}\s+33\.333$", text, re.MULTILINE)
+        for heading in ("fair_d3", "How to read the die", "How to print the die"):
+            assert heading in text
+        assert "Numbers for experts" not in text
+        boxes = page.evaluate(BOXES)
+        pictures = [box for tag, *box in boxes if tag == "IMG"]
+        assert len(pictures) == 2
+        assert min((right - left) * (lower - upper) for left, upper, right, lower in pictures) > 3e4
+        for _, left, upper, right, lower in boxes:
+            assert 0 <= left <= right <= width + 1
+            assert 0 <= upper <= lower <= height + 1
+        pdf = page.pdf(format=paper)
+        assert re.findall(rb"/Type\s*/Pages\s*/Count (\d+)", pdf) == [b"1"]
+    page.close()

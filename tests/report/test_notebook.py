@@ -14,7 +14,6 @@ from common.paths import ROOT
 from nbclient import NotebookClient
 
 import dicedesign as dd
-from dicedesign.report.notebook import result_html
 
 
 def cells(html: str) -> list[str]:
@@ -34,7 +33,7 @@ def test_poses_show_their_hull_and_probabilities() -> None:
 
 def test_a_result_without_files_shows_its_table_alone() -> None:
     die = dd.design({"probabilities": [0.5, 0.3, 0.2], "labels": ["<b>", "two", "three"]})
-    html = result_html(die.result)
+    html = die.result._repr_html_()
     assert cells(html)[::3] == ["<b>", "two", "three"]
     assert "<iframe" not in html
     assert "<iframe" in die._repr_html_()

@@ -17,10 +17,10 @@ from dicedesign.fabricate.label_layout import Placement, die_readings, place_lab
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.palette import ACCENT, DARK, rgb
 from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.report import solid_figures
-from dicedesign.report.palette import ACCENT, DARK, rgb
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.solid_figures import (
     faces,

@@ -17,8 +17,8 @@ from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface
 from dicedesign.optimize.targets import Target
+from dicedesign.palette import BASINS, repeat, rgb
 from dicedesign.report import surface_figures
-from dicedesign.report.palette import BASINS, repeat, rgb
 from dicedesign.report.raster import Camera, three_cameras
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.sheet import Sheet

@@ -60,7 +60,7 @@ def test_files_have_the_probabilities(tmp_path: Path, coin: DesignSession) -> No
     die = make_printable(coin, on_stage=stages.append)
     assert stages == ["size", "export", "check", "engrave"]
     assert die.work.status is Status.CONVERGED
-    for ending in ("stl", "3mf", "off"):
+    for ending in ("stl", "3mf", "obj"):
         name, data = die.file(ending)
         assert name == f"coin.{ending}"
         (tmp_path / name).write_bytes(data)
@@ -109,7 +109,7 @@ def test_a_changed_design_needs_its_shape(tmp_path: Path) -> None:
     assert die.work.status is Status.CONVERGED
     name, data = die.recipe_file()
     assert name == "coin.zip"
-    assert zipfile.ZipFile(io.BytesIO(data)).namelist() == ["recipe.yaml", "shape.off"]
+    assert zipfile.ZipFile(io.BytesIO(data)).namelist() == ["recipe.yaml", "shape.obj"]
     result = run_again(die, tmp_path)
     assert result.converged
     assert_same_die(die, result)
