@@ -23,7 +23,7 @@ FLOORS = (
     "scenes",
     "recipe",
     "batch",
-    "search",
+    "sweep",
     "view",
     "cli",
     "compat",

@@ -261,6 +261,7 @@ def run_in_batches(
     on_result: Callable[[Result], None],
     *,
     size_of: Callable[[Item], int] = lambda item: 0,
+    items_per_task: int | None = None,
 ) -> list[Item]:
     """Run tasks of a few items each, `jobs` at a time. Items of lost workers are retried at the
     end, one at a time.
@@ -270,11 +271,12 @@ def run_in_batches(
     submit: starts a task.
     on_result: called with the result of each task.
     size_of: bytes of an item; a task has at most `BYTES_PER_TASK`, or one item.
+    items_per_task: maximum number of items of a task; None for a number that suits quick ones.
 
     Returns the items that lost their worker in each of `LONE_RUNS` lone runs. Raises DiceError if
     the executor fails.
     """
-    most = min(ITEMS_PER_TASK, -(-len(items) // (FEWEST_TASKS_PER_JOB * jobs)))
+    most = items_per_task or min(ITEMS_PER_TASK, -(-len(items) // (FEWEST_TASKS_PER_JOB * jobs)))
     tasks, size = list[list[Item]](), 0
     for item in items:
         if not tasks or len(tasks[-1]) == most or size + size_of(item) > BYTES_PER_TASK:
