@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.errors import InputError, OutputError
+from dicedesign.errors import InputError
 from dicedesign.results.renamed_keys import RENAMED_KEYS
 from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.files import (
@@ -20,6 +20,7 @@ from dicedesign.runtime.files import (
     lock_folder,
     open_output_folder,
     read_file,
+    remove_files,
     remove_partial_files,
     stage_files,
 )
@@ -81,18 +82,6 @@ def open_results_folder(folder: Path) -> Iterator[None]:
     with open_output_folder(folder), lock_folder(folder):
         remove_partial_files(folder)
         yield
-
-
-def remove_files(folder: Path, names: Iterable[str]) -> None:
-    """Remove files of a folder if they exist. Raises OutputError."""
-    try:
-        for name in names:
-            (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: expected old results that can be removed, but {error.strerror}; choose "
-            "another folder with --out"
-        ) from error
 
 
 def read_result(folder: Path | str) -> Result:
