@@ -80,7 +80,9 @@ def combine(
         texts = {key: json.dumps(value, default=str) for key, value in varied.items()}
         recipe = read_recipe(path, [f"{key}={text}" for key, text in texts.items()])
         if recipe in recipes:
-            raise RecipeError(f"--set: expected combinations that differ, got {varied} twice")
+            raise RecipeError(
+                f"--set: expected combinations that differ, got {varied} twice; leave one out"
+            )
         recipes.append(recipe)
         parts = (f"{key.rpartition('.')[2]}-{text}".replace('"', "") for key, text in texts.items())
         name = re.sub(r"[^\w.]+", "-", "_".join(parts)).strip("-.")[:MAX_FOLDER_NAME]
