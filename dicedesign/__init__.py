@@ -4,19 +4,12 @@
 never loads torch. Names for special uses are in `energies`, `methods`, `starts` and `extensions`.
 """
 
-import ast
-from importlib import import_module
-from pathlib import Path
 from typing import Any
 
-_HOME = {
-    name.name: statement.module
-    for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text()).body
-    if isinstance(statement, ast.ImportFrom)
-    for name in statement.names
-}
+import lazy_loader
 
-__all__ = [*_HOME, "__version__"]
+_load, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__all__ += ["__version__"]
 
 
 def __getattr__(name: str) -> Any:
@@ -24,11 +17,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("dicedesign")
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if _HOME[name] == __name__:
-        return import_module(f"{__name__}.{name}")
-    return getattr(import_module(str(_HOME[name])), name)
+    return _load(name)
 
 
 def __dir__() -> list[str]:

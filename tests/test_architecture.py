@@ -25,7 +25,7 @@ FLOORS = (
     "scenes",
     "recipe",
     "batch",
-    "search",
+    "sweep",
     "view",
     "cli",
     "compat",

@@ -141,44 +141,24 @@ class DesignArguments(WithResults):
 
 
 @dataclass
-class SearchArguments(WithWorkers):
-    help_text = """Search for a die that prints and rolls better.
-
-    Designs many variants of a recipe with other seeds, label assignments and weights, and ranks
-    them by the smallest circle in a labeled facet and by the momentum margin. Repeat the command to
-    resume or extend a search. Needs the extra 'search'.
-
-    Options:
-    recipe (RECIPE): YAML file
-    trials (N): number of variants, including those already in the folder
-    jobs (J): parallel trials (default: one per core, or per thread of the cluster); with 1 the
-        search is reproducible
-    out (DIR): folder for the results (default: outputs/NAME_search)
-
-    Example: dicedesign search recipes/fair_d7.yaml --trials 50"""
-
-    recipe: Path
-    _: KW_ONLY
-    trials: int
-    out: Path | None = None
-
-
-@dataclass
 class SweepArguments(WithWorkers):
-    help_text = """Make a die for each combination of some values.
+    help_text = """Make a die for each combination of some values, and rank them.
 
-    A page shows them side by side. Repeat the command to make those that are missing.
+    A page shows the dice, the best first: by the smallest circle in a labeled facet times the
+    momentum margin. Repeat the command to make those that are missing.
 
     Options:
     recipe (RECIPE): YAML file
     set (KEY=VALUE,VALUE,...): values of a key, such as size_mm=20,30,40; may be repeated
+    seeds (N): random seeds from 0 to N - 1
     out (DIR): folder for the dice, on a cluster seen by all (default: outputs/NAME_sweep)
 
-    Example: dicedesign sweep recipes/binomial_5.yaml --set seed=0,1 --set size_mm=30,40"""
+    Example: dicedesign sweep recipes/binomial_5.yaml --seeds 20 --set size_mm=30,40"""
 
     recipe: Path
     _: KW_ONLY
-    set: tuple[str, ...]
+    set: tuple[str, ...] = ()
+    seeds: int | None = None
     out: Path | None = None
 
 

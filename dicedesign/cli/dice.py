@@ -1,10 +1,10 @@
-"""`dicedesign run`, `design`, `search`, `sweep` and `view`."""
+"""`dicedesign run`, `design`, `sweep` and `view`."""
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Any, Final
 from dicedesign.cli.commands import (
     DesignArguments,
     RunArguments,
-    SearchArguments,
     SweepArguments,
     ViewArguments,
     WithResults,
 )
 from dicedesign.cli.options import (
-    columns_of,
     note_missing_kernels,
     print_notes,
     text_table,
@@ -208,111 +206,59 @@ def _print_result(result: Result) -> None:
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
 
 
-def search(options: SearchArguments) -> int:
-    """Search variants of a recipe, and print the best dice."""
-    from dicedesign.recipe.design_die import design_recipe
-    from dicedesign.search.leaderboard import write_results
-    from dicedesign.search.study import open_study
-    from dicedesign.search.trials import run_search
-
-    check_whole("--trials", options.trials)
-    recipe = read_recipe(options.recipe)
-    exact = recipe.method.exact
-    if recipe.method.concave is not None or (exact is not None and exact.refine is not None):
-        raise InputError(
-            f"{options.recipe}: expected a method whose trials take seconds in a search, got "
-            "method.concave or method.exact.refine; add refine to the best recipe, and run concave "
-            "recipes by dicedesign run, which searches itself"
-        )
-    # A start that does not suit the target fails in every trial.
-    design_recipe(recipe, last="start")
-    folder = options.out or Path("outputs") / f"{recipe.folder_name}_search"
-    # Workers that cannot be reached leave no folder.
-    with (
-        workers_of(options, "trials", options.trials) as workers,
-        open_study(folder, recipe) as study,
-    ):
-        finished = study.finished()
-        before, converged = len(finished), _count_converged(finished)
-        workers.bar.update(before)
-
-        def on_trial(result: dict[str, Any]) -> None:
-            nonlocal converged
-            converged += result["status"] == "converged"
-            workers.bar.set_postfix_str(f"{converged} converged", refresh=False)
-            workers.bar.update(1)
-
-        if before < options.trials:
-            run_search(
-                study,
-                options.trials,
-                workers.executor,
-                workers.jobs,
-                on_trial=on_trial,
-            )
-            finished = study.finished()
-        board = write_results(folder, recipe, finished)
-    if before:
-        print_notes(f"{before} trials were already in {folder}")
-    print(f"{recipe.name}: {_count_converged(finished)} of {len(finished)} trials converged")
-    files = ["leaderboard.html", "leaderboard.json", "leaderboard.csv", "pareto.png"]
-    if board:
-        columns = (
-            ("rank", "d", "rank"),
-            ("trial", "d", "number"),
-            ("radius mm", ".3f", "inradius_mm"),
-            ("margin deg", ".3f", "margin_deg"),
-            ("max |p - q|", ".1e", "max_abs_error"),
-            ("asymmetry", ".4f", "asymmetry"),
-        )
-        on_front = ["yes" * entry["on_front"] for entry in board]
-        print(text_table(*columns_of(board, *columns), ("front", "", on_front)))
-        files += ["best.yaml", "trial_N.yaml of the trials above"]
-    print(f"files in {printable(folder)}: {', '.join(files)}")
-    return 0 if board else 1
-
-
-def _count_converged(trials: Sequence[dict[str, Any]]) -> int:
-    return sum(trial["status"] == "converged" for trial in trials)
-
-
 def sweep(options: SweepArguments) -> int:
-    """Make a die for each combination of values of a recipe's keys."""
-    from dicedesign.recipe.design_die import design_recipe
+    """Make a die for each combination of values of a recipe's keys, and rank them."""
     from dicedesign.results.folder import open_results_folder
-    from dicedesign.search.sweep import combine, is_made, make_dice, write_sweep
+    from dicedesign.sweep.dice import check_starts, combine, is_made, make_dice
+    from dicedesign.sweep.ranking import PAGE, TABLE, write_sweep
 
-    combinations = combine(options.recipe, options.set)
-    for _, recipe in combinations.values():
-        # A start that does not suit the target would fail later.
-        design_recipe(recipe, last="start")
+    if options.seeds is not None:
+        check_whole("--seeds", options.seeds)
+    combinations = combine(options.recipe, options.set, options.seeds)
     title = read_recipe(options.recipe).name
     folder = options.out or Path("outputs") / f"{title}_sweep"
-    left = {
-        name: combination
-        for name, combination in combinations.items()
-        if not is_made(folder / name, combination[1])
+    missing = {
+        name: die for name, die in combinations.items() if not is_made(folder / name, die.recipe)
     }
-    done = len(combinations) - len(left)
-    with (
-        workers_of(options, "dice", len(combinations), done) as workers,
-        open_results_folder(folder),
-    ):
-        try:
-            faults = make_dice(folder, left, workers.executor, workers.jobs, workers.bar.update)
-        except KeyboardInterrupt as interrupt:
-            raise KeyboardInterrupt("repeat the command to make the other dice") from interrupt
+    check_starts(missing)
+    total, done = len(combinations), len(combinations) - len(missing)
+    faults: dict[str, str] = {}
+    with open_results_folder(folder):
+        if missing:
+            with workers_of(options, "dice", total, done) as workers:
+                advance = workers.bar.update
+                try:
+                    faults = make_dice(folder, missing, workers.executor, workers.jobs, advance)
+                except KeyboardInterrupt as interrupt:
+                    message = "repeat the command to make the other dice"
+                    raise KeyboardInterrupt(message) from interrupt
         rows = write_sweep(folder, title, combinations, faults)
     if done:
         print_notes(f"{done} dice were already in {folder}")
     print_notes(*(f"{name}: {fault}" for name, fault in faults.items()))
-    converged = _count_converged(rows)
-    print(f"{title}: {converged} of {len(rows)} dice converged")
-    errors = ["" if row["max_abs_error"] is None else f"{row['max_abs_error']:.1e}" for row in rows]
-    columns = (("folder", "", "folder"), ("status", "", "status"))
-    print(text_table(*columns_of(rows, *columns), ("max |p - q|", ">", errors)))
-    print(f"files in {printable(folder)}: index.html, sweep.csv and the folders above")
-    return 0 if converged == len(rows) else 1
+    converged = sum(row["status"] == "converged" for row in rows)
+    print(f"{title}: {converged} of {total} dice converged")
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    print(
+        text_table(
+            ("rank", ">", _texts(columns["rank"], "d")),
+            ("radius mm", ">", _texts(columns["inradius_mm"], ".3f")),
+            ("margin deg", ">", _texts(columns["margin_deg"], ".3f")),
+            ("max |p - q|", ">", _texts(columns["max_abs_error"], ".1e")),
+            ("asymmetry", ">", _texts(columns["asymmetry"], ".4f")),
+            ("status", "", columns["status"]),
+            ("folder", "", columns["folder"]),
+        )
+    )
+    if converged:
+        print(f"best die: {printable(folder / rows[0]['folder'])}")
+    print(f"files in {printable(folder)}: {PAGE}, {TABLE} and the folders above")
+    return 0 if converged == total else 1
+
+
+def _texts(values: Iterable[float | None], form: str) -> list[str]:
+    """Texts of numbers; "" for None."""
+    return ["" if value is None else format(value, form) for value in values]
 
 
 def view(options: ViewArguments) -> int:

@@ -33,7 +33,6 @@ from dicedesign.cli.commands import (
     RollsArguments,
     RunArguments,
     ScatterArguments,
-    SearchArguments,
     SweepArguments,
     TableArguments,
     ThrowArguments,
@@ -46,7 +45,6 @@ __all__ = ["main"]
 COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
     "run": (RunArguments, "dice:run_recipe"),
     "design": (DesignArguments, "dice:design"),
-    "search": (SearchArguments, "dice:search"),
     "sweep": (SweepArguments, "dice:sweep"),
     "rest": (RestArguments, "rest:list_rests"),
     "drop": (DropArguments, "rest:drop"),

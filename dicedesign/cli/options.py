@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
-from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,11 +19,14 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.files import json_text
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from tqdm import tqdm
+
     from dicedesign.batch.batch import Center
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
-    from dicedesign.runtime.workers import Workers
 
 MISSING_KERNELS: Final = (
     "without the compiled kernels this takes many times as long; install the package where "
@@ -29,15 +34,42 @@ MISSING_KERNELS: Final = (
 )
 
 
-def workers_of(
-    options: WithWorkers, unit: str, total: int, done: int = 0
-) -> AbstractContextManager[Workers]:
-    """Workers by the options; unit, total and done as in `open_workers`. Notes missing kernels."""
-    from dicedesign.runtime.workers import open_workers
+@dataclass(frozen=True)
+class Workers:
+    """Workers with a progress bar on stderr.
 
-    if options.scheduler is None:
-        note_missing_kernels()
-    return open_workers(unit, total, done, jobs=options.jobs, scheduler=options.scheduler)
+    Attributes
+    ----------
+    executor: executor of tasks.
+    jobs: number of parallel tasks.
+    bar: progress bar.
+    """
+
+    executor: Executor
+    jobs: int
+    bar: tqdm[Any]
+
+
+@contextmanager
+def workers_of(options: WithWorkers, unit: str, total: int, done: int = 0) -> Iterator[Workers]:
+    """Open workers by the options, and note missing kernels.
+
+    unit, total, done: as in `progress_bar`. Raises as `cluster_workers`.
+    """
+    # Most commands need none.
+    from dicedesign.runtime import workers
+
+    jobs = options.jobs
+    with ExitStack() as stack:
+        if options.scheduler is None:
+            note_missing_kernels()
+            jobs = min(jobs or os.cpu_count() or 1, total - done)
+            executor = stack.enter_context(workers.local_workers(jobs))
+        else:
+            executor, threads = stack.enter_context(workers.cluster_workers(options.scheduler))
+            jobs = jobs or threads
+        bar = stack.enter_context(workers.progress_bar(unit, total, done))
+        yield Workers(executor, jobs, bar)
 
 
 def note_missing_kernels() -> None:

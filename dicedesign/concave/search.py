@@ -65,13 +65,7 @@ def read_checkpoint(path: Path, search: Mapping[str, str]) -> ConcaveProgress:
             tuple(Step(**step) for step in state["history"]),
         )
 
-    return checkpoint.read_checkpoint(
-        path,
-        search,
-        restore,
-        restart=checkpoint.WITHOUT_OPTION,
-        elsewhere="choose another folder with --out",
-    )
+    return checkpoint.read_checkpoint(path, search, restore)
 
 
 def make_concave_die(

@@ -296,7 +296,7 @@ def trade_off_chart(die: FinishedDie) -> Sheet:
 def pareto_chart(
     trials: Sequence[Mapping[str, Any]], front: Collection[int], named: Sequence[int]
 ) -> Sheet:
-    """Momentum margin against the smallest inscribed circle, for each die of a search.
+    """Momentum margin against the smallest inscribed circle, for each die of a sweep.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 """Pages, each one HTML file that needs nothing else: the report of a die, whose 3D view, table of
-facets and Gauss map are linked, the leaderboard of a search, and the dice of a sweep."""
+facets and Gauss map are linked, and the dice of a sweep."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import gzip
 import hashlib
 import zipfile
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from importlib.resources import files
@@ -21,7 +21,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part, glb
 from dicedesign.fabricate.printers import MATERIALS
-from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.palette import BASINS
@@ -188,7 +187,6 @@ def _environment() -> Environment:
         "data_uri": _data_uri,
         # A higher level of compression gains next to nothing.
         "packed": lambda data: b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii"),
-        "recipe_lines": _recipe_lines,
         "most": most_of,
         "lengths": _lengths,
         "ends": _ends,
@@ -290,38 +288,12 @@ def _flaws(search: Search | None, draft: Draft) -> str:
     return ", ".join(FLAWS[status] for status in search.trade_off.flaws(draft)) or "nothing"
 
 
-def leaderboard_page(
-    table: Mapping[str, Any], shapes: Mapping[int, Mapping[str, Any]], picture: bytes
-) -> str:
-    """HTML of the best dice of a search.
-
-    Parameters
-    ----------
-    table: content of leaderboard.json: "name", "size_mm", "trials", "converged" and "leaderboard",
-        whose entries have "rank", "number", "inradius_mm", "margin_deg", "max_abs_error",
-        "asymmetry", "on_front", "as_given", "varied" and "recipe_file".
-    shapes: by the number of each trial, "vertices" (n, 3) of the die in mm and "down" (3,).
-    picture: PNG of `dicedesign.report.curve_charts.pareto_chart`.
-    """
-    pictures = {}
-    for number in (entry["number"] for entry in table["leaderboard"]):
-        shape = shapes[number]
-        solid = convex_hull(shape["vertices"]).surface
-        pictures[number] = _small_picture(solid, -np.array(shape["down"]))
-    return _table_page(
-        "leaderboard",
-        title=f"{table['name']}: search",
-        table=table,
-        pictures=pictures,
-        pareto=picture,
-    )
-
-
 def sweep_page(
     name: str,
     rows: Sequence[Mapping[str, Any]],
     keys: Sequence[str],
     solids: Mapping[str, tuple[Surface, Floats]],
+    chart: bytes,
 ) -> str:
     """HTML of the dice of a sweep, side by side.
 
@@ -329,6 +301,7 @@ def sweep_page(
     ----------
     name: of the recipe. rows: of sweep.csv. keys: columns of the varied keys.
     solids: surface in mm and direction upward (3,) of each die that was made, by its folder.
+    chart: PNG of `dicedesign.report.curve_charts.pareto_chart`.
     """
     pictures = {folder: _small_picture(*solid) for folder, solid in solids.items()}
     return _table_page(
@@ -337,6 +310,7 @@ def sweep_page(
         rows=rows,
         keys=keys,
         pictures=pictures,
+        chart=chart,
     )
 
 
@@ -348,21 +322,6 @@ def _small_picture(solid: Surface, up: Floats) -> bytes:
     direction = three_cameras(solid.points, up)[0].direction + 0.3 * up
     (camera,) = frame_cameras([Camera(direction, up)], [solid.points])
     return encode_png(render(surface, camera, 220))
-
-
-def _recipe_lines(entry: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the recipe file of an entry and its varied values, without zero weights."""
-    yield entry["recipe_file"]
-    if entry["as_given"]:
-        yield "as given"
-    for key, value in entry["varied"].items():
-        name = key.rpartition(".")[2]
-        if isinstance(value, list):
-            yield f"{name} {', '.join(value)}"
-        elif not isinstance(value, float):
-            yield f"{name} {value}"
-        elif value > 0.0:
-            yield f"{name} {value:.2g}"
 
 
 def throwing_advice(thrown: TableResult | None, prior: str | None = None) -> str:

@@ -106,7 +106,10 @@ def roll_steps(
     """
     start = np.asarray(down, dtype=np.float64)
     if start.shape != (3,) or not np.isfinite(start).all() or not start.any():
-        raise InputError(f"down: expected three finite numbers, not all zero, got {down!r}")
+        raise InputError(
+            f"down: expected three finite numbers, not all zero, got {down!r}; "
+            "name the direction that points down"
+        )
     if max_angle is not None and not max_angle >= SMALLEST_ANGLE:
         raise InputError(
             f"max angle: expected at least {SMALLEST_ANGLE:g} radians, got {max_angle:g}; take a "

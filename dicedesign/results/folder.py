@@ -11,13 +11,14 @@ from typing import Final
 
 import numpy as np
 
-from dicedesign.errors import InputError, OutputError
+from dicedesign.errors import InputError
 from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.files import (
     hold_interrupts,
     lock_folder,
     open_output_folder,
     read_file,
+    remove_files,
     remove_partial_files,
     stage_files,
 )
@@ -76,18 +77,6 @@ def open_results_folder(folder: Path) -> Iterator[None]:
     with open_output_folder(folder), lock_folder(folder):
         remove_partial_files(folder)
         yield
-
-
-def remove_files(folder: Path, names: Iterable[str]) -> None:
-    """Remove files of a folder if they exist. Raises OutputError."""
-    try:
-        for name in names:
-            (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: expected old results that can be removed, but {error.strerror}; choose "
-            "another folder with --out"
-        ) from error
 
 
 def read_result(folder: Path | str) -> Result:

@@ -9,14 +9,19 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dicedesign.errors import InputError, OutputError
-from dicedesign.runtime.files import atomic_write, hold_interrupts, read_file, remove_partial_files
+from dicedesign.runtime.files import (
+    atomic_write,
+    hold_interrupts,
+    read_file,
+    remove_files,
+    remove_partial_files,
+)
 from dicedesign.runtime.workers import in_order
 
 INTERVAL: Final = 5.0
@@ -71,16 +76,6 @@ class AutosavedFile:
         ended = time.monotonic()
         self._due = ended + max(INTERVAL, (ended - started) / SHARE)
 
-    def remove(self) -> None:
-        """Remove the file if it exists. Raises OutputError if that fails."""
-        try:
-            self.path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"{self.path}: expected a file that can be removed, got {error.strerror!r}; remove "
-                "it"
-            ) from error
-
 
 def _state(path: Path) -> tuple[int, int] | None:
     """Size and modification time of a file; None if it is missing."""
@@ -118,12 +113,7 @@ def checkpoint_bytes(work: Mapping[str, str], state: Mapping[str, Any], arrays: 
 
 
 def read_checkpoint(
-    path: Path,
-    work: Mapping[str, str],
-    restore: Callable[[Any, Arrays], State],
-    *,
-    restart: str,
-    elsewhere: str,
+    path: Path, work: Mapping[str, str], restore: Callable[[Any, Arrays], State]
 ) -> State:
     """Read the state from a file of `checkpoint_bytes`.
 
@@ -131,7 +121,6 @@ def read_checkpoint(
     ----------
     work: texts that must equal the stored ones, by kind, such as "seed".
     restore: makes the state from its plain data and arrays.
-    restart, elsewhere: how to start over, and how to avoid the file, for messages.
 
     Raises
     ------
@@ -140,7 +129,8 @@ def read_checkpoint(
     """
     if not os.path.lexists(path):
         raise InputError(
-            f"{path}: expected the checkpoint of a run that was interrupted, got none; {restart}"
+            f"{path}: expected the checkpoint of a run that was interrupted, got none; run without "
+            "--resume to start again"
         )
     data = io.BytesIO(read_file(path, "a checkpoint"))
     try:
@@ -153,20 +143,17 @@ def read_checkpoint(
     except Exception as error:
         # Errors of NumPy, zip, JSON or the class of the state all mean a damaged file.
         raise InputError(
-            f"{path}: expected a checkpoint, got a file that cannot be read as one; {restart}"
+            f"{path}: expected a checkpoint, got a file that cannot be read as one; remove it, or "
+            "run without --resume, to start again"
         ) from error
     for kind, text in work.items():
         if stored_work[kind] != text:
             raise InputError(
-                f"{path}: expected a checkpoint of this {kind}, got one of another; {restart}, or "
-                f"{elsewhere}"
+                f"{path}: expected a checkpoint of this {kind}, got one of another; remove it, run "
+                "without --resume, or choose another folder with --out"
             )
     assert state is not None
     return state
-
-
-WITHOUT_OPTION: Final = "run without --resume to start again"
-"""How to start over where an option --resume decides."""
 
 
 class Checkpoint:
@@ -187,17 +174,11 @@ class Checkpoint:
         other work. resume: whether to read the file, by an option --resume; None reads it if it
         exists."""
         self._work = dict(work or {})
-        self._has_option = resume is not None
+        self._again = "repeat the command" if resume is None else "run it again with --resume"
         self._rows: dict[str, list[NDArray[Any]]] = {}
         self._file = None if path is None else AutosavedFile(path, "a checkpoint", self._content)
         if path is not None and (resume or (resume is None and os.path.lexists(path))):
-            self._rows = read_checkpoint(
-                path,
-                self._work,
-                _restore_rows,
-                restart=WITHOUT_OPTION if self._has_option else "remove it to start over",
-                elsewhere="choose another with --out",
-            )
+            self._rows = read_checkpoint(path, self._work, _restore_rows)
 
     def rows(self, kind: str) -> Sequence[NDArray[Any]]:
         """Results of a kind so far, arrays (n,)."""
@@ -244,24 +225,18 @@ class Checkpoint:
     def __enter__(self) -> Checkpoint:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         if self._file is None:
             return
         if error is None:
-            self._file.remove()
+            remove_files(self._file.path.parent, [self._file.path.name])
             return
         self._file.save()
         # Complete results leave no file.
         is_resumable = any(self._rows.values()) and os.path.exists(self._file.path)
         if isinstance(error, KeyboardInterrupt) and is_resumable:
-            again = "run it again with --resume" if self._has_option else "repeat the command"
             raise KeyboardInterrupt(
-                f"the results so far are in {self._file.path}; {again} to go on"
+                f"the results so far are in {self._file.path}; {self._again} to go on"
             ) from error
 
 

@@ -10,7 +10,7 @@ import secrets
 import signal
 import stat
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -213,6 +213,18 @@ def remove_partial_files(folder: Path, name: str | None = None) -> None:
         for entry in list(os.scandir(folder)):
             if pattern.fullmatch(entry.name):
                 os.unlink(entry.path)
+
+
+def remove_files(folder: Path, names: Iterable[str]) -> None:
+    """Remove files of a folder if they exist. Raises OutputError."""
+    try:
+        for name in names:
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: expected old results that can be removed, but {error.strerror}; choose "
+            "another folder with --out"
+        ) from error
 
 
 @contextmanager

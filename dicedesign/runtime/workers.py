@@ -20,8 +20,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version
@@ -60,8 +59,8 @@ def one_thread() -> Iterator[None]:
 PATIENCE: Final = 30.0
 """Timeout of a cluster in seconds."""
 
-PACKAGE_VERSION: Final = version("dicedesign")
-"""Version of this package, which the workers of a cluster need too."""
+PACKAGE: Final = "dicedesign"
+"""Package that the workers of a cluster need too, in this version."""
 
 MOST_LOSSES: Final = 5
 """Number of lost workers after which a task is abandoned."""
@@ -93,12 +92,11 @@ class _LocalWorkers(Executor):
             self._pool = self._start()
             return self._pool.submit(function, *args, **kwargs)
 
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Shut down the pool; without `wait`, terminate running tasks."""
-        if not wait:
-            for process in set(multiprocessing.active_children()) - self._others:
-                process.terminate()
-        self._pool.shutdown(wait=True, cancel_futures=cancel_futures)
+    def terminate(self) -> None:
+        """End all processes, also while tasks run."""
+        for process in set(multiprocessing.active_children()) - self._others:
+            process.terminate()
+        self._pool.shutdown(cancel_futures=True)
 
 
 def _begin_worker() -> None:
@@ -121,7 +119,7 @@ def local_workers(jobs: int) -> Iterator[Executor]:
     try:
         yield workers
     finally:
-        workers.shutdown(wait=False, cancel_futures=True)
+        workers.terminate()
 
 
 class _ClusterWorkers(Executor):
@@ -191,52 +189,42 @@ def cluster_workers(address: str) -> Iterator[tuple[Executor, int]]:
 
 
 def _check_versions(client: Any, address: str) -> None:
-    expected = f"--scheduler {address}: expected workers with dicedesign {PACKAGE_VERSION}"
-    try:
-        versions = set(client.run(_package_version).values())
-    except Exception as error:
-        # Workers raise errors of any type.
-        raise InputError(f"{expected}, but {error}; install it where they run") from error
-    if versions != {PACKAGE_VERSION}:
+    workers = client.get_versions(packages=[PACKAGE])["workers"].values()
+    versions = {str(worker["packages"][PACKAGE]) for worker in workers}
+    if versions != {version(PACKAGE)}:
         raise InputError(
-            f"{expected}, got {', '.join(sorted(versions))}; install the same version everywhere"
+            f"--scheduler {address}: expected workers with {PACKAGE} {version(PACKAGE)}, got "
+            f"{', '.join(sorted(versions))}; install that version where they run"
         )
-
-
-def _package_version() -> str:
-    return PACKAGE_VERSION
 
 
 def is_lost_worker(error: BaseException) -> bool:
     """Whether a future failed because its worker was lost."""
     lost: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
     if "distributed" in sys.modules:
-        from distributed import CancelledError as Cancelled
         from distributed import KilledWorker
         from distributed.comm import CommClosedError
 
-        lost += (Cancelled, KilledWorker, CommClosedError)
+        lost += (KilledWorker, CommClosedError)
     return isinstance(error, lost)
 
 
 def iterate_completed(
-    next_task: Callable[[], Task | None], submit: Callable[[Task], Future[Result]], most: int
+    waiting: deque[Task], submit: Callable[[Task], Future[Result]], most: int
 ) -> Iterator[tuple[Task, Future[Result]]]:
-    """Run tasks, and yield each with its future when it is done.
+    """Run tasks in order, and yield each with its future when it is done.
 
     Parameters
     ----------
-    next_task: returns the next task, or None for now; called again when tasks end, until it returns
-        None and no task runs.
+    waiting: tasks, which are removed when they start; the caller may add some until the end.
     submit: starts a task.
     most: maximum number of running tasks.
     """
     running: dict[Future[Result], Task] = {}
-    while True:
-        while len(running) < most and (task := next_task()) is not None:
+    while waiting or running:
+        while waiting and len(running) < most:
+            task = waiting.popleft()
             running[submit(task)] = task
-        if not running:
-            return
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             yield running.pop(future), future
 
@@ -261,6 +249,7 @@ def run_in_batches(
     on_result: Callable[[Result], None],
     *,
     size_of: Callable[[Item], int] = lambda item: 0,
+    items_per_task: int | None = None,
 ) -> list[Item]:
     """Run tasks of a few items each, `jobs` at a time. Items of lost workers are retried at the
     end, one at a time.
@@ -270,11 +259,12 @@ def run_in_batches(
     submit: starts a task.
     on_result: called with the result of each task.
     size_of: bytes of an item; a task has at most `BYTES_PER_TASK`, or one item.
+    items_per_task: maximum number of items of a task; None for a number that suits quick ones.
 
     Returns the items that lost their worker in each of `LONE_RUNS` lone runs. Raises DiceError if
     the executor fails.
     """
-    most = min(ITEMS_PER_TASK, -(-len(items) // (FEWEST_TASKS_PER_JOB * jobs)))
+    most = items_per_task or min(ITEMS_PER_TASK, -(-len(items) // (FEWEST_TASKS_PER_JOB * jobs)))
     tasks, size = list[list[Item]](), 0
     for item in items:
         if not tasks or len(tasks[-1]) == most or size + size_of(item) > BYTES_PER_TASK:
@@ -286,7 +276,7 @@ def run_in_batches(
         lost: list[Item] = []
         # One running and one waiting task per worker.
         at_once = 1 if run else 2 * jobs
-        for task, future in iterate_completed(partial(next, iter(tasks), None), submit, at_once):
+        for task, future in iterate_completed(deque(tasks), submit, at_once):
             try:
                 result = future.result()
             except Exception as error:
@@ -306,13 +296,10 @@ def in_order(tasks: Sequence[Callable[[], Result]], workers: Executor) -> Iterat
     """
     waiting, losses = deque(range(len(tasks))), [0] * len(tasks)
     results: dict[int, Result] = {}
-    ended = iterate_completed(
-        lambda: waiting.popleft() if waiting else None,
-        lambda place: workers.submit(tasks[place]),
-        len(tasks),
-    )
     place = 0
-    for ended_place, future in ended:
+    for ended_place, future in iterate_completed(
+        waiting, lambda place: workers.submit(tasks[place]), len(tasks)
+    ):
         try:
             results[ended_place] = future.result()
         except Exception as error:
@@ -328,22 +315,6 @@ def in_order(tasks: Sequence[Callable[[], Result]], workers: Executor) -> Iterat
         while place in results:
             yield results.pop(place)
             place += 1
-
-
-@dataclass(frozen=True)
-class Workers:
-    """Workers with a progress bar on stderr.
-
-    Attributes
-    ----------
-    executor: executor of tasks.
-    jobs: number of parallel tasks.
-    bar: progress bar.
-    """
-
-    executor: Executor
-    jobs: int
-    bar: tqdm[Any]
 
 
 TERMINAL_INTERVAL: Final = 1.0
@@ -408,29 +379,3 @@ def show_part(bar: tqdm[Any], done: int, total: int | None, unit: str) -> None:
     bar.set_postfix_str("", refresh=False)
     bar.reset()
     bar.n = bar.initial = bar.last_print_n = done
-
-
-@contextmanager
-def open_workers(
-    unit: str, total: int, done: int = 0, *, jobs: int | None = None, scheduler: str | None = None
-) -> Iterator[Workers]:
-    """Open workers with a progress bar.
-
-    Parameters
-    ----------
-    unit, total, done: as in `progress_bar`.
-    jobs: number of parallel tasks; None for one per core, or per thread of the cluster.
-    scheduler: address of a Dask cluster; None for local processes.
-
-    Raises as `cluster_workers`.
-    """
-    with ExitStack() as stack:
-        executor: Executor
-        if scheduler is None:
-            jobs = min(jobs or os.cpu_count() or 1, total - done)
-            executor = stack.enter_context(local_workers(jobs))
-        else:
-            executor, threads = stack.enter_context(cluster_workers(scheduler))
-            jobs = jobs or threads
-        bar = stack.enter_context(progress_bar(unit, total, done))
-        yield Workers(executor, jobs, bar)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 import trimesh
 import yaml
@@ -40,7 +41,9 @@ FILES = {
     "words.csv": "0,0,1\na,b,c\n",
     "zeros.csv": "0,0,1\n0,0,0\n",
     "names.csv": "0,zero,1\n0,0,1\n",
+    "plain": "1 2 3\n",
     "good.yaml": RECIPE,
+    "die.yaml": "name: die\ntarget: {fair: 4}\nsymmetry: none\nmethod: {exact: {prefer: {}}}\n",
     "bad.yaml": RECIPE + "color: red\n",
     "concave.yaml": CONCAVE,
     "few.yaml": PAPER,
@@ -60,7 +63,6 @@ FILES = {
 
 COMMANDS = {
     "balance sheet.stl --equal 2 --out new": "sheet.stl",
-    "search good.yaml --trials 1 --scheduler tls://127.0.0.1:9": "--scheduler tls://127.0.0.1:9: ",
     "rest missing.obj": "missing.obj: no such file",
     "rest empty.obj": "empty.obj",
     "rest flat.xyz": "one plane",
@@ -159,10 +161,18 @@ COMMANDS = {
     "balance box.stl --stand 1 --out box.stl": "--out: expected another file than the mesh",
     "balance open.obj --out within --fewest": "repair",
     "balance none.stl --out within --fewest": "none.stl",
-    "search good.yaml --trials 0": "--trials: expected a whole number above 0, got 0",
-    "search good.yaml --trials 3 --jobs -1": "--jobs: expected a whole number above 0, got -1",
-    "search good.yaml --trials 3 --scheduler far": "--scheduler: expected an address such as tcp:",
-    "search lost.yaml --trials 1": "gone.stl",
+    "sweep good.yaml": "--set: expected it, or --seeds, got none",
+    "sweep good.yaml --seeds 0": "--seeds: expected a whole number above 0, got 0",
+    "sweep good.yaml --seeds 3 --set seed=1,2": "--set seed: expected none with --seeds, got both",
+    "sweep good.yaml --seeds 3 --jobs -1": "--jobs: expected a whole number above 0, got -1",
+    "sweep good.yaml --seeds 3 --scheduler far": "--scheduler: expected an address such as tcp:",
+    "sweep good.yaml --seeds 2 --set size_mm=20,wide": "size_mm: expected a number, got 'wide'",
+    "sweep good.yaml --set sizes=20,30": "sizes: unknown key",
+    "sweep good.yaml --set size_mm": "--set size_mm: expected a key of its own and its values",
+    "sweep good.yaml --set size_mm=": "--set size_mm=: expected a key of its own and its values",
+    "sweep good.yaml --set seed=1 --set seed=2": "--set seed=2: expected a key of its own and its",
+    "sweep good.yaml --set size_mm=20,20.0": "--set: expected combinations that differ",
+    "sweep lost.yaml --seeds 2": "gone.stl",
     "repair cloud.xyz out.stl": "point cloud",
     "repair sheet.stl out.stl": "thickness",
     "repair hollow.stl out.stl": "got an empty one",
@@ -185,8 +195,6 @@ COMMANDS = {
     "run concave.yaml --set start.mesh.path=ball.stl --set target.fair=3": "nearly a sphere",
     "run concave.yaml --set start.mesh.path=box.stl --set target.fair=3": "take method: {exact",
     "run concave.yaml --set 'start={prism: {}}'": "start: expected a surface to keep",
-    "search concave.yaml --trials 1": "expected a method whose trials take seconds in a search",
-    "search refined.yaml --trials 1 --out new": "expected a method whose trials take seconds in a",
     "view none.stl --port 0": "no such file",
     "view flat.xyz --port 0": "one plane",
     "view nan.xyz --port 0": "finite",
@@ -264,28 +272,68 @@ KEYS = (
 WRONG = "-1 .nan .inf 1.0e+300 wrong [1] {wrong: 1}".replace("wrong: 1", "wrong:_1").split()
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Working directory with meshes, recipes, fonts and pictures, most of them broken."""
-    monkeypatch.chdir(tmp_path)
+NAMES = [400 * "9", "loop/x", "a\0b", "plain/x"]
+"""Names that no file can have."""
+
+NAMED = [
+    "rest NAME",
+    "throw NAME",
+    "throw plain --table NAME.json",
+    "rolls NAME plain",
+    "run good.yaml --out NAME/x",
+    "run lost.yaml --set start.mesh.path=NAME",
+    "rest . --out NAME/t.csv",
+    "table fit --throws NAME",
+]
+
+
+def run_with(change: str) -> list[str]:
+    """Arguments that run a recipe for a fair d4 with other entries."""
+    entries = {"target": {"fair": 4}, **yaml.safe_load(change)}
+    labels = entries.pop("labels", "1234")
+    entries["target"]["labels"] = [str(label) for label in labels]
+    if "icons" in entries.get("engrave", {}):
+        entries["engrave"]["icons"] = {str(k): v for k, v in entries["engrave"]["icons"].items()}
+    changes = [f"--set={key}={json.dumps(value)}" for key, value in entries.items()]
+    return ["run", "die.yaml", "--no-figures", *changes]
+
+
+def with_name(command: str, name: str) -> list[str]:
+    value = json.dumps(name) if "--set" in command else name
+    return [word.replace("NAME", value) for word in command.split()]
+
+
+REFUSALS = (
+    *((shlex.split(command), piece) for command, piece in COMMANDS.items()),
+    *((run_with(change), piece) for change, piece in ENTRIES.items()),
+    *((with_name(command, name), "") for command in NAMED for name in NAMES),
+)
+"""Arguments, and a piece of the error."""
+
+
+@pytest.fixture(scope="session")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with meshes, recipes, fonts and pictures, most of them broken."""
+    folder = tmp_path_factory.mktemp("inputs")
     for name in ("within", "rubbish", "nothing", "half"):
-        (tmp_path / name).mkdir()
+        (folder / name).mkdir()
     for name, text in FILES.items():
-        (tmp_path / name).write_text(text)
-    (tmp_path / "garbage.stl").write_bytes(bytes(range(256)) * 3)
-    (tmp_path / "hollow.stl").touch()
+        (folder / name).write_text(text)
+    (folder / "loop").symlink_to("loop")
+    (folder / "garbage.stl").write_bytes(bytes(range(256)) * 3)
+    (folder / "hollow.stl").touch()
     for path in ("box.stl", "within/box.stl"):
-        trimesh.creation.box((1, 2, 3)).export(path)
+        trimesh.creation.box((1, 2, 3)).export(folder / path)
     ball = trimesh.creation.icosphere(3)
-    ball.export("ball.stl")
-    (ball + ball.copy().apply_translation([1, 0, 0])).export("two.stl")
+    ball.export(folder / "ball.stl")
+    (ball + ball.copy().apply_translation([1, 0, 0])).export(folder / "two.stl")
     grid = trimesh.Trimesh([(x, y, 0) for x in range(4) for y in range(4)], process=False)
     grid.faces = [(k, k + 4, k + 5) for k in range(11) if k % 4 < 3] + [
         (k, k + 5, k + 1) for k in range(11) if k % 4 < 3
     ]
-    grid.export("sheet.stl")
-    write_cube(tmp_path / "dented.obj")
-    return tmp_path
+    grid.export(folder / "sheet.stl")
+    write_cube(folder / "dented.obj")
+    return folder
 
 
 LIBRARY = "Input should|validation error|pydantic|type=|Field required|Extra inputs|Value error"
@@ -295,49 +343,43 @@ def contents() -> dict[Path, bytes]:
     return {path: path.read_bytes() if path.is_file() else b"" for path in Path().rglob("*")}
 
 
-def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """Run a command, and return its one line of error."""
+@pytest.fixture
+def refusal(
+    inputs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[[list[str]], str]:
+    """Runs a command in the folder, and returns its one line of error."""
+    monkeypatch.chdir(inputs)
     before = contents()
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
-    assert line.startswith("dicedesign: ")
-    assert not re.search(LIBRARY, line)
-    assert contents() == before
-    return line
+
+    def refuse(arguments: list[str]) -> str:
+        assert main(arguments) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        (line,) = [line for line in captured.err.splitlines() if not line.startswith("note: ")]
+        assert line.startswith("dicedesign: ")
+        assert "; " in line, "no remedy"
+        assert not re.search(LIBRARY, line)
+        assert contents() == before
+        return line
+
+    return refuse
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.usefixtures("folder")
-def test_commands(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert COMMANDS[command] in refusal(shlex.split(command), capsys)
-
-
-@pytest.mark.parametrize("change", ENTRIES)
-def test_entries_of_a_recipe(change: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    entries = {"name": "die", "target": {"fair": 4}, **yaml.safe_load(change)}
-    labels = entries.pop("labels", "1234")
-    entries["target"]["labels"] = [str(label) for label in labels]
-    if "icons" in entries.get("engrave", {}):
-        entries["engrave"]["icons"] = {str(k): v for k, v in entries["engrave"]["icons"].items()}
-    (folder / "die.yaml").write_text(yaml.safe_dump(entries))
-    line = refusal(["run", "die.yaml", "--no-figures"], capsys)
-    assert ENTRIES[change] in line
-    assert "; " in line  # before a remedy
+@pytest.mark.parametrize(("arguments", "piece"), REFUSALS)
+def test_refusals(arguments: list[str], piece: str, refusal: Callable[[list[str]], str]) -> None:
+    assert piece in refusal(arguments)
 
 
 @pytest.mark.parametrize("keys", KEYS, ids=lambda keys: keys.split()[0])
 def test_wrong_values_are_refused_by_their_key(
-    keys: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    keys: str, refusal: Callable[[list[str]], str]
 ) -> None:
     parent, *others = keys.replace("engrave.", "engrave ").split()
     for key in [f"{parent}.{other}" for other in others] or [parent]:
         for value in WRONG:
             change = f"{key}={value.replace('_', ' ')}"
-            line = refusal(["run", "good.yaml", "--no-figures", "--set", change], capsys)
+            line = refusal(["run", "good.yaml", "--no-figures", "--set", change])
             assert key.split(".")[-1] in line, change
-            assert "; " in line, change
 
 
 @pytest.mark.parametrize("command", COMMAND_LINE)
@@ -379,34 +421,3 @@ def test_usage(command: str, capsys: pytest.CaptureFixture[str]) -> None:
         main(command.split())
     assert ended.value.code == 2
     assert "error: " in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", [400 * "9", "loop/x", "a\0b", "plain/x"])
-@pytest.mark.parametrize(
-    "command",
-    [
-        "rest NAME",
-        "throw NAME",
-        "throw plain --table NAME.json",
-        "rolls NAME plain",
-        "run r.yaml --out NAME/x",
-        "run r.yaml --set start.mesh.path=NAME",
-        "rest . --out NAME/t.csv",
-        "table fit --throws NAME",
-    ],
-)
-def test_impossible_file_names_are_refused(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    command: str,
-    name: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("loop").symlink_to("loop")
-    np.savetxt("box.xyz", np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T)
-    Path("plain").write_text("1 2 3\n")
-    Path("r.yaml").write_text("name: a\ntarget: {fair: 6}\nstart: {mesh: {path: box.xyz}}\n")
-    value = yaml.safe_dump(name).strip() if "--set" in command else name
-    arguments = [word.replace("NAME", value) for word in command.split()]
-    refusal(arguments, capsys)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+from collections import deque
 from concurrent.futures import wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
@@ -13,6 +14,8 @@ from typing import Any
 import pytest
 from common.inline_executor import Inline, Late, Lossy
 
+from dicedesign.cli.commands import WithWorkers
+from dicedesign.cli.options import workers_of
 from dicedesign.errors import DiceError
 from dicedesign.runtime import workers
 from dicedesign.runtime.workers import (
@@ -20,14 +23,13 @@ from dicedesign.runtime.workers import (
     is_lost_worker,
     iterate_completed,
     local_workers,
-    open_workers,
     run_in_batches,
 )
 
 
 def test_as_many_run_at_a_time_as_permitted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tasks end in the wrong order, and only when nothing else happens."""
-    late, tasks, running = Late(), iter(range(8)), []
+    late, running = Late(), []
 
     def wait_for_one(futures: Any, **options: Any) -> Any:
         running.append(len(late.waiting))
@@ -35,27 +37,11 @@ def test_as_many_run_at_a_time_as_permitted(monkeypatch: pytest.MonkeyPatch) -> 
         return wait(futures, **options)
 
     monkeypatch.setattr(workers, "wait", wait_for_one)
-    ended = iterate_completed(lambda: next(tasks, None), lambda task: late.submit(pow, task, 2), 6)
+    ended = iterate_completed(deque(range(8)), lambda task: late.submit(pow, task, 2), 6)
     squares = {task: future.result() for task, future in ended}
     assert squares == {n: n**2 for n in range(8)}
     assert list(squares) != list(range(8))
     assert running == [6, 6, 6, 5, 4, 3, 2, 1]
-
-
-def test_a_failed_task_can_be_retried() -> None:
-    lossy, waiting, done = Lossy(lambda count, task: task == "b" and count < 4), ["b", "a"], []
-
-    def next_task() -> str | None:
-        return waiting.pop() if waiting else None
-
-    for task, future in iterate_completed(next_task, partial(lossy.submit, str.upper), 1):
-        if future.exception() is None:
-            done.append(future.result())
-        else:
-            assert is_lost_worker(future.exception())
-            waiting.append(task)
-    assert done == ["A", "B"]
-    assert [task for (task,) in lossy.submitted] == ["a", "b", "b", "b"]
 
 
 def test_small_items_share_tasks_that_suffice_for_all_workers() -> None:
@@ -85,16 +71,14 @@ def test_results_are_in_order_in_spite_of_lost_workers() -> None:
     lossy = Lossy(lambda count: count in (2, 4, 6))
     assert list(in_order(tasks, lossy)) == [0, 1, 4, 9, 16]
     assert len(lossy.submitted) == 8
+    # The tasks of a pool that broke run again at the same time.
+    lossy = Lossy(lambda count: count <= 5)
+    results = in_order(tasks, lossy)
+    assert next(results) == 0
+    assert len(lossy.submitted) == 10
+    assert list(results) == [1, 4, 9, 16]
     with pytest.raises(DiceError, match=r"expected some that stay, but 5 were lost while one"):
         list(in_order(tasks, Lossy(lambda count: count > 3)))
-
-
-def test_all_tasks_of_lost_workers_are_retried_in_parallel() -> None:
-    lossy = Lossy(lambda count: count <= 6)
-    results = in_order([partial(pow, number, 2) for number in range(6)], lossy)
-    assert next(results) == 0
-    assert len(lossy.submitted) == 12
-    assert list(results) == [1, 4, 9, 16, 25]
 
 
 def test_an_error_of_a_task_is_no_lost_worker() -> None:
@@ -114,7 +98,7 @@ def test_a_local_worker_that_dies_is_replaced() -> None:
 
 
 def test_no_more_processes_than_pieces_of_work(capsys: pytest.CaptureFixture[str]) -> None:
-    with open_workers("files", 12, 10, jobs=64) as workers:
+    with workers_of(WithWorkers(jobs=64), "files", 12, 10) as workers:
         assert workers.jobs == 2
         assert workers.executor.submit(pow, 3, 2).result() == 9
     assert capsys.readouterr() == ("", "")

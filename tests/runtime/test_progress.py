@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import sys
-import time
+import threading
 
 import pytest
 
@@ -11,57 +12,69 @@ from dicedesign.runtime import workers
 from dicedesign.runtime.workers import progress_bar, show_part
 
 
+class Screen(io.StringIO):
+    """Standard error that reports what is written."""
+
+    def __init__(self, is_terminal: bool) -> None:
+        super().__init__()
+        self.isatty = lambda: is_terminal  # type: ignore[method-assign]
+        self.written = threading.Condition()
+
+    def write(self, text: str) -> int:
+        with self.written:
+            self.written.notify()
+            return super().write(text)
+
+    def wait_for(self, text: str) -> None:
+        """Wait for the event that a text was written; forget what is before it."""
+        with self.written:
+            assert self.written.wait_for(lambda: text in self.getvalue(), 60.0), self.getvalue()
+            self.truncate(self.seek(0))
+
+
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Seconds that the bar believes."""
+    """Seconds that the bar believes, whose lines come at once."""
     now = [1000.0]
     monkeypatch.setattr("tqdm.std.time", lambda: now[0])
+    monkeypatch.setattr(workers, "PIPE_INTERVAL", 0.01)
+    monkeypatch.setattr(workers, "TERMINAL_INTERVAL", 0.01)
     return now
 
 
-def wait_for(text: str, capsys: pytest.CaptureFixture[str]) -> str:
-    """What is on stderr once a text is."""
-    shown, deadline = "", time.monotonic() + 20.0
-    while text not in shown:
-        assert time.monotonic() < deadline, shown
-        time.sleep(0.01)
-        shown += capsys.readouterr().err
-    return shown
-
-
 def test_a_pipe_gets_lines_with_percent_count_and_time_left(
-    clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    clock: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "PIPE_INTERVAL", 0.02)
+    screen = Screen(is_terminal=False)
+    monkeypatch.setattr(sys, "stderr", screen)
     with progress_bar("stage") as bar:
         clock[0] += 65.0
-        wait_for("stage: 01:05\n", capsys)
+        screen.wait_for("stage: 01:05\n")
         show_part(bar, 10, 110, "throws")
         clock[0] += 20.0
         # What was done before does not count for the speed.
         show_part(bar, 35, 110, "throws")
-        shown = wait_for("stage:  32% 35/110 [00:20<01:00,  1.25 throws/s]\n", capsys)
-        assert "\r" not in shown
+        screen.wait_for("stage:  32% 35/110 [00:20<01:00,  1.25 throws/s]\n")
         show_part(bar, 0, 110, "throws")
-        wait_for("stage:   0% 0/110 [00:00<?", capsys)
+        screen.wait_for("stage:   0% 0/110 [00:00<?")
         show_part(bar, 0, None, "next")
         clock[0] += 3.0
         bar.set_postfix_str("step 4")
-        wait_for("next: 00:03, step 4\n", capsys)
+        screen.wait_for("next: 00:03, step 4\n")
+    assert "\r" not in screen.getvalue()
 
 
 def test_a_terminal_gets_one_line_that_goes_on_without_progress(
-    clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    clock: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "TERMINAL_INTERVAL", 0.02)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    screen = Screen(is_terminal=True)
+    monkeypatch.setattr(sys, "stderr", screen)
     with progress_bar("files", 4) as bar:
         clock[0] += 30.0
         bar.update()
         clock[0] += 1.0
-        shown = wait_for("1/4 [00:31<01:30", capsys)
-        assert "25%" in shown
-        assert "\n" not in shown
+        screen.wait_for("1/4 [00:31<01:30")
+        assert "\n" not in screen.getvalue()
 
 
 def test_short_work_leaves_a_pipe_empty(capsys: pytest.CaptureFixture[str]) -> None:

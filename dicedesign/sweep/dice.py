@@ -1,0 +1,156 @@
+"""Dice of all combinations of some values of a recipe, each in a folder of its own."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from dicedesign.errors import DiceError, NoStartError, OutsideHullError, RecipeError
+from dicedesign.recipe.design_die import design_recipe
+from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.reading import parse_recipe, parse_yaml, read_recipe
+from dicedesign.recipe.recipe import Recipe
+from dicedesign.results.folder import CHECKPOINT, RECIPE
+from dicedesign.results.result import RESULT
+from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
+
+MAX_FOLDER_NAME: Final = 60
+"""Characters of a subfolder's name."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Die of a sweep.
+
+    Attributes
+    ----------
+    varied: values of the varied keys, by key.
+    recipe: recipe with these values, and a name of its own.
+    """
+
+    varied: Mapping[str, Any]
+    recipe: Recipe
+
+
+def combine(
+    path: Path, settings: Sequence[str], seeds: int | None = None
+) -> dict[str, Combination]:
+    """All combinations of values, by the name of the subfolder of each.
+
+    Parameters
+    ----------
+    path: of the YAML recipe.
+    settings: texts "dotted.key=value,value,...", values in YAML: commas within brackets, braces or
+        quotes do not part them.
+    seeds: number of values of the key seed, from 0 on.
+
+    Raises RecipeError if a setting or one of the recipes is invalid, or two are the same.
+    """
+    choices: dict[str, Sequence[Any]] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        values: Any = parse_yaml(f"[{text}]", f"--set {key}")
+        if not equals or not key.strip() or key.strip() in choices or not values:
+            raise RecipeError(
+                f"--set {setting}: expected a key of its own and its values; write it such as "
+                "size_mm=20,30,40"
+            )
+        choices[key.strip()] = values
+    if seeds is not None:
+        if "seed" in choices:
+            raise RecipeError(
+                "--set seed: expected none with --seeds, got both; leave one of them out"
+            )
+        choices["seed"] = range(seeds)
+    if not choices:
+        raise RecipeError(
+            "--set: expected it, or --seeds, got none; write such as --seeds 20 or --set "
+            "size_mm=20,30"
+        )
+    combinations: dict[str, Combination] = {}
+    recipes: list[Recipe] = []
+    for chosen in itertools.product(*choices.values()):
+        varied = dict(zip(choices, chosen, strict=True))
+        texts = {key: json.dumps(value, default=str) for key, value in varied.items()}
+        recipe = read_recipe(path, [f"{key}={text}" for key, text in texts.items()])
+        if recipe in recipes:
+            raise RecipeError(
+                f"--set: expected combinations that differ, got {varied} twice; leave one out"
+            )
+        recipes.append(recipe)
+        parts = (f"{key.rpartition('.')[2]}-{text}".replace('"', "") for key, text in texts.items())
+        name = re.sub(r"[^\w.]+", "-", "_".join(parts)).strip("-.")[:MAX_FOLDER_NAME]
+        if name in combinations:
+            name += f"_{len(combinations) + 1}"
+        named = recipe.as_dict() | {"name": f"{recipe.name[:80]}_{name}"}
+        combinations[name] = Combination(varied, parse_recipe(named))
+    return combinations
+
+
+def check_starts(combinations: Mapping[str, Combination]) -> None:
+    """Raise DiceError for a start that suits no seed, before any die is made."""
+    for combination in combinations.values():
+        try:
+            design_recipe(combination.recipe, last="start")
+        except (NoStartError, OutsideHullError):
+            # Another seed may have one.
+            continue
+
+
+def is_made(folder: Path, recipe: Recipe) -> bool:
+    """Whether a folder has the result of a recipe."""
+    try:
+        return (folder / RESULT).exists() and read_recipe(folder / RECIPE) == recipe
+    except DiceError:
+        return False
+
+
+def make_dice(
+    folder: Path,
+    combinations: Mapping[str, Combination],
+    executor: Executor,
+    jobs: int,
+    on_die: Callable[[], object],
+) -> dict[str, str]:
+    """Make the dice of combinations, each in its subfolder. Dice of lost workers are made again at
+    the end, one at a time.
+
+    executor: processes or machines that write into the folder; jobs: number of workers. on_die:
+    called after each die.
+
+    Returns messages by subfolder of those that cannot be made.
+    """
+    faults: dict[str, str] = {}
+
+    def on_result(fault: dict[str, str]) -> None:
+        faults.update(fault)
+        on_die()
+
+    lost = run_in_batches(
+        list(combinations),
+        lambda names: executor.submit(
+            _make, folder, {name: combinations[name].recipe.as_dict() for name in names}
+        ),
+        jobs,
+        on_result,
+        items_per_task=1,
+    )
+    reason = f"all {LONE_RUNS} workers that made it were lost; see whether memory suffices"
+    return faults | dict.fromkeys(lost, reason)
+
+
+def _make(folder: Path, recipes: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Make or resume dice. Returns messages by subfolder of those that cannot be made."""
+    faults = {}
+    for name, entries in recipes.items():
+        try:
+            run(entries, folder / name, resume=(folder / name / CHECKPOINT).exists())
+        except DiceError as error:
+            faults[name] = str(error)
+    return faults

@@ -1,0 +1,145 @@
+"""Page and table of a sweep, the best dice first."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from dicedesign.geometry.meshes.reading import read_stl
+from dicedesign.report.curve_charts import pareto_chart
+from dicedesign.report.pages import sweep_page
+from dicedesign.results.folder import read_result
+from dicedesign.results.result import Result
+from dicedesign.runtime.arrays import Booleans, Floats
+from dicedesign.runtime.files import write_files
+from dicedesign.sweep.dice import Combination, is_made
+
+PAGE: Final = "index.html"
+
+TABLE: Final = "sweep.csv"
+
+COLUMNS: Final = (
+    "rank",
+    "folder",
+    "status",
+    "max_abs_error",
+    "inradius_mm",
+    "margin_deg",
+    "asymmetry",
+    "on_front",
+    "seconds",
+    "message",
+)
+"""Columns of sweep.csv, before the columns of the varied keys."""
+
+NAMED_IN_CHART: Final = 10
+"""Number of dice whose ranks are written into the chart."""
+
+Row = dict[str, Any]
+"""Row of sweep.csv, by column."""
+
+
+def pareto_front(points: Floats) -> Booleans:
+    """Pareto-optimal points (n, d), as (n,): no other is at least as large in all coordinates, and
+    larger in one."""
+    at_least = np.all(points[None] >= points[:, None], axis=-1)
+    larger = np.any(points[None] > points[:, None], axis=-1)
+    dominated: Booleans = np.any(at_least & larger, axis=1)
+    return ~dominated
+
+
+def rank_rows(rows: Sequence[Row]) -> list[Row]:
+    """Sort rows, the best first, and fill in "rank" and "on_front" of the converged ones.
+
+    Converged dice are ranked by the product of inradius and margin, then by error and order. No
+    die comes after one that is worse in both.
+    """
+
+    def order(row: Row) -> tuple[bool, float, float]:
+        if row["status"] != "converged":
+            return True, 0.0, math.inf
+        return (
+            False,
+            -(row["inradius_mm"] or 0.0) * (row["margin_deg"] or 0.0),
+            row["max_abs_error"],
+        )
+
+    ranked = sorted(rows, key=order)
+    solved = [row for row in ranked if row["status"] == "converged"]
+    measures = [[row["inradius_mm"] or 0.0, row["margin_deg"] or 0.0] for row in solved]
+    front = pareto_front(np.reshape(measures, (-1, 2)))
+    for rank, (row, on_front) in enumerate(zip(solved, front.tolist(), strict=True), start=1):
+        row |= {"rank": rank, "on_front": on_front}
+    return ranked
+
+
+def measure_die(result: Result, faces: int) -> Row:
+    """Columns of a finished die that has labels for a number of faces.
+
+    "inradius_mm": smallest inradius of its labeled facets; "margin_deg": smallest angle from the
+    normal of a labeled facet to the border of its basin; both None if a label has no facet.
+    """
+    errors = np.abs(np.subtract(result.printed_probabilities, result.target))
+    shown = [facet for facet in result.facets if facet.label is not None]
+    if len(shown) != faces:
+        shown = []
+    return {
+        "status": result.status,
+        "max_abs_error": float(errors.max()),
+        "inradius_mm": min((facet.inradius_mm for facet in shown), default=None),
+        "margin_deg": min((facet.border_deg for facet in shown), default=None),
+        "asymmetry": result.asymmetry,
+        "seconds": sum(stage.seconds for stage in result.stages),
+        "message": result.message.splitlines()[0],
+    }
+
+
+def write_sweep(
+    folder: Path,
+    title: str,
+    combinations: Mapping[str, Combination],
+    faults: Mapping[str, str],
+) -> list[Row]:
+    """Write the page and the table of a sweep; returns the rows of the table.
+
+    faults: messages of the combinations that cannot be made. Raises OutputError.
+    """
+    rows, solids = [], {}
+    for name, die in combinations.items():
+        row: Row = dict.fromkeys(COLUMNS) | {"folder": name, "status": "not made", **die.varied}
+        if name in faults:
+            row |= {"status": "failed", "message": faults[name]}
+        elif is_made(folder / name, die.recipe):
+            result = read_result(folder / name)
+            row |= measure_die(result, len(die.recipe.target.target().face_labels))
+            solid = read_stl(result.plain_file.read_bytes()).surface
+            solids[name] = solid, -np.array(result.facets[0].normal)
+        rows.append(row)
+    ranked = rank_rows(rows)
+    keys = list(next(iter(combinations.values())).varied)
+    made = [row for row in ranked if row["folder"] in solids]
+    chart = pareto_chart(
+        [row | {"number": number} for number, row in enumerate(made, start=1)],
+        [row["rank"] for row in made if row["on_front"]],
+        [row["rank"] for row in made[:NAMED_IN_CHART] if row["rank"] and row["inradius_mm"]],
+    )
+    files = {
+        TABLE: _csv_text([*COLUMNS, *keys], ranked),
+        PAGE: sweep_page(title, ranked, keys, solids, chart.png()),
+    }
+    write_files({folder / name: text.encode("utf-8") for name, text in files.items()})
+    return ranked
+
+
+def _csv_text(columns: Sequence[str], rows: Sequence[Row]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
