@@ -19,6 +19,8 @@ from dicedesign.runtime import workers
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytest_plugins = ["common.session"]
+
 # Small tensors and matrices: threads only get into each other's way.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
