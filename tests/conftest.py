@@ -10,9 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from common.headless import MISSING_BROWSER, headless_browser, missing_browser
 from common.paths import DATA, MISSING_DATA, ROOT
-from common.slicer import MISSING_SLICER, PROGRAM
+from common.programs import (
+    MISSING_BROWSER,
+    MISSING_SLICER,
+    SLICER,
+    headless_browser,
+    missing_browser,
+)
 
 from dicedesign.runtime import workers
 
@@ -46,7 +51,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--require-slicer",
         action="store_true",
-        help=f"tests fail that are otherwise skipped where {PROGRAM} is not installed",
+        help=f"tests fail that are otherwise skipped where {SLICER} is not installed",
     )
     parser.addoption(
         "--require-browser",
@@ -86,7 +91,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Count and name the tests that public data, the slicer or a browser were missing for."""
     for reason, title in (
         (MISSING_DATA, f"no public data in {DATA}"),
-        (MISSING_SLICER, f"{PROGRAM} is not installed"),
+        (MISSING_SLICER, f"{SLICER} is not installed"),
         (MISSING_BROWSER, "no Chromium, or no playwright"),
     ):
         skipped = terminalreporter.stats.get("skipped", [])

@@ -10,8 +10,6 @@ from typing import Any
 
 import pytest
 
-from dicedesign.geometry.triangles import Surface
-
 SharedFolder = Callable[[str, Callable[[Path], object]], Path]
 """Function of a name and a function that fills a new folder; returns the folder."""
 
@@ -40,14 +38,6 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> SharedFolder:
         return folder
 
     return get
-
-
-def write_obj(path: Path, surface: Surface) -> Path:
-    """Write a surface to an OBJ file in double precision."""
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.points.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (surface.triangles + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
-    return path
 
 
 def run_recipe(recipe: Path | dict[str, Any], out: Path) -> None:
@@ -84,12 +74,15 @@ def table_die(shared_folder: SharedFolder) -> Path:
 
 def bumpy_recipe(mesh: Path, **options: Any) -> dict[str, Any]:
     """Recipe of a die with two outcomes from a mesh of 42 points. options: of the method."""
+    from common.bodies import write_mesh
     from common.bumpy import bumpy_sphere
 
+    surface = bumpy_sphere(1)
+    write_mesh(mesh, surface.points, surface.triangles)
     return {
         "name": "bumpy",
         "target": {"probabilities": [0.6, 0.4]},
-        "start": {"mesh": {"path": str(write_obj(mesh, bumpy_sphere(1)))}},
+        "start": {"mesh": {"path": str(mesh)}},
         "method": {"concave": {"tolerance": 0.02, "attempts": 3, "displacement": 0.2, **options}},
         "size_mm": 40,
     }
@@ -107,10 +100,10 @@ def concave_die(shared_folder: SharedFolder) -> Path:
 
 @pytest.fixture(scope="session")
 def hollow_die(shared_folder: SharedFolder) -> Path:
-    """Results folder of a hollow concave die, without figures."""
+    """Results folder of a hollow concave die with labels, without figures."""
 
     def make(out: Path) -> None:
         recipe = bumpy_recipe(out.with_suffix(".obj"), hollow={"wall_mm": 1.5}, attempts=1)
-        run_recipe({**recipe, "figures": False}, out)
+        run_recipe({**recipe, "engrave": {"depth_mm": 0.4}, "figures": False}, out)
 
     return shared_folder("hollow", make)

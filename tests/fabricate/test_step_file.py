@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.write_mesh import write_mesh
+from common.bodies import write_mesh
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.file_formats import (

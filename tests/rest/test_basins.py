@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from common.flow_oracle import flow_frequencies
 from common.paths import public_data
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +19,7 @@ from dicedesign.rest.morse import border_areas, separatrices, separatrix_points,
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.rest.roll import roll_steps
 from tests.reference import solids
+from tests.reference.flow_oracle import flow_frequencies
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from common.inline_executor import Inline
 from common.kernels import usual_notes
-from common.killed import kill_at_write
+from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.hulls.hull import convex_hull

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.inline_executor import Inline, Lossy
-from common.signals import heed_interrupts
+from common.processes import heed_interrupts
 
 from dicedesign.cli.main import main
 from dicedesign.errors import DiceError, InputError, MeshFileError

@@ -11,7 +11,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import torch
-from common.slow_machine import slow_machine
+from common.kernels import slow_machine
 
 import dicedesign as dd
 from dicedesign.errors import InputError, NoStartError
