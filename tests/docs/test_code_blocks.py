@@ -29,7 +29,21 @@ LONG = (
 )
 """Beginnings of commands that are only parsed here; `.ci/run` and other tests run them."""
 
-FULL: tuple[str, ...] = ()
+FULL = (
+    "sweep ",
+    "balance ",
+    "run ",
+    "throw ",
+    "README-python-1",
+    "designers-yaml",
+    "meshes-python-5",
+    "researchers-python-3",
+    "researchers-yaml-1",
+    "tables-python-1",
+    "tables-yaml-2",
+    "add_figure",
+    "sweep",
+)
 """Beginnings of names of slow parts whose subject other everyday tests judge."""
 
 SHORTER = {"design ": " --no-figures", "run ": " --no-figures", "throw ": " --drops 500"}
@@ -63,7 +77,7 @@ def parts(names_and_texts: Iterable[tuple[str, Any]]) -> list[Any]:
 def blocks_of(language: str) -> list[Any]:
     """Code blocks of all pages by page and number."""
     return parts(
-        (f"{page.stem}-{number}", text)
+        (f"{page.stem}-{language}-{number}", text)
         for page in PAGES
         for number, text in enumerate(blocks(page, language), start=1)
     )
