@@ -10,14 +10,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from common.headless import MISSING_BROWSER, headless_browser, missing_browser
 from common.paths import DATA, MISSING_DATA, ROOT
-from common.slicer import MISSING_SLICER, PROGRAM
+from common.programs import (
+    MISSING_BROWSER,
+    MISSING_SLICER,
+    SLICER,
+    headless_browser,
+    missing_browser,
+)
 
 from dicedesign.runtime import workers
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+pytest_plugins = ["common.session"]
 
 # Small tensors and matrices: threads only get into each other's way.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -44,7 +51,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--require-slicer",
         action="store_true",
-        help=f"tests fail that are otherwise skipped where {PROGRAM} is not installed",
+        help=f"tests fail that are otherwise skipped where {SLICER} is not installed",
     )
     parser.addoption(
         "--require-browser",
@@ -84,7 +91,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Count and name the tests that public data, the slicer or a browser were missing for."""
     for reason, title in (
         (MISSING_DATA, f"no public data in {DATA}"),
-        (MISSING_SLICER, f"{PROGRAM} is not installed"),
+        (MISSING_SLICER, f"{SLICER} is not installed"),
         (MISSING_BROWSER, "no Chromium, or no playwright"),
     ):
         skipped = terminalreporter.stats.get("skipped", [])

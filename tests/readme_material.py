@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from common.headless import headless_browser
+from common.programs import headless_browser
 from PIL import Image
 
 from dicedesign.cli.main import main

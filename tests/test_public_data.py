@@ -13,7 +13,7 @@ import pytest
 TESTS = """
 import pytest
 from common.paths import public_data
-from common.slicer import slicer_info
+from common.programs import slicer_info
 
 @pytest.mark.parametrize("name", ["here.obj", "missing.obj"])
 def test_of_data(name):
@@ -35,7 +35,7 @@ def checkout(repository: Path, tmp_path: Path) -> Path:
     """Checkout with only these tests, next to one file of public data."""
     folder = tmp_path / "checkout"
     (folder / "tests" / "common").mkdir(parents=True)
-    for name in ("conftest", "common/paths", "common/slicer", "common/headless"):
+    for name in ("conftest", "common/paths", "common/programs", "common/session"):
         shutil.copy(repository / "tests" / f"{name}.py", folder / "tests" / f"{name}.py")
     (folder / "tests" / "test_data.py").write_text(TESTS)
     models = tmp_path / "shared" / "data" / "models"

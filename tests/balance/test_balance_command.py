@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from common.boxes import box
-from common.write_mesh import write_mesh
+from common.bodies import box, write_mesh
 from PIL import Image
 
 from dicedesign.cli.main import main

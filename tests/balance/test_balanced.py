@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 import trimesh
-from common.boxes import box
+from common.bodies import box
 
 from dicedesign.balance.balanced import balance_body
 from dicedesign.balance.best_center import CenterSearch

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from common.boxes import box
+from common.bodies import box
 from common.paths import public_data
 
 from dicedesign.balance.best_center import CenterSearch, best_center, whole_hull

@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 import trimesh
-from common.boxes import box
+from common.bodies import box
 
 from dicedesign.balance.options import BodyMaterial
 from dicedesign.balance.ways import MovedCenter, move_center, reachable_shifts

@@ -16,9 +16,7 @@ from typing import Any
 
 import pytest
 from common.inline_executor import Inline, Lossy
-from common.killed import kill_at_write
-from common.long_run import FILES, shorten, start_run
-from common.signals import heed_interrupts
+from common.processes import FILES, heed_interrupts, kill_at_write, shorten, start_run
 
 from dicedesign.batch import batch
 from dicedesign.batch.batch import analyze_files, run_batch

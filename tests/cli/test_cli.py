@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.finished_run import box_file, finished_result
+from common.finished import box_file, finished_result
 
 import dicedesign as dd
 from dicedesign.cli.main import main

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common.bodies import write_mesh
 from common.parsed_html import parse_page
-from common.write_mesh import write_mesh
 
 from dicedesign.cli.main import main
 from dicedesign.errors import RecipeError, printable

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.finished_run import box_file, finished_run
+from common.finished import box_file, finished_run
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
-from common.finished_run import box_file
+from common.finished import box_file
 from common.kernels import without_kernels
 
 from dicedesign.cli.main import main

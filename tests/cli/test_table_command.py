@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.finished_run import box_file, finished_run
+from common.finished import box_file, finished_run
 from common.kernels import compiled_only
-from common.killed import kill_at_write
+from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.finished_run import box_file, finished_run
+from common.finished import box_file, finished_run
 from common.kernels import compiled_only
 from scipy import stats
 

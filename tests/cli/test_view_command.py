@@ -10,8 +10,8 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from common.finished_run import box_file
-from common.signals import heed_interrupts
+from common.finished import box_file
+from common.processes import heed_interrupts
 
 from dicedesign.cli.main import main
 

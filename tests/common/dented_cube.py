@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from common.bodies import write_mesh
 
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
@@ -57,13 +58,11 @@ def dented_cube(depth: float = 0.1) -> Surface:
 
 def write_cube(path: Path) -> None:
     surface = dented_cube()
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.points.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (surface.triangles + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
+    write_mesh(path, surface.points, surface.triangles)
 
 
 class MadeUpSearch:
-    """Replacement of `make_concave_die` whose last attempt is the best.
+    """Replacement of `make_concave_die` whose last attempt is the best, of at most three.
 
     Each attempt deepens the dents. The probabilities and the hull do not change.
     """
@@ -90,6 +89,8 @@ class MadeUpSearch:
     ) -> ConcaveDie:
         progress = resume or ConcaveProgress()
         for attempt in range(progress.attempts + 1, min(options.attempts, 3) + 1):
+            if attempt - 1 == self.interrupt_after:
+                raise KeyboardInterrupt
             self.attempted.append(attempt)
             history = (
                 Step(0, 0.5 * attempt, 1.0, 0.25, stage="hull", attempt=attempt),
@@ -111,8 +112,6 @@ class MadeUpSearch:
                 history,
             )
             on_attempt(progress)
-            if attempt == self.interrupt_after:
-                raise KeyboardInterrupt
         if progress.best is None:
             raise NoStartError("start: expected a surface that leads to the target, got a cube")
         after = surface.with_points(progress.best.points)

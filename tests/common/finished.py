@@ -1,11 +1,14 @@
-"""Finished die with six outcomes: a box."""
+"""Finished dice with given results."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
 from dicedesign.fabricate.die import FinishedDie, Solid, assess_file
 from dicedesign.fabricate.file_formats import BODY_COLOR, Part
@@ -14,7 +17,7 @@ from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.targets import Target
 from dicedesign.report.pages import die_page
 from dicedesign.results.parts import Concave, Displacement, HullOfSurface, SurfaceSize
-from dicedesign.results.result import Designed, Result, StageTime, Step
+from dicedesign.results.result import RESULT, Designed, FacetOfDie, Result, StageTime, Step
 
 LABELS = ("1", "2", "3", "4", "5", "<6>")
 
@@ -79,3 +82,57 @@ def page_text(die: FinishedDie, images: dict[str, bytes] | None = None) -> str:
     body = die.plain.body
     assert body.triangles is not None
     return die_page(die, images or {}, [Part(body.points, body.triangles, "die", BODY_COLOR)])
+
+
+EXTENTS = (1.0, 1.2, 1.5)
+
+
+def box_file(folder: Path, extents: Sequence[float] = EXTENTS, name: str = "box.obj") -> Path:
+    """Write the mesh file of a box around the origin."""
+    path = folder / name
+    trimesh.creation.box(extents).export(path)
+    return path
+
+
+def finished_result(
+    labels: Sequence[str],
+    target: Sequence[float],
+    facets: Iterable[tuple[str | None, Sequence[float]]] = (),
+    *,
+    center: Sequence[float] = (0.0, 0.0, 0.0),
+    status: str = "converged",
+) -> Result:
+    """Result of a die with its target probabilities.
+
+    facets: label and normal of each facet; a facet with a label counts for that outcome.
+    """
+    return Result(
+        name="box",
+        status=status,
+        message="reached the tolerance",
+        labels=tuple(labels),
+        target=tuple(target),
+        probabilities=tuple(target),
+        elsewhere=0.0,
+        max_abs_error=0.0,
+        center_of_mass=tuple(center),
+        facets=tuple(
+            FacetOfDie(label, label, tuple(normal), 0.1, 100.0, 5.0, 20.0, 20.0)
+            for label, normal in facets
+        ),
+        unstable_facets=0,
+        rest_counts=(1,) * len(labels),
+        least_angle_deg=90.0,
+        least_margin_deg=20.0,
+        asymmetry=0.0,
+        history=(),
+        design=Designed(0.0),
+        files={"die_plain": "die_plain.stl"},
+    )
+
+
+def finished_run(folder: Path, *result: Any, **more: Any) -> Path:
+    """Write a folder with a `finished_result`, but without its mesh files."""
+    folder.mkdir(exist_ok=True)
+    (folder / RESULT).write_text(finished_result(*result, **more).json_text())
+    return folder

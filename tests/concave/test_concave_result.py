@@ -50,29 +50,34 @@ def test_violations_add_up() -> None:
     assert missing(replace(DIE, **both), OPTIONS) == pytest.approx(sum(single))
 
 
-def test_larger_angles_outweigh_some_displacement() -> None:
-    hard, easy = DIE, replace(DIE, displacement=0.04, apart_deg=90.0, margin_deg=30.0)
-    assert rank(easy, OPTIONS) < rank(hard, OPTIONS)
-    assert rank(replace(DIE, displacement=0.01), OPTIONS) < rank(easy, OPTIONS)
+def order(*changes: dict[str, float]) -> list[int]:
+    """Places of dice from the best to the worst."""
+    ranks = [rank(replace(DIE, **change), OPTIONS) for change in changes]
+    return sorted(range(len(ranks)), key=ranks.__getitem__)
 
 
-def test_better_prints_outweigh_some_displacement() -> None:
-    fragile, sound = replace(DIE, prints=0.029), replace(DIE, displacement=0.035, prints=0.01)
-    assert rank(sound, OPTIONS) < rank(fragile, OPTIONS)
-    assert rank(replace(fragile, displacement=0.01), OPTIONS) < rank(sound, OPTIONS)
+def test_angles_and_prints_outweigh_some_displacement() -> None:
+    far = {"displacement": 0.04, "apart_deg": 90.0, "margin_deg": 30.0}
+    assert order({"displacement": 0.01}, far, {}) == [0, 1, 2]
     # Prints beyond their limit do at no displacement, and a file that is wrong is worse still.
-    broken = replace(DIE, displacement=0.001, prints=0.031)
-    assert rank(replace(sound, displacement=0.5), OPTIONS) < rank(broken, OPTIONS)
-    assert rank(replace(broken, prints=1.0), OPTIONS) > rank(broken, OPTIONS)
-    assert rank(replace(DIE, error=0.011), OPTIONS) > rank(replace(broken, prints=1.0), OPTIONS)
+    assert order(
+        {"prints": 0.029, "displacement": 0.01},
+        {"prints": 0.01, "displacement": 0.035},
+        {"prints": 0.029},
+        {"prints": 0.01, "displacement": 0.5},
+        {"prints": 0.031, "displacement": 0.001},
+        {"prints": 1.0, "displacement": 0.001},
+        {"error": 0.011},
+    ) == list(range(7))
     # Prints that are good enough are equal.
-    assert rank(replace(sound, prints=0.001), OPTIONS) == rank(sound, OPTIONS)
+    good = [replace(DIE, prints=prints) for prints in (0.001, 0.01)]
+    assert rank(good[0], OPTIONS) == rank(good[1], OPTIONS)
 
 
 SEARCH = {"target": "[0.5, 0.5]", "surface": "abc"}
 
 
-def make_progress(with_best: bool) -> ConcaveProgress:
+def make_progress() -> ConcaveProgress:
     random = np.random.default_rng(5)
     draft = Draft(3, 0.1, 1e-300, 0.1 + 0.2, 100.0 / 3.0, 1.0 / 7.0, 7)
     arrays = (random.normal(size=shape) for shape in ((50, 3), (20, 3), 3, (2, 3)))
@@ -80,19 +85,17 @@ def make_progress(with_best: bool) -> ConcaveProgress:
         Step(0, 0.1, 1.0 / 3.0, 0.25, stage="hull", attempt=3),
         Step(1, 0.2, 0.0, None, stage="fill", attempt=3),
     )
-    best = FilledHull(draft, *arrays) if with_best else None
-    return ConcaveProgress(5, 12.7, best, (draft,) if with_best else (), steps)
+    return ConcaveProgress(5, 12.7, FilledHull(draft, *arrays), (draft,), steps)
 
 
-@pytest.mark.parametrize("with_best", [True, False])
-def test_a_checkpoint_is_read_back_to_the_last_bit(with_best: bool, tmp_path: Path) -> None:
-    path, given = tmp_path / "checkpoint.npz", make_progress(with_best)
-    path.write_bytes(checkpoint_bytes(given, SEARCH))
-    read = read_checkpoint(path, SEARCH)
-    assert replace(read, best=None) == replace(given, best=None)
-    assert (read.best is not None) == with_best
-    if given.best is not None:
-        for name, value in vars(given.best).items():
+def test_a_checkpoint_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
+    path, whole = tmp_path / "checkpoint.npz", make_progress()
+    for given in (whole, replace(whole, best=None, tried=())):
+        path.write_bytes(checkpoint_bytes(given, SEARCH))
+        read = read_checkpoint(path, SEARCH)
+        assert replace(read, best=None) == replace(given, best=None)
+        assert (read.best is None) == (given.best is None)
+        for name, value in vars(given.best).items() if given.best else ():
             np.testing.assert_array_equal(getattr(read.best, name), value)
 
 
@@ -100,7 +103,7 @@ def test_missing_damaged_and_foreign_checkpoints_are_refused(tmp_path: Path) -> 
     path = tmp_path / "checkpoint.npz"
     with pytest.raises(InputError, match="got none; run without --resume to start"):
         read_checkpoint(path, SEARCH)
-    whole = checkpoint_bytes(make_progress(True), SEARCH)
+    whole = checkpoint_bytes(make_progress(), SEARCH)
     path.write_bytes(whole)
     for kind in SEARCH:
         text = f"expected a checkpoint of this {kind}, got one of another"

@@ -21,14 +21,11 @@ from dicedesign.concave.paper_fill import (
     centering_gradient,
     fill_as_paper,
     fill_by_quadratic_programs,
-    hull_keeping_moves,
     solve_quadratic_program,
 )
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import Surface
-from dicedesign.optimize.options import SobolevOptions
-from dicedesign.optimize.solvers.descent import SobolevSolver, edge_laplacian
 from dicedesign.runtime.arrays import Floats
 
 needs_clarabel = pytest.mark.skipif(
@@ -62,15 +59,6 @@ def closest_squares(surface: Surface, corners: Floats) -> Floats:
     return ((np.array(feet) - corners[:, None]) ** 2).sum(axis=2).min(axis=1)
 
 
-def bending_energy(surface: Surface, points: Floats) -> float:
-    """Sum of squared changes of the angles between adjacent triangles."""
-    angles = []
-    for places in (surface.points, points):
-        mesh = trimesh.Trimesh(places, surface.triangles, process=False)
-        angles.append(np.where(mesh.face_adjacency_convex, 1, -1) * mesh.face_adjacency_angles)
-    return float(((angles[1] - angles[0]) ** 2).sum())
-
-
 @needs_clarabel
 @pytest.mark.parametrize(
     ("surface", "amount"), [(bumpy_sphere(), 0.04), (bent_capsule(18, 10), 0.02)]
@@ -83,14 +71,6 @@ def test_the_surface_spans_the_hull(surface: Surface, amount: float) -> None:
     assert volumes[0] == pytest.approx(volumes[1], rel=0.02)
     moved = np.linalg.norm(points - surface.points, axis=1) / surface.diagonal
     assert moved.mean() < 1.5 * amount
-
-
-@needs_clarabel
-def test_a_larger_bending_weight_bends_less() -> None:
-    surface = bumpy_sphere()
-    hull = nearby_hull(surface, 0.04)
-    soft, stiff = (fill(surface, hull, bending=weight)[0] for weight in (1e-4, 1.0))
-    assert bending_energy(surface, stiff) < 0.8 * bending_energy(surface, soft)
 
 
 def test_without_clarabel_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,20 +97,7 @@ def test_the_closest_point_energy_is_eq_28_and_quadratic() -> None:
 
 
 @needs_clarabel
-def test_a_quadratic_program_against_scipy() -> None:
-    rng = np.random.default_rng(8)
-    root = rng.normal(size=(6, 6))
-    hessian, gradient = root @ root.T, rng.normal(size=6)
-    rows, bounds = rng.normal(size=(9, 6)), rng.uniform(0.1, 1.0, size=9)
-    solution = solve_quadratic_program(csc_array(hessian), gradient, csc_array(rows), bounds)
-    expected = minimize(
-        lambda x: 0.5 * x @ hessian @ x + gradient @ x,
-        np.zeros(6),
-        jac=lambda x: hessian @ x + gradient,
-        constraints={"type": "ineq", "fun": lambda x: bounds - rows @ x},
-        tol=1e-12,
-    ).x
-    np.testing.assert_allclose(solution, expected, atol=1e-6)
+def test_a_quadratic_program_without_a_solution() -> None:
     rows = csc_array(np.array([[1.0], [-1.0]]))
     assert solve_quadratic_program(csc_array(np.eye(1)), np.zeros(1), rows, -np.ones(2)) is None
 
@@ -218,35 +185,3 @@ def test_the_centering_gradient_is_eq_33_by_finite_differences() -> None:
             energies.append((centroid_of(points, surface.triangles) ** 2).sum())
         slope = (energies[0] - energies[1]) / 2e-5
         assert gradient[point, axis] == pytest.approx(slope, rel=1e-5, abs=1e-10)
-
-
-@pytest.mark.parametrize(("gamma", "power"), [(5.0, 2), (40.0, 3)])
-def test_moves_are_those_of_eq_35(gamma: float, power: int) -> None:
-    """`D (I + gamma L)^-p D g`, with matrices filled entry by entry."""
-    surface = bumpy_sphere(1)
-    count = len(surface.points)
-    operator = np.eye(count)
-    edges = {
-        frozenset((t[i], t[(i + 1) % 3])) for t in surface.triangles.tolist() for i in range(3)
-    }
-    for a, b in map(sorted, edges):
-        for i, j in ((a, b), (b, a)):
-            operator[i, i] += gamma
-            operator[i, j] -= gamma
-    hull = convex_hull(surface.points)
-    depths = np.array(
-        [
-            min((hull.polygon(f)[0] - x) @ n for f, n in enumerate(hull.normals))
-            for x in surface.points
-        ]
-    )
-    gradient = np.random.default_rng(1).normal(size=(count, 3))
-    expected = np.diag(depths) @ gradient
-    for _ in range(power):
-        expected = np.linalg.inv(operator) @ expected
-    expected = np.diag(depths) @ expected
-    tails, heads = surface.triangles.ravel(), np.roll(surface.triangles, -1, axis=1).ravel()
-    solver = SobolevSolver(edge_laplacian(tails, heads, count), SobolevOptions(gamma, power))
-    moves, _ = hull_keeping_moves(solver, depths, gradient)
-    np.testing.assert_allclose(moves, expected, atol=1e-12 * np.abs(gradient).max())
-    assert (moves * gradient).sum() > 0.0

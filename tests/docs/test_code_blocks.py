@@ -1,22 +1,22 @@
-"""Commands, Python code and recipes of all pages and the examples run, in a folder with the results
-of the README's first command."""
+"""Commands, Python code and recipes of all pages and the examples run, each in a folder with the
+results of the README's first command."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import re
+import runpy
 import shlex
 import shutil
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from common.doc_pages import PAGES, blocks, commands, run_parts
-from common.paths import ROOT
+from common.paths import PAGES, ROOT, blocks, commands
 
-from benchmarks.frame import RECORDED, parser_of
-from dicedesign.cli.main import make_parser
+from dicedesign import extensions
+from dicedesign.cli.main import main
 from dicedesign.recipe.reading import read_recipe
 
 LONG = (
@@ -28,100 +28,119 @@ LONG = (
 )
 """Beginnings of commands that are only parsed here; `.ci/run` and other tests run them."""
 
+FULL = (
+    "sweep ",
+    "balance ",
+    "run ",
+    "throw ",
+    "README-python-1",
+    "designers-yaml",
+    "meshes-python-5",
+    "researchers-python-3",
+    "researchers-yaml-1",
+    "tables-python-1",
+    "tables-yaml-2",
+    "add_figure",
+    "sweep",
+)
+"""Beginnings of names of slow parts whose subject other everyday tests judge."""
+
 SHORTER = {"design ": " --no-figures", "run ": " --no-figures", "throw ": " --drops 500"}
 """Options added to commands."""
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
-TYPED = list(dict.fromkeys(line for page in PAGES for line in commands(page)))
-"""All lines of all pages, each once."""
+LINES = [
+    line.removeprefix("dicedesign ")
+    for line in dict.fromkeys(line for page in PAGES for line in commands(page))
+    if line.startswith("dicedesign ")
+]
+"""Commands of all pages, each once."""
 
-PROGRAMS = ("dicedesign ", "python -m benchmarks ")
-
-INSTALLS = ("python3 -m venv .venv && ", "pip install 'dicedesign[")
-
-
-def arguments(line: str) -> str:
-    """A line without the name of the program."""
-    return line.removeprefix("dicedesign ")
+# Torch warns about its own code at the first forward derivative.
+pytestmark = pytest.mark.filterwarnings("ignore:`torch.jit.script` is deprecated")
 
 
-def python_call(line: str, codes: Sequence[int] = (0,)) -> str:
-    """Python code of a command, which must end with one of these exit codes."""
-    added = "".join(text for start, text in SHORTER.items() if line.startswith(start))
-    given = shlex.split(line + added)
-    return f"from dicedesign.cli.main import main\nassert main({given!r}) in {tuple(codes)}"
+def parts(names_and_texts: Iterable[tuple[str, Any]]) -> list[Any]:
+    """Parameters with their names as ids; the slow ones run in `.ci/run` alone."""
+    return [
+        pytest.param(text, id=name, marks=[pytest.mark.full] if name.startswith(FULL) else [])
+        for name, text in names_and_texts
+    ]
 
 
-def ordered_parts() -> dict[str, str]:
-    """All parts as Python code by name, those first whose files others read."""
-    first = next(line for line in TYPED if "dicedesign run" in line).split("dicedesign ")[1]
-    lines = [arguments(line) for line in TYPED if line.startswith("dicedesign ")]
-    parts = {line: python_call(line) for line in [first, *lines] if not line.startswith(LONG)}
-    for page in PAGES:
-        for number, code in enumerate(blocks(page, "python"), start=1):
-            parts[f"{page.name}, Python {number}"] = code
-        for number, text in enumerate(blocks(page, "yaml"), start=1):
-            if "thrown" not in text:
-                name = f"{page.stem}-{number}.yaml"
-                written = f"open({name!r}, 'w').write({text!r})\n"
-                # Without its finish the paper's method may miss, as it did in print.
-                codes = (0, 1) if "finish: none" in text else (0,)
-                parts[f"{page.name}, recipe {number}"] = written + python_call(f"run {name}", codes)
-    # Last, as they register extensions.
-    return parts | {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES}
+def blocks_of(language: str) -> list[Any]:
+    """Code blocks of all pages by page and number."""
+    return parts(
+        (f"{page.stem}-{language}-{number}", text)
+        for page in PAGES
+        for number, text in enumerate(blocks(page, language), start=1)
+    )
 
 
-def test_commands_examples_and_code_run(tmp_path: Path) -> None:
+@pytest.fixture(autouse=True)
+def folder(
+    convex_die: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> Iterator[Path]:
+    """Working directory with the results of the README's first command; something is printed."""
     shutil.copytree(ROOT / "recipes", tmp_path / "recipes")
+    shutil.copytree(convex_die, tmp_path / "outputs" / "2d6_hendecahedron")
     (tmp_path / "rolls.csv").write_text(blocks(ROOT / "docs" / "tables.md", "csv")[0])
-    parts = ordered_parts()
-    printed = run_parts(parts, tmp_path)
-    assert list(printed) == list(parts)
-    assert {name for name, text in printed.items() if not text} == set()
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
-def test_examples_import_public_modules(path: Path) -> None:
+def run_command(line: str) -> int:
+    added = "".join(text for start, text in SHORTER.items() if line.startswith(start))
+    return main(shlex.split(line + added))
+
+
+@pytest.mark.parametrize("line", parts((line, line) for line in LINES if not line.startswith(LONG)))
+def test_commands_run(line: str) -> None:
+    assert run_command(line) == 0
+
+
+@pytest.mark.parametrize("code", blocks_of("python"))
+def test_python_code_runs(code: str) -> None:
+    exec(compile(code, "page", "exec"), {"__name__": "__main__"})
+
+
+@pytest.mark.parametrize("text", blocks_of("yaml"))
+def test_recipes_run(text: str, folder: Path) -> None:
+    path = folder / "recipe.yaml"
+    path.write_text(text)
+    if "thrown" in read_recipe(path).as_dict()["method"].get("exact", {}).values():
+        # `test_recipes` makes the shipped ones.
+        print("not run")
+    else:
+        # Without its finish the paper's method may miss, as it did in print.
+        assert run_command("run recipe.yaml") <= ("finish: none" in text)
+
+
+@pytest.fixture
+def registries() -> Iterator[None]:
+    """Remove the extensions that a test registers."""
+    known = {
+        name: [entry.name for entry in registry]
+        for name, registry in vars(extensions).items()
+        if name.isupper() and hasattr(registry, "unregister")
+    }
+    yield
+    for name, before in known.items():
+        registry = getattr(extensions, name)
+        for entry in list(registry):
+            if entry.name not in before:
+                registry.unregister(entry.name)
+
+
+@pytest.mark.parametrize("path", parts((path.stem, path) for path in EXAMPLES))
+def test_examples_run(path: Path, registries: None, monkeypatch: pytest.MonkeyPatch) -> None:
     modules = set(re.findall(r"^\s*(?:from|import) (dicedesign[\w.]*)", path.read_text(), re.M))
     names = ("compat", "energies", "extensions", "methods", "starts")
     assert modules <= {"dicedesign", *(f"dicedesign.{name}" for name in names)}
-
-
-@pytest.mark.parametrize("line", [line for line in TYPED if line.startswith(PROGRAMS)])
-def test_commands_are_valid(line: str) -> None:
-    command, *given = shlex.split(arguments(line))
-    parser = argparse.ArgumentParser()
-    if command == "python":
-        _, _, *given = given
-        parser = parser_of(given[0])
-    else:
-        parser = make_parser(command)
-        given = [command, *given]
-    parser.parse_args(given)
-    for word in shlex.split(line):
-        if word.startswith("recipes/"):
-            assert list(ROOT.glob(word)), word
-
-
-def test_commands_of_measured_tables_are_valid() -> None:
-    for table in json.loads(RECORDED.read_text(encoding="utf-8")).values():
-        name, *given = shlex.split(table["command"].removeprefix("python -m benchmarks "))
-        parser_of(name).parse_args([name, *given])
-
-
-def test_other_commands_are_known() -> None:
-    others = {line for line in TYPED if not line.startswith((*PROGRAMS, *INSTALLS))}
-    assert others == {
-        "pytest tests/fuzz --hypothesis-profile=nightly",
-        "pytest tests/soak -m soak",
-    }
-
-
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if blocks(page, "yaml")], ids=lambda page: page.stem
-)
-def test_recipes_can_be_read(page: Path, tmp_path: Path) -> None:
-    for block in blocks(page, "yaml"):
-        (tmp_path / "recipe.yaml").write_text(block)
-        read_recipe(tmp_path / "recipe.yaml")
+    monkeypatch.setattr(sys, "argv", [str(path)])
+    runpy.run_path(str(path), run_name="__main__")

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
+import shlex
 from pathlib import Path
 
 import generated_tables
 import pytest
-from common.doc_pages import PAGES
-from common.paths import ROOT
+from common.paths import PAGES, ROOT, commands
 from test_architecture import FLOORS
 
 import dicedesign
+from benchmarks.frame import RECORDED, parser_of
+from dicedesign.cli.main import make_parser
 from dicedesign.recipe.recipe import Recipe
 
 MADE_UP = {"recipes/NAME.yaml"}
@@ -141,3 +144,31 @@ def test_tables_agree_with_the_code(page: Path) -> None:
 def test_every_table_has_a_page() -> None:
     shown = {name for page in generated_tables.pages() for name in generated_tables.blocks(page)}
     assert shown >= set(generated_tables.tables())
+
+
+# Commands.
+
+
+def check_command(line: str) -> None:
+    """Parse a command, and look for the recipes that it names."""
+    program, *given = shlex.split(line.removeprefix("python -m "))
+    command = given[0]
+    parser = make_parser(command) if program == "dicedesign" else parser_of(command)
+    parser.parse_args(given)
+    for word in given:
+        assert not word.startswith("recipes/") or list(ROOT.glob(word)), word
+
+
+def test_commands_are_valid() -> None:
+    others = set()
+    for line in {line for page in PAGES for line in commands(page)}:
+        if line.startswith(("dicedesign ", "python -m benchmarks ")):
+            check_command(line)
+        elif not line.startswith(("python3 -m venv .venv && ", "pip install 'dicedesign[")):
+            others.add(line)
+    assert others == {
+        "pytest tests/fuzz --hypothesis-profile=nightly",
+        "pytest tests/soak -m soak",
+    }
+    for table in json.loads(RECORDED.read_text(encoding="utf-8")).values():
+        check_command(table["command"])

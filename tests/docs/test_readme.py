@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
-from common.doc_pages import PAGES, commands
+from common.paths import PAGES, commands
 
 from benchmarks.frame import BENCHES, RECORDED
 from dicedesign.recipe.reading import read_recipe

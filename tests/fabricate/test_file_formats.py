@@ -9,8 +9,8 @@ import lib3mf
 import numpy as np
 import pytest
 import trimesh
+from common.bodies import write_mesh
 from common.bumpy import bumpy_sphere
-from common.write_mesh import write_mesh
 from pygltflib import GLTF2
 
 from dicedesign.errors import InputError, OutputError

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from common.bodies import write_mesh
 from common.dented_cube import write_cube
 from common.made_up_die import SIDES, box, run_to_check
-from common.slicer import slice_file, slicer_info
-from common.write_mesh import write_mesh
+from common.programs import slice_file, slicer_info
 
 from dicedesign.fabricate.printability import PrintedSolid, placement_on_bed
 from dicedesign.fabricate.printers import PRINTERS

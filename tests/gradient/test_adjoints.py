@@ -11,9 +11,9 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from common.blade import blade
+from common.bodies import blade
 from common.kernels import compiled_only, without_kernels
-from common.two_centers import both_ways
+from common.stones import both_ways
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_probabilities import (

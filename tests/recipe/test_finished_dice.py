@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.paths import ROOT
-from common.slicer import slicer_info
+from common.programs import slicer_info
 
 from dicedesign.cli.main import main
 from dicedesign.rest.poses import rest_poses

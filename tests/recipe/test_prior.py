@@ -91,15 +91,13 @@ def test_a_uniform_prior_is_no_prior() -> None:
             {"prior": "half:0,0,1", "method": {"exact": {"probabilities": "thrown"}}},
             "thrown probabilities",
         ),
+        ({"prior": "samples:samples.csv"}, "dicedesign rest"),
     ],
 )
-def test_invalid_priors_are_refused(entries: dict[str, object], text: str) -> None:
+def test_invalid_priors_are_refused(
+    entries: dict[str, object], text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("samples.csv").write_text("x,y,z\n0,0,1\n")
     with pytest.raises(RecipeError, match=text):
         parse_recipe({"name": "die", "target": {"fair": 6}, **entries})
-
-
-def test_samples_are_no_density(tmp_path: Path) -> None:
-    path = tmp_path / "samples.csv"
-    path.write_text("x,y,z\n0,0,1\n")
-    with pytest.raises(RecipeError, match="dicedesign rest"):
-        parse_recipe({"name": "die", "target": {"fair": 6}, "prior": f"samples:{path}"})

@@ -73,32 +73,6 @@ def test_every_built_in_shape_is_a_start(tmp_path: Path) -> None:
     assert listed["anyOf"][0]["enum"] == list(SHAPES)
 
 
-BAD_CONCAVE = [
-    ({"start": {"shape": "dog"}}, "start.shape: expected 'dragon', .*got 'dog'"),
-    ({"start": {"search": {}}}, "start: expected a surface to keep .*, got search; write start: "),
-    ({"method": "exact"}, r"start.shape: expected method: \{concave: \{\}\} with it, got exact"),
-    ({"center_of_mass": [0, 0, 1]}, "center_of_mass: expected uniform .*; leave it out"),
-    ({"symmetry": "C3v"}, "symmetry: expected the exact method"),
-    ({"assignment": ["1"]}, "assignment: expected in_order with the concave method"),
-    ({"min_inradius_mm": 1}, "min_inradius_mm: expected the exact method, .*, got concave"),
-    ({"method": {"concave": {}, "exact": {}}}, "one of exact, .*, got exact and concave; keep"),
-    (
-        {"method": {"concave": {"fil": 1}}},
-        r"method.concave.fil: unknown key; did you mean 'fill'\?",
-    ),
-    ({"method": {"concave": {"fill": "x"}}}, "method.concave.fill: .*'paper', got 'x'"),
-    ({"attempts": 3}, "attempts: unknown key; it belongs at method.concave.attempts"),
-]
-
-
-@pytest.mark.parametrize(("entries", "message"), BAD_CONCAVE, ids=[m[:30] for _, m in BAD_CONCAVE])
-def test_bad_recipes_of_concave_dice_are_explained(
-    tmp_path: Path, entries: dict[str, object], message: str
-) -> None:
-    with pytest.raises(RecipeError, match=message):
-        read(tmp_path, {**CONCAVE, **entries})
-
-
 def test_paths_of_fonts_and_icons_are_relative_to_the_recipe(tmp_path: Path) -> None:
     options = {"font": "fonts/a.OTF", "icons": {6: "six.svg", 7: "/seven.svg"}}
     recipe = read(tmp_path, {**GOOD, "engrave": options}, ("engrave.icons.8=eight.svg",))
@@ -145,7 +119,17 @@ def test_fractions_labels_and_exponents(tmp_path: Path) -> None:
     assert recipe.size_mm == 25.0
 
 
-BAD = [
+BAD_CONCAVE: list[tuple[dict[str, Any], str]] = [
+    ({"start": {"shape": "dog"}}, "start.shape: expected 'dragon', .*got 'dog'"),
+    ({"start": {"search": {}}}, "start: expected a surface to keep .*; write start: "),
+    ({"method": "exact"}, r"start.shape: expected method: \{concave: \{\}\} with it, got exact"),
+    ({"center_of_mass": [0, 0, 1]}, "center_of_mass: expected uniform .*; leave it out"),
+    ({"min_inradius_mm": 1}, "min_inradius_mm: expected the exact method, .*, got concave"),
+    ({"method": {"concave": {"fil": 1}}}, r"concave.fil: unknown key; did you mean 'fill'\?"),
+    ({"attempts": 3}, "attempts: unknown key; it belongs at method.concave.attempts"),
+]
+
+BAD: list[tuple[dict[str, Any], str]] = [
     ({"nmae": "x"}, r"nmae: unknown key; did you mean 'name'\?"),
     (
         {"method": {"paper": {"weights": {"coplaner": 1}}}},
@@ -158,16 +142,13 @@ BAD = [
         "target.labels.0: expected a text, got True, .*; put it in quotes",
     ),
     ({"target": {"fair": 2, "labels": ["x" * 25, "y"]}}, "labels.*: expected 1 to 24 characters"),
-    ({"engrave": {"upright": [0, 0, 0]}}, "engrave: upright: expected edge or largest"),
-    ({"target": {"fair": 2, "labels": [float("nan"), "x"]}}, "target.labels.0: .*text, got nan"),
+    ({"target": {"fair": 2, "labels": ["a", "\ud800"]}}, "labels"),
     (
         {"method": {"exact": {"probabilities": "thrown", "hand": "foot"}}},
         "method.exact: hand: expected cup, hand, tower, got 'foot'; take one of them",
     ),
-    (
-        {"method": {"exact": {"hand": "cup"}}},
-        "method.exact: hand: expected probabilities .thrown. with it",
-    ),
+    ({"method": {"exact": {"hand": "cup"}}}, "hand: expected probabilities .thrown. with it"),
+    ({"method": {"exact": {"refine": {}}}}, "refine: expected probabilities .thrown. with it"),
     ({"start": {"prism": {"height": float("inf")}}}, "start.prism.height: .*finite.*got inf"),
     (
         {"target": {"fair": 4}},
@@ -182,85 +163,58 @@ BAD = [
         r"start: expected a mesh or a search for 2 .*write start: \{search: \{\}\}, or start: ",
     ),
     ({"name": "../x"}, "name: "),
-    ({"target": {}}, "target: expected exactly one of binomial.*got none"),
     ({"target": {"fair": 3, "binomial": 2}}, "exactly one of.*got binomial and fair"),
     ({"target": {"binomial": 0}}, "target: binomial: expected a whole number of at least 1, got 0"),
     ({"assignment": [2, 3]}, "assignment: expected each of the labels 2, 3, .* once, got 2, 3"),
-    ({"start": {"hendecahedron": "cube"}}, "start.hendecahedron: .*bisymmetric.*cube"),
-    ({"start": {}}, "start: expected exactly one of prism"),
-    (
-        {"method": {"exact": {"refine": {"drops": 10}}}},
-        "refine: expected probabilities .thrown. with it",
-    ),
-    (
-        {"method": {"paper": {"tolerance": 2}}},
-        r"tolerance: expected a number from 1e-15 on and below 1, got 2",
-    ),
-    ({"method": {"paper": {"weights": {"barycenter": -1}}}}, "weights.barycenter: expected.*-1"),
+    ({"method": {"paper": {"tolerance": 2}}}, "tolerance: expected a number from 1e-15 on and"),
     ({"method": {"exact": {"sobolev": {}}}}, 'sobolev: expected coordinates "vertices"'),
+    ({"size_mm": 1000.1}, "size_mm"),
+    ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
 ]
 
 
-@pytest.mark.parametrize(("entries", "message"), BAD, ids=[m[:30] for _, m in BAD])
+@pytest.mark.parametrize(
+    ("good", "entries", "message"),
+    [*((GOOD, *bad) for bad in BAD), *((CONCAVE, *bad) for bad in BAD_CONCAVE)],
+)
 def test_bad_recipes_are_explained(
-    tmp_path: Path, entries: dict[str, object], message: str
+    good: dict[str, Any], entries: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(RecipeError, match=message) as caught:
-        read(tmp_path, {**GOOD, **entries})
-    assert str(caught.value).startswith(str(tmp_path / "test.yaml"))
+        parse_recipe({**good, **entries})
     assert "\n" not in str(caught.value)
 
 
-def test_missing_key(tmp_path: Path) -> None:
-    with pytest.raises(RecipeError, match="target: expected this key, but it is missing"):
-        read(tmp_path, {"name": "x", "start": {"prism": {}}})
+BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 60))
+"""Small text of very many entries."""
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "expected keys and values"),
-        (b"name: [", "expected YAML, but"),
-        (b"name: a\nname: b\n", "'name' appears twice, the second time in line 2"),
-        (b"2024-01-01: 3\n", "expected texts as keys.*but keys must be str"),
-        (b"x: !!int x\n", "expected YAML, but"),
-    ],
-)
-def test_invalid_files_are_explained(tmp_path: Path, content: bytes, message: str) -> None:
-    path = tmp_path / "bad.yaml"
-    path.write_bytes(content)
-    with pytest.raises(RecipeError, match=message):
-        read_recipe(path)
-
-
-BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 60))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+        ("name: x\nstart: {prism: {}}\n", "target: expected this key, but it is missing"),
+        ("", "expected keys and values"),
+        ("name: [", "expected YAML, but"),
+        ("name: a\nname: b\n", "'name' appears twice, the second time in line 2"),
+        ("2024-01-01: 3\n", "expected texts as keys.*but keys must be str"),
+        ("x: !!int x\n", "expected YAML, but"),
         (BOMB, "expected at most 10000 entries"),
         ("target: &a [*a]\n", "expected entries at most 30 within each other"),
-        ("target: " + 200 * "[" + 200 * "]", "expected entries at most 30 within each other"),
         ("target: " + 100_000 * "[", "expected YAML, but"),
         ("name: a\ntarget: {fair: 3}\nseed: 1" + 5000 * "0", "expected YAML, but .*digits"),
-        (
-            "name: a\ntarget: {fair: 3}\nseed: 18446744073709551616",
-            "seed: expected a number below 1844",
-        ),
+        ("name: a\ntarget: {fair: 3}\nseed: 18446744073709551616", "seed: expected a number below"),
     ],
 )
-def test_a_small_file_that_expands_is_refused_at_once(
-    tmp_path: Path, text: str, message: str
-) -> None:
-    path = tmp_path / "bomb.yaml"
-    path.write_text(text)
+def test_invalid_files_are_explained_at_once(tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(content)
     signal.alarm(30)
     try:
         with pytest.raises(RecipeError, match=message) as caught:
             read_recipe(path)
     finally:
         signal.alarm(0)
+    assert str(caught.value).startswith(str(path))
     assert len(str(caught.value)) < 1000
 
 
@@ -284,37 +238,16 @@ def test_bad_changes(tmp_path: Path) -> None:
         read(tmp_path, GOOD, ("size_mm=[",))
 
 
-PLAIN: dict[str, Any] = {"name": "die", "target": {"fair": 4}, "start": {"repulsion": {}}}
-
-
-def label_entries(label: str) -> dict[str, Any]:
-    return {"target": {"probabilities": [0.25] * 4, "labels": ["a", "b", "c", label]}}
-
-
 @pytest.mark.parametrize(
     "entries",
     [
         {"size_mm": 1000.0},
         {"size_mm": 30.0, "min_inradius_mm": 14.999},
-        label_entries("ä"),
+        {"target": {"fair": 11, "labels": list("abcdefghijä")}},
     ],
 )
 def test_limits_are_valid(entries: dict[str, Any]) -> None:
-    assert isinstance(parse_recipe({**PLAIN, **entries}), Recipe)
-
-
-@pytest.mark.parametrize(
-    ("entries", "key"),
-    [
-        ({"size_mm": 1000.1}, "size_mm"),
-        ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
-        (label_entries("\ud800"), "labels"),
-        ({"start": {"repulsion": {}, "repulsions": {}}}, "start"),
-    ],
-)
-def test_values_beyond_the_limits_are_refused(entries: dict[str, Any], key: str) -> None:
-    with pytest.raises(RecipeError, match=key):
-        parse_recipe({**PLAIN, **entries})
+    assert isinstance(parse_recipe({**GOOD, **entries}), Recipe)
 
 
 @pytest.mark.parametrize("method", ["", "method: exact\n"])
@@ -329,7 +262,6 @@ def test_a_change_adds_missing_parts(tmp_path: Path, method: str) -> None:
     [
         ("fair: 7", {"fair": 7}),
         (" fair:7", {"fair": 7}),
-        ("sum_of_dice: [6, 6]", {"sum_of_dice": [6, 6]}),
         ("{binomial: 4}", {"binomial": 4}),
         ("probabilities: [1/2, 0.5]", {"probabilities": ["1/2", 0.5]}),
         ("1/2,1/3, 1/6", {"probabilities": ["1/2", "1/3", "1/6"]}),
@@ -338,6 +270,30 @@ def test_a_change_adds_missing_parts(tmp_path: Path, method: str) -> None:
 def test_typed_targets(text: str, entries: dict[str, object]) -> None:
     assert parse_target(text) == entries
     assert parse_target(text, "a, b") == {**entries, "labels": ["a", "b"]}
+
+
+@pytest.mark.parametrize(
+    ("text", "labels", "probabilities"),
+    [
+        ("d7", list("1234567"), [1 / 7] * 7),
+        (
+            "2d6",
+            [str(k) for k in range(2, 13)],
+            [k / 36 for k in (1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1)],
+        ),
+        ("2dF", ["-2", "-1", "0", "+1", "+2"], [k / 9 for k in (1, 2, 3, 2, 1)]),
+        ("dF", ["+", "0", "-"], [1 / 3] * 3),
+        ("d4 + d6", [str(k) for k in range(2, 11)], [k / 24 for k in (1, 2, 3, 4, 4, 4, 3, 2, 1)]),
+        ("1:2:3", list("123"), [1 / 6, 1 / 3, 1 / 2]),
+        ("50%, 30 %,20%", list("123"), [0.5, 0.3, 0.2]),
+    ],
+)
+def test_targets_as_people_type_them(
+    text: str, labels: list[str], probabilities: list[float]
+) -> None:
+    target = TargetRecipe.model_validate(parse_target(text)).target()
+    assert list(target.labels) == labels
+    np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
 
 
 @pytest.mark.parametrize("text", ["a:", ": :", "[a: 1]", "fair: [", "!!python/x: y", "- a: 1"])

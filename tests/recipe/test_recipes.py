@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from check_outputs import check
+from common.bodies import write_mesh
 from common.paths import ROOT
 
-from dicedesign.geometry.meshes.reading import read_body, stl_bytes
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Work, run
 from dicedesign.recipe.reading import read_recipe
@@ -43,9 +44,9 @@ ENOUGH = 8
 """Attempts in tests; the recipes have more."""
 
 
-@pytest.mark.parametrize("path", CONVEX, ids=_name)
-def test_a_recipe_gives_its_die_with_little_work(path: Path, tmp_path: Path) -> None:
-    recipe = read_recipe(path)
+@pytest.mark.parametrize("recipe_path", CONVEX, ids=_name)
+def test_a_recipe_gives_its_die_with_little_work(recipe_path: Path, tmp_path: Path) -> None:
+    recipe = read_recipe(recipe_path)
     work = design_recipe(recipe, last="check")
     solid, target = work.solid, work.target.probabilities
     assert work.status is Status.CONVERGED
@@ -54,11 +55,9 @@ def test_a_recipe_gives_its_die_with_little_work(path: Path, tmp_path: Path) -> 
     assert work.plain.max_abs_error <= SINGLE
     assert work.plain.outcomes.elsewhere == 0.0
     assert work.die.evaluations <= MOST_EVALUATIONS
-    stl, obj = tmp_path / "die.stl", tmp_path / "die.obj"
-    stl.write_bytes(stl_bytes(solid))
-    obj.write_text(obj_text(solid.points, solid.triangles))
-    assert error_of_file(stl, work) <= SINGLE
-    assert error_of_file(obj, work) <= DOUBLE
+    for path, most in ((tmp_path / "die.stl", SINGLE), (tmp_path / "die.obj", DOUBLE)):
+        write_mesh(path, solid.points, solid.triangles)
+        assert error_of_file(path, work) <= most
 
 
 FEW = {"drops": 8000, "rounds": 8, "verdict": 10_000, "within": 0.03}
@@ -90,12 +89,6 @@ def test_a_recipe_gives_its_concave_die_in_few_attempts(path: Path, tmp_path: Pa
     assert summary["max_abs_error"] <= recipe.method.tolerance
     assert summary["elsewhere"] <= recipe.method.tolerance
     assert summary["concave"]["displacement"]["mean"] <= LARGEST_DISPLACEMENT
-
-
-def obj_text(vertices: np.ndarray, triangles: np.ndarray) -> str:
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
-    return "\n".join(lines) + "\n"
 
 
 def error_of_file(path: Path, work: Work) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from common.inline_executor import Inline
-from common.killed import kill_at_write
+from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.errors import InputError

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.flow_oracle import flow_frequencies
 from common.paths import public_data
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,6 +22,7 @@ from dicedesign.rest.roll import roll_steps
 from dicedesign.runtime.arrays import Floats
 from tests.reference import solids
 from tests.reference.extremes import ANTIPODE_SEEDS, lopsided_needle
+from tests.reference.flow_oracle import flow_frequencies
 from tests.reference.random_hulls import off_center_body
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))

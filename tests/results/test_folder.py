@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from common.finished_run import finished_result
+from common.finished import finished_result
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.pipeline import run

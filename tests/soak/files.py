@@ -32,14 +32,14 @@ SUM_LIMIT = 1e-9
 """Tolerance on the sum of the probabilities of a damaged but readable mesh."""
 
 NUMBERS = (
-    b"0", b"-1", b"1e308", b"-1e308", b"1e-320", b"1e999", b"nan", b"inf", b"9" * 400, b"9" * 5000,
-    b"0x10", b"1_0", b"2147483648", b"18446744073709551616", b"1.5", b"true", b"",
+    b"0", b"-1", b"1e308", b"1e-320", b"1e999", b"nan", b"9" * 5000, b"1_0", b"2147483648",
+    b"1.5", b"",
 )  # fmt: skip
 """Replacements of a number."""
 
 PIECES = (
-    b"\x00", b"\xff\xfe", b"\xed\xa0\x80", b"\r", b"\n\n", b'"', b"'", b"[" * 20_000, b"{" * 2_000,
-    b"&a [*a, *a]", b"!!python/object:os.system {}", b"\xe2\x80\xae", b",", b":", b"#", b" " * 5000,
+    b"\x00", b"\xff\xfe", b"\r", b"\n\n", b'"', b"[" * 20_000, b"{" * 2_000,
+    b"&a [*a, *a]", b"!!python/object:os.system {}", b",", b":", b" " * 5000,
 )  # fmt: skip
 """Insertions at a random place."""
 

@@ -40,26 +40,16 @@ FILE_LIMIT = 1e-6
 
 FLAWS = """
 name: ../die
-seed: -1
 seed: 1180591620717411303424
-size_mm: 0
 size_mm: .nan
-target: {fair: 1}
 target: {fair: 1000000000000}
 target: {probabilities: [0.5, 0.6]}
-target: {fair: 3, binomial: 2}
 target: null
-method: {exact: {tolerance: -1.0}}
 method: {exact: {table: nowhere, probabilities: thrown}}
 start: {mesh: {path: nowhere.stl}}
 start: {prism: {sides: 1000000000}}
-engrave: {depth_mm: deep}
 engrave: {style: carved}
-engrave: {upright: [0, 0, 0]}
 edges: {radius_mm: 1000000000.0}
-numbering: odd
-print: {printer: laser}
-print: {infill: 20}
 files: [stl, dxf]
 center: uniform
 """

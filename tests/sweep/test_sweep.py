@@ -17,8 +17,8 @@ import pytest
 import yaml
 from common.drawings import is_whole
 from common.inline_executor import Inline, Lossy
-from common.killed import kill_at_write
 from common.parsed_html import parse_page
+from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.report.curve_charts import pareto_chart

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from common.kernels import compiled_only, without_kernels
-from common.two_centers import both_ways
+from common.stones import both_ways
 from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import convex_hull

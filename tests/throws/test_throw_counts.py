@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.finished_run import box_file, finished_run
+from common.finished import box_file, finished_run
 from common.paths import public_data
 
 from dicedesign.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from common.finished_run import box_file
+from common.finished import box_file
 
 import dicedesign as dd
 from dicedesign.view.sources import open_source

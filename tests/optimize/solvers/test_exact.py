@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from common.slow_machine import slow_machine
+from common.kernels import slow_machine
 
 import dicedesign as dd
 from dicedesign.errors import InputError, NoStartError

@@ -7,8 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from common.kernels import compiled_only
-from common.slow_machine import slow_machine
+from common.kernels import compiled_only, slow_machine
 
 from dicedesign import rest_poses
 from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError

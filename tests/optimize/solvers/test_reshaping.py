@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from common.boxes import box
+from common.bodies import box
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.convex_object import ConvexObject, measure_resting

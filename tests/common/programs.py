@@ -1,17 +1,22 @@
-"""Slicer of Debian's package prusa-slicer, if it is installed."""
+"""A slicer and a browser of Debian, if they are installed."""
 
 from __future__ import annotations
 
 import math
+import os
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-PROGRAM = "prusa-slicer"
+SLICER = "prusa-slicer"
 
 MISSING_SLICER = "no slicer: "
 """Prefix of the reasons for skipped tests."""
@@ -33,12 +38,12 @@ class Sliced:
     volume_mm3: float
 
 
-def _run(folder: Path, *arguments: str) -> str:
-    if shutil.which(PROGRAM) is None:
-        pytest.skip(f"{MISSING_SLICER}{PROGRAM}")
+def _run_slicer(folder: Path, *arguments: str) -> str:
+    if shutil.which(SLICER) is None:
+        pytest.skip(f"{MISSING_SLICER}{SLICER}")
     settings = folder / "settings"
     settings.mkdir(exist_ok=True)
-    command = [PROGRAM, "--datadir", str(settings), *arguments]
+    command = [SLICER, "--datadir", str(settings), *arguments]
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, check=False, timeout=300
     )
@@ -48,7 +53,7 @@ def _run(folder: Path, *arguments: str) -> str:
 
 def slicer_info(file: Path) -> dict[str, str]:
     """Properties and defects of a mesh file, as the slicer reports them."""
-    text = _run(file.parent, "--info", file.name)
+    text = _run_slicer(file.parent, "--info", file.name)
     return dict(re.findall(r"^(\w+) = +(\S+)$", text, re.MULTILINE))
 
 
@@ -60,7 +65,7 @@ def slice_file(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
     options += ["--fill-density", "100%", "--fill-pattern", "rectilinear", "--skirts", "0"]
     if supports:
         options += ["--support-material", "--support-material-threshold", "45"]
-    _run(file.parent, "--export-gcode", *options, "--output", code.name, file.name)
+    _run_slicer(file.parent, "--export-gcode", *options, "--output", code.name, file.name)
     text = code.read_text()
     (filament,) = re.findall(r"^; filament used \[mm\] = ([\d.]+)$", text, re.MULTILINE)
     (diameter,) = re.findall(r"^; filament_diameter = ([\d.]+)$", text, re.MULTILINE)
@@ -69,3 +74,49 @@ def slice_file(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
         len(re.findall(r"^;TYPE:Support", text, re.MULTILINE)),
         float(filament) * math.pi / 4.0 * float(diameter) ** 2,
     )
+
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+MISSING_BROWSER = "no browser: "
+"""Prefix of the reasons for skipped tests."""
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+ARGUMENTS = (
+    "--no-sandbox",
+    "--lang=en-US",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+"""English, and WebGL without a graphics card."""
+
+
+def missing_browser() -> str | None:
+    """Name of a missing requirement, or None."""
+    for package in ("viser", "playwright"):
+        if find_spec(package) is None:
+            return package
+    return None if _browser_program() else BROWSERS[0]
+
+
+def _browser_program() -> str | None:
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
+@contextmanager
+def headless_browser() -> Iterator[Browser]:
+    """Start the browser in English."""
+    from playwright.sync_api import sync_playwright
+
+    english = {**os.environ, "LANG": "en_US.UTF-8", "LC_ALL": "en_US.UTF-8"}
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=_browser_program(), args=list(ARGUMENTS), env=dict(english)
+        )
+        try:
+            yield browser
+        finally:
+            browser.close()
