@@ -9,13 +9,13 @@ from common.random_points import depths, in_pocket_walls, points_inside
 
 from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
-from dicedesign.fabricate.print_tolerances import (
+from dicedesign.fabricate.infill import (
     infill_probabilities,
     inside_walls,
     pocket_walls,
     weigh_print,
 )
+from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.triangles import solid_properties
 
