@@ -193,19 +193,17 @@ def die_contents(work: Work) -> Contents:
     if verdict is not None:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
-    plain, solid, options = work.solid, work.finished, work.recipe.engrave
+    solid, options = work.finished, work.recipe.engrave
     parts = [Part(solid.points, solid.triangles, "die", BODY_COLOR)]
     if solid.inlay is not None:
         parts.append(Part(solid.inlay.points, solid.inlay.triangles, "labels", LABEL_COLOR))
     elif work.engraved is not None and options is not None:
         # It imports manifold3d.
-        from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
+        from dicedesign.fabricate.engraving import labels_below_hull
 
-        if work.die.reshaped is None:
-            triangles = labels_below_hull(solid, options.depth_mm)
-        else:
-            triangles = labels_off_surface(solid, plain, options.depth_mm)
-        parts = [replace(parts[0], labels=triangles)]
+        marks = solid.marks
+        labeled = labels_below_hull(solid, options.depth_mm) if marks is None else marks
+        parts = [replace(parts[0], labels=labeled)]
     return Contents(work.recipe.name, parts, facts)
 
 
