@@ -26,7 +26,7 @@ from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
 from dicedesign.results.parts import Numbers, RoundOfThrows, Status
 from dicedesign.results.result import FacetOfDie, HullCounts, Result, Step
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MARGIN, SAME_REST_ANGLE
 
 if TYPE_CHECKING:
@@ -192,6 +192,7 @@ class Solid(Surface):
     placements: of labels on facets.
     inlay: bodies of another color that fill the labels, or None.
     core: hull of a convex die inside its rounded edges, with the flat facets of the die.
+    marks: (t,) whether a triangle of a concave die belongs to a label; None for a convex die.
     """
 
     poses: RestPoses
@@ -204,6 +205,7 @@ class Solid(Surface):
     placements: tuple[Placement, ...] = ()
     inlay: Surface | None = None
     core: ConvexHull | None = None
+    marks: Booleans | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -293,12 +293,6 @@ OFF: Final = 0.1
 """Least distance of the middle of a label's triangle from the plain surface, over the depth of
 labels. The middle of a wall triangle is a third of the depth away, less on a slope."""
 
-MATCHINGS: Final = 8
-"""Number of rounds of matching the engraved surface to the plain one; three are usual."""
-
-MATCHED: Final = 3.0
-"""Largest distance of corners that match, over the median distance."""
-
 
 def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     """(t,) whether a triangle of a convex die belongs to a label: it is below the hull and not in a
@@ -315,23 +309,14 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
 
 
 def labels_off_surface(marked: Surface, plain: Surface, depth: float) -> Booleans:
-    """(t,) whether a triangle of an engraved die belongs to a label: it is off the surface of the
-    plain die, after an affine map near the identity between the two.
+    """(t,) whether a triangle of an engraved solid belongs to a label: it is off the surface of the
+    plain one.
 
-    marked, plain: the die with labels and without; depth: of labels, above 0; all in one unit.
+    depth: of labels, above 0, in the unit of both surfaces.
     """
-    # Fit the affine map to the corners that match.
-    homogeneous = np.column_stack([marked.points, np.ones(len(marked.points))])
-    points = marked.points
-    for _ in range(MATCHINGS):
-        distances, nearest = KDTree(points).query(plain.points)
-        matches = distances <= MATCHED * np.median(distances)
-        matrix, *_ = np.linalg.lstsq(homogeneous[nearest[matches]], plain.points[matches])
-        points = homogeneous @ matrix
-    middles = points[marked.triangles].mean(axis=1)
+    middles = marked.points[marked.triangles].mean(axis=1)
     # Most triangles are unchanged, which a query of middles shows faster.
     distances, _ = KDTree(plain.points[plain.triangles].mean(axis=1)).query(middles)
-    new = np.flatnonzero(distances > OFF * OFF * depth)
-    labels = np.zeros(len(middles), dtype=bool)
-    labels[new] = distances_from_surface(plain, middles[new]) > OFF * depth
+    labels = distances > OFF * OFF * depth
+    labels[labels] = distances_from_surface(plain, middles[labels]) > OFF * depth
     return labels

@@ -14,8 +14,7 @@ from dicedesign.concave.result import ConcaveDie, ConcaveProgress
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die, read_checkpoint
 from dicedesign.errors import NoStartError
 from dicedesign.fabricate.die import Design
-from dicedesign.fabricate.print_copies import CopiedBody
-from dicedesign.fabricate.print_tolerances import total_variations
+from dicedesign.fabricate.print_copies import PrintedCopies, total_variations
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.sphere import angle_between
@@ -76,13 +75,20 @@ def design_concave(work: Work) -> Design:
         scaled = (bent.points - center) * (recipe.size_mm / convex_hull(bent.points).diameter)
         poses = analyze(convex_hull(scaled), np.zeros(3))
         body = body_of(bent.with_points(scaled))
-        copied = CopiedBody.of(body, poses, np.eye(3), errors.correlation_mm)
-        layers, outcome_of = printer.layer_mm, work.target.outcome_of_face
+        copies = PrintedCopies.of(
+            body,
+            poses,
+            directions,
+            np.eye(3),
+            errors.correlation_mm,
+            is_flat=False,
+            outcome_of=work.target.outcome_of_face,
+        )
         worst = 0.0
         # How the finished die lies on the bed is not known yet.
         for up in range(3):
-            lying = replace(copied, axes=np.roll(np.eye(3), up, axis=0))
-            prints = lying.probabilities(errors, layers, directions, outcome_of)
+            lying = replace(copies, axes=np.roll(np.eye(3), up, axis=0))
+            prints = lying.probabilities(errors, printer.layer_mm)
             off = total_variations(work.target.probabilities, prints[:, :-1])
             worst = max(worst, float(off.mean()))
         return worst

@@ -16,7 +16,12 @@ from dicedesign.fabricate.convex_object import (
     measure_thrown,
 )
 from dicedesign.fabricate.die import Assessment, assess_file
-from dicedesign.fabricate.engraving import even_depths, place_on_facets, require_rests
+from dicedesign.fabricate.engraving import (
+    even_depths,
+    labels_off_surface,
+    place_on_facets,
+    require_rests,
+)
 from dicedesign.fabricate.label_layout import Placement, Reading
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
@@ -172,6 +177,8 @@ def _mark_surface(work: Work) -> None:
         _finish(work, marked)
     else:
         _finish_stretched(work, marked, (), options.balance)
+    marks = labels_off_surface(marked, solid, options.depth_mm)
+    work.engraved = replace(work.finished, marks=marks)
     if work.concave is not None and work.concave.cavities is not None:
         _measure_marked_wall(work, work.concave, work.concave.cavities)
 

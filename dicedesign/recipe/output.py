@@ -21,20 +21,13 @@ from dicedesign.fabricate.file_formats import (
     Part,
     file_bytes,
 )
-from dicedesign.fabricate.print_copies import CopiedBody, copied_tolerances
-from dicedesign.fabricate.print_tolerances import (
-    ProbabilitySpread,
-    infill_probabilities,
-    inside_walls,
-    pocket_walls,
-    print_tolerances,
-)
+from dicedesign.fabricate.infill import infill_probabilities, inside_walls, pocket_walls
+from dicedesign.fabricate.print_copies import PrintedCopies, print_tolerances
 from dicedesign.fabricate.printability import PrintedSolid, printability
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
 from dicedesign.geometry.triangles import Surface, join_surfaces
-from dicedesign.gradient.probability_model import probability_model
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
 from dicedesign.report.figures import FIGURES, figure_files
@@ -43,6 +36,7 @@ from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
+from dicedesign.throws.momentum_model import momentum_model
 
 
 def prepare_print(work: Work) -> None:
@@ -93,35 +87,29 @@ def find_tolerances(work: Work) -> None:
     table, is_flat = work.recipe.method.table, work.die.reshaped is None
     assert options is not None
     assert work.printability is not None
-    model = probability_model(table, work.die.prior)
-    body, poses = verdict.body, verdict.poses
-    core = work.finished.core
+    body, poses, core = verdict.body, verdict.poses, work.finished.core
     if work.recipe.edges is not None and core is not None:
         # Rounded edges move with the facets beside them, so the core stands for the die, with the
         # center of mass of the finished die.
         body = body_of(core.surface)
         poses = analyze(core, poses.center_of_mass, poses.center_of_mass_source)
         poses = poses.under(work.die.prior)
-    # Axes of the printer, for the best orientation.
-    axes = np.array(work.printability.placement)[:3, :3]
-    errors, directions, outcome_of = (
-        options.expected_errors,
+    errors = options.expected_errors
+    copies = PrintedCopies.of(
+        body,
+        poses,
         work.die.directions,
-        work.die.outcome_of,
+        # Axes of the printer, for the best orientation.
+        np.array(work.printability.placement)[:3, :3],
+        errors.correlation_mm,
+        is_flat=is_flat,
+        outcome_of=work.die.outcome_of,
+        mixture=None if table is None else momentum_model(table),
     )
-    if is_flat:
-        spread = ProbabilitySpread.of(
-            body, poses, directions, errors, model, axes=axes, outcome_of=outcome_of
-        )
-        # Thrown probabilities are known from counts only, so their bias is uncertain. Also, the
-        # momentum model jumps where a corner of several facets splits, which real dice do not.
-        bias = verdict.outcomes.probabilities - target if table is None else np.zeros(len(target))
-        work.tolerances = print_tolerances(spread, target, bias, is_checked=table is None)
-    else:
-        copied = CopiedBody.of(body, poses, axes, errors.correlation_mm)
-        faces = directions, outcome_of, work.die.prior
-        printer = options.selected_printer
-        work.tolerances = copied_tolerances(copied, target, errors, printer, faces)
+    # Thrown probabilities of an exact print are known from counts only.
+    expected = verdict.outcomes.probabilities if table is None else target
+    work.tolerances = print_tolerances(copies, target, expected, errors, options.selected_printer)
+    if not is_flat:
         off, within = work.tolerances.total_variation, work.recipe.method.options.prints_within
         if off > within:
             work.fail(Status.FRAGILE)
@@ -204,19 +192,17 @@ def die_contents(work: Work) -> Contents:
     if verdict is not None:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
-    plain, solid, options = work.solid, work.finished, work.recipe.engrave
+    solid, options = work.finished, work.recipe.engrave
     parts = [Part(solid.points, solid.triangles, "die", BODY_COLOR)]
     if solid.inlay is not None:
         parts.append(Part(solid.inlay.points, solid.inlay.triangles, "labels", LABEL_COLOR))
     elif work.engraved is not None and options is not None:
         # It imports manifold3d.
-        from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
+        from dicedesign.fabricate.engraving import labels_below_hull
 
-        if work.die.reshaped is None:
-            triangles = labels_below_hull(solid, options.depth_mm)
-        else:
-            triangles = labels_off_surface(solid, plain, options.depth_mm)
-        parts = [replace(parts[0], labels=triangles)]
+        marks = solid.marks
+        labeled = labels_below_hull(solid, options.depth_mm) if marks is None else marks
+        parts = [replace(parts[0], labels=labeled)]
     return Contents(work.recipe.name, parts, facts)
 
 

@@ -177,11 +177,10 @@ class PrintTolerances:
     Attributes
     ----------
     answer: required print accuracy for a test of `rolls` rolls, or what comes up, in a sentence.
-    method: "derivatives" for flat facets, to first order; "copies" for other surfaces, each judged.
     rolls: number of rolls of the test.
     allowed_mm: standard deviation of the positions of facets, or of the surface, at which the test
         rejects one print in ten; 0 if it rejects more even for perfect prints, None if it never
-        does; of a surface at most the assumed one.
+        does.
     noticed: share of prints with the assumed errors that the test rejects; 0.05 for perfect prints.
     assumed: standard deviations of the errors, see `PrintErrors`.
     deviations: (k,) standard deviations of the outcomes' probabilities over prints.
@@ -192,7 +191,6 @@ class PrintTolerances:
     """
 
     answer: str
-    method: str
     rolls: int
     allowed_mm: float | None
     noticed: float

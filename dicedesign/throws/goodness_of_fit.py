@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtr, chdtrc, chdtri, chndtr, chndtrinc, gammaln, xlogy
+from scipy.special import chdtrc, chdtri, chndtr, chndtrinc, gammaln, xlogy
 
 from dicedesign.runtime.arrays import Floats, Integers, exact_intervals
 from dicedesign.throws.distances import (
@@ -145,78 +145,20 @@ def _all_log_likelihoods(throws: int, probabilities: Floats) -> Floats:
 LEVEL: Final = 0.05
 """Level of the test: the share of correct dice that it rejects."""
 
-LAST_TERM: Final = 1e-12
-"""Size of a term at which the series is cut off."""
-
-MAX_NONCENTRALITY: Final = 600.0
-"""Half the sum of the noncentralities above which the first term of the series underflows, and the
-probability is 1."""
-
-
-def chance_noticed(target: Floats, rolls: int, covariance: Floats, bias: Floats) -> float:
-    """Probability that Pearson's test at the level `LEVEL` rejects the target for rolls of one
-    random die.
-
-    The probabilities of random dice are taken as normal, and so are counts of many rolls given
-    them. So Pearson's statistic is a weighted sum of squares of normal numbers.
-
-    Parameters
-    ----------
-    target: (k,) positive, summing to 1.
-    rolls: number of rolls; each outcome is expected at least five times.
-    covariance: (k, k) of the probabilities among dice.
-    bias: (k,) mean of the probabilities minus the target.
-    """
-    if len(target) == 1:
-        return 0.0
-    root = np.sqrt(target)
-    # Orthonormal directions in which frequencies can vary: the complement of `root`.
-    free = np.linalg.svd(root[None])[2][1:]
-    spread = rolls * free @ (covariance / np.outer(root, root)) @ free.T
-    values, vectors = np.linalg.eigh(spread)
-    weights = 1.0 + np.maximum(values, 0.0)
-    means = vectors.T @ free @ (bias / root) * math.sqrt(rolls)
-    critical = float(chdtri(len(target) - 1, LEVEL))
-    return weighted_chi_square_tail(critical, weights, means**2 / weights)
-
 
 def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
-    """(n,) probabilities that Pearson's test rejects dice, given by their probabilities minus the
-    target (n, k)."""
+    """(n,) probabilities that Pearson's test at the level `LEVEL` rejects dice, given by their
+    probabilities minus the target (n, k).
+
+    The counts of many rolls are taken as normal. target: (k,) positive, summing to 1; rolls: their
+    number.
+    """
     if len(target) == 1:
         return np.zeros(len(biases))
     shares = (biases**2 / target).sum(axis=1) - biases.sum(axis=1) ** 2
     critical = float(chdtri(len(target) - 1, LEVEL))
     below = chndtr(critical, len(target) - 1, rolls * np.maximum(shares, 0.0))
     return np.asarray(1.0 - below)
-
-
-def weighted_chi_square_tail(value: float, weights: Floats, noncentralities: Floats) -> float:
-    """Probability that `sum(weights * x)` exceeds a value, for independent x with noncentral
-    chi-square distributions of one degree of freedom and noncentralities (r,).
-
-    weights: (r,) positive.
-
-    Source: Ruben, Annals of Mathematical Statistics 33, 1962, as a series of central chi-squares
-    scaled by the smallest weight.
-    """
-    if noncentralities.sum() / 2.0 > MAX_NONCENTRALITY:
-        return 1.0
-    least = weights.min()
-    gaps = 1.0 - least / weights
-    first = math.exp(-noncentralities.sum() / 2.0) * float(np.sqrt(least / weights).prod())
-    series, slopes = [first], []
-    degrees, scaled = len(weights), value / least
-    below = first * float(chdtr(degrees, scaled))
-    powers = np.ones_like(gaps)
-    while (left := float(chdtr(degrees + 2 * len(series), scaled))) > LAST_TERM:
-        order = len(series)
-        noncentral = order * noncentralities * powers * (1.0 - gaps)
-        powers = powers * gaps
-        slopes.append(float((powers + noncentral).sum()) / 2.0)
-        series.append(float(np.dot(slopes[::-1], series)) / order)
-        below += series[-1] * left
-    return min(max(1.0 - below, 0.0), 1.0)
 
 
 FEWEST_EXPECTED: Final = 5.0

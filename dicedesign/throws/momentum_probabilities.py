@@ -155,10 +155,18 @@ def throw_probabilities(
 def momentum_probabilities(
     poses: RestPoses, body: RigidBody, mixture: MomentumMixture | None
 ) -> Floats:
+    """Probabilities (k,) of a thrown body's rests, see `thrown_probabilities`."""
+    return thrown_probabilities(poses, body.inertia, mixture)
+
+
+def thrown_probabilities(
+    poses: RestPoses, inertia: Floats, mixture: MomentumMixture | None
+) -> Floats:
     """Probabilities (k,) of a thrown body's rests, in the order of `poses`.
 
     For a body that balances within rounding they are the mean of both sides, as in `poses`.
-    Raises InputError for rests under a prior.
+    inertia: (3, 3) tensor about the center of mass per mass, in the squared unit of length. Raises
+    InputError for rests under a prior.
     """
     if poses.prior is not None:
         raise InputError(
@@ -171,7 +179,7 @@ def momentum_probabilities(
     for side in poses.basins:
         hull, center = side.equilibria.hull, side.equilibria.center_of_mass
         probabilities = side.areas / (4.0 * math.pi)
-        known = hull, side.paths, center, body.inertia, probabilities
+        known = hull, side.paths, center, inertia, probabilities
         total[side.paths.rests] += mixture_probabilities(*known, mixture)
     mean: Floats = total[poses.facets] / len(poses.basins)
     return mean

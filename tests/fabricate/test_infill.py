@@ -9,37 +9,35 @@ from common.random_points import depths, in_pocket_walls, points_inside
 
 from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
-from dicedesign.fabricate.print_tolerances import (
+from dicedesign.fabricate.infill import (
     infill_probabilities,
     inside_walls,
     pocket_walls,
     weigh_print,
 )
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_properties
 
 PYRAMID = np.array([[12.0, 0, 0], [0, 12, 0], [-12, 0, 0], [0, -12, 0], [3.0, 2.0, 70.0]])
-
-
-def weigh(hull: ConvexHull, infill: float, walls: float) -> tuple[float, np.ndarray]:
-    """Mass relative to a solid print, and center of mass."""
-    volume, centroid = solid_properties(hull.vertices, hull.triangles)
-    return weigh_print(volume, centroid, inside_walls(hull, walls), infill)
 
 
 def test_infill_of_a_box() -> None:
     hull = convex_hull(box(20.0, 24.0, 30.0) + np.array([1.0, 2.0, 3.0]))
     inside = inside_walls(hull, 1.5)
     assert inside[0] == pytest.approx(17.0 * 21.0 * 27.0)
-    mass, center = weigh(hull, 0.2, 1.5)
+    mass, center = weigh_print(20.0 * 24.0 * 30.0, hull.centroid, inside, 0.2)
     assert mass == pytest.approx(1.0 - 0.8 * 17.0 * 21.0 * 27.0 / (20.0 * 24.0 * 30.0))
     np.testing.assert_allclose(center, [1.0, 2.0, 3.0], atol=1e-12)
+    # Walls that meet leave no inside.
+    flat = convex_hull(box(20.0, 20.0, 2.0))
+    assert inside_walls(flat, 1.0)[0] == 0.0 < inside_walls(flat, 0.9)[0]
 
 
 def test_infill_of_a_pyramid_against_random_points() -> None:
     hull, infill, walls = convex_hull(PYRAMID), 0.2, 3.0
-    mass, center = weigh(hull, infill, walls)
+    volume, centroid = solid_properties(hull.vertices, hull.triangles)
+    mass, center = weigh_print(volume, centroid, inside_walls(hull, walls), infill)
     points = points_inside(hull, 400_000)
     depth = depths(hull, points).min(axis=1)
     density = np.where(depth > walls, infill, 1.0)
@@ -50,13 +48,6 @@ def test_infill_of_a_pyramid_against_random_points() -> None:
     np.testing.assert_array_less(np.abs(center - expected), 4.0 * error)
     # The shift is larger than the noise.
     assert np.linalg.norm(center - hull.centroid) > 5.0 * error.max()
-
-
-def test_walls_that_meet_leave_no_cavity() -> None:
-    flat = convex_hull(box(20.0, 20.0, 2.0))
-    assert inside_walls(flat, 1.0)[0] == 0.0
-    assert inside_walls(flat, 0.9)[0] > 0.0
-    assert weigh_print(1.0, np.ones(3), (0.0, np.zeros(3)), 0.0)[0] == 1.0
 
 
 @pytest.mark.parametrize(("text", "style"), [("8", "engraved"), ("5", "raised")])
@@ -71,7 +62,7 @@ def test_pockets_have_walls(text: str, style: str) -> None:
     sections = cut_sections(hull, placements, options)
     inside = inside_walls(hull, walls, pocket_walls(sections, options.depth_mm, walls))
     plain = inside_walls(hull, walls)
-    points = points_inside(hull, 200_000)
+    points = points_inside(hull, 100_000)
     volume = 14.0 * 15.0 * 16.0 / len(points)
     deep = points[depths(hull, points).min(axis=1) > walls]
     lost = deep[in_pocket_walls(surface, hull, deep, options.depth_mm, walls)]
@@ -81,7 +72,7 @@ def test_pockets_have_walls(text: str, style: str) -> None:
     error = lost.std(axis=0) / np.sqrt(len(lost))
     np.testing.assert_array_less(np.abs(center - lost.mean(axis=0)), 4.0 * error)
     # The noise is small beside the effect.
-    assert 4.0 / np.sqrt(len(lost)) < 0.08
+    assert 4.0 / np.sqrt(len(lost)) < 0.12
 
 
 def test_the_least_infill_leaves_some_mass() -> None:

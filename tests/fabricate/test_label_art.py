@@ -8,19 +8,16 @@ import random
 from itertools import combinations, pairwise
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
-from fontTools.fontBuilder import FontBuilder
 from fontTools.pens.areaPen import AreaPen
-from fontTools.pens.t2CharStringPen import T2CharStringPen
 from fontTools.ttLib import TTFont
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.fonts import _bundled_font
 from dicedesign.fabricate.label_art import (
     MOST_PIPS,
-    add_mark,
     label_arts,
     line_breaks,
     pip_places,
@@ -30,44 +27,36 @@ from dicedesign.fabricate.label_art import (
     text_section,
 )
 
+BUNDLED = Path(matplotlib.get_data_path(), "fonts", "ttf", "DejaVuSans-Bold.ttf")
+
 
 def test_numbers_that_read_differently_upside_down_are_marked() -> None:
     """Among all numbers up to 999, those whose turned digits are another number without a leading
     zero."""
-    turned = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
+    turned = str.maketrans("01689", "01986")
     for number in range(1000):
         text = str(number)
-        if set(text) <= set(turned):
-            other = "".join(turned[digit] for digit in text[::-1])
-            expected = other != text and str(int(other)) == other
-        else:
-            expected = False
+        other = text[::-1].translate(turned)
+        expected = set(text) <= set("01689") and other != text and str(int(other)) == other
         assert reads_upside_down(text) == expected
     assert not any(map(reads_upside_down, ["", "6a", "-6"]))
 
 
-def test_an_ambiguous_label_has_a_bar_beneath_as_wide_as_the_text() -> None:
-    text = "16"
-    plain = text_section(text)
-    left, bottom, right, _ = plain.bounds()
-    *_, (x0, y0, x1, y1) = sorted(
-        (part.bounds() for part in label_arts(text, EngravingOptions())[0].section.decompose()),
-        key=lambda bounds: -bounds[1],
+def test_a_bar_is_beneath_an_ambiguous_label_and_a_dot_after_it() -> None:
+    plain = text_section("16")
+    barred, dotted = (
+        label_arts("16", EngravingOptions(ambiguous=mark))[0].section for mark in ("bar", "dot")
     )
+    left, bottom, right, _ = plain.bounds()
+    x0, y0, x1, y1 = min((part.bounds() for part in barred.decompose()), key=lambda box: box[1])
     assert y1 < bottom
     assert (x0, x1) == pytest.approx((left, right), abs=1e-6)
-    assert (x1 - x0) * (y1 - y0) == pytest.approx(add_mark(plain, "bar").area() - plain.area())
-
-
-def test_a_dot_follows_the_number_on_its_baseline() -> None:
-    options = EngravingOptions(ambiguous="dot")
-    plain, dotted = text_section("9"), label_arts("9", options)[0].section
-    dot = max(dotted.decompose(), key=lambda part: part.bounds()[0])
-    left, bottom, right, top = dot.bounds()
-    assert left > plain.bounds()[2]
-    assert bottom == pytest.approx(0.0, abs=1e-6)
-    assert dot.area() == pytest.approx(math.pi * (right - left) * (top - bottom) / 4.0, rel=0.02)
-    assert dotted.area() == pytest.approx(plain.area() + dot.area())
+    assert barred.area() == pytest.approx(plain.area() + (x1 - x0) * (y1 - y0))
+    x0, y0, x1, y1 = max((part.bounds() for part in dotted.decompose()), key=lambda box: box[0])
+    assert x0 > right
+    assert y0 == pytest.approx(0.0, abs=1e-6)
+    circle = math.pi * (x1 - x0) * (y1 - y0) / 4.0
+    assert dotted.area() == pytest.approx(plain.area() + circle, rel=2e-3)
 
 
 def test_pips_are_separate_circles_symmetric_under_a_half_turn() -> None:
@@ -76,31 +65,25 @@ def test_pips_are_separate_circles_symmetric_under_a_half_turn() -> None:
         places, diameter = pip_places(number)
         assert len(section.decompose()) == number
         assert section.area() == pytest.approx(number * math.pi * diameter**2 / 4.0, rel=0.02)
-        assert min(section.bounds()) > -1e-6
-        assert max(section.bounds()) < 1.0 + 1e-6
+        assert -1e-6 < min(section.bounds()) < max(section.bounds()) < 1.0 + 1e-6
         gaps = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(number, 1)]
         assert (gaps > 1.2 * diameter).all()
         turned = np.linalg.norm(places[:, None] - (1.0 - places), axis=-1)
         assert turned.min(axis=1).max() < 1e-12
-    for text in ("0", "21", "six", "-1", "1.5", "²", ""):
+    for text in ("0", "21", "-1", "²"):
         with pytest.raises(EngravingError, match="whole number from 1 to 20 to show as pips"):
             pips_section(text)
 
 
-def area_by_fonttools(font: TTFont, text: str) -> float:
-    glyphs, unit = font.getGlyphSet(), font["glyf"]["one"].yMax
-    total = 0.0
-    for character in text:
-        pen = AreaPen(glyphs)
-        glyphs[font.getBestCmap()[ord(character)]].draw(pen)
-        total += abs(pen.value)
-    return total / unit**2
-
-
 def test_areas_equal_those_of_fonttools() -> None:
-    font = TTFont(_bundled_font())
-    for text in ("0", "8", "16", "66", "3/6", "A & B", "2d6", "½", "ÄÖ"):
-        expected = area_by_fonttools(font, text.replace(" ", ""))
+    font = TTFont(BUNDLED)
+    glyphs, names, unit = font.getGlyphSet(), font.getBestCmap(), font["glyf"]["one"].yMax
+    for text in ("8", "16", "3/6", "A & B", "½", "ÄÖ"):
+        expected = 0.0
+        for character in text.replace(" ", ""):
+            pen = AreaPen(glyphs)
+            glyphs[names[ord(character)]].draw(pen)
+            expected += abs(pen.value) / unit**2
         assert text_section(text).area() == pytest.approx(expected, rel=3e-3)
 
 
@@ -127,64 +110,27 @@ def test_right_to_left_text() -> None:
     assert rightmost.area() == pytest.approx(alef.area(), rel=1e-6)
 
 
-def test_a_character_that_the_font_lacks_is_named() -> None:
+def test_what_a_font_cannot_draw_is_refused_with_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(EngravingError, match=r"font DejaVu Sans Bold, got '骰' \(U\+9AB0\)"):
         text_contours("1骰")
-
-
-def test_a_label_that_draws_nothing_is_refused() -> None:
     with pytest.raises(EngravingError, match="at least one visible character"):
         text_section(" ")
+    with pytest.raises(InputError, match=r"engrave.font: expected the family .* 'DejaVu Sanz'"):
+        text_section("1", "DejaVu Sanz")
+    path = tmp_path / "bad.otf"
+    for content in (b"", b"\x00\x01\x00\x00" + bytes(500), b"OTTO\xff\xff" * 99):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="expected a TTF or OTF font with outlines"):
+            text_section("1", str(path))
 
 
-UPEM = 1000
-
-KAPPA = 4.0 / 3.0 * (math.sqrt(2.0) - 1.0)
-"""Length of the handles of a cubic curve that is nearly a quarter of a circle."""
-
-
-def circle(pen, x: float, y: float, radius: float) -> None:
-    """Counter-clockwise, of four cubic curves."""
-    handle = KAPPA * radius
-    pen.moveTo((x + radius, y))
-    turns = [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 0)]
-    for (a, b), (c, d) in pairwise(turns):
-        pen.curveTo(
-            (x + radius * a + handle * c, y + radius * b + handle * d),
-            (x + radius * c + handle * a, y + radius * d + handle * b),
-            (x + radius * c, y + radius * d),
-        )
-    pen.closePath()
-
-
-def test_cubic_curves_overlaps_and_kerning_of_an_otf(tmp_path: Path) -> None:
-    """The digit 1 and the letter H have one outline, 700 units tall and 800 wide: two concentric
-    circles of the same orientation, as the strokes of variable fonts overlap."""
-    names, strings = [".notdef", "one", "H"], {}
-    for name in names:
-        pen = T2CharStringPen(800, None)
-        if name != ".notdef":
-            circle(pen, 350, 350, 350)
-            circle(pen, 350, 350, 100)
-        strings[name] = pen.getCharString()
-    builder = FontBuilder(UPEM, isTTF=False)
-    builder.setupGlyphOrder(names)
-    builder.setupCharacterMap({ord("1"): "one", ord("H"): "H"})
-    builder.setupCFF("Built", {}, strings, {})
-    builder.setupHorizontalMetrics(dict.fromkeys(names, (800, 0)))
-    builder.setupHorizontalHeader(ascent=800, descent=-200)
-    builder.setupOS2()
-    builder.setupNameTable({"familyName": "Built", "styleName": "Regular"})
-    builder.setupPost()
-    builder.addOpenTypeFeatures("feature kern { pos one H -300; } kern;")
-    path = tmp_path / "built.otf"
-    builder.save(path)
-    section = text_section("1", str(path))
-    assert section.num_contour() == 1
-    assert section.area() == pytest.approx(math.pi / 4.0, rel=5e-3)
-    for text, width in (("1H", 1200 / 700), ("H1", 1500 / 700)):
-        left, _, right, _ = text_section(text, str(path)).bounds()
-        assert (left, right) == pytest.approx((0.0, width), abs=1e-6)
+def test_letters_are_kerned() -> None:
+    """As the font's own table says: "AV" is closer than "AH"."""
+    gaps = []
+    for pair in ("AV", "AH"):
+        first, second = sorted(part.bounds()[::2] for part in text_section(pair).decompose())
+        gaps.append(second[0] - first[1])
+    assert gaps[0] < 0.0 < gaps[1]
 
 
 def test_a_family_gives_its_bold_face() -> None:
@@ -193,26 +139,11 @@ def test_a_family_gives_its_bold_face() -> None:
     assert text_section("8", "dejavu serif").area() != pytest.approx(bundled.area(), rel=1e-2)
 
 
-def test_an_unknown_family_is_refused_with_a_remedy() -> None:
-    with pytest.raises(InputError, match=r"engrave.font: expected the family .* 'DejaVu Sanz'"):
-        text_section("1", "DejaVu Sanz")
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"not a font", b"\x00\x01\x00\x00" + bytes(500), b"OTTO\xff\xff" * 99]
-)
-def test_a_file_that_is_no_font_is_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "bad.otf"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match="expected a TTF or OTF font with outlines"):
-        text_section("1", str(path))
-
-
 def test_damaged_fonts_give_a_label_or_an_input_error(tmp_path: Path) -> None:
     """Bytes overwritten anywhere or in the list of tables, and files cut short."""
-    data, chance = _bundled_font().read_bytes(), random.Random(0)
+    data, chance = BUNDLED.read_bytes(), random.Random(0)
     path = tmp_path / "damaged.ttf"
-    for _ in range(60):
+    for _ in range(40):
         damaged = bytearray(data)
         for _ in range(chance.choice((1, 5, 100))):
             place = chance.randrange(chance.choice((300, len(data))))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -57,38 +56,28 @@ def clearances(placement, polygon, normal) -> np.ndarray:
     return np.einsum("pfk,fk->pf", to_body_frame(placement)[:, None] - polygon[None], inward)
 
 
-def test_labels_lie_within_the_margin_of_their_facet(box):
-    body = box(14.0, 11.0, 9.0).with_points(
-        Rotation.random(rng=np.random.default_rng(0)).as_matrix()
-    )
-    texts = ["1", "6", "16", "8", "100", "9"]
-    placements = place_labels(body.places(texts), OPTIONS, body.size_mm)
+@pytest.mark.parametrize("upright", ["edge", (0.3, -0.8, 0.5)])
+def test_labels_lie_upright_within_the_margin_of_their_facet(box, upright):
+    turn = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
+    body = box(14.0, 11.0, 9.0).with_points(turn)
+    options = EngravingOptions(upright=upright, min_height_mm=2.0)
+    placements = place_labels(body.places(["1", "6", "16", "8", "100", "9"]), options, body.size_mm)
     for placement, polygon, normal in zip(placements, body.polygons, body.normals, strict=True):
         points = to_body_frame(placement)
         np.testing.assert_allclose((points - polygon[0]) @ normal, 0, atol=1e-12)
-        assert clearances(placement, polygon, normal).min() >= OPTIONS.margin_mm - 1e-6
-        # Upright: the longest edge is at the bottom; right-handed, hence not mirrored.
-        following = np.roll(polygon, -1, axis=0)
-        longest = np.linalg.norm(following - polygon, axis=1).max()
-        below = (polygon - placement.frame[:3, 3]) @ placement.frame[:3, 1]
-        bottom = np.sort(below)[:2]
-        assert bottom[0] == pytest.approx(bottom[1])
-        bottom_corners = polygon[np.argsort(below)[:2]]
-        assert np.linalg.norm(bottom_corners[0] - bottom_corners[1]) == pytest.approx(longest)
-        np.testing.assert_allclose(placement.frame[:3, 2], normal, atol=1e-12)
-        assert np.linalg.det(placement.frame) == pytest.approx(1.0)
-
-
-def test_labels_are_upright_toward_a_direction(box):
-    rng = np.random.default_rng(0)
-    body = box(16.0, 15.0, 14.0).with_points(Rotation.random(rng=rng).as_matrix())
-    toward = rng.normal(size=3)
-    options = EngravingOptions(upright=tuple(toward.tolist()))
-    placements = place_labels(body.places(list("123456")), options, body.size_mm)
-    for placement, polygon, normal in zip(placements, body.polygons, body.normals, strict=True):
-        up = toward - (toward @ normal) * normal
-        np.testing.assert_allclose(placement.frame[:3, 1], up / np.linalg.norm(up), atol=1e-12)
         assert clearances(placement, polygon, normal).min() >= options.margin_mm - 1e-6
+        _, up, out = placement.frame[:3, :3].T
+        np.testing.assert_allclose(out, normal, atol=1e-12)
+        # Right-handed, hence not mirrored.
+        assert np.linalg.det(placement.frame) == pytest.approx(1.0)
+        if upright == "edge":
+            # The longest edge is at the bottom.
+            below = np.argsort((polygon - placement.frame[:3, 3]) @ up)[:2]
+            longest = np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).max()
+            assert np.linalg.norm(np.diff(polygon[below], axis=0)) == pytest.approx(longest)
+        else:
+            toward = upright - (upright @ normal) * normal
+            np.testing.assert_allclose(up, toward / np.linalg.norm(toward), atol=1e-12)
 
 
 def test_line_breaks_make_words_largest():
@@ -133,12 +122,8 @@ def test_the_advised_size_is_the_least(box):
     texts = ["1", "12", "123", "1234", "6", "3"]
     with pytest.raises(LabelRoomError) as caught:
         place_labels(body.places(texts), OPTIONS, body.size_mm)
-    message = str(caught.value)
-    assert message.startswith("label '1234': expected room on facet 3 for digits")
-    assert "in a rectangle of " in message
-    advised = float(re.search(r"use size_mm = ([\d.]+)", message).group(1))
-    assert caught.value.size_mm == advised
-
+    assert str(caught.value).startswith("label '1234': expected room on facet 3 for digits")
+    advised = caught.value.size_mm
     larger = body.with_points(np.eye(3), advised / body.size_mm)
     placements = place_labels(larger.places(texts), OPTIONS, larger.size_mm)
     assert min(placement.height for placement in placements) >= OPTIONS.min_height_mm
@@ -148,16 +133,16 @@ def test_the_advised_size_is_the_least(box):
         place_labels(smaller.places(texts), OPTIONS, smaller.size_mm)
 
 
-def test_invalid_options_are_refused():
-    for values, expected in (
-        ({"depth_mm": 0.0}, "depth_mm: expected a number above 0 and at most 1000, got 0.0"),
-        ({"depth_mm": math.nan}, "depth_mm: .*, got nan"),
-        ({"margin_mm": -1.0}, "margin_mm: expected a number of at least 0 and .*, got -1.0"),
-        ({"content": "dots"}, "content: expected text or pips, got 'dots'"),
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"margin_mm": -1.0}, "margin_mm"),
         ({"font": " "}, "font: expected a name or a path, got ' '"),
         ({"upright": "down"}, "upright: expected edge or largest, .*, got 'down'"),
         ({"upright": (0.0, 0.0, 0.0)}, "three finite numbers that are not all 0, got"),
         ({"max_height_mm": 2.0}, "max_height_mm: expected at least min_height_mm = 2.5, got 2.0"),
-    ):
-        with pytest.raises(InputError, match=expected):
-            EngravingOptions(**values)
+    ],
+)
+def test_invalid_options_are_refused(values, expected):
+    with pytest.raises(InputError, match=expected):
+        EngravingOptions(**values)

@@ -242,7 +242,6 @@ ERRORS = {"dimensional_mm": 0.07, "shrinkage": 0.002, "density_gradient": 0.01, 
 
 TOLERANCES = PrintTolerances(
     answer="Within about 0.12 mm <so>, 1,000 rolls rarely reveal an error.",
-    method="derivatives",
     rolls=1000,
     allowed_mm=0.12,
     noticed=0.0789,
