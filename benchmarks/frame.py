@@ -45,7 +45,6 @@ BENCHES = (
     "figure_10",
     "finished",
     "gradients",
-    "looks",
     "speed",
     "stability",
     "starts",

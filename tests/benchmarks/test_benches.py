@@ -14,7 +14,9 @@ from common.paths import ROOT
 
 from benchmarks import accuracy, concave, gradients, speed, stability, thrown
 from benchmarks.frame import NoAnswer, Report, Watched, main, time_in_turn
-from benchmarks.models import MODEL_KINDS, model_names, random_model
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.surfaces.closed_surface import make_surface
 from tests.reference.measurement import OK
 from tests.reference.random_hulls import random_hull
 
@@ -122,11 +124,15 @@ def test_accuracy_and_speed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_models_are_closed_and_the_same_each_time() -> None:
-    assert model_names(12)[-1] == f"{MODEL_KINDS[0]}_02"
-    first, again = (random_model("rings_01") for _ in range(2))
-    np.testing.assert_array_equal(first.points, again.points)
-    assert 1500 <= len(first.points) <= 4000
-    assert first.volume > 0.0
+    names = concave.model_names(len(concave.KINDS) + 1)
+    assert all(map(concave.is_model, names))
+    assert not concave.is_model("blobs_0")
+    for name in names:
+        first, again = (concave.random_model(name) for _ in range(2))
+        np.testing.assert_array_equal(first.points, again.points)
+        assert 1500 <= len(first.points) <= 4000
+        assert 0.0 < first.volume < 5.0 / 6.0 * convex_hull(first.points).surface.volume
+        assert make_surface(make_body(first.points, first.triangles))
 
 
 def test_a_concave_die_is_not_as_wanted_for_a_reason() -> None:
