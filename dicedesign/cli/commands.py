@@ -463,8 +463,6 @@ class ViewArguments(Command):
     Options:
     path (MESH|RECIPE|FOLDER): a mesh, a recipe to design, or a folder of a finished die or of
         meshes (default: a page on which to design a die)
-    host (ADDRESS): who can open the page: 127.0.0.1, this machine only; 0.0.0.0, every machine that
-        has the address with its secret word (default: 127.0.0.1)
     port (N): port of the page; 0 for any free one (default: 8080)
     no_browser: print the address and open no browser
 
@@ -472,6 +470,5 @@ class ViewArguments(Command):
 
     path: Path | None = None
     _: KW_ONLY
-    host: str = "127.0.0.1"
     port: int = 8080
     no_browser: bool = False

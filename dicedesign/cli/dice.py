@@ -265,5 +265,5 @@ def view(options: ViewArguments) -> int:
     """Serve the page of `dicedesign view`."""
     from dicedesign.view.application import serve_view
 
-    serve_view(options.path, options.host, options.port, browser=not options.no_browser)
+    serve_view(options.path, options.port, browser=not options.no_browser)
     return 0

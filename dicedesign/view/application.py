@@ -33,15 +33,15 @@ class View:
     """Page with its panels; `close` ends it. The first body is loaded before the page opens.
 
     path: mesh, recipe, folder of a finished die, or folder of meshes; None designs a first die.
-    host, port: address of the page; port 0 is any free port.
+    port: of the page, for this machine alone; 0 is any free port.
 
-    Raises InputError: the path, the host or the port cannot be used, or viser is not installed.
+    Raises InputError: the path or the port cannot be used, or viser is not installed.
     """
 
-    def __init__(self, path: Path | None, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(self, path: Path | None, port: int = 0) -> None:
         require_viser()
         source = None if path is None else open_source(path)
-        listening = open_socket(host, port)
+        listening = open_socket(port)
         try:
             body = _first_body(source)
         except BaseException:
@@ -75,12 +75,12 @@ def _first_body(source: Source | None) -> ViewedBody:
     return body
 
 
-def serve_view(path: Path | None, host: str, port: int, *, browser: bool) -> None:
+def serve_view(path: Path | None, port: int, *, browser: bool) -> None:
     """Serve a page, and print its address, until an interrupt. Raises as `View`.
 
     browser: opens a browser on this machine, if it has a screen.
     """
-    view = View(path, host, port)
+    view = View(path, port)
     # Without a screen, a text browser would take over the terminal.
     has_screen = sys.platform in ("darwin", "win32") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
@@ -88,7 +88,7 @@ def serve_view(path: Path | None, host: str, port: int, *, browser: bool) -> Non
     try:
         print(view.page.gate.address, flush=True)
         if browser and has_screen:
-            webbrowser.open(view.page.gate.local_address)
+            webbrowser.open(view.page.gate.address)
         threading.Event().wait()
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt("the page is closed") from interrupt

@@ -1,4 +1,4 @@
-"""Design a die step by step in a thread; a changed request restarts the solver."""
+"""Design a die in a thread, and show each step; a changed request restarts the solver."""
 
 from __future__ import annotations
 
@@ -44,7 +44,6 @@ class DieRequest:
     start: entries of a recipe's `start`; None chooses a start for the method.
     prefer: weights of the preferences, in the exact method and in the finish of the paper's.
     weights: weights of the paper's energy.
-    pinned: labels of the outcomes whose facets stay in their planes.
     """
 
     target: Mapping[str, Any]
@@ -54,22 +53,15 @@ class DieRequest:
     start: Mapping[str, Any] | None = None
     prefer: Preferences = field(default_factory=legible)
     weights: PaperWeights = field(default_factory=PaperWeights)
-    pinned: tuple[str, ...] = ()
 
     def recipe(self, *, from_shape: bool = False) -> Recipe:
         """Recipe of the request.
 
         from_shape: the design continues from the shape in `SHAPE_FILE`.
 
-        Raises RecipeError: an entry cannot be used. Raises InputError: facets are pinned, and the
-        method is not exact.
+        Raises RecipeError: an entry cannot be used.
         """
-        is_exact, is_paper = self.method == "exact", self.method == "paper"
-        if self.pinned and not is_exact:
-            raise InputError(
-                "pinned: expected none with the paper's method, which moves corners and keeps no "
-                f"facet, got {', '.join(self.pinned)}; unpin, or take the exact method"
-            )
+        is_paper = self.method == "paper"
         start = {"mesh": {"path": SHAPE_FILE}} if from_shape else self.start
         options: dict[str, Any] = {"prefer": self.prefer.as_dict()}
         if is_paper:
@@ -77,7 +69,7 @@ class DieRequest:
         if is_paper and from_shape:
             options["perturbation"] = 0.0
         entries: dict[str, Any] = {"name": self.name, "seed": self.seed, "target": self.target}
-        if not is_exact and not start:
+        if is_paper and not start:
             outcomes = len(parse_recipe(entries).target.target().face_labels)
             start = {"repulsion" if outcomes >= FEWEST_FACETS else "prism": {}}
         entries["start"] = start or {"search": {}}
@@ -132,56 +124,54 @@ class DesignedShape:
         )
 
 
-State = Literal["running", "paused", "done", "failed"]
+State = Literal["new", "running", "done", "failed"]
 
 
 class DesignSession:
-    """Design of one die in a thread that waits for permission before each step.
+    """Design of one die in a thread.
 
     Attributes
     ----------
     request: current request; recipe: its recipe.
-    shapes: all shapes from the start to the current one, without undone ones.
+    shape: current shape, or None before the first; steps: number of steps that led to it.
     starts: number of starting shapes that the search has tried.
     message: why the solver stopped or failed; empty before.
     status: result of the last run of the solver; None before it, and after a change.
     final_design: design that the solver ended with, or None.
-    follows_recipe: nothing was undone or changed, so that `dicedesign run` makes this die.
-    least_seconds: least duration of a step, except of single steps.
+    follows_recipe: nothing was changed, so that `dicedesign run` makes this die.
     """
 
     def __init__(
         self,
         request: DieRequest,
         on_change: Callable[[], None] = lambda: None,
-        least_seconds: float = 0.0,
+        step_seconds: float = 0.0,
     ) -> None:
-        """Prepare a session. It starts with `run` or `step`.
+        """Prepare a session. It starts with `run`.
 
-        on_change: called from any thread after every change. Raises InputError as
-        `DieRequest.recipe`.
+        on_change: called from any thread after every change. step_seconds: least duration of a
+        step, so that it can be seen. Raises InputError as `DieRequest.recipe`.
         """
         self.request, self.recipe = request, request.recipe()
-        self.on_change, self.least_seconds = on_change, least_seconds
-        self.shapes: tuple[DesignedShape, ...] = ()
-        self.starts, self.message = 0, ""
+        self.on_change, self._step_seconds = on_change, step_seconds
+        self.shape: DesignedShape | None = None
+        self.steps, self.starts, self.message = 0, 0, ""
         self.status: Status | None = None
         self.final_design: Design | None = None
         self.follows_recipe = True
         self._turn = threading.Condition()
-        self._steps_left: int | None = 0
-        self._is_held, self._has_changed, self._is_closed = False, False, False
+        self._has_changed, self._is_closed = False, False
         self._thread: threading.Thread | None = None
 
     @property
     def state(self) -> State:
-        """Activity of the session; "paused" also before its start."""
+        """Activity of the session; "new" before its start and after a change."""
         with self._turn:
             if self._thread is not None:
-                return "paused" if self._is_held else "running"
+                return "running"
             if self.status is not None:
                 return "done"
-            return "failed" if self.message else "paused"
+            return "failed" if self.message else "new"
 
     @property
     def target(self) -> Target:
@@ -193,41 +183,19 @@ class DesignSession:
         """Labels of the outcomes."""
         return self.target.labels
 
-    @property
-    def shape(self) -> DesignedShape | None:
-        """Current shape, or None before the first."""
-        shapes = self.shapes
-        return shapes[-1] if shapes else None
-
     def snapshot(self) -> tuple[DesignedShape | None, Design | None, bool]:
         """Consistent values of `shape`, `final_design` and `follows_recipe`."""
         with self._turn:
             return self.shape, self.final_design, self.follows_recipe
 
-    def run(self, steps: int | None = None) -> None:
-        """Make a number of steps and pause; None continues until the solver ends."""
+    def run(self) -> None:
+        """Design until the solver ends, from the current shape if there is one."""
         with self._turn:
-            if self.status is not None:
+            if self.status is not None or self._thread is not None:
                 return
-            self._allow(steps)
-            if self._thread is None:
-                self.message = ""
-                self._thread = threading.Thread(target=self._work, name="design", daemon=True)
-                self._thread.start()
-        self.on_change()
-
-    def pause(self) -> None:
-        """Pause after the current step."""
-        self._allow(0)
-        self.on_change()
-
-    def undo(self) -> None:
-        """Pause and return to the previous shape, if there is one."""
-        with self._turn:
-            self._allow(0)
-            if len(self.shapes) > 1:
-                self.shapes = self.shapes[:-1]
-                self._outdate()
+            self.message = ""
+            self._thread = threading.Thread(target=self._work, name="design", daemon=True)
+            self._thread.start()
         self.on_change()
 
     def change(self, request: DieRequest) -> None:
@@ -235,29 +203,23 @@ class DesignSession:
 
         Raises InputError: the request cannot be used, or has other outcomes; then nothing changes.
         """
-        recipe = request.recipe(from_shape=bool(self.shapes))
+        recipe = request.recipe(from_shape=self.shape is not None)
         labels, own = recipe.target.target().face_labels, self.target.face_labels
-        if self.shapes and labels != own:
+        if self.shape is not None and labels != own:
             raise InputError(
                 f"target: expected the labels of this die, {', '.join(own)}, got "
                 f"{', '.join(labels)}; press Reset first"
             )
-        for label in request.pinned:
-            if label not in labels:
-                raise InputError(
-                    f"pinned: expected labels out of {', '.join(labels)}, got {label!r}; correct it"
-                )
         with self._turn:
             if request != self.request:
-                before = self.target.face_probabilities
                 self.request, self.recipe = request, recipe
-                if not np.array_equal(before, self.target.face_probabilities):
-                    self.shapes = tuple(replace(s, target=self.target) for s in self.shapes)
+                if self.shape is not None:
+                    self.shape = replace(self.shape, target=self.target)
                 self._outdate()
         self.on_change()
 
     def swap(self, first: str, second: str) -> None:
-        """Swap two labels; pinned facets stay pinned. `undo` reverts it.
+        """Swap two labels; a second swap reverts it.
 
         Raises InputError: a label is unknown, one has more faces than the other, or there is no
         shape yet.
@@ -280,10 +242,7 @@ class DesignSession:
                 raise InputError("label: expected a shape with labels, got none yet; design one")
             directions = shape.directions.copy()
             directions[faces], directions[others] = directions[others], directions[faces].copy()
-            swapped = {first: second, second: first}
-            pinned = tuple(swapped.get(label, label) for label in self.request.pinned)
-            self.request = replace(self.request, pinned=pinned)
-            self.shapes = (*self.shapes, replace(shape, directions=directions))
+            self.shape = replace(shape, directions=directions)
             self._outdate()
         self.on_change()
 
@@ -296,18 +255,11 @@ class DesignSession:
     def wait(self, seconds: float | None = None) -> bool:
         """Wait until nothing runs, for at most `seconds`; return whether nothing runs."""
         with self._turn:
-            return self._turn.wait_for(lambda: self._thread is None or self._is_held, seconds)
-
-    def _allow(self, steps: int | None) -> None:
-        """Allow a number of steps; None allows any number."""
-        with self._turn:
-            self._steps_left = steps
-            self._is_held = self._is_held and steps == 0
-            self._turn.notify_all()
+            return self._turn.wait_for(lambda: self._thread is None, seconds)
 
     def _outdate(self) -> None:
-        """Restart the solver at the next step."""
-        self.follows_recipe = self.follows_recipe and not self.shapes
+        """Restart the solver at its next step, or with `run`."""
+        self.follows_recipe = self.follows_recipe and self.shape is None
         self.status, self.final_design, self.message = None, None, ""
         self._has_changed = True
         self._turn.notify_all()
@@ -316,11 +268,10 @@ class DesignSession:
         """In the thread: run the solver until it ends, and again after each change."""
         while True:
             message, status, die = "", None, None
-            self._has_changed = False
+            with self._turn:
+                self._has_changed = False
+                request, origin = self.request, self.shape
             try:
-                self._await_step()
-                with self._turn:
-                    request, origin = self.request, self.shape
                 die = self._design(request, origin)
                 status, message = die.status, die.status.value
             except _Stopped:
@@ -338,8 +289,8 @@ class DesignSession:
                 if die is not None:
                     # The best die may come from an earlier step.
                     end = DesignedShape(die.hull, die.directions, self.target, die.terms or {})
-                    if not end.equals(self.shapes[-1]):
-                        self.shapes = (*self.shapes, end)
+                    if self.shape is None or not end.equals(self.shape):
+                        self.shape = end
                 self._thread = None
                 self._turn.notify_all()
             self.on_change()
@@ -355,7 +306,7 @@ class DesignSession:
         next_shape: tuple[ConvexHull, Floats] | None = None
 
         def on_start(number: int) -> None:
-            self._await_step()
+            self._require_current()
             self.starts = number + 1
             self.on_change()
 
@@ -374,43 +325,27 @@ class DesignSession:
             if previous is None or not shape.equals(previous):
                 with self._turn:
                     self._require_current()
-                    self.shapes = (*self.shapes, shape)
-                    if self._steps_left is not None:
-                        self._steps_left = max(self._steps_left - 1, 0)
+                    self.shape, self.steps = shape, self.steps + 1
                 self.on_change()
             with self._turn:
-                pause = start + self.least_seconds - time.monotonic()
-                if self._steps_left is None and pause > 0.0:
-                    self._turn.wait_for(lambda: self._is_closed or self._has_changed, pause)
-            self._await_step()
+                pause = start + self._step_seconds - time.monotonic()
+                self._turn.wait_for(lambda: self._is_closed or self._has_changed, max(pause, 0.0))
+                self._require_current()
 
         callbacks = Callbacks(on_start=on_start, on_shape=on_shape, on_step=on_step)
         work = Work(recipe, callbacks=callbacks)
         if origin is None:
             run_stages(work, last="design")
         else:
-            labels = enumerate(target.face_labels)
-            pinned = tuple(face for face, label in labels if label in request.pinned)
-            work.start = Start(origin.hull.vertices, origin.directions, pinned=pinned)
+            work.start = Start(origin.hull.vertices, origin.directions)
             run_stages(work, after="start", last="design")
         return work.die
 
-    def _await_step(self) -> None:
-        """In the thread: wait until a step is allowed. Raises as `_require_current`."""
-        with self._turn:
-            is_held = self._is_held = self._steps_left == 0
-            self._turn.notify_all()
-        if is_held:
-            self.on_change()
-        with self._turn:
-            self._turn.wait_for(lambda: self._steps_left != 0 or self._is_closed)
-            self._is_held = False
-            self._require_current()
-
     def _require_current(self) -> None:
         """In the thread: raise _Stopped after `close` or a change."""
-        if self._is_closed or self._has_changed:
-            raise _Stopped
+        with self._turn:
+            if self._is_closed or self._has_changed:
+                raise _Stopped
 
 
 class _Stopped(BaseException):

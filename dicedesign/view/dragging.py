@@ -1,8 +1,7 @@
-"""Drag the center of mass, a corner or a facet of the hull; undo changes."""
+"""Drag the center of mass, a corner or a facet of the hull."""
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any, Final
 
 import numpy as np
@@ -21,16 +20,11 @@ CORNER: Final = "Corner"
 FACET: Final = "Facet"
 NOTHING: Final = "Nothing"
 
-UNDO: Final = "Undo"
-RESTART: Final = "Start over"
-
 OUTSIDE: Final = "The center of mass of a body is always inside its hull. Drag it back."
-
-MAX_UNDO_STEPS: Final = 200
 
 
 class DragControls:
-    """Fields, buttons and gizmo for dragging, and the history of the body."""
+    """Fields, buttons and gizmo for dragging."""
 
     def __init__(self, viewport: Viewport) -> None:
         self._viewport, page = viewport, viewport.page
@@ -38,7 +32,6 @@ class DragControls:
         self._facet, self._corner = 0, 0
         self._base: ViewedBody | None = None
         self._first = viewport.viewed
-        self._history: deque[ViewedBody] = deque(maxlen=MAX_UNDO_STEPS)
         target = page.gui.add_dropdown(
             "Drag",
             (NOTHING, CENTER, CORNER, FACET),
@@ -51,7 +44,7 @@ class DragControls:
             hint="Center of mass in the unit of the mesh; type numbers to move it",
         )
         self._center_field = field
-        back = page.gui.add_button_group("Go back", (UNDO, RESTART))
+        restart = page.gui.add_button("Start over", hint="The body as it was loaded")
         uniform = page.gui.add_button(
             "Solid of one density", hint="Move the center of mass to the centroid of the hull"
         )
@@ -62,7 +55,7 @@ class DragControls:
             ),
         )
         target.on_update(lambda _: page.enqueue(lambda: self._choose(target.value)))
-        back.on_click(lambda _: page.enqueue(self._undo if back.value == UNDO else self._restart))
+        restart.on_click(lambda _: page.enqueue(self._restart))
         uniform.on_click(lambda _: page.enqueue(self._make_uniform))
 
         @field.on_update
@@ -78,7 +71,6 @@ class DragControls:
     def _begin(self, viewed: ViewedBody) -> None:
         """Start with another body."""
         self._first, self._base = viewed, None
-        self._history.clear()
         extent = float(np.ptp(viewed.hull.vertices, axis=0).max())
         digits = max(0, 4 - int(np.floor(np.log10(extent))))
         self._center_field.precision, self._center_field.step = digits, 10.0**-digits
@@ -148,11 +140,10 @@ class DragControls:
         self._viewport.update(moved)
 
     def _commit(self, base: ViewedBody) -> None:
-        """End a change: `base` can be restored, and the body rolls to rest."""
+        """End a change of `base`: the body rolls to rest."""
         viewed = self._viewport.viewed
         if viewed is base:
             return
-        self._history.append(base)
         if viewed.hull is not base.hull:
             # The nearest corner and facet of the new hull.
             self._corner = int(np.abs(viewed.hull.source - self._corner).argmin())
@@ -176,16 +167,6 @@ class DragControls:
         self._viewport.update(viewed.with_uniform_center())
         self._commit(viewed)
 
-    def _undo(self) -> None:
-        if self._history:
-            self._restore(self._history.pop())
-
     def _restart(self) -> None:
-        viewed = self._viewport.viewed
-        if viewed is not self._first:
-            self._history.append(viewed)
-            self._restore(self._first)
-
-    def _restore(self, viewed: ViewedBody) -> None:
-        self._viewport.update(viewed)
-        self._settle(viewed)
+        self._viewport.update(self._first)
+        self._settle(self._first)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -51,14 +50,14 @@ DEFAULT_START: Final = "default of the method"
 MIN_SLIDER_RANGE: Final = 2.0
 """A slider reaches at least this, and four times the default of its number."""
 
-MAX_SPEED: Final = 200
-"""Steps per second; at this setting, steps are not delayed."""
+STEP_SECONDS: Final = 1.0 / 30.0
+"""Least duration of a step, so that it can be seen."""
 
 
 class OptionControls:
     """Fields of optional settings.
 
-    on_change: called in the thread of changes after a change of a weight, the method or the speed.
+    on_change: called in the thread of changes after a change of a weight or the method.
     """
 
     def __init__(self, page: Page, on_change: Callable[[], None]) -> None:
@@ -73,9 +72,6 @@ class OptionControls:
                 "the paper's: lowers an energy of the vertices, then solves exactly",
             )
             self._start = gui.add_dropdown("Start", (DEFAULT_START, *starts), hint="starting shape")
-            self._speed = gui.add_slider(
-                "Steps a second", 1, MAX_SPEED, 1, 30, hint=f"{MAX_SPEED}: without delay"
-            )
             with gui.add_folder("Preferences", expand_by_default=False):
                 self._prefer = _sliders(page, Preferences.list_numbers(), legible(), on_change)
             self._energy = gui.add_folder(
@@ -91,12 +87,6 @@ class OptionControls:
             on_change()
 
         self._method.on_update(lambda _: page.enqueue(on_method, "method"))
-        self._speed.on_update(lambda _: page.enqueue(on_change, "speed"))
-
-    @property
-    def least_seconds(self) -> float:
-        """Least duration of a step."""
-        return 0.0 if self._speed.value >= MAX_SPEED else 1.0 / self._speed.value
 
     def request(self, target: Mapping[str, Any]) -> DieRequest:
         """Read the fields. Raises InputError: a number is not allowed."""
@@ -147,14 +137,14 @@ def session_html(session: DesignSession, selected: int | None) -> str:
     selected: outcome whose label will be swapped with the label that is clicked next.
     """
     shape, state = session.shape, session.state
-    texts = {"running": "designing", "paused": "paused" if shape else "nothing designed yet"}
+    texts = {"running": "designing", "new": "nothing designed yet"}
     is_done = session.status is Status.CONVERGED
     facts = [texts.get(state, ""), "done" if is_done else session.message]
     longest = 1.0
     if state == "running" and session.starts > 1:
         facts.append(f"starting shape {session.starts}")
     if shape is not None:
-        facts.append(f"step {len(session.shapes) - 1}")
+        facts.append(f"step {session.steps}")
         facts.append(f"the probabilities are right to {html_part('accuracy', shape.error)}")
         longest = float(max(shape.outcomes.probabilities.max(), shape.target.probabilities.max()))
     is_error = state == "failed" or not (is_done or session.status is None)
@@ -207,8 +197,8 @@ class DownloadControls:
         try:
             if session is None or session.shape is None or session.state == "running":
                 raise InputError(
-                    "die: expected a design that is done or paused, got one that runs or none; "
-                    "wait, press Pause, or press Design first"
+                    "die: expected a design that is done, got one that runs or none; wait, or "
+                    "press Design first"
                 )
             size_mm = _parse_size(size)
         except InputError as error:
@@ -284,10 +274,8 @@ class NewDiePanel:
             "Labels", labels, hint="one for each, commas between them; empty: 1, 2, ..."
         )
         self._target_error = page.gui.add_html("")
-        design = page.gui.add_button(
-            "Design", color="blue", hint="start, or continue after a pause"
-        )
-        steps = page.gui.add_button_group("", ("Pause", "Step", "Undo", "Reset"))
+        design = page.gui.add_button("Design", color="blue")
+        reset = page.gui.add_button("Reset", hint="discard this die")
         self._state, self._change_error = page.gui.add_html(""), page.gui.add_html("")
         self._downloads = DownloadControls(page, lambda: self._session, self._show_printable)
         self._options = OptionControls(page, self._apply_options)
@@ -295,17 +283,10 @@ class NewDiePanel:
         for text in (self._probabilities, self._labels):
             text.on_update(lambda _: page.enqueue(self._read_request, "target"))
         design.on_click(lambda _: page.enqueue(self._advance))
-        actions: dict[str, Callable[[], object]] = {
-            "Pause": lambda: self._with_session(DesignSession.pause),
-            "Step": lambda: self._advance(1),
-            "Undo": lambda: self._with_session(DesignSession.undo),
-            "Reset": self._reset,
-        }
-        steps.on_click(lambda event: page.enqueue(actions[event.target.value]))
+        reset.on_click(lambda _: page.enqueue(self._reset))
         viewport.on_show.append(self._copy_target)
-        page.on_action("pin", self._toggle_pin)
         page.on_action("label", self._click_label)
-        page.on_close.append(lambda: self._with_session(DesignSession.close))
+        page.on_close.append(self._close_session)
         if begins:
             page.enqueue(self._advance)
 
@@ -346,25 +327,22 @@ class NewDiePanel:
         self._target_error.content = ""
         return request
 
-    def _advance(self, steps: int | None = None) -> None:
-        """Start a session, or continue the current one if it designs the requested die.
-
-        steps: number of steps, or None for all.
-        """
+    def _advance(self) -> None:
+        """Start a session, or continue the current one if it designs the requested die."""
         request, session = self._read_request(), self._session
         if request is None:
             return
         if session is None or not _is_same_die(request, session.request):
-            self._with_session(DesignSession.close)
+            self._close_session()
             session = self._session = DesignSession(
                 request,
                 lambda: self._viewport.page.enqueue(self._refresh, "design"),
-                self._options.least_seconds,
+                STEP_SECONDS,
             )
             self._selected, self._change_error.content = None, ""
-        elif not self._change(session, replace(request, pinned=session.request.pinned)):
+        elif not self._change(session, request):
             return
-        session.run(steps)
+        session.run()
 
     def _change(self, session: DesignSession, request: DieRequest) -> bool:
         """Change the request; return False and show the error if that is not possible."""
@@ -376,12 +354,12 @@ class NewDiePanel:
         self._change_error.content = ""
         return True
 
-    def _with_session(self, act: Callable[[DesignSession], None]) -> None:
+    def _close_session(self) -> None:
         if self._session is not None:
-            act(self._session)
+            self._session.close()
 
     def _reset(self) -> None:
-        self._with_session(DesignSession.close)
+        self._close_session()
         self._session, self._selected = None, None
         self._change_error.content = ""
         self._refresh()
@@ -391,20 +369,8 @@ class NewDiePanel:
         session, request = self._session, self._read_request()
         if session is None or request is None or not _is_same_die(request, session.request):
             return
-        session.least_seconds = self._options.least_seconds
-        was_done = session.state == "done"
-        self._change(session, replace(request, pinned=session.request.pinned))
-        if was_done and session.state == "paused":
+        if self._change(session, request):
             session.run()
-
-    def _toggle_pin(self, outcome: int) -> None:
-        session = self._session
-        if session is None or outcome >= len(session.labels):
-            return
-        label, pinned = session.labels[outcome], session.request.pinned
-        others = tuple(other for other in pinned if other != label)
-        pinned = others if label in pinned else (*pinned, label)
-        self._change(session, replace(session.request, pinned=pinned))
 
     def _click_label(self, outcome: int) -> None:
         """Select a label, or swap it with the selected one."""
@@ -416,6 +382,7 @@ class NewDiePanel:
             self._refresh()
         else:
             session.swap(session.labels[selected], session.labels[outcome])
+            session.run()
 
     def _refresh(self) -> None:
         """Show the progress of the design, and its shape if that is new."""
@@ -451,5 +418,5 @@ class NewDiePanel:
 
 
 def _is_same_die(first: DieRequest, second: DieRequest) -> bool:
-    """Whether two requests differ only in weights, method and pins."""
+    """Whether two requests differ only in weights and method."""
     return (first.target, first.seed, first.start) == (second.target, second.seed, second.start)

@@ -166,7 +166,7 @@ class Page:
         self.on_close: list[Callable[[], None]] = []
         self._changes = ChangeQueue(self.report_error)
         self.enqueue = self._changes.enqueue
-        self.gate = Gate.of(listening)
+        self.gate = Gate(listening.getsockname()[1])
         self.server: viser.ViserServer = start_server(listening, self.gate, self._run_action)
         self.scene, self.gui = self.server.scene, self.server.gui
         self.gui.configure_theme(

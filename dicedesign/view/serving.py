@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import gzip
-import hmac
-import ipaddress
+import http.client
 import logging
-import secrets
 import socket
 import warnings
 from collections.abc import Callable
@@ -22,96 +20,58 @@ if TYPE_CHECKING:
     import viser
 
 
-LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
+LOOPBACK: Final = "127.0.0.1"
+
+LOOPBACK_NAMES: Final = frozenset({"localhost", LOOPBACK})
 """Host names of this machine in its own requests."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """Access control of the page.
+    """Access control of the page, which only this machine can open.
 
     Attributes
     ----------
-    host, port: address of the socket.
-    token: secret first part of every path; "" if only this machine can connect.
+    port: of the socket.
     """
 
-    host: str
     port: int
-    token: str
-
-    @classmethod
-    def of(cls, listening: socket.socket) -> Gate:
-        """Gate of a socket, with a new token if other machines can connect."""
-        host, port = listening.getsockname()[:2]
-        is_local = ipaddress.ip_address(host).is_loopback
-        return cls(host, port, "" if is_local else secrets.token_urlsafe(16))
 
     @property
     def address(self) -> str:
-        """URL of the page for every machine that can connect."""
-        return self._url(socket.gethostname())
-
-    @property
-    def local_address(self) -> str:
-        """URL of the page for this machine."""
-        return self._url("localhost")
-
-    def _url(self, name: str) -> str:
-        """URL of the page. name: host name for a socket that listens on all interfaces."""
-        host = name if ipaddress.ip_address(self.host).is_unspecified else self.host
-        host = f"[{host}]" if ":" in host else host
-        return f"http://{host}:{self.port}/" + (f"{self.token}/" if self.token else "")
-
-    def strip_token(self, path: str) -> str | None:
-        """Path of a request without the token; None if the token is missing or wrong."""
-        if not self.token:
-            return path
-        token, _, rest = path.partition("?")[0].lstrip("/").partition("/")
-        # The comparison takes equal time for every token.
-        return f"/{rest}" if hmac.compare_digest(token.encode(), self.token.encode()) else None
+        """URL of the page."""
+        return f"http://{LOOPBACK}:{self.port}/"
 
     def admits(self, host: str | None, origin: str | None) -> bool:
         """Whether the headers `Host` and `Origin` of a request are those of this page.
 
-        Without a token, the host is a name of this machine. The origin, which is optional, is the
-        host. Pages of other sites can connect to this machine, but cannot choose these headers.
+        The host is a name of this machine. The origin, which is optional, is the host. Pages of
+        other sites can connect to this machine, but cannot choose these headers.
         """
         if host is None:
             return False
         name, colon, port = host.rpartition(":")
         name = name if colon and port.isdigit() else host
-        if not self.token and name not in LOOPBACK_NAMES | {self.host}:
-            return False
-        return origin is None or origin.partition("://")[2] == host
+        return name in LOOPBACK_NAMES and (origin is None or origin.partition("://")[2] == host)
 
 
-def open_socket(host: str, port: int) -> socket.socket:
-    """Open a listening socket. port: 0 for any free port.
+def open_socket(port: int) -> socket.socket:
+    """Open a listening socket for this machine. port: 0 for any free port.
 
-    Raises InputError: the port is in use or not permitted, or this machine has no such host.
+    Raises InputError: the port is in use or not permitted.
     """
     check_whole("--port", port, least=0, most=65535)
-    try:
-        family, kind, protocol, _, place = socket.getaddrinfo(
-            host or "127.0.0.1", port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )[0]
-    except (OSError, UnicodeError) as error:
-        raise InputError(
-            f"--host: expected a name or an address of this machine, got {host!r}; leave it out "
-            "for this machine alone, or take 0.0.0.0 for all that can reach it"
-        ) from error
-    listening = socket.socket(family, kind, protocol)
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
         # A port is free as soon as its last page is closed.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind(place)
+        listening.bind((LOOPBACK, port))
         listening.listen()
     except OSError as error:
         listening.close()
         raise InputError(
-            f"--port: expected one that is free on {host}, got {port} ({error.strerror}); take "
-            "another, or --port 0 for any"
+            f"--port: expected one that is free, got {port} ({error.strerror}); take another, or "
+            "--port 0 for any"
         ) from error
     return listening
 
@@ -183,7 +143,10 @@ def require_viser() -> None:
 
 
 def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> viser.ViserServer:
-    """Serve requests at a socket if the gate admits them."""
+    """Serve requests at a socket if the gate admits them.
+
+    Raises InputError if this viser does not ask the gate: then nothing is served.
+    """
     import rich
     import viser
     from viser import _messages
@@ -203,13 +166,37 @@ def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> v
 
     websockets.serve = serve_guarded  # type: ignore[assignment, misc]
     try:
-        server = viser.ViserServer(gate.host, gate.port, verbose=False)
+        server = viser.ViserServer(LOOPBACK, gate.port, verbose=False)
     finally:
         websockets.serve = serve  # type: ignore[misc]
+    # A viser with a reference of its own to `serve` would listen without the gate.
+    if server.get_port() != gate.port or not _refuses_strangers(gate.port):
+        server.stop()
+        listening.close()
+        raise InputError(
+            f"viser {viser.__version__}: expected one that lets dicedesign check requests, got one "
+            "that answers other sites; pip install 'dicedesign[view]' brings a suitable version"
+        )
     # Browsers must not publish the page through viser's relay.
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(message)
     return server
+
+
+STRANGER: Final = "stranger.invalid"
+"""Host that the gate must not admit."""
+
+
+def _refuses_strangers(port: int) -> bool:
+    """Whether the server of a port refuses a request to the name of another machine."""
+    connection = http.client.HTTPConnection(LOOPBACK, port, timeout=10.0)
+    try:
+        connection.request("GET", "/", headers={"Host": STRANGER})
+        return connection.getresponse().status == http.client.FORBIDDEN
+    except (OSError, http.client.HTTPException):
+        return False
+    finally:
+        connection.close()
 
 
 def _respond(
@@ -220,13 +207,12 @@ def _respond(
     Returns a response of `websockets`, or None to accept a WebSocket.
     """
     headers = request.headers
-    path, hosts = gate.strip_token(request.path), headers.get_all("Host")
+    path, hosts = request.path.partition("?")[0], headers.get_all("Host")
     host = hosts[0] if len(hosts) == 1 else None
-    if path is None or not gate.admits(host, headers.get("Origin")):
-        return connection.respond(403, "Open the complete address that dicedesign printed.\n")
+    if not gate.admits(host, headers.get("Origin")):
+        return connection.respond(403, "Open the address that dicedesign printed.\n")
     if headers.get("Upgrade", "").lower() == "websocket":
         return None
-    path = path.partition("?")[0]
     if path.startswith(_ACTION_PATH):
         # Only scripts of the page may act; older browsers send no such header.
         if headers.get("Sec-Fetch-Site", "same-origin") != "same-origin":

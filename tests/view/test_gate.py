@@ -10,10 +10,10 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 import viser
+import websockets.asyncio.server
 from common.inline_executor import Inline
 from viser._messages import ShareUrlDisconnect, ShareUrlRequest
 from websockets.exceptions import InvalidStatus
@@ -21,21 +21,12 @@ from websockets.sync.client import connect
 
 import dicedesign as dd
 from dicedesign.view.application import View
-from dicedesign.view.serving import Gate, open_socket
+from dicedesign.view.serving import open_socket
 
 
 @pytest.fixture(scope="module")
 def local() -> Iterator[View]:
-    """Page that only this machine can open."""
     view = View(None)
-    yield view
-    view.close()
-
-
-@pytest.fixture(scope="module")
-def public() -> Iterator[View]:
-    """Page that other machines can open."""
-    view = View(None, "0.0.0.0")
     yield view
     view.close()
 
@@ -68,10 +59,9 @@ def socket_opens(view: View, path: str, origin: str | None = None) -> bool:
         return False
 
 
-def test_a_local_page_needs_no_token(local: View) -> None:
+def test_the_page_is_for_this_machine(local: View) -> None:
     gate = local.page.gate
     assert gate.address == f"http://127.0.0.1:{gate.port}/"
-    assert gate.token == ""
     answer = get(local, "/")
     assert answer.status == 200
     assert "default-src 'self'" in answer.policy
@@ -95,12 +85,22 @@ def test_other_sites_are_refused(local: View) -> None:
         assert not socket_opens(local, "/", origin)
 
 
-def test_names_of_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Other machines can resolve its name, and a loopback address is one of its own."""
-    monkeypatch.setattr(socket, "gethostname", lambda: "mine.example")
-    gate = Gate("127.0.0.2", 80, "")
-    hosts = ["127.0.0.2", "127.0.0.2:80", "localhost:9", "[::1]:80", "mine.example", "127.0.0.3"]
-    assert [gate.admits(host, None) for host in hosts] == [True] * 4 + [False] * 2
+def test_a_server_that_does_not_ask_the_gate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A viser that keeps a reference of its own to `serve` would answer every site."""
+    serve, started = websockets.asyncio.server.serve, list[viser.ViserServer]()
+    server_type = viser.ViserServer
+
+    def start(*arguments: Any, **options: Any) -> viser.ViserServer:
+        monkeypatch.setattr("websockets.asyncio.server.serve", serve)
+        started.append(server_type(*arguments, **options))
+        return started[-1]
+
+    monkeypatch.setattr(viser, "ViserServer", start)
+    with pytest.raises(dd.InputError, match=r"viser .*: expected one that lets dicedesign check"):
+        View(None)
+    (server,) = started
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", server.get_port()), timeout=5)
 
 
 def test_browsers_cannot_publish_the_page(local: View, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,46 +121,21 @@ def test_two_hosts_are_refused(local: View) -> None:
         assert client.recv(100).startswith(b"HTTP/1.1 403")
 
 
-def test_a_public_page_needs_its_token(public: View) -> None:
-    gate = public.page.gate
-    assert len(gate.token) >= 20
-    assert urlsplit(gate.address).path == f"/{gate.token}/"
-    assert get(public, f"/{gate.token}/").status == 200
-    for path in ("/", "/wrong/", f"/{gate.token[:-1]}/", "/index.html", "/action/stand:0"):
-        assert get(public, path).status == 403
-    assert socket_opens(public, f"/{gate.token}")
-    assert not socket_opens(public, "/")
-    assert not socket_opens(public, "/wrong")
-
-
-def test_tokens_differ() -> None:
-    with closing(open_socket("0.0.0.0", 0)) as first, closing(open_socket("0.0.0.0", 0)) as second:
-        assert Gate.of(first).token != Gate.of(second).token
-
-
 def test_a_taken_port_is_named() -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(dd.InputError, match=rf"--port: .*{port}.*take another"):
-            View(None, "127.0.0.1", port)
+            View(None, port)
 
 
-@pytest.mark.parametrize(
-    ("host", "port", "option"),
-    [
-        ("127.0.0.1", -1, "--port"),
-        ("127.0.0.1", 65536, "--port"),
-        ("no.such.host.invalid", 0, "--host"),
-        ("203.0.113.7", 0, "--host|--port"),
-    ],
-)
-def test_invalid_hosts_and_ports_are_refused(host: str, port: int, option: str) -> None:
-    with pytest.raises(dd.InputError, match=option):
-        open_socket(host, port)
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_invalid_ports_are_refused(port: int) -> None:
+    with pytest.raises(dd.InputError, match="--port"):
+        open_socket(port)
 
 
 def test_a_closed_page_frees_its_port() -> None:
     view = View(None)
     port = view.page.gate.port
     view.close()
-    View(None, "127.0.0.1", port).close()
+    View(None, port).close()

@@ -15,7 +15,6 @@ from common.browser import OpenedPage
 import dicedesign as dd
 from dicedesign.optimize.options import legible
 from dicedesign.optimize.preferences import PREFERENCES, Preference
-from dicedesign.view.design_session import DesignSession, DieRequest
 
 TOLERANCE = 6e-6
 """Slightly more than half of the last digit of the probabilities on the page."""
@@ -123,44 +122,18 @@ def test_the_first_view_and_the_menu_show_the_die_of_the_fields(
     opened.until(lambda: menu.input_value() == "Your own")
 
 
-def test_steps_undo_pins_and_swaps(new_die: NewDie, tmp_path: Path) -> None:
-    """A parallel session has equal probabilities after each step."""
-    parallel = DesignSession(DieRequest({"fair": 5}))
-    new_die.field("Probabilities", "fair: 5")
-    for number in range(3):
-        new_die.button("Step")
-        new_die.page.wait_for_function(
-            f"document.querySelector('#design')?.innerText.includes('paused; step {number};')"
-        )
-        parallel.run(1)
-        assert parallel.wait(60.0)
-        probabilities = new_die.numbers("facets", 3)
-        np.testing.assert_allclose(
-            probabilities, parallel.shape.outcomes.probabilities, atol=TOLERANCE
-        )
-    parallel.close()
-    new_die.button("Undo")
-    new_die.page.wait_for_function(
-        "document.querySelector('#design').innerText.includes('paused; step 1;')"
-    )
-    np.testing.assert_allclose(
-        new_die.numbers("facets", 3), parallel.shapes[1].outcomes.probabilities, atol=TOLERANCE
-    )
-    before = new_die.numbers("facets", 3)
-
-    new_die.page.click('[data-action="pin:2"]')
-    new_die.page.wait_for_selector('[data-action="pin:2"][aria-pressed="true"]')
-    new_die.page.click('[data-action="label:0"]')
-    new_die.page.wait_for_selector("#facets tr.selected")
-    new_die.page.click('[data-action="label:4"]')
-    new_die.page.wait_for_function(
-        "document.querySelector('#design').innerText.includes('paused; step 2;')"
-    )
-    np.testing.assert_allclose(
-        new_die.numbers("facets", 3), before[[4, 1, 2, 3, 0]], atol=2.0 * TOLERANCE
-    )
+def test_swapped_labels_are_in_the_file_and_its_recipe(new_die: NewDie, tmp_path: Path) -> None:
+    new_die.field("Probabilities", "40%, 30%, 20%, 10%")
     new_die.button("Design")
     new_die.state("done")
+    new_die.page.click('[data-action="label:0"]')
+    new_die.page.wait_for_selector("#facets tr.selected")
+    new_die.page.click('[data-action="label:3"]')
+    new_die.page.wait_for_selector("#facets tr.selected", state="detached")
+    assert "millionth" in new_die.state("done")
+    np.testing.assert_allclose(
+        new_die.numbers("facets", 3), [0.4, 0.3, 0.2, 0.1], atol=2.0 * TOLERANCE
+    )
     path = new_die.download("Recipe", tmp_path)
     with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
         archive.extractall(tmp_path)
