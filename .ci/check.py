@@ -21,8 +21,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
-LOWEST_EXTRAS = "bench,cluster,parquet,concave,repair"
+LOWEST_EXTRAS = "bench,cluster,parquet,concave"
 """Extras that are tested at their lowest versions."""
+
+TESTERS = "pytest pytest-xdist hypothesis filelock lib3mf pygltflib"
+"""What tests need beside the package, where not all of the extra test can be installed."""
 
 WITHOUT_TORCH = """
     tests/runtime tests/kernels tests/geometry/meshes tests/geometry/test_solid.py
@@ -174,7 +177,7 @@ class Check:
         return line.split(" && ")
 
     def programs(self) -> None:
-        """Slicer and browser, where apt can install them: tests that need them are then required."""
+        """Slicer and browser, where apt can install them: their tests are then required."""
         with self.step("prusa-slicer and chromium, from Debian's packages"):
             missing = [name for name in ("prusa-slicer", "chromium") if shutil.which(name) is None]
             if missing and os.getuid() == 0 and shutil.which("apt-get") is not None:
@@ -257,16 +260,16 @@ class Check:
     def lowest(self) -> None:
         """Except of torch: its oldest wheels bring gigabytes for other processors."""
         with self.step("the lowest versions of the dependencies, without kernels"):
-            extras = LOWEST_EXTRAS
             self.call(
                 f"""
                 python3 -m venv "$WORK/lowest"
-                python3 .ci/requirements.py --lowest {extras.replace(",", " ")} > "$WORK/lowest.txt"
-                "$WORK/lowest/bin/pip" install --quiet --no-compile --constraint "$WORK/lowest.txt" \
-                  "$(ls "$PWD"/wheels/dicedesign-*-none-any.whl)[{extras}]" \
-                  pytest pytest-xdist hypothesis lib3mf pygltflib
+                pinned="$WORK/lowest.txt"
+                python3 .ci/requirements.py --lowest {LOWEST_EXTRAS.replace(",", " ")} > "$pinned"
+                "$WORK/lowest/bin/pip" install --quiet --no-compile --constraint "$pinned" \
+                  "$(ls "$PWD"/wheels/dicedesign-*-none-any.whl)[{LOWEST_EXTRAS}]" {TESTERS}
                 # Old releases use what newer ones of their own dependencies deprecate.
-                "$WORK/lowest/bin/pytest" -n 1 -W ignore::DeprecationWarning {" ".join(LOWEST.split())}
+                "$WORK/lowest/bin/pytest" -n 1 -W ignore::DeprecationWarning \
+                  {" ".join(LOWEST.split())}
                 """
             )
 
@@ -276,10 +279,12 @@ class Check:
             self.call(
                 f"""
                 {python} -m venv "$WORK/{version}"
-                "$WORK/{version}/bin/python" .ci/requirements.py bench > "$WORK/{version}.txt"
-                "$WORK/{version}/bin/pip" install --quiet --no-compile --only-binary :all: \
-                  --requirement "$WORK/{version}.txt" pytest pytest-xdist hypothesis lib3mf pygltflib
-                "$WORK/{version}/bin/pip" install --quiet --no-deps "$WORK"/dist/dicedesign-*.tar.gz
+                cd "$WORK/{version}/bin"
+                ./python "$WORK/tree/.ci/requirements.py" bench > ../needed.txt
+                ./pip install --quiet --no-compile --only-binary :all: \
+                  --requirement ../needed.txt {TESTERS}
+                ./pip install --quiet --no-deps "$WORK"/dist/dicedesign-*.tar.gz
+                cd "$WORK/tree"
                 "$WORK/{version}/bin/pytest" -n 1 -p no:cacheprovider \
                   {" ".join(WITHOUT_TORCH.split())} --deselect {SLOW_WALK}
                 """
