@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError
+from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes
+from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import body_of, make_body
-from dicedesign.optimize.options import PaperWeights, legible
+from dicedesign.optimize.options import legible
 from dicedesign.optimize.preferences import Preferences
-from dicedesign.optimize.starts.start import STARTS, StartKind
+from dicedesign.optimize.starts.start import FEWEST_FACETS, STARTS, StartKind
 from dicedesign.palette import BASINS
-from dicedesign.recipe.reading import format_probabilities, parse_target
+from dicedesign.recipe.output import die_contents
+from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
+from dicedesign.recipe.reading import format_probabilities, parse_recipe, parse_target, recipe_text
+from dicedesign.recipe.recipe import Recipe
+from dicedesign.rest.poses import analyze
 from dicedesign.results.parts import Status
-from dicedesign.runtime.registry import Number
-from dicedesign.view.design_session import DesignedShape, DesignSession, DieRequest
+from dicedesign.results.result import Step
+from dicedesign.runtime.arrays import Floats
 from dicedesign.view.page import Job, Page, html_part
-from dicedesign.view.printable_die import PrintableDie, make_printable
 from dicedesign.view.viewed_body import ViewedBody, outcomes_of
 from dicedesign.view.viewport import Viewport
 
@@ -55,12 +62,9 @@ STEP_SECONDS: Final = 1.0 / 30.0
 
 
 class OptionControls:
-    """Fields of optional settings.
+    """Fields of optional settings, which the next design reads."""
 
-    on_change: called in the thread of changes after a change of a weight or the method.
-    """
-
-    def __init__(self, page: Page, on_change: Callable[[], None]) -> None:
+    def __init__(self, page: Page) -> None:
         gui = page.gui
         starts = [kind.name for kind in STARTS if _works_without_options(kind)]
         with gui.add_folder("More", expand_by_default=False):
@@ -72,34 +76,34 @@ class OptionControls:
                 "the paper's: lowers an energy of the vertices, then solves exactly",
             )
             self._start = gui.add_dropdown("Start", (DEFAULT_START, *starts), hint="starting shape")
+            self._prefer = {}
             with gui.add_folder("Preferences", expand_by_default=False):
-                self._prefer = _sliders(page, Preferences.list_numbers(), legible(), on_change)
-            self._energy = gui.add_folder(
-                "Weights of the paper's energy", expand_by_default=False, visible=False
-            )
-            with self._energy:
-                self._weights = _sliders(
-                    page, PaperWeights.list_numbers(), PaperWeights(), on_change
-                )
+                for name, number in Preferences.list_numbers().items():
+                    value = float(getattr(legible(), name))
+                    largest = max(MIN_SLIDER_RANGE, 4.0 * value)
+                    self._prefer[name] = gui.add_slider(
+                        name.replace("_", " "), 0.0, largest, 0.01, value, hint=number.line
+                    )
 
-        def on_method() -> None:
-            self._energy.visible = METHODS[self._method.value] == "paper"
-            on_change()
-
-        self._method.on_update(lambda _: page.enqueue(on_method, "method"))
-
-    def request(self, target: Mapping[str, Any]) -> DieRequest:
-        """Read the fields. Raises InputError: a number is not allowed."""
-        seed, start = self._seed.value.strip(), self._start.value
-        return DieRequest(
-            target=target,
+    def recipe(self, target: dict[str, Any]) -> Recipe:
+        """Recipe of a target with these options. Raises RecipeError: an entry cannot be used."""
+        seed, method = self._seed.value.strip(), METHODS[self._method.value]
+        prefer = {name: float(slider.value) for name, slider in self._prefer.items()}
+        entries = {
+            "name": "die",
             # The recipe refuses any other text.
-            seed=int(seed) if seed.isdecimal() else seed,  # type: ignore[arg-type]
-            method=METHODS[self._method.value],
-            start=None if start == DEFAULT_START else {start: {}},
-            prefer=Preferences(**{name: float(s.value) for name, s in self._prefer.items()}),
-            weights=PaperWeights(**{name: float(s.value) for name, s in self._weights.items()}),
-        )
+            "seed": int(seed) if seed.isdecimal() else seed,
+            "target": target,
+            "method": {method: {"prefer": prefer}},
+        }
+        if self._start.value != DEFAULT_START:
+            entries["start"] = {self._start.value: {}}
+        elif method == "paper":
+            outcomes = len(
+                parse_recipe({"name": "die", "target": target}).target.target().face_labels
+            )
+            entries["start"] = {"repulsion" if outcomes >= FEWEST_FACETS else "prism": {}}
+        return parse_recipe(entries)
 
 
 def _works_without_options(kind: StartKind) -> bool:
@@ -112,62 +116,61 @@ def _works_without_options(kind: StartKind) -> bool:
     return True
 
 
-def _sliders(
-    page: Page, numbers: Mapping[str, Number], defaults: Any, on_change: Callable[[], None]
-) -> dict[str, Any]:
-    """Add a slider for each number."""
-    sliders = {}
-    for name, number in numbers.items():
-        value = float(getattr(defaults, name))
-        largest = max(MIN_SLIDER_RANGE, 4.0 * value)
-        while not number.allows(largest):
-            largest /= 2.0
-        least = 0.0 if number.allows(0.0) else largest / 100.0
-        slider = page.gui.add_slider(
-            name.replace("_", " "), least, largest, largest / 200.0, value, hint=number.line
-        )
-        slider.on_update(lambda _: page.enqueue(on_change, "weights"))
-        sliders[name] = slider
-    return sliders
+def finish_die(
+    design: Work,
+    *,
+    size_mm: float | None = None,
+    engrave: bool = True,
+    on_stage: Callable[[str], None] = lambda name: None,
+) -> Work:
+    """Run the stages after a design, without files on disk.
 
+    Parameters
+    ----------
+    size_mm: largest distance between two corners; None is 30, or more if the labels need it.
+    engrave: engrave the labels.
+    on_stage: called with the name of each stage at its start.
 
-def session_html(session: DesignSession, selected: int | None) -> str:
-    """Progress of a design, and a table with a row for each outcome.
-
-    selected: outcome whose label will be swapped with the label that is clicked next.
+    Raises InputError: the size is not allowed, or a label does not fit or has no facet.
     """
-    shape, state = session.shape, session.state
-    texts = {"running": "designing", "new": "nothing designed yet"}
-    is_done = session.status is Status.CONVERGED
-    facts = [texts.get(state, ""), "done" if is_done else session.message]
-    longest = 1.0
-    if state == "running" and session.starts > 1:
-        facts.append(f"starting shape {session.starts}")
-    if shape is not None:
-        facts.append(f"step {session.steps}")
-        facts.append(f"the probabilities are right to {html_part('accuracy', shape.error)}")
-        longest = float(max(shape.outcomes.probabilities.max(), shape.target.probabilities.max()))
-    is_error = state == "failed" or not (is_done or session.status is None)
-    return html_part(
-        "session", session, list(filter(None, facts)), is_error, BASINS, longest, selected
+    entries = design.recipe.as_dict() | {"engrave": engrave}
+    if size_mm is not None:
+        entries["size_mm"] = size_mm
+    work = Work(
+        parse_recipe(entries), callbacks=Callbacks(on_stage=on_stage), enlarge=size_mm is None
     )
+    work.die = design.die
+    run_stages(work, after="design", last="throws")
+    return work
+
+
+def die_file(work: Work, ending: str) -> tuple[str, bytes]:
+    """Name and content of a finished die in one of `FILE_FORMATS`, or of its recipe ("yaml").
+
+    Raises InputError as the format does.
+    """
+    name = f"{work.recipe.name}.{ending}"
+    if ending == "yaml":
+        return name, recipe_text(work.recipe).encode()
+    if ending == "stl":
+        return name, work.files[f"{work.stem}.stl"]
+    return name, file_bytes(die_contents(work), FILE_FORMATS[ending], name)
+
+
+FILES: Final = {"STL": "stl", "3MF": "3mf", "Recipe": "yaml"}
+"""Endings of the files, by the titles of their buttons."""
 
 
 class DownloadControls:
     """Fields and buttons for the files of a die. Use it only in the thread of changes.
 
-    session: returns the current session, or None; on_printable: called with the die once it is
-    ready to print.
+    on_printable: called with the finished die once it is ready to print.
     """
 
-    def __init__(
-        self,
-        page: Page,
-        session: Callable[[], DesignSession | None],
-        on_printable: Callable[[PrintableDie], None],
-    ) -> None:
-        self._page, self._session, self._on_printable = page, session, on_printable
-        self._cache: tuple[tuple[Any, ...], PrintableDie] | None = None
+    def __init__(self, page: Page, on_printable: Callable[[Work], None]) -> None:
+        self._page, self._on_printable = page, on_printable
+        self._design: Work | None = None
+        self._finished: tuple[tuple[float | None, bool], Work] | None = None
         self._job: Job | None = None
         gui = page.gui
         with gui.add_folder("Print it"):
@@ -176,26 +179,24 @@ class DownloadControls:
             )
             self._labels = gui.add_checkbox("Cut the labels in", initial_value=True)
             download = gui.add_button_group(
-                "Download", ("STL", "3MF", "Recipe"), hint="the recipe makes this die again"
+                "Download", tuple(FILES), hint="the recipe makes this die again"
             )
             self._error, self._table = gui.add_html(""), gui.add_html("")
         download.on_click(
             lambda event: page.enqueue(lambda: self._download(event.client, event.target.value))
         )
 
-    def refresh(self, session: DesignSession | None) -> None:
-        """Discard the die of another shape."""
-        if self._cache is not None and (session is None or session.shape is not self._cache[0][0]):
-            self._cache = None
-            self._table.content = ""
+    def offer(self, design: Work | None) -> None:
+        """Offer the files of a finished design; None offers none."""
+        self._design, self._finished, self._table.content = design, None, ""
 
     def _download(self, client: ClientHandle | None, file: str) -> None:
         if self._job is not None and self._job.is_running:
             return
         self._error.content = ""
-        session, size = self._session(), self._size.value.strip().removesuffix("mm").strip()
+        design, size = self._design, self._size.value.strip().removesuffix("mm").strip()
         try:
-            if session is None or session.shape is None or session.state == "running":
+            if design is None:
                 raise InputError(
                     "die: expected a design that is done, got one that runs or none; wait, or "
                     "press Design first"
@@ -204,31 +205,31 @@ class DownloadControls:
         except InputError as error:
             self._show_error(error)
             return
-        engrave = bool(self._labels.value)
-        key = session.shape, session.final_design, size_mm, engrave
+        key = size_mm, bool(self._labels.value)
 
-        def work(job: Job) -> PrintableDie:
-            return make_printable(
-                session,
+        def work(job: Job) -> Work:
+            return finish_die(
+                design,
                 size_mm=size_mm,
-                engrave=engrave,
+                engrave=key[1],
                 on_stage=lambda stage: job.progress(f"making the file: {stage}"),
             )
 
-        def on_done(die: PrintableDie) -> None:
-            self._cache = key, die
-            self._table.content = html_part("printed", die)
-            self._on_printable(die)
-            self._send(client, file, die)
+        def on_done(finished: Work) -> None:
+            if self._design is design:
+                self._finished = key, finished
+                self._table.content = html_part("printed", finished, finished.result())
+                self._on_printable(finished)
+            self._send(client, file, finished)
 
-        if self._cache is not None and self._cache[0] == key:
-            self._send(client, file, self._cache[1])
+        if self._finished is not None and self._finished[0] == key:
+            self._send(client, file, self._finished[1])
         else:
             self._job = self._page.start(work, on_done, self._show_error)
 
-    def _send(self, client: ClientHandle | None, file: str, die: PrintableDie) -> None:
+    def _send(self, client: ClientHandle | None, file: str, finished: Work) -> None:
         try:
-            content = die.recipe_file() if file == "Recipe" else die.file(file.lower())
+            content = die_file(finished, FILES[file])
         except DiceError as error:
             self._show_error(error)
         else:
@@ -258,11 +259,9 @@ class NewDiePanel:
 
     def __init__(self, viewport: Viewport, *, begins: bool = False) -> None:
         self._viewport, page = viewport, viewport.page
-        self._session: DesignSession | None = None
-        self._shape: DesignedShape | None = None
+        self._job: Job | None = None
         self._shape_body: ViewedBody | None = None
         self._panel_body: ViewedBody | None = None
-        self._selected: int | None = None
         probabilities, labels = next(iter(PRESETS.values()))
         self._preset: Any = page.gui.add_dropdown("Die", (*PRESETS, OWN))
         self._probabilities: Any = page.gui.add_text(
@@ -276,29 +275,27 @@ class NewDiePanel:
         self._target_error = page.gui.add_html("")
         design = page.gui.add_button("Design", color="blue")
         reset = page.gui.add_button("Reset", hint="discard this die")
-        self._state, self._change_error = page.gui.add_html(""), page.gui.add_html("")
-        self._downloads = DownloadControls(page, lambda: self._session, self._show_printable)
-        self._options = OptionControls(page, self._apply_options)
+        self._state = page.gui.add_html("")
+        self._downloads = DownloadControls(page, self._show_printable)
+        self._options = OptionControls(page)
         self._preset.on_update(lambda event: page.enqueue(lambda: self._choose(event), "preset"))
         for text in (self._probabilities, self._labels):
-            text.on_update(lambda _: page.enqueue(self._read_request, "target"))
-        design.on_click(lambda _: page.enqueue(self._advance))
+            text.on_update(lambda _: page.enqueue(self._read_recipe, "target"))
+        design.on_click(lambda _: page.enqueue(self._design))
         reset.on_click(lambda _: page.enqueue(self._reset))
         viewport.on_show.append(self._copy_target)
-        page.on_action("label", self._click_label)
-        page.on_close.append(self._close_session)
         if begins:
-            page.enqueue(self._advance)
+            page.enqueue(self._design)
 
     def _choose(self, event: GuiEvent[Any]) -> None:
         """Design the die that somebody chose in the menu."""
         if event.client is not None and self._preset.value != OWN:
             self._fill(*PRESETS[self._preset.value])
-            self._advance()
+            self._design()
 
     def _fill(self, probabilities: str, labels: str) -> None:
         self._probabilities.value, self._labels.value = probabilities, labels
-        self._read_request()
+        self._read_recipe()
 
     def _copy_target(self, viewed: ViewedBody) -> None:
         """Fill the fields with the target of another die in view."""
@@ -312,111 +309,113 @@ class NewDiePanel:
             quoted = (f'"{label}"' if "," in label else label for label in labels)
             self._fill(format_probabilities(shares.tolist()), ", ".join(quoted))
 
-    def _read_request(self) -> DieRequest | None:
+    def _read_recipe(self) -> Recipe | None:
         """Read the fields; return None and show the error if they are not valid."""
         fields = self._probabilities.value, self._labels.value
         self._preset.value = next((name for name in PRESETS if PRESETS[name] == fields), OWN)
         try:
             labels = self._labels.value.strip()
-            target = parse_target(self._probabilities.value, labels or None)
-            request = self._options.request(target)
-            request.recipe()
+            recipe = self._options.recipe(parse_target(self._probabilities.value, labels or None))
         except DiceError as error:
             self._target_error.content = html_part("sentence", "target-error", str(error), True)
             return None
         self._target_error.content = ""
-        return request
+        return recipe
 
-    def _advance(self) -> None:
-        """Start a session, or continue the current one if it designs the requested die."""
-        request, session = self._read_request(), self._session
-        if request is None:
+    def _design(self) -> None:
+        """Design the die of the fields, in place of the current one."""
+        recipe = self._read_recipe()
+        if recipe is None:
             return
-        if session is None or not _is_same_die(request, session.request):
-            self._close_session()
-            session = self._session = DesignSession(
-                request,
-                lambda: self._viewport.page.enqueue(self._refresh, "design"),
-                STEP_SECONDS,
-            )
-            self._selected, self._change_error.content = None, ""
-        elif not self._change(session, request):
-            return
-        session.run()
+        self._reset()
+        page = self._viewport.page
 
-    def _change(self, session: DesignSession, request: DieRequest) -> bool:
-        """Change the request; return False and show the error if that is not possible."""
-        try:
-            session.change(request)
-        except DiceError as error:
-            self._change_error.content = html_part("sentence", "change-error", str(error), True)
-            return False
-        self._change_error.content = ""
-        return True
+        def work(job: Job) -> Work:
+            starts, steps = 1, 0
+            shape: tuple[ConvexHull, Floats] | None = None
 
-    def _close_session(self) -> None:
-        if self._session is not None:
-            self._session.close()
+            def on_start(number: int) -> None:
+                nonlocal starts
+                job.check()
+                starts = number + 1
+
+            def on_shape(hull: ConvexHull, directions: Floats) -> None:
+                nonlocal shape
+                shape = hull, directions
+
+            def on_step(_: Step) -> None:
+                nonlocal steps
+                job.check()
+                steps += 1
+                if shape is not None:
+                    facts = ["designing", *([f"starting shape {starts}"] if starts > 1 else [])]
+                    facts.append(f"step {steps}")
+                    show = partial(self._show, job, "running", facts, recipe, *shape)
+                    page.enqueue(show, "design")
+                time.sleep(STEP_SECONDS)
+
+            callbacks = Callbacks(on_start=on_start, on_shape=on_shape, on_step=on_step)
+            work = Work(recipe, callbacks=callbacks)
+            run_stages(work, last="design")
+            return work
+
+        def on_done(done: Work) -> None:
+            is_right = done.die.status is Status.CONVERGED
+            facts = ["done" if is_right else done.die.status.value]
+            # The best die may come from an earlier step.
+            self._show(job, "done", facts, recipe, done.die.hull, done.die.directions)
+            self._downloads.offer(done)
+
+        def on_error(error: Exception) -> None:
+            self._state.content = html_part("design", "failed", [str(error)], True)
+            if not isinstance(error, DiceError):
+                raise error
+
+        self._state.content = html_part("design", "running", ["designing"], False)
+        self._job = job = page.start(work, on_done, on_error)
 
     def _reset(self) -> None:
-        self._close_session()
-        self._session, self._selected = None, None
-        self._change_error.content = ""
-        self._refresh()
+        if self._job is not None:
+            self._job.stop()
+        self._job, self._shape_body, self._state.content = None, None, ""
+        self._downloads.offer(None)
 
-    def _apply_options(self) -> None:
-        """Apply other options from the next step; a finished design continues."""
-        session, request = self._session, self._read_request()
-        if session is None or request is None or not _is_same_die(request, session.request):
+    def _show(
+        self,
+        job: Job,
+        state: str,
+        facts: list[str],
+        recipe: Recipe,
+        hull: ConvexHull,
+        directions: Floats,
+    ) -> None:
+        """Show the shape and the progress of a job, unless another one has begun."""
+        if job is not self._job:
             return
-        if self._change(session, request):
-            session.run()
-
-    def _click_label(self, outcome: int) -> None:
-        """Select a label, or swap it with the selected one."""
-        session, selected = self._session, self._selected
-        if session is None or outcome >= len(session.labels):
-            return
-        self._selected = outcome if selected is None else None
-        if selected is None or selected == outcome:
-            self._refresh()
-        else:
-            session.swap(session.labels[selected], session.labels[outcome])
-            session.run()
-
-    def _refresh(self) -> None:
-        """Show the progress of the design, and its shape if that is new."""
-        session = self._session
-        self._state.content = "" if session is None else session_html(session, self._selected)
-        self._downloads.refresh(session)
-        if session is None or session.shape is None or session.shape is self._shape:
-            return
-        self._shape = shape = session.shape
+        target = recipe.target.target()
         body = ViewedBody.of(
-            make_body(shape.hull.vertices, name="new die"),
-            outcomes=outcomes_of(shape.target, shape.directions),
-            poses=shape.poses,
+            make_body(hull.vertices, name="new die"),
+            outcomes=outcomes_of(target, directions),
+            poses=analyze(hull, hull.centroid, "uniform solid"),
         )
+        errors = [abs(row.probability - (row.target or 0.0)) for row in body.rows]
+        facts = [*facts, f"the probabilities are right to {html_part('accuracy', max(errors))}"]
+        is_error = state == "done" and facts[0] != "done"
+        self._state.content = html_part("design", state, facts, is_error, body.rows, BASINS)
         was_in_view = self._viewport.viewed is self._shape_body
         self._shape_body = self._panel_body = body
         if was_in_view:
             self._viewport.update(body)
         else:
             self._viewport.show(body)
-        rest = body.rows[int(shape.target.probabilities.argmax())].rest
+        rest = body.rows[int(target.probabilities.argmax())].rest
         self._viewport.put(body.poses.transforms[max(rest, 0)])
 
-    def _show_printable(self, die: PrintableDie) -> None:
+    def _show_printable(self, work: Work) -> None:
         """Show the die with its labels."""
-        work = die.work
         self._panel_body = ViewedBody.of(
             body_of(work.finished, work.recipe.name),
             outcomes=outcomes_of(work.target, work.die.directions),
             poses=work.final.poses,
         )
         self._viewport.show(self._panel_body)
-
-
-def _is_same_die(first: DieRequest, second: DieRequest) -> bool:
-    """Whether two requests differ only in weights and method."""
-    return (first.target, first.seed, first.start) == (second.target, second.seed, second.start)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -120,30 +118,6 @@ def test_the_first_view_and_the_menu_show_the_die_of_the_fields(
     np.testing.assert_allclose(opened.numbers("facets", 3), 1 / 3, atol=TOLERANCE)
     opened.field("Probabilities", "1:2:3")
     opened.until(lambda: menu.input_value() == "Your own")
-
-
-def test_swapped_labels_are_in_the_file_and_its_recipe(new_die: NewDie, tmp_path: Path) -> None:
-    new_die.field("Probabilities", "40%, 30%, 20%, 10%")
-    new_die.button("Design")
-    new_die.state("done")
-    new_die.page.click('[data-action="label:0"]')
-    new_die.page.wait_for_selector("#facets tr.selected")
-    new_die.page.click('[data-action="label:3"]')
-    new_die.page.wait_for_selector("#facets tr.selected", state="detached")
-    assert "millionth" in new_die.state("done")
-    np.testing.assert_allclose(
-        new_die.numbers("facets", 3), [0.4, 0.3, 0.2, 0.1], atol=2.0 * TOLERANCE
-    )
-    path = new_die.download("Recipe", tmp_path)
-    with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
-        archive.extractall(tmp_path)
-    again = dd.run(
-        tmp_path / "recipe.yaml", tmp_path / "again", changes=["figures=false", "report=false"]
-    )
-    assert again.converged
-    np.testing.assert_allclose(
-        again.engraved.probabilities, new_die.numbers("printed", 2), atol=1e-7
-    )
 
 
 @pytest.fixture
