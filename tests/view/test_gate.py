@@ -6,6 +6,7 @@ import asyncio
 import http.client
 import socket
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -91,7 +92,7 @@ def test_a_server_that_does_not_ask_the_gate_is_refused(monkeypatch: pytest.Monk
     server_type = viser.ViserServer
 
     def start(*arguments: Any, **options: Any) -> viser.ViserServer:
-        monkeypatch.setattr("websockets.asyncio.server.serve", serve)
+        websockets.asyncio.server.serve = serve
         started.append(server_type(*arguments, **options))
         return started[-1]
 
@@ -108,8 +109,11 @@ def test_browsers_cannot_publish_the_page(local: View, monkeypatch: pytest.Monke
     monkeypatch.setattr(server, "_thread_executor", Inline())
     for name in ("request_share_url", "disconnect_share_url"):
         monkeypatch.setattr(server, name, partial(calls.append, name))
-    for message in (ShareUrlRequest(), ShareUrlDisconnect()):
-        asyncio.run(server._websock_server._handle_incoming_message(0, message))
+    # Playwright's event loop runs in this thread.
+    with ThreadPoolExecutor() as threads:
+        for message in (ShareUrlRequest(), ShareUrlDisconnect()):
+            handle = server._websock_server._handle_incoming_message
+            threads.submit(lambda m=message: asyncio.run(handle(0, m))).result()
     assert calls == []
 
 
