@@ -111,8 +111,8 @@ def test_browsers_cannot_publish_the_page(local: View, monkeypatch: pytest.Monke
         monkeypatch.setattr(server, name, partial(calls.append, name))
     # Playwright's event loop runs in this thread.
     with ThreadPoolExecutor() as threads:
+        handle = server._websock_server._handle_incoming_message
         for message in (ShareUrlRequest(), ShareUrlDisconnect()):
-            handle = server._websock_server._handle_incoming_message
             threads.submit(lambda m=message: asyncio.run(handle(0, m))).result()
     assert calls == []
 
