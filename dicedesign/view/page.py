@@ -225,7 +225,7 @@ class Page:
         for job in self._jobs:
             job.stop()
         for job in self._jobs:
-            job.stop(wait=2.0)
+            job.stop(wait=10.0)
         self._changes.close()
         self.server.stop()
 
