@@ -206,7 +206,7 @@ def _corner_gradients(parameters: Floats, facets: Integers, rows: Floats) -> Flo
 
 @dataclass(frozen=True, eq=False)
 class LinkedCoordinates(Coordinates):
-    """Half-spaces, some of which are held or move together.
+    """Half-spaces, some of which move together.
 
     Attributes
     ----------
@@ -239,24 +239,6 @@ class LinkedCoordinates(Coordinates):
     def _check(self, hull_of: HullMaker) -> HullMaker:
         """Maker of polar hulls, which may refuse some."""
         return hull_of
-
-
-def pin_coordinates(
-    points: Floats, origin: Floats, pinned: Floats
-) -> tuple[LinkedCoordinates, Floats]:
-    """Coordinates of all half-spaces but pinned ones, about an origin (3,) inside, and the
-    parameters of the hull of points (n, 3).
-
-    pinned: (p, 3) unit directions; the facet whose normal is nearest to each stays in its plane.
-
-    Raises DegenerateBodyError if the origin is not strictly inside.
-    """
-    facets, whole = FacetCoordinates.of(points, origin)
-    normals = normals_of(whole)
-    is_free = np.ones(len(normals), dtype=bool)
-    is_free[np.argmax(pinned @ normals.T, axis=1)] = False
-    free = np.concatenate([np.repeat(is_free, 3), is_free])
-    return LinkedCoordinates(facets, np.eye(len(whole))[:, free], whole * ~free), whole[free]
 
 
 def tie_coordinates(
@@ -361,17 +343,14 @@ class SymmetricCoordinates(LinkedCoordinates):
 
 
 def coordinates_of(
-    points: Floats, origin: Floats, group: Floats | None, pinned: Floats
+    points: Floats, origin: Floats, group: Floats | None
 ) -> tuple[Coordinates, Floats]:
     """Facet coordinates of the hull of points (n, 3) about an origin (3,), and its parameters.
 
-    group: (g, 3, 3) point group to keep, or None; pinned: (p, 3) normals of facets that stay in
-    their planes, without a group.
+    group: (g, 3, 3) point group to keep, or None.
     """
     if group is not None:
         return SymmetricCoordinates.of(points, origin, group)
-    if len(pinned) > 0:
-        return pin_coordinates(points, origin, pinned)
     return FacetCoordinates.of(points, origin)
 
 

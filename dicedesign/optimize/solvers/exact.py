@@ -257,8 +257,7 @@ class ExactSearch:
         origin = convex_hull(start.points).centroid if center is None else center
         if self.options.coordinates == "vertices":
             return VertexCoordinates.of(start.points, origin)
-        pinned = start.directions[list(start.pinned)]
-        return coordinates_of(start.points, origin, self.group, pinned)
+        return coordinates_of(start.points, origin, self.group)
 
     def _is_firm(self, dice: list[Candidate], prior: Prior) -> bool:
         """Whether one of some dice that meet the target keeps its probabilities in a file. The last

@@ -344,7 +344,7 @@ LARGEST_VARIATION: Final = 0.3
 
 def shapes_like(start: Start, seed: int, group: Floats | None = None) -> Iterator[Start]:
     """Yield a start, then variations with facets turned and shifted more and more, without end.
-    Pinned facets stay. Variations that are no solids are skipped.
+    Variations that are no solids are skipped.
 
     Parameters
     ----------
@@ -359,8 +359,7 @@ def shapes_like(start: Start, seed: int, group: Floats | None = None) -> Iterato
     """
     yield start
     hull = convex_hull(start.points)
-    pinned = start.directions[list(start.pinned)]
-    coordinates, parameters = coordinates_of(start.points, hull.centroid, group, pinned)
+    coordinates, parameters = coordinates_of(start.points, hull.centroid, group)
     facets = np.argmax(start.directions @ hull.normals.T, axis=1)
     rng = np.random.default_rng(seed)
     for number in count(1):

@@ -31,7 +31,6 @@ class Start:
     directions: (k, 3) unit normals of the facets with outcomes, in the order of an assignment.
     origin, scale: normalization, (3,) and a length in the shape's own coordinates: point =
         (own - origin) / scale.
-    pinned: numbers of the directions whose facets stay in their planes, for the exact method.
     notes: repairs and assumptions, one sentence each.
     """
 
@@ -39,7 +38,6 @@ class Start:
     directions: Floats
     origin: Floats = field(default_factory=lambda: np.zeros(3))
     scale: float = 1.0
-    pinned: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
 
     def normalize(self, own: Floats) -> Floats:
