@@ -48,6 +48,7 @@ BENCHES = (
     "speed",
     "stability",
     "starts",
+    "table",
     "thrown",
     "train",
 )
