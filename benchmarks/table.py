@@ -24,7 +24,7 @@ from scipy.stats import chi2_contingency, chisquare
 
 from benchmarks.frame import Report, processes
 from benchmarks.table_posterior import CountedDie, Posterior, p_value, throw_die
-from dicedesign.errors import MOST_SEED, InputError, check_whole
+from dicedesign.errors import InputError, check_whole
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.outcomes import facet_of_rest
@@ -76,11 +76,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """Fit, predict, and write the table."""
+    if options.throws is None and not PUBLISHED.is_dir() and options.quick:
+        report.line(f"skipped: no published counts in {PUBLISHED}; give --throws")
+        return True
     evaluations = options.evaluations or (MIN_EVALUATIONS if options.quick else 256)
     drops = options.drops or (50 if options.quick else 2000)
     check_whole("evaluations", evaluations, MIN_EVALUATIONS)
     check_whole("drops", drops)
-    check_whole("seed", options.seed, least=0, most=MOST_SEED)
     dice, others = read_dice(options)
     every = [*dice, *others]
     with processes(options.jobs) as workers:
@@ -131,9 +133,10 @@ def read_dice(options: argparse.Namespace) -> tuple[list[CountedDie], list[Count
     """The dice that are fitted to, and those that are only predicted."""
     path, check = options.throws or PUBLISHED / "throws.csv", options.check
     dice = {die.name: die for die in read_throws(path)}
-    if options.throws is None:
+    if options.throws is None and not options.quick:
         dice |= {die.name: die for die in read_cuboids(PUBLISHED / "square_cuboids.csv")}
-        check = check or PUBLISHED_CHECKS
+    if options.throws is None and check is None:
+        check = PUBLISHED_CHECKS
     others = check.split(",") if check else []
     fitted = options.dice.split(",") if options.dice else [one for one in dice if one not in others]
     if not fitted or set(fitted) & set(others) or not dice.keys() >= {*fitted, *others}:

@@ -67,9 +67,6 @@ SIZE = 0.025
 UNITS = np.array([1.0, 1.0, SIZE, math.sqrt(GRAVITY * SIZE), math.sqrt(GRAVITY / SIZE)])
 """Units of restitution, friction, height, speed and spin for dice of `SIZE`, in SI units."""
 
-LOWEST = 3.2
-"""Least mean height of posterior tables, so that dice of up to 40 mm fit below half of it."""
-
 FIRST = 0.5
 """Share of the evaluations that are spread over the prior; the others follow the posterior, in
 `ROUNDS` rounds."""
@@ -163,28 +160,32 @@ def throw_die(throw: Throw) -> Integers:
 
 
 class Limits:
-    """Parameters by name within limits, even for surfaces and in logarithms for others."""
+    """Parameters within limits, by name; coordinates are values of surfaces, and logarithms of
+    other values."""
 
     def __init__(self, limits: dict[str, tuple[float, float]]) -> None:
-        self.by_name = limits
+        self.names = list(limits)
         self.is_log = np.array([not name.startswith(tuple(SURFACES)) for name in limits])
         ends = np.array(list(limits.values())).T
         self.least, self.most = np.where(self.is_log, np.log(ends), ends)
 
+    def coordinates(self, points: Floats) -> Floats:
+        """Coordinates (..., d) at points (..., d) of the unit cube."""
+        return self.least + (self.most - self.least) * points
+
     def values(self, points: Floats) -> Floats:
         """Values (..., d) at points (..., d) of the unit cube."""
-        values = self.least + (self.most - self.least) * points
-        return np.where(self.is_log, np.exp(values), values)
-
-    def points(self, values: Floats) -> Floats:
-        """Points (..., d) of the unit cube nearest to values (..., d)."""
-        places = np.where(self.is_log, np.log(values), values)
-        return np.clip((places - self.least) / (self.most - self.least), 0.0, 1.0)
+        coordinates = self.coordinates(points)
+        return np.where(self.is_log, np.exp(coordinates), coordinates)
 
 
 SIMULATED = Limits({**SURFACES, "height": (2.0, 32.0), "speed": (0.1, 6.0), "spin": (0.1, 9.0)})
 """Limits of the means of a simulated session, within those of the momentum model; means outside are
 clipped. At the least height, the lowest throws begin at the die's own size."""
+
+LOWEST = math.log(3.2 / 2.0) / math.log(32.0 / 2.0)
+"""Least coordinate of heights of posterior tables in the unit cube of `SIMULATED`, so that dice of
+up to 40 mm fit below half of the mean height."""
 
 
 class Prior(Limits):
@@ -203,35 +204,36 @@ class Prior(Limits):
         """Concentrations A (...) of the Dirichlet distribution at points (..., d)."""
         return 1.0 / self.values(points)[..., -1] - 1.0
 
-    def session_points(self, points: Floats, offsets: Floats, material: str) -> Floats:
-        """Points (..., 5) in the cube of `SIMULATED` of restitution and friction of a material, and
-        mean height, speed and spin of sessions (..., 3) at points (..., d)."""
-        return SIMULATED.points(self.session_values(points, offsets, material))
+    def session_points(self, points: Floats, sessions: Floats, material: str) -> Floats:
+        """Points (..., 5) in the unit cube of `SIMULATED` of the restitution and friction of a
+        material, and the mean height, speed and spin of sessions (..., 3), at points (..., d)."""
+        places, first = self.coordinates(points), 2 * self.materials.index(material)
+        hands = places[..., -5:-2] + np.exp(places[..., -2:-1]) * sessions
+        surfaces = np.broadcast_to(places[..., first : first + 2], (*hands.shape[:-1], 2))
+        inside = np.concatenate([surfaces, hands], axis=-1) - SIMULATED.least
+        return np.clip(inside / (SIMULATED.most - SIMULATED.least), 0.0, 1.0)
 
-    def session_values(self, points: Floats, offsets: Floats, material: str) -> Floats:
-        """Their values (..., 5), which may be beyond `SIMULATED`."""
-        values, first = self.values(points), 2 * self.materials.index(material)
-        hands = values[..., -5:-2] * np.exp(values[..., -2:-1] * offsets)
-        surfaces = np.broadcast_to(values[..., first : first + 2], (*hands.shape[:-1], 2))
-        return np.concatenate([surfaces, hands], axis=-1)
+
+def spread_points(dimensions: int, count: int, rng: np.random.Generator) -> Floats:
+    """(count, dimensions) points evenly spread in the unit cube, without its border."""
+    even = qmc.Sobol(dimensions, rng=rng).random_base2((count - 1).bit_length())[:count]
+    return np.clip(even, 1e-9, 1.0 - 1e-9)
 
 
 def draw_sessions(count: int, rng: np.random.Generator) -> Floats:
-    """(count, 3) equally likely sessions, evenly spread: standard normal deviations of the
-    logarithms of height, speed and spin."""
-    even = qmc.Sobol(3, rng=rng).random_base2((count - 1).bit_length())[:count]
-    # The normal quantile of 0 is infinite.
-    return ndtri(np.maximum(even, 1e-9))
+    """(count, 3) equally likely sessions: standard normal deviations of the logarithms of height,
+    speed and spin."""
+    return ndtri(spread_points(3, count, rng))
 
 
-def make_table(values: Floats) -> Table:
-    """Table with restitution, friction and a session's mean height, speed and spin (5,), to three
-    digits, as no counts determine more."""
+def make_table(point: Floats) -> Table:
+    """Table of a session at a point (5,) of the unit cube of `SIMULATED`, to three digits, as no
+    counts determine more."""
 
     def digits(value: float) -> float:
         return float(f"{value:.3g}")
 
-    restitution, friction, *means = map(digits, values * UNITS)
+    restitution, friction, *means = map(digits, SIMULATED.values(point) * UNITS)
     hand = ((digits((1.0 - WITHIN) * mean), digits((1.0 + WITHIN) * mean)) for mean in means)
     return Table("fitted", restitution, friction, *hand, size=SIZE)
 
@@ -313,15 +315,15 @@ class Surrogate:
         best = xlogy(counts, counts / counts.sum()).sum()
         return logsumexp(each, axis=2, b=weights / weights.sum()).sum(axis=1) - best
 
-    def by_session(self, prior: Prior, points: Floats, offsets: Floats) -> Floats:
+    def by_session(self, prior: Prior, points: Floats, sessions: Floats) -> Floats:
         """Log likelihoods (n, k) of the die's counts in sessions (k, 3) at points (n, d)."""
         parts = []
-        for block in np.array_split(points, -(-len(points) * len(offsets) // BLOCK)):
+        for block in np.array_split(points, -(-len(points) * len(sessions) // BLOCK)):
             at = block[:, None]
-            sets = prior.session_points(at, offsets, self.die.material).reshape(-1, 5)
-            concentration = np.repeat(prior.concentration(at), len(offsets))
+            sets = prior.session_points(at, sessions, self.die.material).reshape(-1, 5)
+            concentration = np.repeat(prior.concentration(at), len(sessions))
             parts.append(self.log_likelihood(sets, concentration))
-        return np.concatenate(parts).reshape(-1, len(offsets))
+        return np.concatenate(parts).reshape(-1, len(sessions))
 
 
 def _log_rising(start: Floats, count: Integers) -> Floats:
@@ -330,18 +332,18 @@ def _log_rising(start: Floats, count: Integers) -> Floats:
 
 
 def log_likelihoods(
-    prior: Prior, surrogates: Sequence[Surrogate], offsets: Floats, points: Floats
+    prior: Prior, surrogates: Sequence[Surrogate], sessions: Floats, points: Floats
 ) -> Floats:
     """(n, 1 + c) logarithms of the likelihoods of the counts of all c dice, and of all but each, at
     points (n, d), averaged over equally likely sessions (k, 3)."""
-    by_hand = np.stack([one.by_session(prior, points, offsets) for one in surrogates])
-    sessions = np.array([one.die.session for one in surrogates])
+    by_hand = np.stack([one.by_session(prior, points, sessions) for one in surrogates])
+    names = np.array([one.die.session for one in surrogates])
 
     def total(is_in: NDArray[np.bool_]) -> Floats:
-        sums = [by_hand[is_in & (sessions == name)].sum(axis=0) for name in set(sessions)]
-        return (logsumexp(sums, axis=2) - np.log(len(offsets))).sum(axis=0)
+        sums = [by_hand[is_in & (names == name)].sum(axis=0) for name in set(names)]
+        return (logsumexp(sums, axis=2) - np.log(len(sessions))).sum(axis=0)
 
-    every = np.ones(len(sessions), dtype=bool)
+    every = np.ones(len(names), dtype=bool)
     return np.stack([total(every), *(total(~one) for one in np.diag(every))], axis=1)
 
 
@@ -399,8 +401,7 @@ def sample_posterior(
     Source: Veach and Guibas, Optimally combining sampling techniques for Monte Carlo rendering,
     1995 (the balance heuristic).
     """
-    spread = qmc.Sobol(dimensions, rng=rng).random_base2(each.bit_length() - 1)
-    points = np.clip(spread, 1e-9, 1.0 - 1e-9)
+    points = spread_points(dimensions, each, rng)
     sample = WeightedPoints(points, np.zeros(len(points)), log_likelihoods(points))
     proposals: list[Any] = []
     is_last = False
@@ -470,15 +471,17 @@ class Posterior:
         every, first = [*dice, *others], round(FIRST * evaluations)
         self.rng = rng = np.random.default_rng(seed)
         self.prior = prior = Prior(list(dict.fromkeys(die.material for die in every)))
-        spread = qmc.Sobol(5, rng=rng).random_base2((first - 1).bit_length())[:first]
-        sets, counts = [spread] * len(every), [list[Integers]() for _ in every]
+        sets, counts = (
+            [spread_points(5, first, rng)] * len(every),
+            [list[Integers]() for _ in every],
+        )
         rounds = np.array_split(np.arange(first, evaluations), ROUNDS)
         for size in (*map(len, rounds), 0):
             self.surrogates = []
             for i, (die, points) in enumerate(zip(every, sets, strict=True)):
                 counts[i] += throw(
                     [
-                        (die, make_table(SIMULATED.values(points[k])), drops, (seed, k, i))
+                        (die, make_table(points[k]), drops, (seed, k, i))
                         for k in range(len(counts[i]), len(points))
                     ]
                 )
@@ -490,27 +493,26 @@ class Posterior:
                 likelihoods, len(prior.least), count, rng, leave_one_out=not size
             )
             if size:
-                offsets, drawn = draw_sessions(size, rng), self.sample.draw(size, rng)
+                hands, drawn = draw_sessions(size, rng), self.sample.draw(size, rng)
                 for i, die in enumerate(every):
-                    new = prior.session_points(drawn, offsets, die.material)
+                    new = prior.session_points(drawn, hands, die.material)
                     sets[i] = np.concatenate([sets[i], new])
         sharp = self.sample.log_priors + SHARPNESS * self.sample.log_likelihoods[:, 0]
         self.best = np.exp(sharp - logsumexp(sharp)) @ self.sample.points
 
     def best_table(self, material: str) -> Table:
         """Fitted table of a material, with the center of all sessions as throws."""
-        return make_table(self.prior.session_values(self.best, np.zeros(3), material))
+        return make_table(self.prior.session_points(self.best, np.zeros(3), material))
 
     def draw_tables(self) -> list[Table]:
         """Equally likely tables of the first material, each with throws of a new session; of the
         same session if there is only one."""
         points = self.sample.draw(TABLES, self.rng)
         is_only = len({one.die.session for one in self.fitted}) == 1
-        offsets = self._draw_hands(points, self.fitted if is_only else [])
-        sets = self.prior.session_points(points, offsets, self.prior.materials[0])
-        values = SIMULATED.values(sets)
-        values[:, 2] = np.maximum(values[:, 2], LOWEST)
-        return [make_table(row) for row in values]
+        sessions = self._draw_hands(points, self.fitted if is_only else [])
+        sets = self.prior.session_points(points, sessions, self.prior.materials[0])
+        sets[:, 2] = np.maximum(sets[:, 2], LOWEST)
+        return list(map(make_table, sets))
 
     def _draw_hands(self, points: Floats, members: Sequence[Surrogate]) -> Floats:
         """Sessions (n, 3) at points (n, d), by the counts of some of their dice."""
@@ -531,8 +533,8 @@ class Posterior:
             members.remove(one)
             column = 1 + number
         points = self.sample.draw(DRAWS, self.rng, column)
-        offsets = self._draw_hands(points, members)
-        at = self.prior.session_points(points, offsets, one.die.material)
+        sessions = self._draw_hands(points, members)
+        at = self.prior.session_points(points, sessions, one.die.material)
         means = one.draw_probabilities(at, self.rng)
         parts = self.rng.standard_gamma(self.prior.concentration(points)[:, None] * means)
         # A rare outcome may underflow to 0, whose logarithm is infinite.
@@ -547,7 +549,7 @@ class Posterior:
         moments = drawn.mean(axis=0), drawn.std(axis=0), *np.quantile(drawn, [0.05, 0.95], axis=0)
         before = self.prior.values(evenly).std(axis=0)
         rows = np.transpose([self.prior.values(self.best), *moments, before])
-        return dict(zip(self.prior.by_name, rows, strict=True))
+        return dict(zip(self.prior.names, rows, strict=True))
 
 
 def p_value(counts: Integers, probabilities: Floats, rng: np.random.Generator) -> float:

@@ -143,13 +143,6 @@ COMMANDS = {
     "rolls box.stl none.csv": "none.csv",
     "rolls none.obj counts.csv": "none.obj",
     "rolls within counts.csv": "result.json: expected the result of a finished run",
-    "table fit --throws throws.csv --check box": "--check: expected dice that are not fitted to",
-    "table fit --throws throws.csv --dice box --check cone": "expected a die 'cone', got box",
-    "table fit --throws throws.csv --die nowhere": "nowhere/result.json: expected the result of",
-    "table fit --throws throws.csv --evaluations 5": "evaluations: expected a whole number of at",
-    "table fit --throws throws.csv --drops 0": "drops: expected a whole number above 0, got 0",
-    "table fit --throws throws.csv --out t.txt": "--out: expected a path that ends in .json, got",
-    "table fit --throws none.csv": "none.csv: no such file",
     "balance box.stl --out within --equal 1": "equal: expected a whole number of at least 2",
     "balance box.stl --out within --stand 77": "stand: expected the number of a pose from 1 to",
     "balance box.stl --out within --target 0.5,0.7": "target: expected probabilities",
@@ -283,7 +276,6 @@ NAMED = [
     "run good.yaml --out NAME/x",
     "run lost.yaml --set start.mesh.path=NAME",
     "rest . --out NAME/t.csv",
-    "table fit --throws NAME",
 ]
 
 
