@@ -22,12 +22,7 @@ CONCAVE = "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod
 
 PAPER = "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
 
-BOX = (0.32251078, 0.32251078, 0.1213636, 0.1213636, 0.05612562, 0.05612562)
-"""Probabilities of the box's rests."""
-
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
-
-THROWS = "".join(f"box,box.stl,{k},9,{p}\n" for k, p in zip("ABCDEF", BOX, strict=True))
 
 FILES = {
     "empty.obj": "",
@@ -51,7 +46,6 @@ FILES = {
     "lost.yaml": RECIPE.replace("repulsion: {}", "mesh: {path: gone.stl}"),
     "counts.csv": "label,count\n1,3\n",
     "other.csv": "label,count\n7,3\n",
-    "throws.csv": "die,mesh,outcome,throws,geometric\n" + THROWS,
     "rubbish/bad.stl": "rubbish",
     "half/result.json": "{",
     "broken.otf": "OTTO no font",

@@ -1,0 +1,189 @@
+"""Fits of tables to counts, against known probabilities and refits, and the files they read and
+write."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common.finished import box_file, finished_run
+from common.kernels import compiled_only
+from common.paths import public_data
+from common.thrown import box, rigid_body_with_rests
+from scipy import stats
+from scipy.special import expit
+
+from benchmarks import table_posterior
+from benchmarks.frame import main
+from benchmarks.table import match_outcomes, read_throws
+from benchmarks.table_posterior import (
+    CountedDie,
+    Posterior,
+    Surrogate,
+    Throw,
+    p_value,
+    throw_die,
+)
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.distances import jeffreys_means
+from dicedesign.throws.goodness_of_fit import chi_square
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.tables import least_of, load_table, mixture_tables
+
+pytest.importorskip("sklearn")
+
+
+def coin(name: str, *counts: int, session: str | None = None, material: str = "") -> CountedDie:
+    """Box with two outcomes or more."""
+    body, poses = rigid_body_with_rests(box(1.0, 1.2, 1.4))
+    of_rest = np.arange(len(poses.normals)) % len(counts)
+    labels, came = tuple("abc"[: len(counts)]), np.array(counts)
+    return CountedDie(name, body, poses, of_rest, labels, came, session or name, material)
+
+
+def probability(height: float, restitution: float) -> float:
+    return float(expit(5.0 * (restitution - 0.55) + 1.5 * np.log(height / 0.15)))
+
+
+def throw_known(throws: Sequence[Throw]) -> list[np.ndarray]:
+    """Counts from known probabilities of restitution and height instead of simulated ones."""
+    counts = []
+    for die, table, drops, seed in throws:
+        height = 0.15 if die.name.startswith("flat") else np.mean(table.height)
+        came = np.random.default_rng(seed).binomial(drops, probability(height, table.restitution))
+        counts.append(np.array([came, drops - came]))
+    return counts
+
+
+def test_the_surrogate_is_within_its_errors() -> None:
+    """Of known smooth probabilities, from counts that are noisy."""
+    rng = np.random.default_rng(4)
+
+    def true(points: np.ndarray) -> np.ndarray:
+        first = expit(2.0 * points[:, 0] - 2.0 + np.sin(3.0 * points[:, 1]))
+        return np.stack([first, 0.3 * (1.0 - first), 0.7 * (1.0 - first)], axis=1)
+
+    sets, new = rng.random((80, 2)), rng.random((400, 2))
+    surrogate = Surrogate(coin("x", 30, 0, 50), sets, rng.multinomial(500, true(sets)))
+    means, deviations = surrogate.predict(new)
+    p = true(new)
+    errors = means - np.stack([np.log(p[:, 0] / (1 - p[:, 0])), np.log(p[:, 1] / p[:, 2])], axis=1)
+    # A single count of 500 has a deviation of 0.09 or more.
+    assert np.sqrt((errors**2).mean()) < 0.05
+    assert 0.3 < (errors / deviations).std() < 2.0
+    # The likelihood is the mean of the Dirichlet-multinomial over draws of the surrogate.
+    counts = surrogate.die.counts
+    drawn = surrogate.draw_probabilities(np.tile(new[:1], (40_000, 1)), rng)
+    each = np.exp(stats.dirichlet_multinomial.logpmf(counts, 300.0 * drawn, 80)).mean()
+    orders = stats.multinomial.logpmf(counts, 80, counts / 80)
+    (got,) = surrogate.log_likelihood(new[:1], np.array([300.0]))
+    assert got == pytest.approx(np.log(each) - orders, abs=0.02)
+
+
+def test_throws_that_gave_the_counts_are_recovered() -> None:
+    """The restitution of each of two materials, by dice that do not feel the height."""
+    rng, true, dice = np.random.default_rng(8), {"steel": 0.4, "plastic": 0.7}, []
+    for (material, restitution), i in product(true.items(), range(3)):
+        came = int(rng.binomial(1000, probability(0.15, restitution)))
+        dice.append(coin(f"flat {material} {i}", came, 1000 - came, material=material))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(table_posterior, "FINAL", (2**9, 2))
+        patch.setattr(table_posterior, "PILOT", (2**9, 2))
+        posterior = Posterior(dice, [], 32, 2000, 3, throw_known)
+    for material, restitution in true.items():
+        fitted, mean, deviation, low, high, before = posterior.parameters()[
+            f"restitution of {material}"
+        ]
+        assert low < restitution < high
+        assert abs(fitted - mean) < deviation < 0.4 * before
+        assert posterior.best_table(material).restitution == pytest.approx(fitted, abs=1e-3)
+
+
+@pytest.mark.parametrize("session", [None, "evening"])
+def test_leaving_a_die_out_is_a_fit_without_it(session: str | None) -> None:
+    dice = [coin("one", 160, 240, session=session), coin("two", 60, 40, session=session)]
+    posterior = Posterior(dice, [], 64, 2000, 3, throw_known)
+    refit = Posterior(
+        dice[:1], [replace(dice[1], counts=np.array([60, 40]))], 64, 2000, 5, throw_known
+    )
+    left_out, again = posterior.predict(1, without_own=True), refit.predict(1, without_own=False)
+    assert left_out.mean(axis=0) == pytest.approx(again.mean(axis=0), abs=0.02)
+    assert left_out.std(axis=0) == pytest.approx(again.std(axis=0), rel=0.15)
+    # Dice of one session share its hand, which one of them tells.
+    spread = posterior.predict(0, without_own=True).std(axis=0)[0]
+    assert spread > 0.2 if session is None else spread < 0.2
+
+
+def test_the_p_value_of_known_probabilities_is_that_of_the_likelihood_ratio() -> None:
+    throws, p = 30, 0.3
+    every = np.arange(throws + 1)
+    counts = np.stack([every, throws - every], axis=1)
+    rng = np.random.default_rng(0)
+    found = [p_value(one, np.array([[p, 1.0 - p]]), rng) for one in counts]
+    assert found[9] == 1.0
+    exact = stats.binomtest(15, throws, p).pvalue
+    assert found[15] == pytest.approx(exact, abs=0.03)
+
+
+@compiled_only
+def test_the_table_of_a_file_of_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mesh, whose equal outcomes are joined, and the folder of a run; the table that is written is
+    one for --table."""
+    for name, value in (("PILOT", (2**8, 4)), ("FINAL", (2**8, 4)), ("DRAWS", 2**8)):
+        monkeypatch.setattr(table_posterior, name, value)
+    probabilities = rest_poses(read_body(box_file(tmp_path))).probabilities
+    facets = [("xyz"[i], sign * np.eye(3)[i]) for i in range(3) for sign in (-1.0, 1.0)]
+    box_file(finished_run(tmp_path / "run", "xyz", [1 / 3] * 3, facets), name="die_plain.stl")
+    rows = [f"b,box.obj,{k},9,{p}" for k, p in zip("ABCDEF", probabilities, strict=True)]
+    rows += [f"c,run,{label},{count},0" for label, count in (("z", 5), ("x", 70), ("y", 30))]
+    throws = tmp_path / "throws.csv"
+    throws.write_text("\n".join(["die,mesh,outcome,throws,geometric", *rows]))
+    mesh, run = read_throws(throws)
+    assert (mesh.labels, mesh.counts.tolist()) == (["A or B", "C or D", "E or F"], [18] * 3)
+    assert (run.labels, run.counts.tolist()) == (["z", "x", "y"], [5, 70, 30])
+    for die in (mesh, run):
+        normals = die.poses.normals[die.outcome_of_rest == die.labels.index(die.labels[-1])]
+        assert len(normals) == 2
+        assert normals.sum(axis=0) == pytest.approx(np.zeros(3))
+    written = tmp_path / "mine.json"
+    given = ["table", "--throws", str(throws), "--check", "b", "--jobs", "1"]
+    assert main([*given, "--quick", "--drops", "5", "--to", str(written)]) == 0
+    table = load_table(str(written))
+    assert (table.name, table.source) == ("mine", "fitted to 105 throws of c")
+    drawn = mixture_tables(str(written))
+    assert len(drawn) == 32
+    assert all(least_of(one.height) >= 0.04 for one in drawn)
+    assert momentum_model(str(written)) is not None
+    assert main([*given, "--dice", "b"]) == main([*given, "--evaluations", "5"]) == 2
+    throws.write_text(throws.read_text().replace(str(probabilities[0]), "0.9"))
+    assert main(given) == 2
+
+
+def test_both_squares_of_a_cuboid_are_one_outcome() -> None:
+    """At a height of 1.44, one of its four other sides is about as probable as both squares."""
+    for height in (0.47, 0.93, 1.44, 1.6):
+        poses = rest_poses(box(1.0, 1.0, height))
+        is_square = np.abs(poses.normals[:, 2]) > 0.5
+        square = poses.probabilities[is_square].sum()
+        of_rest, group = match_outcomes("c", poses, np.array([square, 1.0 - square]))
+        assert (of_rest == np.where(is_square, group[0], group[1])).all()
+
+
+@compiled_only
+@pytest.mark.full
+def test_published_dice_are_consistent_with_board_game() -> None:
+    """And two of them not with the probabilities without momentum."""
+    tables, is_known = mixture_tables("board-game"), []
+    for die in read_throws(public_data("published/throws.csv"))[:4]:
+        # Each session has one table of the mixture.
+        counts = [throw_die((die, table, 1000, (12, k))) for k, table in enumerate(tables)]
+        probabilities = np.array([jeffreys_means(one) for one in counts])
+        assert p_value(die.counts, probabilities, np.random.default_rng(0)) > 0.01
+        resting = die.by_outcome(die.poses.probabilities)
+        is_known.append(chi_square(die.counts, resting / resting.sum()).p_value > 0.01)
+    assert is_known == [True, True, False, False]
