@@ -27,7 +27,7 @@ from benchmarks.table_posterior import CountedDie, Posterior, p_value, throw_die
 from dicedesign.errors import InputError, check_whole
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.rest.outcomes import facet_of_rest
+from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.results.folder import read_result
 from dicedesign.runtime.arrays import Floats, Integers
@@ -92,15 +92,14 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     with processes(options.jobs) as workers:
         throw = partial(workers.map, throw_die)
         posterior = Posterior(dice, others, evaluations, drops, options.seed, throw)
-        tables = [posterior.best_table(die.material) for die in every]
-        fresh = max(1, round(FRESH_PART * evaluations * drops))
+        fresh, best = round(FRESH_PART * evaluations * drops), posterior.best_table
         # No evaluation has this seed.
-        came = throw([(*pair, fresh, (options.seed,)) for pair in zip(every, tables, strict=True)])
+        came = throw([(die, best(die.material), fresh, (options.seed,)) for die in every])
     if options.to is not None:
         counts = ", ".join(f"{die.counts.sum()} throws of {die.name}" for die in dice)
         about = {"name": options.to.stem, "source": f"fitted to {counts}"}
         mixture = {"mixture": mixture_entries(posterior.draw_tables())}
-        options.to.write_text(json_text(tables[0].as_dict() | about | mixture))
+        options.to.write_text(json_text(best(dice[0].material).as_dict() | about | mixture))
     row = report.table(
         "parameters",
         "parameter 30s | fitted 8.3g | mean 8.3g | +- 8.2g | 90 % from 8.3g | to 8.3g | "
@@ -119,8 +118,8 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         # An outcome that never came up has no place in a test of two samples.
         both = np.array([die.counts, simulated])
         tests = (
-            chisquare(die.counts, die.counts.sum() * resting / resting.sum()),
-            chi2_contingency(both[:, both.any(axis=0)], correction=False),
+            *chisquare(die.counts, die.counts.sum() * resting / resting.sum()),
+            *chi2_contingency(both[:, both.any(axis=0)], correction=False)[:2],
         )
         by_all, by_others = (
             p_value(die.counts, posterior.predict(i, without_own=without), posterior.rng)
@@ -128,8 +127,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         )
         is_fitted = i < len(dice)
         is_good &= by_all > IMPOSSIBLE or not is_fitted
-        numbers = [number for test in tests for number in (test.statistic, test.pvalue)]
-        row(die.name, int(die.counts.sum()), *numbers, by_all if is_fitted else None, by_others)
+        row(die.name, int(die.counts.sum()), *tests, by_all if is_fitted else None, by_others)
     return is_good
 
 
@@ -172,17 +170,14 @@ def read_throws(path: Path) -> list[CountedDie]:
             body = read_body(run.plain_file)
             poses, group = rest_poses(body, np.array(run.center_of_mass)), np.arange(len(rows))
             facets = [(outcomes.index(o), n) for o, n in run.outcome_normals if o in outcomes]
-            shown, normals = zip(*facets, strict=True)
-            facet = facet_of_rest(poses.normals, np.array(normals))
-            of_rest = np.where(facet >= 0, np.array(shown)[facet], -1)
+            shown, normals = map(np.array, zip(*facets, strict=True))
+            of_rest = outcome_probabilities(poses, normals, shown).outcome_of_rest
         else:
             body, com = read_body(mesh), row.get("com")
             poses = rest_poses(body, np.array(com.split(), dtype=np.float64) if com else None)
             wanted = np.array([float(each["geometric"]) for each in rows])
             of_rest, group = match_outcomes(where, poses, wanted)
-        labels = [
-            " or ".join(np.array(outcomes)[group == one].tolist()) for one in range(max(group) + 1)
-        ]
+        labels = [" or ".join(np.array(outcomes)[group == one]) for one in range(max(group) + 1)]
         throws = [whole_count(where, each["throws"]) for each in rows]
         counts = np.bincount(group, throws).astype(np.int64)
         about = row.get("session", name), row.get("material", "")
@@ -227,16 +222,15 @@ def match_outcomes(where: str, poses: RestPoses, wanted: Floats) -> tuple[Intege
         return np.abs(np.bincount(of_rest, p, size) - wanted).max()
 
     is_far = joined[: len(p) - size, 2].max(initial=0.0) > SAME_REST_ANGLE
-    is_one_way = True
-    if (is_far or mismatch(of_rest) > MATCHED_PROBABILITIES) and size ** len(p) <= MAX_WAYS:
+    off = mismatch(of_rest)
+    if (is_far or off > MATCHED_PROBABILITIES) and size ** len(p) <= MAX_WAYS:
         ways = np.array(list(product(range(size), repeat=len(p))))
         ways = ways[[mismatch(way) <= SUM_ERROR for way in ways]]
         kinds = {tuple(sorted(zip(wanted[way], p.round(9), strict=True))) for way in ways}
         if kinds:
-            of_rest, is_one_way = ways[0], len(kinds) == 1
-    off = mismatch(of_rest)
+            of_rest, off = ways[0], mismatch(ways[0]) if len(kinds) == 1 else np.inf
     apart = -np.diff(wanted[order]) > max(off, EQUAL_PROBABILITIES)
-    if off > MATCHED_PROBABILITIES or not is_one_way or not apart.any():
+    if off > MATCHED_PROBABILITIES or not apart.any():
         raise InputError(
             f"{where}: expected rests with the geometric probabilities of the outcomes in one way, "
             f"got {', '.join(f'{one:.4f}' for one in p)}; correct them, or name the folder of the "

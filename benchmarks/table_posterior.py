@@ -191,8 +191,8 @@ up to 40 mm fit below half of the mean height."""
 class Prior(Limits):
     """Prior of the d parameters: `SURFACES` of each material, then `HANDS`."""
 
-    def __init__(self, materials: Sequence[str]) -> None:
-        self.materials = list(materials)
+    def __init__(self, materials: list[str]) -> None:
+        self.materials = materials
         surfaces = {
             f"{name} of {material}" if material else name: limits
             for material in materials
@@ -295,7 +295,7 @@ class Surrogate:
 
     def log_likelihood(self, points: Floats, concentration: Floats) -> Floats:
         """Log likelihood (m,) of the die's real counts at points (m, 5), without the number of
-        their orders, minus its largest possible value, averaged over the surrogate's uncertainty.
+        their orders, averaged over the surrogate's uncertainty.
         The average of each outcome over later ones takes the expected probability that it is one of
         these. concentration: (m,) A of the Dirichlet distribution of the probabilities.
 
@@ -312,8 +312,7 @@ class Surrogate:
         each = -_log_rising(whole, kinds.sum(axis=0))
         for count, part in zip(kinds, (expit(z), expit(-z)), strict=True):
             each = each + _log_rising(whole * part, count)
-        best = xlogy(counts, counts / counts.sum()).sum()
-        return logsumexp(each, axis=2, b=weights / weights.sum()).sum(axis=1) - best
+        return logsumexp(each, axis=2, b=weights / weights.sum()).sum(axis=1)
 
     def by_session(self, prior: Prior, points: Floats, sessions: Floats) -> Floats:
         """Log likelihoods (n, k) of the die's counts in sessions (k, 3) at points (n, d)."""
@@ -384,9 +383,8 @@ def sample_posterior(
     log_likelihoods: Callable[[Floats], Floats],
     dimensions: int,
     each: int,
+    left_out: int,
     rng: np.random.Generator,
-    *,
-    leave_one_out: bool,
 ) -> WeightedPoints:
     """Sample a posterior by adaptive importance sampling.
 
@@ -397,6 +395,7 @@ def sample_posterior(
 
     log_likelihoods: function of points (n, d) with values as in `WeightedPoints`.
     each: points for each proposal distribution, a power of 2.
+    left_out: number of counts of which each is to be left out.
 
     Source: Veach and Guibas, Optimally combining sampling techniques for Monte Carlo rendering,
     1995 (the balance heuristic).
@@ -408,9 +407,7 @@ def sample_posterior(
     while not is_last:
         is_enough = effective(sample.weights()) >= MIN_EFFECTIVE
         is_last = bool(proposals) and (is_enough or len(proposals) == MAX_ROUNDS)
-        every = range(sample.log_likelihoods.shape[1])
-        columns = every if is_last and leave_one_out else [0]
-        new = [_propose(sample, column, rng) for column in columns]
+        new = [_propose(sample, column, rng) for column in range(1 + left_out * is_last)]
         proposals += new
         # Points at the border of the cube have no weight anyway.
         drawn = expit(np.concatenate([proposal.rvs(each) for proposal in new]))
@@ -489,9 +486,8 @@ class Posterior:
             self.fitted = self.surrogates[: len(dice)]
             count, sessions = PILOT if size else FINAL
             likelihoods = partial(log_likelihoods, prior, self.fitted, draw_sessions(sessions, rng))
-            self.sample = sample_posterior(
-                likelihoods, len(prior.least), count, rng, leave_one_out=not size
-            )
+            left_out = 0 if size else len(dice)
+            self.sample = sample_posterior(likelihoods, len(prior.names), count, left_out, rng)
             if size:
                 hands, drawn = draw_sessions(size, rng), self.sample.draw(size, rng)
                 for i, die in enumerate(every):
