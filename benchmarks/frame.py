@@ -188,14 +188,12 @@ def record(report: Report, arguments: str) -> None:
 def run_all(*, quick: bool) -> int:
     """Run again each command that made recorded tables, and record them; or run the commands at the
     top of docs/numbers.md in short form. 1 or 2 where one of them is not as it should be."""
-    tables = json.loads(RECORDED.read_text()).values()
-    commands = dict.fromkeys(table["command"] for table in tables)
+    commands = [table["command"] for table in json.loads(RECORDED.read_text()).values()]
     if quick:
         page = RECORDED.parents[1] / "docs" / "numbers.md"
-        text = page.read_text(encoding="utf-8")
-        commands = dict.fromkeys(re.findall("^python -m benchmarks .*", text, re.MULTILINE))
+        commands = re.findall("^python -m benchmarks .*", page.read_text(), re.MULTILINE)
     codes = []
-    for command in commands:
+    for command in dict.fromkeys(commands):
         print(f"\n{command}", flush=True)
         paths = [sorted(glob(word)) or [word] for word in shlex.split(command)[3:]]
         codes.append(main([*chain(*paths), "--quick" if quick else "--record"]))

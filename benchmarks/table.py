@@ -17,6 +17,7 @@ import csv
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
@@ -86,7 +87,6 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     evaluations = options.evaluations or (MIN_EVALUATIONS if options.quick else 256)
     drops = options.drops or (50 if options.quick else 2000)
     check_whole("evaluations", evaluations, MIN_EVALUATIONS)
-    check_whole("drops", drops)
     dice, others = read_dice(options)
     every = [*dice, *others]
     with processes(options.jobs) as workers:
@@ -97,9 +97,12 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         came = throw([(die, best(die.material), fresh, (options.seed,)) for die in every])
     if options.to is not None:
         counts = ", ".join(f"{die.counts.sum()} throws of {die.name}" for die in dice)
-        about = {"name": options.to.stem, "source": f"fitted to {counts}"}
-        mixture = {"mixture": mixture_entries(posterior.draw_tables())}
-        options.to.write_text(json_text(best(dice[0].material).as_dict() | about | mixture))
+        about = {
+            "name": options.to.stem,
+            "source": f"fitted to {counts}",
+            "mixture": mixture_entries(posterior.draw_tables()),
+        }
+        options.to.write_text(json_text(best(dice[0].material).as_dict() | about))
     row = report.table(
         "parameters",
         "parameter 30s | fitted 8.3g | mean 8.3g | +- 8.2g | 90 % from 8.3g | to 8.3g | "
@@ -125,9 +128,9 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             p_value(die.counts, posterior.predict(i, without_own=without), posterior.rng)
             for without in (False, True)
         )
-        is_fitted = i < len(dice)
-        is_good &= by_all > IMPOSSIBLE or not is_fitted
-        row(die.name, int(die.counts.sum()), *tests, by_all if is_fitted else None, by_others)
+        by_all = by_all if i < len(dice) else None
+        is_good &= by_all is None or by_all > IMPOSSIBLE
+        row(die.name, int(die.counts.sum()), *tests, by_all, by_others)
     return is_good
 
 
@@ -151,7 +154,7 @@ def read_dice(options: argparse.Namespace) -> tuple[list[CountedDie], list[Count
 
 def read_throws(path: Path) -> list[CountedDie]:
     """Dice of a file of counts; those in `PUBLISHED` have their materials and centers of mass."""
-    of_die: dict[str, list[dict[str, str]]] = {}
+    of_die: dict[str, list[Any]] = {}
     for row in csv.DictReader(read_text(path, "a CSV file of throws").splitlines()):
         if not row.keys() >= {"die", "mesh", "outcome", "throws"} or None in row.values():
             raise InputError(

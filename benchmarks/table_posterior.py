@@ -402,7 +402,7 @@ def sample_posterior(
     """
     points = spread_points(dimensions, each, rng)
     sample = WeightedPoints(points, np.zeros(len(points)), log_likelihoods(points))
-    proposals: list[Any] = []
+    proposals = []
     is_last = False
     while not is_last:
         is_enough = effective(sample.weights()) >= MIN_EFFECTIVE
@@ -470,7 +470,7 @@ class Posterior:
         self.prior = prior = Prior(list(dict.fromkeys(die.material for die in every)))
         sets, counts = (
             [spread_points(5, first, rng)] * len(every),
-            [list[Integers]() for _ in every],
+            [[] for _ in every],
         )
         rounds = np.array_split(np.arange(first, evaluations), ROUNDS)
         for size in (*map(len, rounds), 0):
@@ -541,9 +541,8 @@ class Posterior:
         """Value in the fitted set, mean, standard deviation, ends of the 90 % credible interval,
         and standard deviation of the prior, of each parameter."""
         drawn = self.prior.values(self.sample.draw(2**14, self.rng))
-        evenly = np.linspace(0.0, 1.0, DRAWS)[:, None] + np.zeros(drawn.shape[1])
         moments = drawn.mean(axis=0), drawn.std(axis=0), *np.quantile(drawn, [0.05, 0.95], axis=0)
-        before = self.prior.values(evenly).std(axis=0)
+        before = self.prior.values(self.rng.random(drawn.shape)).std(axis=0)
         rows = np.transpose([self.prior.values(self.best), *moments, before])
         return dict(zip(self.prior.names, rows, strict=True))
 
