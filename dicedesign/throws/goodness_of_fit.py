@@ -75,12 +75,8 @@ def chi_square(counts: ArrayLike, probabilities: ArrayLike) -> ChiSquareTest:
         return ChiSquareTest(math.inf, int(possible.sum()), 0.0)
     expected = came.sum() * p[possible]
     statistic = float((np.square(came[possible] - expected) / expected).sum())
-    return _chi_square_test(statistic, int(possible.sum()) - 1)
-
-
-def _chi_square_test(statistic: float, degrees: int) -> ChiSquareTest:
-    p_value = float(chdtrc(degrees, statistic)) if degrees else 1.0
-    return ChiSquareTest(statistic, degrees, p_value)
+    degrees = int(possible.sum()) - 1
+    return ChiSquareTest(statistic, degrees, float(chdtrc(degrees, statistic)) if degrees else 1.0)
 
 
 def exact_multinomial(counts: ArrayLike, probabilities: ArrayLike) -> MultinomialTest:
