@@ -18,7 +18,7 @@ from scipy.special import expit, logit, xlogy
 
 from benchmarks import table_posterior
 from benchmarks.frame import main
-from benchmarks.table import match_outcomes, read_throws
+from benchmarks.table import read_throws
 from benchmarks.table_posterior import (
     CountedDie,
     Posterior,
@@ -118,20 +118,25 @@ def test_leaving_a_die_out_is_a_fit_without_it(monkeypatch: pytest.MonkeyPatch) 
 
 @compiled_only
 def test_the_table_of_a_file_of_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mesh, whose equal outcomes are joined, and the folder of a run. The table is one for
-    --table."""
+    """Of a mesh, whose outcomes have several faces and may be equal, and the folder of a run. The
+    table is one for --table."""
     for name, value in (("PILOT", (2**8, 4)), ("FINAL", (2**8, 4)), ("DRAWS", 2**8)):
         monkeypatch.setattr(table_posterior, name, value)
-    probabilities = rest_poses(read_body(box_file(tmp_path))).probabilities
+    poses = rest_poses(read_body(box_file(tmp_path, (1.0, 1.0, 1.6))))
+    is_square = np.abs(poses.normals[:, 2]) > 0.5
+    square = poses.probabilities[is_square].sum()
     facets = [("xyz"[i], sign * np.eye(3)[i]) for i in range(3) for sign in (-1.0, 1.0)]
     box_file(finished_run(tmp_path / "run", "xyz", [1 / 3] * 3, facets), name="die_plain.stl")
-    rows = [f"b,box.obj,{k},9,{p}" for k, p in zip("ABCDEF", probabilities, strict=True)]
-    rows += [f"c,run,{label},{count},0" for label, count in (("z", 5), ("x", 70), ("y", 30))]
+    rows = [f"b,box.obj,{k},9,{(1.0 - square) / 2.0}" for k in "st"]
+    rows += [f"b,box.obj,square,4,{square}", "c,run,z,5,", "c,run,x,70,", "c,run,y,30,"]
     throws = tmp_path / "throws.csv"
     throws.write_text("\n".join(["die,mesh,outcome,throws,geometric", *rows]))
     mesh, run = read_throws(throws)
-    assert (mesh.labels, mesh.counts.tolist()) == (["A or B", "C or D", "E or F"], [18] * 3)
+    assert (mesh.labels, mesh.counts.tolist()) == (["s or t", "square"], [18, 4])
+    assert ((mesh.outcome_of_rest == 1) == is_square).all()
     assert (run.labels, run.counts.tolist()) == (["z", "x", "y"], [5, 70, 30])
+    axes = np.abs(run.poses.normals).argmax(axis=1)
+    assert run.outcome_of_rest.tolist() == [(1, 2, 0)[axis] for axis in axes]
     written = tmp_path / "mine.json"
     given = ["table", "--throws", str(throws), "--check", "b", "--jobs", "1"]
     assert main([*given, "--quick", "--drops", "5", "--to", str(written)]) == 0
@@ -141,16 +146,6 @@ def test_the_table_of_a_file_of_counts(tmp_path: Path, monkeypatch: pytest.Monke
     assert len(mixture_tables(str(written))) == 32
     assert momentum_model(str(written)) is not None
     assert main([*given, "--dice", "b"]) == main([*given, "--evaluations", "5"]) == 2
-
-
-def test_both_squares_of_a_cuboid_are_one_outcome() -> None:
-    """At a height of 1.44, one of its four other sides is about as probable as both squares."""
-    for height in (0.47, 0.93, 1.44, 1.6):
-        poses = rest_poses(box(1.0, 1.0, height))
-        is_square = np.abs(poses.normals[:, 2]) > 0.5
-        square = poses.probabilities[is_square].sum()
-        of_rest, group = match_outcomes("c", poses, np.array([square, 1.0 - square]))
-        assert (of_rest == np.where(is_square, group[0], group[1])).all()
 
 
 @compiled_only
