@@ -155,7 +155,7 @@ def test_published_dice_are_consistent_with_board_game() -> None:
     tables, is_known = mixture_tables("board-game"), []
     for die in read_throws(public_data("published/throws.csv"))[:4]:
         # Each session has one table of the mixture.
-        counts = [throw_die((die, table, 1000, (12, k))) for k, table in enumerate(tables)]
+        counts = [throw_die((die, table, 300, (12, k))) for k, table in enumerate(tables)]
         probabilities = np.array([jeffreys_means(one) for one in counts])
         assert p_value(die.counts, probabilities, np.random.default_rng(0)) > 0.01
         resting = die.by_outcome(die.poses.probabilities)
