@@ -191,7 +191,7 @@ def run_all(*, quick: bool) -> int:
     commands = [table["command"] for table in json.loads(RECORDED.read_text()).values()]
     if quick:
         page = RECORDED.parents[1] / "docs" / "numbers.md"
-        commands = re.findall("^python -m benchmarks .*", page.read_text(), re.MULTILINE)
+        commands = re.findall("^python -m benchmarks .*", page.read_text(encoding="utf-8"), re.M)
     codes = []
     for command in dict.fromkeys(commands):
         print(f"\n{command}", flush=True)

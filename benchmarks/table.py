@@ -17,7 +17,6 @@ import csv
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
@@ -154,7 +153,7 @@ def read_dice(options: argparse.Namespace) -> tuple[list[CountedDie], list[Count
 
 def read_throws(path: Path) -> list[CountedDie]:
     """Dice of a file of counts; those in `PUBLISHED` have their materials and centers of mass."""
-    of_die: dict[str, list[Any]] = {}
+    of_die: dict[str, list[dict]] = {}
     for row in csv.DictReader(read_text(path, "a CSV file of throws").splitlines()):
         if not row.keys() >= {"die", "mesh", "outcome", "throws"} or None in row.values():
             raise InputError(

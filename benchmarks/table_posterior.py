@@ -141,7 +141,7 @@ class CountedDie:
     labels: Sequence[str]
     counts: Integers
     session: str
-    material: str = ""
+    material: str
 
     def by_outcome(self, rests: NDArray[Any]) -> NDArray[Any]:
         """Sums (g,) of values (k,) over the rests of each outcome."""
@@ -338,7 +338,7 @@ def log_likelihoods(
     by_hand = np.stack([one.by_session(prior, points, sessions) for one in surrogates])
     names = np.array([one.die.session for one in surrogates])
 
-    def total(is_in: NDArray[np.bool_]) -> Floats:
+    def total(is_in: NDArray[Any]) -> Floats:
         sums = [by_hand[is_in & (names == name)].sum(axis=0) for name in set(names)]
         return (logsumexp(sums, axis=2) - np.log(len(sessions))).sum(axis=0)
 
@@ -454,7 +454,7 @@ class Posterior:
         evaluations: int,
         drops: int,
         seed: int,
-        throw: Callable[[Sequence[Throw]], Iterable[Integers]],
+        throw: Callable[..., Iterable[Integers]],
     ) -> None:
         """Sets of restitution, friction and a session's throws are simulated, first over all of
         them and then over the posterior of each material, and interpolated by surrogates. The
@@ -463,7 +463,7 @@ class Posterior:
         neighboring sets, since bounces separate equal throws.
 
         evaluations: number of simulated sets; drops: of each die for each set.
-        throw: simulates several throws; see `throw_die`.
+        throw: simulates several throws, each as `throw_die`.
         """
         every, first = [*dice, *others], round(FIRST * evaluations)
         self.rng = rng = np.random.default_rng(seed)
