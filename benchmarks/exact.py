@@ -237,18 +237,17 @@ def make_concave(recipe: Recipe) -> tuple[object, ...]:
 
 @dataclass(frozen=True)
 class RatedDie:
-    """A die with its measure of looks, largest |p - q| in double precision, point group, and
-    seconds of its design."""
+    """A die with its measure of looks, largest |p - q| in double precision, and seconds of its
+    design."""
 
     hull: ConvexHull
     looks: float
     error: float
-    symmetry: str
     seconds: float
 
 
 def compare_looks(options: argparse.Namespace, report: Report) -> bool:
-    """A row for each target, then the medians; whether the chosen dice are as good."""
+    """Medians over the targets; whether the chosen dice are as good."""
     targets = {text: text for text in TYPED_TARGETS}
     targets |= {f"random {seed}": random_target(seed) for seed in range(1, RANDOM_TARGETS + 1)}
     names = list(targets)[:: 12 if options.quick else 1]
@@ -256,14 +255,6 @@ def compare_looks(options: argparse.Namespace, report: Report) -> bool:
     with processes(options.jobs) as workers:
         plain = workers.map(rate_die, texts, repeat("none"))
         pairs = list(zip(plain, workers.map(rate_die, texts, repeat("auto")), strict=True))
-    row = report.table(
-        "looks of each",
-        "target 14s | without 8.4f | s 6.2f | chosen 8.4f | s to choose 6.2f | symmetry 8s | "
-        "max |p - q| 8.1e",
-    )
-    for name, (before, after) in zip(names, pairs, strict=True):
-        numbers = (before.looks, before.seconds, after.looks, after.seconds)
-        row(name, *numbers, after.symmetry, max(before.error, after.error))
     row = report.table(
         "looks",
         "dice 8d | without 8.3f | chosen 8.3f | s 6.2f | s to choose 6.2f | 90 % s 6.2f | "
@@ -300,7 +291,7 @@ def rate_die(text: str, symmetry: str) -> RatedDie:
     work = make_die(parse_recipe({**entries, "target": parse_target(text)}))
     seconds = time.perf_counter() - start
     looks = rate_looks(work.die.hull, work.die.directions).measure
-    return RatedDie(work.die.hull, looks, work.design_error, work.die.symmetry or "none", seconds)
+    return RatedDie(work.die.hull, looks, work.design_error, seconds)
 
 
 def draw_dice(names: Sequence[str], pairs: Sequence[tuple[RatedDie, RatedDie]]) -> Any:

@@ -4,7 +4,7 @@ A bench is a module of this folder that `BENCHES` names. The first line of its d
 it measures, the rest is the description of `--help`. It has `run(options, report)`, which returns
 whether all is as it should be, and may have `add_options(parser)` for options beside `--quick`,
 `--json`, `--jobs`, `--out` and `--record`. `python -m benchmarks all` runs again whatever made the
-tables in `RECORDED`, which the pages of docs/ show.
+tables in `RECORDED`, which the pages of docs/ show; with --quick it runs every bench in short form.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
+from glob import glob
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from multiprocessing import TimeoutError as NoAnswer
 from multiprocessing import get_context
 from pathlib import Path
@@ -48,6 +50,7 @@ BENCHES = (
     "speed",
     "stability",
     "starts",
+    "table",
     "thrown",
     "train",
 )
@@ -135,8 +138,8 @@ def parser_of(name: str | None) -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Run a bench: exit code 0 where all is as it should be, 1 where not, 2 for bad input."""
-    if list(arguments) == ["all"]:
-        return make_all_anew()
+    if list(arguments) in (["all"], ["all", "--quick"]):
+        return run_all(quick=len(arguments) > 1)
     name = arguments[0] if arguments and arguments[0] in BENCHES else None
     options = parser_of(name).parse_args(arguments)
     report = Report(show=not options.json)
@@ -182,16 +185,19 @@ def record(report: Report, arguments: str) -> None:
     subprocess.run([sys.executable, str(rewrite)], check=True)
 
 
-def make_all_anew() -> int:
-    """Run again each command that made recorded tables; 1 where one of them is not as it should
-    be."""
-    commands = {table["command"]: None for table in json.loads(RECORDED.read_text()).values()}
+def run_all(*, quick: bool) -> int:
+    """Run again each command that made recorded tables, and record them; or run the commands at the
+    top of docs/numbers.md in short form. 1 or 2 where one of them is not as it should be."""
+    commands = [table["command"] for table in json.loads(RECORDED.read_text()).values()]
+    if quick:
+        page = RECORDED.parents[1] / "docs" / "numbers.md"
+        commands = re.findall("^python -m benchmarks .*", page.read_text(encoding="utf-8"), re.M)
     codes = []
-    for command in commands:
+    for command in dict.fromkeys(commands):
         print(f"\n{command}", flush=True)
-        arguments = shlex.split(command)[3:]
-        codes.append(main([*arguments, "--record"]))
-    return max(codes, default=0)
+        paths = [sorted(glob(word)) or [word] for word in shlex.split(command)[3:]]
+        codes.append(main([*chain(*paths), "--quick" if quick else "--record"]))
+    return max(codes)
 
 
 def _add_options(parser: argparse.ArgumentParser, module: ModuleType) -> None:

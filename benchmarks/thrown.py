@@ -8,7 +8,7 @@ random dice that the momentum model was not fitted to, three quarters random pol
 designed, and compare how often each rest comes up with its probabilities without momentum and by
 the model. `simulators`: throw dice in the package's own simulator, with a half and a quarter of its
 time step, and in others that are installed. `contacts`: impacts of single vertices in each
-simulator against closed forms, and its throws per second. Other numbers are total variations; the
+simulator against closed forms. Other numbers are total variations; the
 floor is the mean of right probabilities. Exits 1 where a die by its own method does not converge,
 or its throws are further from the target than the recipe's refine.within (of other dice: 0.01) and
 chance is not the reason.
@@ -20,17 +20,14 @@ import argparse
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from statistics import median
-from typing import Any
 
 import numpy as np
-import torch
 from scipy.sparse.csgraph import connected_components
 
 from benchmarks.frame import (
@@ -40,7 +37,6 @@ from benchmarks.frame import (
     panels,
     processes,
     read_recipes,
-    time_in_turn,
     with_method,
 )
 from benchmarks.random_dice import (
@@ -57,12 +53,10 @@ from dicedesign import (
     InputError,
     Recipe,
     Table,
-    evaluate_rests,
     load_table,
     rigid_body,
 )
 from dicedesign.extensions import ENGINES, Engine
-from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Integers
@@ -70,7 +64,6 @@ from dicedesign.throws.bias import measure_tables
 from dicedesign.throws.distances import measure_variation, total_variation
 from dicedesign.throws.engines import ThrowStates, throw_states
 from dicedesign.throws.momentum_model import momentum_model, table_measures
-from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody, release_states
 from dicedesign.throws.simulation import DieOnTable
 from dicedesign.throws.tables import mixture_tables
@@ -106,12 +99,6 @@ RESTITUTIONS = (0.0, 0.25, 0.5, 0.75, 0.95)
 
 NEEDLE_ANGLES = (0.35, 0.8, -0.8)
 """Of a needle that hits the table with one end, to the vertical, in radians."""
-
-CUBOID = np.array(list(product((-1.0, 1.0), (-1.15, 1.15), (-1.3, 1.3))))
-"""Corners of the die whose throws are timed."""
-
-SLOW_PART = 0.02
-"""Part of the throws that is timed of simulators other than the package's own."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -244,24 +231,6 @@ def judge_model(options: argparse.Namespace, workers: Executor, report: Report) 
         pairs = zip(thrown, variations, strict=True)
         if alike := [one for die, one in pairs if kind in ("all", die.die.kind)]:
             row(kind, *summary(alike))
-    times = []
-    for one in thrown:
-        poses = one.die.poses
-        is_uniform = poses.center_of_mass_source == "uniform solid hull"
-        center = None if is_uniform else torch.from_numpy(poses.center_of_mass)
-        rests = evaluate_rests(torch.from_numpy(poses.hull.vertices), center)
-        # It keeps what it has computed.
-        rests.probability_values.sum()
-        works: list[Callable[[], Any]] = [
-            partial(momentum_probabilities, poses, one.die.body, model),
-            partial(ThrowProbabilities.on(options.table).jacobian, rests),
-        ]
-        times.append(time_in_turn(works, 0.0, rounds=3, row=2e-3))
-    probabilities, jacobian = (median(column) for column in zip(*times, strict=True))
-    report.record["seconds"] = {"probabilities": probabilities, "jacobian": jacobian}
-    report.line(
-        f"\nmedians: probabilities {1e3 * probabilities:.3f} ms, Jacobian {1e3 * jacobian:.3f} ms"
-    )
     if options.out is not None:
         report.figure, (axis,) = panels(1, 1, (8.0, 4.5))
         geometric, momentum, floor = np.transpose(sorted(variations))
@@ -386,7 +355,6 @@ def compare_contacts(options: argparse.Namespace, report: Report) -> None:
             )
             worst, mean = errors.max(axis=0), errors.mean(axis=0)
             row(engine.title, name, len(errors), worst[0], mean[0], worst[1], mean[1])
-    time_throws(engines, options, report)
 
 
 def impacts(is_quick: bool) -> Iterator[tuple[np.ndarray, float, float]]:
@@ -405,27 +373,3 @@ def deviation(engine: Engine, strike: Strike) -> tuple[float, float]:
     impulse = STRIKES[engine.name](strike)
     bounce = strike.response[2] @ (impulse - wanted) / -strike.velocity[2]
     return abs(float(bounce)), abs(float(impulse[0] - wanted[0])) / wanted[2]
-
-
-def time_throws(engines: list[Engine], options: argparse.Namespace, report: Report) -> None:
-    """Throws of a cuboid per second on one core, in turn."""
-    table, body = load_table(options.table), rigid_body(CUBOID)
-    drops = options.drops or (500 if options.quick else 5_000)
-    counts = [
-        drops if engine.name == "native" else max(int(SLOW_PART * drops), 1) for engine in engines
-    ]
-    works = [
-        partial(
-            engine.throw_states,
-            body,
-            table,
-            release_states(body, table, count, np.random.default_rng(0)),
-        )
-        for engine, count in zip(engines, counts, strict=True)
-    ]
-    seconds = time_in_turn(works, 0.0, rounds=3, row=2e-3)
-    row = report.table("speed of throws", "engine 9s | throws/s 8.0f | of native 9.2f")
-    rates = [count / each for count, each in zip(counts, seconds, strict=True)]
-    named = dict(zip([engine.name for engine in engines], rates, strict=True))
-    for engine, rate in zip(engines, rates, strict=True):
-        row(engine.title, rate, rate / named.get("native", np.nan))

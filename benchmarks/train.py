@@ -80,7 +80,7 @@ WIDEST = TableRange(np.array([0.0, 0.02, 1.0, 0.0, 0.0]), np.array([0.95, 10.0, 
 """What can be thrown at all."""
 
 GENERAL = TableRange(np.array([0.0, 0.05, 1.2, 0.0, 0.0]), np.array([0.9, 1.5, 32.0, 6.0, 9.0]))
-"""What the model of all tables is learned on; covers what `dicedesign table fit` searches."""
+"""What the model of all tables is learned on; covers what the bench `table` searches."""
 
 NEAR = 0.3
 """How far the range around a table reaches, in scaled numbers: restitutions 0.12 higher and lower,

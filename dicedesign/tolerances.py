@@ -120,10 +120,6 @@ LEAST_MM: Final = 1e-3
 MOST_MM: Final = 1000.0
 """Most largest distance between two corners of a solid, in millimeters."""
 
-MATCHED_PROBABILITIES: Final = 0.02
-"""Largest difference between the given geometric probabilities of outcomes and the probabilities of
-the rests of a mesh that they are matched with: files of printed dice differ from publications."""
-
 NEAR_ANTIPODE: Final = 0.05
 """The area of a basin is measured from its rest's normal unless its border comes nearer to the
 antipode than this, as 1 + cosine: some 18 degrees."""

@@ -415,45 +415,6 @@ class RollsArguments(WithJson):
 
 
 @dataclass
-class TableArguments(WithJson, WithWorkers):
-    help_text = """Fit a table's throw parameters to counts of real dice.
-
-    Fits restitution and friction of each material, throws of each session, and scatter. Predicts
-    each die from the others. The file is of the first die's material and a new session, or the only
-    one; of several, each with a name has its own. Exit code 1: no table explains some counts.
-
-    Options:
-    action: the word fit
-    throws (CSV): one line per outcome: columns die, mesh (file, or folder written by `dicedesign
-        run`, relative to the CSV), outcome, throws; for mesh files also geometric (probability
-        without momentum); optional com (x y z), size_mm, session (default: one a die), material
-    rolls (FOLDER ROLLS.csv): a folder written by `dicedesign run`, and throws as for `dicedesign
-        rolls`; may be repeated
-    dice (NAME,...): fit to these dice of the file (default: all)
-    check (NAME,...): predict these dice of the file without fitting to them
-    die (FOLDER): predict throws of this die, and their total variation from its target
-    evaluations (N): parameter sets to simulate (default: 256)
-    drops (N): drops per die and parameter set (default: 2000); the test takes a twelfth of all
-    seed (S): random seed (default: 0)
-    jobs (J): parallel tasks (default: one per core or cluster thread); does not change the results
-    out (TABLE.json): table file to write; repeat the command to resume
-
-    Example: dicedesign table fit --throws throws.csv --out my_table.json"""
-
-    action: Literal["fit"]
-    _: KW_ONLY
-    throws: Path | None = None
-    rolls: tuple[tuple[Path, Path], ...] = ()
-    dice: str | None = None
-    check: str | None = None
-    die: Path | None = None
-    evaluations: int = 256
-    drops: int = 2000
-    seed: int = 0
-    out: Path | None = None
-
-
-@dataclass
 class ViewArguments(Command):
     help_text = """View and edit a body or a die in the browser.
 

@@ -34,7 +34,6 @@ from dicedesign.cli.commands import (
     RunArguments,
     ScatterArguments,
     SweepArguments,
-    TableArguments,
     ThrowArguments,
     ViewArguments,
 )
@@ -55,7 +54,6 @@ COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
     "balance": (BalanceArguments, "meshes:balance"),
     "throw": (ThrowArguments, "throws:throw"),
     "rolls": (RollsArguments, "rolls:judge_rolls"),
-    "table": (TableArguments, "table_fit:fit"),
     "view": (ViewArguments, "dice:view"),
 }
 """Arguments of each subcommand, and the "module:function" of this folder that runs it."""
@@ -222,9 +220,6 @@ def _add_options(parser: argparse.ArgumentParser, kind: type[Command]) -> None:
         elif get_origin(value) is tuple:
             value = get_args(value)[0]
             settings |= {"action": "append"} if field.kw_only else {"nargs": "+"}
-            if parts := get_args(value):
-                value, settings["nargs"] = parts[0], len(parts)
-                settings["metavar"] = tuple((metavar or "").split())
             settings = {"type": value, "metavar": metavar} | settings
         elif get_args(value):
             settings["choices"] = get_args(value)
@@ -236,6 +231,6 @@ def _add_options(parser: argparse.ArgumentParser, kind: type[Command]) -> None:
             settings["required"] = field.default is MISSING
             name = "--" + name.replace("_", "-")
         if field.default is MISSING:
-            usage.append(f"{name} {metavar}" if field.kw_only else metavar or "fit")
+            usage.append(f"{name} {metavar}" if field.kw_only else metavar or "")
         (group if field.name in kind.one_of else parser).add_argument(name, **settings)
     parser.usage = " ".join(usage)

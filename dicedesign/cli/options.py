@@ -127,14 +127,6 @@ def text_table(*columns: tuple[str, str, Iterable[object] | None]) -> str:
     return "\n".join("  ".join(row).rstrip() for row in zip(*texts, strict=True))
 
 
-def columns_of(
-    rows: Iterable[Mapping[str, Any]], *columns: tuple[str, str, str]
-) -> list[tuple[str, str, list[Any]]]:
-    """Columns of `text_table`: name and format, and the values of a key of each row."""
-    rows = list(rows)
-    return [(name, form, [row[key] for row in rows]) for name, form, key in columns]
-
-
 def plain_rows(columns: Mapping[str, Iterable[object] | None]) -> list[dict[str, Any]]:
     """Rows of a table as mappings of plain data; columns that are None are skipped."""
     values = {

@@ -1,4 +1,4 @@
-"""Outcomes of rests, for every kind of die; and rests of outcomes that were counted.
+"""Outcomes of rests, for every kind of die.
 
 An outcome has a direction that is meant to be down, or one for each of its faces. The own rest of a
 face is the most probable one within `SAME_REST_ANGLE` of its direction. Every rest within this
@@ -8,18 +8,16 @@ several: a facet that broke in two still looks like one. All other rests are els
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import angle_between, norms
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import EQUAL_PROBABILITIES, MATCHED_PROBABILITIES, SAME_REST_ANGLE
+from dicedesign.tolerances import SAME_REST_ANGLE
 
 
 @dataclass(frozen=True)
@@ -160,20 +158,6 @@ def border_margins(poses: RestPoses) -> Floats:
     return margins
 
 
-@dataclass(frozen=True)
-class OutcomeGroups:
-    """Groups of outcomes that cannot be distinguished.
-
-    Attributes
-    ----------
-    members: of each of g groups, the places of its outcomes in the list that was matched.
-    group_of_rest: (k,) group that each rest belongs to; -1 where it shows no outcome.
-    """
-
-    members: tuple[tuple[int, ...], ...]
-    group_of_rest: Integers
-
-
 def facet_of_rest(normals: Floats, shown: Floats, within: float = SAME_REST_ANGLE) -> Integers:
     """(k,) the facet of each rest: the nearest one, or -1 if its normal is farther from the rest's
     than an angle in radians. normals: (k, 3) of the rests; shown: (f, 3) of the facets."""
@@ -191,139 +175,3 @@ def sums_by_outcome(
     shown = outcome_of_rest >= 0
     np.add.at(sums, outcome_of_rest[shown], of_rests[shown])
     return sums
-
-
-def match_by_normals(normals: Floats, shown: Floats, outcomes: Sequence[int]) -> OutcomeGroups:
-    """Groups of one outcome each, from the facets that are known to show them; see
-    `facet_of_rest`.
-
-    Parameters
-    ----------
-    normals: (k, 3) of the rests; shown: (f, 3) of the facets, f >= 1.
-    outcomes: (f,) place of the outcome that each facet shows, each place at least once.
-    """
-    facets = facet_of_rest(normals, shown)
-    group_of_rest = np.where(facets >= 0, np.asarray(outcomes, dtype=np.int64)[facets], -1)
-    return OutcomeGroups(tuple((i,) for i in range(max(outcomes) + 1)), group_of_rest)
-
-
-def match_by_probability(
-    name: str, normals: Floats, probabilities: Floats, wanted: ArrayLike
-) -> OutcomeGroups:
-    """Groups of outcomes that are known only by their probabilities without momentum.
-
-    Rests with the closest normals are joined until there is one for each outcome: a facet that
-    broke in two still looks like one. The most probable outcome is the most probable rest, and so
-    on. If that does not fit, or joins rests more than `SAME_REST_ANGLE` apart, an outcome may have
-    several faces, and rests are joined whose probabilities have the sum of their outcome's, if
-    there are such. Outcomes whose probabilities differ by no more than the largest mismatch cannot
-    be distinguished, and form one group.
-
-    Parameters
-    ----------
-    name: of the die, for messages.
-    normals: (k, 3) of the rests; probabilities: (k,) of theirs.
-    wanted: (n,) probabilities of the outcomes, n >= 1.
-
-    Raises
-    ------
-    InputError: the die has fewer rests than outcomes, an outcome's probabilities are farther from
-        its rests' than `MATCHED_PROBABILITIES`, or no two outcomes can be distinguished.
-    """
-    given = np.asarray(wanted, dtype=np.float64)
-    if len(probabilities) < len(given):
-        raise InputError(
-            f"{name}: expected at least as many rests as outcomes, got {len(probabilities)} rests "
-            f"for {len(given)} outcomes; correct the mesh or join outcomes"
-        )
-    part, widest = np.arange(len(normals)), 0.0
-    angles = angle_between(normals[:, None], normals[None])
-    for _ in range(len(normals) - len(given)):
-        between = np.where(part[:, None] != part[None], angles, np.inf)
-        i, j = np.unravel_index(int(between.argmin()), between.shape)
-        part[part == part[j]] = part[i]
-        widest = max(widest, float(angles[i, j]))
-    part = np.unique(part, return_inverse=True)[1]
-    sums = np.bincount(part, weights=probabilities)
-    parts, places = np.argsort(-sums, kind="stable"), np.argsort(-given, kind="stable")
-    off = float(np.abs(sums[parts] - given[places]).max())
-    faces = None
-    if off > MATCHED_PROBABILITIES or widest > SAME_REST_ANGLE:
-        faces = _split_by_sums(name, probabilities, given)
-    if faces is not None:
-        part, sums, parts = faces, np.bincount(faces, probabilities), places
-        off = float(np.abs(sums - given).max())
-    if off > MATCHED_PROBABILITIES:
-        worst = int(np.abs(sums[parts] - given[places]).argmax())
-        raise InputError(
-            f"{name}: expected rests with the geometric probabilities of the outcomes to within "
-            f"{MATCHED_PROBABILITIES:g}, got {sums[parts][worst]:.4f} for "
-            f"{given[places][worst]:.4f}; correct the probabilities, or give the center of mass in "
-            "a column com, or leave the die out"
-        )
-    apart = -np.diff(given[places]) > max(off, EQUAL_PROBABILITIES)
-    group_of_place = np.concatenate([[0], np.cumsum(apart)])
-    if len(given) > 1 and not apart.any():
-        listed = ", ".join(f"{value:.4f}" for value in given)
-        raise InputError(
-            f"{name}: expected outcomes that differ in their geometric probabilities by more than "
-            f"the {off:.2g} by which the mesh misses them, got {listed}; name the folder of "
-            "the die's run, which says which facet is which, or leave the die out"
-        )
-    members = tuple(
-        tuple(sorted(places[group_of_place == group].tolist()))
-        for group in range(int(group_of_place[-1]) + 1)
-    )
-    group_of_part = np.empty(len(parts), dtype=np.int64)
-    group_of_part[parts] = group_of_place
-    return OutcomeGroups(members, group_of_part[part])
-
-
-MOST_SPLITS: Final = 100_000
-"""Limit on the partial ways to split rests into outcomes that are tried."""
-
-SPLIT_PROBABILITIES: Final = 2e-3
-"""Largest difference of an outcome's probability from the sum of its rests."""
-
-
-def _split_by_sums(name: str, probabilities: Floats, wanted: Floats) -> Integers | None:
-    """(k,) outcome of each rest, so that the probabilities (k,) of its rests sum to each wanted one
-    (n,) to within `SPLIT_PROBABILITIES`; None if there is no way.
-
-    Raises InputError if there are several ways that differ in more than equally probable rests or
-    outcomes, or too many to try.
-    """
-    descending = np.argsort(-probabilities, kind="stable")
-    values = probabilities[descending].round(9).tolist()
-    found: dict[tuple[tuple[float, ...], ...], tuple[int, ...]] = {}
-    stack: list[tuple[tuple[int, ...], tuple[float, ...]]] = [((), tuple(wanted.tolist()))]
-    for _ in range(MOST_SPLITS):
-        if not stack or len(found) > 1:
-            break
-        chosen, left = stack.pop()
-        if len(chosen) == len(values):
-            if max(map(abs, left)) <= SPLIT_PROBABILITIES and len(set(chosen)) == len(wanted):
-                parts: list[list[float]] = [[float(each)] for each in wanted.round(9)]
-                for value, outcome in zip(values, chosen, strict=True):
-                    parts[outcome].append(value)
-                found.setdefault(tuple(sorted(map(tuple, parts))), chosen)
-            continue
-        place = len(chosen)
-        # Equally probable rests are taken in the order of the outcomes.
-        first = chosen[-1] if place > 0 and values[place] == values[place - 1] else 0
-        for outcome in range(len(left) - 1, first - 1, -1):
-            rest = left[outcome] - values[place]
-            if rest >= -SPLIT_PROBABILITIES:
-                after = (*left[:outcome], rest, *left[outcome + 1 :])
-                stack.append(((*chosen, outcome), after))
-    if len(found) > 1 or stack:
-        raise InputError(
-            f"{name}: expected one way to split the rests into outcomes with these geometric "
-            "probabilities, got several; name the folder of the die's run, which says which facet "
-            "is which, or leave the die out"
-        )
-    if not found:
-        return None
-    part = np.empty(len(values), dtype=np.int64)
-    part[descending] = next(iter(found.values()))
-    return part

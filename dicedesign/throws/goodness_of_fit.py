@@ -1,5 +1,4 @@
-"""Tests of counts against probabilities, other counts and posterior predictions, their power, and
-the verdict of throws on a die."""
+"""Tests of counts against probabilities, their power, and the verdict of throws on a die."""
 
 from __future__ import annotations
 
@@ -76,21 +75,8 @@ def chi_square(counts: ArrayLike, probabilities: ArrayLike) -> ChiSquareTest:
         return ChiSquareTest(math.inf, int(possible.sum()), 0.0)
     expected = came.sum() * p[possible]
     statistic = float((np.square(came[possible] - expected) / expected).sum())
-    return _chi_square_test(statistic, int(possible.sum()) - 1)
-
-
-def two_sample_chi_square(first: ArrayLike, second: ArrayLike) -> ChiSquareTest:
-    """Pearson's test of whether two sets of counts (k,), neither all 0, come from equal
-    probabilities. Outcomes that never came up are skipped."""
-    both = np.stack([np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)])
-    both = both[:, both.any(axis=0)]
-    expected = both.sum(axis=1, keepdims=True) * both.sum(axis=0) / both.sum()
-    return _chi_square_test(float((np.square(both - expected) / expected).sum()), both.shape[1] - 1)
-
-
-def _chi_square_test(statistic: float, degrees: int) -> ChiSquareTest:
-    p_value = float(chdtrc(degrees, statistic)) if degrees else 1.0
-    return ChiSquareTest(statistic, degrees, p_value)
+    degrees = int(possible.sum()) - 1
+    return ChiSquareTest(statistic, degrees, float(chdtrc(degrees, statistic)) if degrees else 1.0)
 
 
 def exact_multinomial(counts: ArrayLike, probabilities: ArrayLike) -> MultinomialTest:
@@ -286,57 +272,3 @@ def throws_to_confirm(probabilities: ArrayLike, within: float, confidence: float
     q = np.asarray(probabilities, dtype=np.float64)
     floor = float(np.sqrt(q * (1.0 - q) * 2.0 / math.pi).sum()) / 2.0
     return math.ceil(((floor + event_error(q, 1.0, confidence)) / within) ** 2)
-
-
-SERIES: Final = 4000
-"""Simulated series of throws for a p-value, whose standard error is then below 0.008."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Comparison of the counts of one die with their posterior prediction.
-
-    Attributes
-    ----------
-    probabilities, deviation: (g,) mean and standard deviation of the predicted probabilities.
-    p_value: share of predicted series of throws with at most the likelihood ratio of the real
-        series: likelihood by the prediction over likelihood by the series' own frequencies.
-    standard_error: of the p-value.
-    worst: outcome whose count deviates most from the prediction.
-    interval: of its count in 95 % of predicted series.
-    """
-
-    probabilities: Floats
-    deviation: Floats
-    p_value: float
-    standard_error: float
-    worst: int
-    interval: tuple[int, int]
-
-
-def predict(counts: Integers, probabilities: Floats, rng: np.random.Generator) -> Prediction:
-    """Compare counts (g,) with a prediction, equally likely probabilities (m, g).
-
-    Source: Gelman, Meng and Stern, Statistica Sinica 6, 1996, with the likelihood ratio of the
-    mixture of all probabilities as discrepancy.
-    """
-    throws = int(counts.sum())
-    series = rng.multinomial(throws, probabilities[np.arange(SERIES) % len(probabilities)])
-    both = np.concatenate([[counts], series])
-    # In place: temporary arrays of this size take most of the time.
-    likelihoods = np.logaddexp.reduce(both @ np.log(probabilities).T, axis=1)
-    fits = likelihoods - xlogy(both, both / throws).sum(axis=1)
-    # The real series is included, so that no p-value is 0. Equal ratios may differ by rounding.
-    worse = int((fits <= fits[0] + 1e-9 * abs(fits[0])).sum())
-    p_value = worse / len(both)
-    spread = np.maximum(series.std(axis=0), 0.5)
-    worst = int((np.abs(counts - series.mean(axis=0)) / spread).argmax())
-    low, high = np.quantile(series[:, worst], [0.025, 0.975])
-    return Prediction(
-        probabilities.mean(axis=0),
-        probabilities.std(axis=0),
-        p_value,
-        float(np.sqrt(p_value * (1.0 - p_value) / len(both))),
-        worst,
-        (round(low), round(high)),
-    )

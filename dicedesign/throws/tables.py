@@ -278,8 +278,8 @@ def mixture_tables(name: str) -> tuple[Table, ...]:
     ):
         raise InputError(
             f"table {name}: expected as mixture a list of at least one object with "
-            f"{', '.join(TABLE_NUMBERS)}; make it again with `dicedesign table fit`, or remove "
-            "mixture from the file"
+            f"{', '.join(TABLE_NUMBERS)}; make it again with `python -m benchmarks "
+            "table`, or remove mixture from the file"
         )
     return tuple(
         replace(table, **row, name=f"{table.name} {number} of {len(listed)}")

@@ -12,7 +12,7 @@ import pytest
 from common.kernels import compiled_only
 from common.paths import ROOT
 
-from benchmarks import accuracy, concave, gradients, speed, stability, thrown
+from benchmarks import accuracy, concave, frame, gradients, speed, stability, thrown
 from benchmarks.frame import NoAnswer, Report, Watched, main, time_in_turn
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
@@ -149,3 +149,13 @@ def test_equal_probabilities_are_within_chance() -> None:
     value, chance, limit = thrown.against(np.array([50, 52, 0]), np.array([49, 51, 1]))
     assert value < chance < limit
     assert thrown.against(np.array([90, 10, 0]), np.array([10, 90, 0]))[0] == pytest.approx(0.8)
+
+
+def test_all_of_them_in_short_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[list[str]] = []
+    monkeypatch.setattr(frame, "main", lambda words: given.append(words) or len(given) == 2)
+    monkeypatch.chdir(ROOT)
+    assert main(["all", "--quick"]) == 1
+    assert {words[0] for words in given} == set(frame.BENCHES)
+    for words in given:
+        assert frame.parser_of(words[0]).parse_args(words).quick

@@ -22,12 +22,7 @@ CONCAVE = "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod
 
 PAPER = "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
 
-BOX = (0.32251078, 0.32251078, 0.1213636, 0.1213636, 0.05612562, 0.05612562)
-"""Probabilities of the box's rests."""
-
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
-
-THROWS = "".join(f"box,box.stl,{k},9,{p}\n" for k, p in zip("ABCDEF", BOX, strict=True))
 
 FILES = {
     "empty.obj": "",
@@ -51,7 +46,6 @@ FILES = {
     "lost.yaml": RECIPE.replace("repulsion: {}", "mesh: {path: gone.stl}"),
     "counts.csv": "label,count\n1,3\n",
     "other.csv": "label,count\n7,3\n",
-    "throws.csv": "die,mesh,outcome,throws,geometric\n" + THROWS,
     "rubbish/bad.stl": "rubbish",
     "half/result.json": "{",
     "broken.otf": "OTTO no font",
@@ -143,13 +137,6 @@ COMMANDS = {
     "rolls box.stl none.csv": "none.csv",
     "rolls none.obj counts.csv": "none.obj",
     "rolls within counts.csv": "result.json: expected the result of a finished run",
-    "table fit --throws throws.csv --check box": "--check: expected dice that are not fitted to",
-    "table fit --throws throws.csv --dice box --check cone": "expected a die 'cone', got box",
-    "table fit --throws throws.csv --die nowhere": "nowhere/result.json: expected the result of",
-    "table fit --throws throws.csv --evaluations 5": "evaluations: expected a whole number of at",
-    "table fit --throws throws.csv --drops 0": "drops: expected a whole number above 0, got 0",
-    "table fit --throws throws.csv --out t.txt": "--out: expected a path that ends in .json, got",
-    "table fit --throws none.csv": "none.csv: no such file",
     "balance box.stl --out within --equal 1": "equal: expected a whole number of at least 2",
     "balance box.stl --out within --stand 77": "stand: expected the number of a pose from 1 to",
     "balance box.stl --out within --target 0.5,0.7": "target: expected probabilities",
@@ -283,7 +270,6 @@ NAMED = [
     "run good.yaml --out NAME/x",
     "run lost.yaml --set start.mesh.path=NAME",
     "rest . --out NAME/t.csv",
-    "table fit --throws NAME",
 ]
 
 

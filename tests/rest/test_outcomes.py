@@ -1,5 +1,4 @@
-"""Probabilities of outcomes, on bodies whose probabilities are known; and counted outcomes matched
-with rests."""
+"""Probabilities of outcomes, on bodies whose probabilities are known."""
 
 from __future__ import annotations
 
@@ -8,16 +7,12 @@ import pytest
 from common.dented_cube import CORNERS, NORMALS, roof
 
 from dicedesign import rest_poses
-from dicedesign.errors import InputError
-from dicedesign.geometry.sphere import angle_between, unit_vectors
+from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.outcomes import (
     assign_rests,
-    match_by_normals,
-    match_by_probability,
     outcome_margins,
     outcome_probabilities,
 )
-from dicedesign.runtime.arrays import Floats
 
 
 def test_a_cube_is_a_fair_die() -> None:
@@ -87,66 +82,3 @@ def test_an_outcome_has_no_rest_that_is_nearer_to_another() -> None:
     assert outcomes.main.tolist() == [0, 1]
     np.testing.assert_array_equal(outcomes.probabilities, [0.1, 0.9])
     assert outcomes.elsewhere == 0.0
-
-
-AXES = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [-1.0, 0, 0]])
-
-
-BROKEN = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0.01, 0], [-1.0, -0.01, 0]])
-"""Directions of rests of which the last two are on one facet that broke."""
-
-
-@pytest.mark.parametrize(
-    ("normals", "probabilities", "wanted", "members", "group_of_rest"),
-    [
-        (AXES, [0.4, 0.3, 0.2, 0.1], [0.101, 0.4, 0.199, 0.3], [1, 3, 2, 0], [0, 1, 2, 3]),
-        (AXES, [0.38, 0.36, 0.13, 0.13], [0.13, 0.37, 0.37, 0.13], [(1, 2), (0, 3)], [0, 0, 1, 1]),
-        (BROKEN, [0.26, 0.24, 0.255, 0.245], [0.25, 0.5, 0.25], [1, (0, 2)], [1, 1, 0, 0]),
-    ],
-)
-def test_outcomes_take_the_rests_of_their_rank(
-    normals: Floats,
-    probabilities: list[float],
-    wanted: list[float],
-    members: list,
-    group_of_rest: list[int],
-) -> None:
-    """Equal probabilities are one group, and a facet in two is one outcome."""
-    groups = match_by_probability("die", unit_vectors(normals), np.array(probabilities), wanted)
-    assert groups.members == tuple(m if isinstance(m, tuple) else (m,) for m in members)
-    assert groups.group_of_rest.tolist() == group_of_rest
-
-
-def test_an_outcome_of_several_faces_is_matched_by_their_sum() -> None:
-    """Both squares of a cuboid are one outcome, and its four sides another; at a height of 1.44,
-    one side is about as probable as both squares."""
-    for height in (0.47, 0.93, 1.0, 1.44, 1.6):
-        poses = rest_poses(CORNERS * [1.0, 1.0, height])
-        is_square = np.abs(poses.normals[:, 2]) > 0.5
-        square = float(poses.probabilities[is_square].sum())
-        wanted = [square, 1.0 - square]
-        groups = match_by_probability("c", poses.normals, poses.probabilities, wanted)
-        of_rest = [groups.members[group] for group in groups.group_of_rest]
-        if height == 1.0:
-            assert of_rest.count((0,)) == 2
-        else:
-            assert of_rest == [(0,) if one else (1,) for one in is_square], height
-
-
-def test_dice_that_cannot_be_matched() -> None:
-    for probabilities, wanted, message in (
-        ([0.5, 0.5], [0.5, 0.25, 0.25], "at least as many rests as outcomes, got 2 rests"),
-        ([0.5, 0.3, 0.2], [0.5, 0.25, 0.25], "got 0.3000 for 0.2500"),
-        ([0.5, 0.5], [0.5, 0.5], "outcomes that differ in their geometric probabilities"),
-    ):
-        with pytest.raises(InputError, match=message):
-            match_by_probability("die", AXES[: len(wanted)], np.array(probabilities), wanted)
-
-
-def test_by_normals() -> None:
-    """Rests have the outcome of the counted facet within five degrees; other rests have none."""
-    shown = AXES[[0, 1, 3]]
-    tilted = np.array([np.cos(np.radians(4.0)), np.sin(np.radians(4.0)), 0.0])
-    groups = match_by_normals(np.vstack([AXES, tilted]), shown, [0, 1, 0])
-    assert groups.members == ((0,), (1,))
-    assert groups.group_of_rest.tolist() == [0, 1, -1, 0, 0]

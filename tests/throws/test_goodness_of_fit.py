@@ -19,7 +19,6 @@ from dicedesign.throws.goodness_of_fit import (
     judge_rolls,
     throws_to_confirm,
     throws_to_reject,
-    two_sample_chi_square,
 )
 
 
@@ -28,14 +27,6 @@ def test_impossible_outcomes() -> None:
     impossible = chi_square([4, 6, 1], [0.5, 0.5, 0.0])
     assert (impossible.statistic, impossible.p_value) == (math.inf, 0.0)
     assert chi_square([3], [1.0]).p_value == 1.0
-
-
-def test_two_samples_as_in_scipy() -> None:
-    first, second = np.array([30, 0, 12, 7]), np.array([55, 0, 40, 2])
-    result = two_sample_chi_square(first, second)
-    expected = stats.chi2_contingency(np.stack([first, second])[:, [0, 2, 3]], correction=False)
-    assert result.statistic == pytest.approx(expected.statistic, rel=1e-13)
-    assert (result.degrees, result.p_value) == (2, pytest.approx(expected.pvalue, rel=1e-12))
 
 
 @pytest.mark.parametrize(
