@@ -25,8 +25,8 @@ from dicedesign.report.figures import BodyFigure as BodyFigure
 from dicedesign.report.figures import Figure as Figure
 from dicedesign.rest.prior import PRIORS as PRIORS
 from dicedesign.rest.prior import PriorKind as PriorKind
-from dicedesign.runtime.registry import STRICT as STRICT
 from dicedesign.runtime.registry import Extension as Extension
+from dicedesign.runtime.registry import Options as Options
 from dicedesign.throws.engines import ENGINES as ENGINES
 from dicedesign.throws.engines import Engine as Engine
 from dicedesign.throws.engines import longest_throw as longest_throw

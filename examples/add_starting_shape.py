@@ -14,15 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 import dicedesign as dd
-from dicedesign.extensions import STARTS, STRICT, StartKind
+from dicedesign.extensions import STARTS, Options, StartKind
 from dicedesign.starts import normalize_start
 
 
 @dataclass(frozen=True)
-class BipyramidOptions:
+class BipyramidOptions(Options):
     """`height` of each tip over the base's circumscribed radius."""
-
-    __pydantic_config__ = STRICT
 
     height: float = 1.0
 

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
-import numpy as np
+from pydantic import Field
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.options import (
     LARGEST_SMOOTHING,
     PaperWeights,
+    Positive,
     SobolevOptions,
-    refuse,
-    require_choice,
 )
 from dicedesign.optimize.starts.start import StartKind, StartSurface
-from dicedesign.runtime.registry import STRICT
+from dicedesign.runtime.registry import Options
 
 
 class HullWeights(PaperWeights):
@@ -34,7 +33,7 @@ class HullWeights(PaperWeights):
 
 
 @dataclass(frozen=True)
-class ConcavePaperOptions:
+class ConcavePaperOptions(Options):
     """Options of `hull: paper` and `fill: paper`.
 
     The first six belong to the hull (section 3.3), the others to the fill (appendix B): quadratic
@@ -63,41 +62,19 @@ class ConcavePaperOptions:
     power: number p of smoothing passes, 1 to 4.
     """
 
-    __pydantic_config__ = STRICT
-
     weights: HullWeights = field(default_factory=HullWeights)
     sobolev: SobolevOptions = field(default_factory=lambda: SobolevOptions(smoothing=5.0, power=2))
     drift: bool = False
     step: Literal["momentum", "line_search"] = "momentum"
-    steps: int = 600
+    steps: Annotated[int, Field(ge=1)] = 600
     finish: Literal["exact", "none"] = "exact"
-    closest_point: float = 1.0
-    membrane: float = 1.0
-    bending: float = 0.02
-    center_of_mass: float = 100.0
-    growth: float = 2.0
-    gamma: float = 5.0
-    power: int = 2
-
-    def __post_init__(self) -> None:
-        require_choice("paper.step", self.step, "momentum", "line_search")
-        require_choice("paper.finish", self.finish, "exact", "none")
-        positive = {
-            name: (0.0 < getattr(self, name) < np.inf, "a positive number")
-            for name in ("closest_point", "membrane", "bending", "center_of_mass")
-        }
-        _require(
-            self,
-            "paper.",
-            steps=(self.steps >= 1, "a whole number above 0"),
-            **positive,
-            growth=(1.0 < self.growth <= 100.0, "a number above 1 and at most 100"),
-            gamma=(
-                0.0 < self.gamma <= LARGEST_SMOOTHING,
-                f"a number above 0 and at most {LARGEST_SMOOTHING:g}",
-            ),
-            power=(1 <= self.power <= 4, "1 to 4"),
-        )
+    closest_point: Positive = 1.0
+    membrane: Positive = 1.0
+    bending: Positive = 0.02
+    center_of_mass: Positive = 100.0
+    growth: Annotated[float, Field(gt=1.0, le=100.0)] = 2.0
+    gamma: Annotated[float, Field(gt=0.0, le=LARGEST_SMOOTHING)] = 5.0
+    power: Annotated[int, Field(ge=1, le=4)] = 2
 
 
 FEWEST_POINTS = 50
@@ -105,7 +82,7 @@ FEWEST_POINTS = 50
 
 
 @dataclass(frozen=True)
-class HollowOptions:
+class HollowOptions(Options):
     """Options of cavities that help to move the center of mass.
 
     Attributes
@@ -113,16 +90,11 @@ class HollowOptions:
     wall_mm: minimum thickness of walls around cavities, in mm; positive.
     """
 
-    __pydantic_config__ = STRICT
-
-    wall_mm: float = 2.0
-
-    def __post_init__(self) -> None:
-        _require(self, wall_mm=(0.0 < self.wall_mm < np.inf, "a positive number"))
+    wall_mm: Positive = 2.0
 
 
 @dataclass(frozen=True)
-class ConcaveOptions:
+class ConcaveOptions(Options):
     """Options of `method: concave`.
 
     Attributes
@@ -152,25 +124,22 @@ class ConcaveOptions:
         With one, the result depends on the speed of the machine.
     """
 
-    __pydantic_config__ = STRICT
-
-    tolerance: float = 0.005
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.005
     hull: Literal["gauss_newton", "paper"] = "gauss_newton"
     fill: Literal["correspondence", "paper"] = "correspondence"
     paper: ConcavePaperOptions | None = None
-    apart_deg: float = 45.0
-    margin_deg: float = 10.0
-    prints_within: float = 0.03
+    apart_deg: Annotated[float, Field(ge=0.0, lt=180.0)] = 45.0
+    margin_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 10.0
+    prints_within: Annotated[float, Field(gt=0.0, le=1.0)] = 0.03
     hollow: HollowOptions | None = None
-    points: int | None = None
-    attempts: int = 60
-    displacement: float = 0.01
-    enough: int = 24
-    seconds: float | None = None
+    points: Annotated[int, Field(ge=FEWEST_POINTS)] | None = None
+    attempts: Annotated[int, Field(ge=1)] = 60
+    displacement: Positive = 0.01
+    enough: Annotated[int, Field(ge=1)] = 24
+    seconds: Positive | None = None
 
     def __post_init__(self) -> None:
-        require_choice("hull", self.hull, "gauss_newton", "paper")
-        require_choice("fill", self.fill, "correspondence", "paper")
+        super().__post_init__()
         if self.paper is not None and "paper" not in (self.hull, self.fill):
             raise InputError(
                 f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "
@@ -181,34 +150,6 @@ class ConcaveOptions:
                 "hollow: expected hull: gauss_newton and fill: correspondence with it, got "
                 f"{self.hull} and {self.fill}; leave hollow or paper out"
             )
-        if self.points is not None and self.points < FEWEST_POINTS:
-            raise InputError(
-                f"points: expected at least {FEWEST_POINTS}, got {self.points}; raise it, or leave "
-                "it out to keep the surface as it is"
-            )
-        _require(
-            self,
-            tolerance=(0.0 < self.tolerance < 1.0, "a number above 0 and below 1"),
-            apart_deg=(0.0 <= self.apart_deg < 180.0, "degrees from 0 to below 180"),
-            margin_deg=(0.0 <= self.margin_deg < 90.0, "degrees from 0 to below 90"),
-            prints_within=(0.0 < self.prints_within <= 1.0, "a number above 0 and at most 1"),
-            attempts=(self.attempts >= 1, "a whole number above 0"),
-            enough=(self.enough >= 1, "a whole number above 0"),
-            displacement=(0.0 < self.displacement < np.inf, "a positive number"),
-        )
-        if self.seconds is not None and not 0.0 < self.seconds < np.inf:
-            raise refuse("seconds", "a positive number", self.seconds, "no limit")
-
-
-def _require(options: object, prefix: str = "", **checks: tuple[bool, str]) -> None:
-    """Raise InputError for an option out of range.
-
-    checks: for each option, whether its value is valid and the expected values in words.
-    """
-    for name, (is_valid, expected) in checks.items():
-        if not is_valid:
-            default = getattr(type(options), name)
-            raise refuse(prefix + name, expected, getattr(options, name), f"{default:g}")
 
 
 def _start_shape(name: str, _: int) -> StartSurface:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
-from typing import Any, Final, Literal, get_args
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field
 
 from dicedesign.errors import InputError, is_finite_number
-from dicedesign.optimize.options import require_choice
-from dicedesign.runtime.registry import STRICT
+from dicedesign.runtime.registry import Options
 from dicedesign.tolerances import MOST_MM
 
 BUNDLED_FONT: Final = "DejaVu Sans Bold"
@@ -21,13 +22,9 @@ Style = Literal["engraved", "raised"]
 Read = Literal["auto", "up", "down", "both"]
 Balancing = Literal["shape", "opposite", "fill", "none"]
 
-_WORDS: Final = {
-    "content": Content,
-    "ambiguous": Ambiguous,
-    "style": Style,
-    "balance": Balancing,
-    "read": Read,
-}
+Length = Annotated[float, Field(gt=0.0, le=MOST_MM)]
+LengthOrZero = Annotated[float, Field(ge=0.0, le=MOST_MM)]
+"""Lengths in mm; the latter may be 0."""
 
 UPRIGHTS: Final = ("edge", "largest")
 
@@ -38,25 +35,23 @@ def is_font_file(font: str) -> bool:
 
 
 @dataclass(frozen=True)
-class EngravingOptions:
+class EngravingOptions(Options):
     """Options of labels: look, size and depth. No length is above `MOST_MM`.
 
     Raises InputError for a value out of its range.
     """
 
-    __pydantic_config__ = STRICT
-
-    depth_mm: float = 0.6
+    depth_mm: Length = 0.6
     """Depth of the pockets below the facet, above 0, and at least a millionth of the die's size. It
     does not scale with the die. On a die with symmetry some are shallower, to keep it."""
-    margin_mm: float = 0.5
+    margin_mm: LengthOrZero = 0.5
     """Distance between labels and the edges of their facet, at least 0; more at sharp edges, so
     that pockets do not meet."""
-    min_height_mm: float = 2.5
+    min_height_mm: Length = 2.5
     """Smallest legible digit height, above 0."""
-    max_height_mm: float = 8.0
+    max_height_mm: Length = 8.0
     """Largest digit height, at least `min_height_mm`."""
-    stroke_mm: float = 0.0
+    stroke_mm: LengthOrZero = 0.0
     """Minimum width of strokes, such as the printer's line; thinner outlines grow. 0 leaves them
     unchanged."""
     content: Content = "text"
@@ -78,7 +73,7 @@ class EngravingOptions:
     style: Style = "engraved"
     """`engraved` cuts labels in; `raised` sinks the field around them; they stand as high as the
     border of the facet, so the die rests as without labels."""
-    border_mm: float = 1.0
+    border_mm: Length = 1.0
     """Width of the border around a sunk field, above 0."""
     balance: Balancing = "shape"
     """Compensation for the material that labels take away: `shape` moves the facets until the
@@ -91,23 +86,13 @@ class EngravingOptions:
     labels fit there, and down elsewhere."""
 
     def __post_init__(self) -> None:
-        for name in [each.name for each in fields(self) if each.name.endswith("_mm")]:
-            value, may_be_zero = getattr(self, name), name in ("margin_mm", "stroke_mm")
-            is_valid = is_finite_number(value) and 0.0 <= value <= MOST_MM
-            if not is_valid or (value == 0.0 and not may_be_zero):
-                least = "of at least 0" if may_be_zero else "above 0"
-                raise InputError(
-                    f"{name}: expected a number {least} and at most {MOST_MM:g}, got {value!r}; "
-                    "correct it"
-                )
+        super().__post_init__()
         if self.max_height_mm < self.min_height_mm:
             raise InputError(
                 f"max_height_mm: expected at least min_height_mm = {self.min_height_mm}, got "
                 f"{self.max_height_mm}; enlarge it or reduce min_height_mm"
             )
-        for name, words in _WORDS.items():
-            require_choice(name, getattr(self, name), *get_args(words))
-        if not isinstance(self.font, str) or not self.font.strip():
+        if not self.font.strip():
             raise InputError(f"font: expected a name or a path, got {self.font!r}; write one")
         given: Any = self.upright
         if isinstance(given, str):
@@ -136,28 +121,18 @@ ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True)
-class EdgeOptions:
+class EdgeOptions(Options):
     """Options of the edges and corners of a convex die.
 
     Raises InputError for a value out of its range.
     """
 
-    __pydantic_config__ = STRICT
-
-    radius_mm: float = 1.0
+    radius_mm: Annotated[float, Field(gt=0.0)] = 1.0
     """Radius of a fillet, or of the ball whose chords are the chamfers, above 0: at most a fifth of
     the die's size, and the radius of the smallest facet's circle; for a fillet at least a hundredth
     of the size."""
     shape: Literal["fillet", "chamfer"] = "fillet"
     """`fillet` rounds off, `chamfer` cuts flat."""
-
-    def __post_init__(self) -> None:
-        if not (is_finite_number(self.radius_mm) and self.radius_mm > 0.0):
-            raise InputError(
-                f"radius_mm: expected a finite number above 0, got {self.radius_mm!r}; enlarge it, "
-                "or leave edges out"
-            )
-        require_choice("shape", self.shape, "fillet", "chamfer")
 
 
 def core_scale(options: EdgeOptions | None, size_mm: float) -> float:

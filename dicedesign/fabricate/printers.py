@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Final
+from typing import Annotated, Final
 
-from dicedesign.errors import InputError, is_finite_number
-from dicedesign.runtime.registry import STRICT, Extension, Registry
+from pydantic import Field
+
+from dicedesign.errors import InputError
+from dicedesign.runtime.registry import Extension, Options, Registry
 from dicedesign.tolerances import MOST_MM
 
 _SLICER: Final = "Prusa Research, filament profiles of PrusaSlicer 2.5, 2022"
@@ -191,19 +193,12 @@ PRINTERS: Final = Registry(
 """All kinds of printers, the most common first."""
 
 
-BELOW: Final = {
-    "dimensional_mm": MOST_MM,
-    "roughness_mm": MOST_MM,
-    "correlation_mm": MOST_MM,
-    "shrinkage": 0.2,
-    "density_gradient": 0.5,
-    "bubble_mm3": MOST_MM**3,
-}
-"""Upper bounds, not included, of print errors; those in millimeters are beyond the largest die."""
+LengthBelow = Annotated[float, Field(ge=0.0, lt=MOST_MM)]
+"""Standard deviation in mm, less than the largest die."""
 
 
 @dataclass(frozen=True)
-class PrintErrors:
+class PrintErrors(Options):
     """Standard deviations of print errors, each normal and independent.
 
     Defaults are of an ordinary desktop printer for filament: ±0.2 mm between two faces, as two
@@ -217,84 +212,56 @@ class PrintErrors:
     filament, ±0.1 mm for resin, and a further 0.1 to 0.2 % of shrinkage.
     """
 
-    __pydantic_config__ = STRICT
-
-    dimensional_mm: float = 0.07
+    dimensional_mm: LengthBelow = 0.07
     """Offset of the plane of each facet along its normal, or of a curved surface, where it is alike
     over `correlation_mm`; at least 0, below 1000."""
-    shrinkage: float = 0.002
+    shrinkage: Annotated[float, Field(ge=0.0, lt=0.2)] = 0.002
     """Relative length along each axis of the printer; at least 0, below 0.2."""
-    density_gradient: float = 0.01
+    density_gradient: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.01
     """Relative change of the density from the bottom of the print to its top; at least 0, below
     0.5."""
-    bubble_mm3: float = 1.0
+    bubble_mm3: Annotated[float, Field(ge=0.0, lt=MOST_MM**3)] = 1.0
     """Volume of a bubble somewhere in the print; at least 0, below 1e9."""
-    roughness_mm: float = 0.02
+    roughness_mm: LengthBelow = 0.02
     """Offset of each point of a curved surface along its normal; at least 0, below 1000."""
-    correlation_mm: float = 3.0
+    correlation_mm: Annotated[float, Field(gt=0.0, lt=MOST_MM)] = 3.0
     """Length over which the offsets of a curved surface are alike; above 0, below 1000."""
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value, bound = getattr(self, field.name), BELOW[field.name]
-            is_length = field.name == "correlation_mm"
-            if not is_finite_number(value) or not 0.0 <= value < bound or (is_length and not value):
-                least = "above 0" if is_length else "of at least 0"
-                raise InputError(
-                    f"errors.{field.name}: expected a number {least} and below {bound:g}, "
-                    f"got {value!r}; leave it out for {field.default}"
-                )
 
 
 THINNEST: Final = 0.05
 """Least thickness of walls in mm, below any printer's."""
 
-LIMITS: Final = {
-    "nozzle_mm": (math.ulp(0.0), 2.0, "above 0 and at most", "correct it"),
-    "density_g_cm3": (math.ulp(0.0), 25.0, "above 0 and at most", "correct it"),
-    "infill": (0.0, 1.0, "from 0 to", "0.2 is 20 %"),
-    "walls_mm": (THINNEST, MOST_MM, f"from {THINNEST:g} to", "0.8 is two lines of a 0.4 mm nozzle"),
-}
-"""Range of each option, the words before the upper bound, and a remedy. No metal is denser than the
-bound."""
-
 
 @dataclass(frozen=True)
-class PrintOptions:
+class PrintOptions(Options):
     """Options of `print`: printer, material, infill and errors.
 
     Raises InputError for a value that is unknown or out of its range.
     """
 
-    __pydantic_config__ = STRICT
-
     printer: str = "fdm"
     """"fdm" for filament, "sla" for resin, "sls" for powder; `print: sla` is short for it."""
-    nozzle_mm: float | None = None
+    nozzle_mm: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     """Diameter of the nozzle, above 0 and at most 2; None for the usual 0.4."""
     material: str | None = None
     """Material of the die: "pla", "petg", "abs", "asa" or "pc" for fdm, "resin" for sla, "pa12" for
     sls; None for the first of the printer's."""
-    density_g_cm3: float | None = None
-    """Density of the printed material, above 0 and at most 25; None for the material's."""
+    density_g_cm3: Annotated[float, Field(gt=0.0, le=25.0)] | None = None
+    """Density of the printed material, above 0 and at most 25, more than any metal; None for the
+    material's."""
     oriented: bool = False
     """Whether to write die_oriented.stl, in the best orientation on the print bed."""
-    infill: float = 1.0
+    infill: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
     """Infill of the inside, from 0, hollow, to 1, solid, for which the die is designed."""
-    walls_mm: float = 1.2
+    walls_mm: Annotated[float, Field(ge=THINNEST, le=MOST_MM)] = 1.2
     """Thickness of the solid walls around the infill, floor and ceiling included, from
     `THINNEST` to `MOST_MM`."""
     errors: PrintErrors | None = None
     """Standard deviations of print errors, see `PrintErrors`; None for the printer's."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         printer = PRINTERS[self.printer]
-        for name, (least, most, expected, remedy) in LIMITS.items():
-            value = getattr(self, name)
-            if value is not None and not (is_finite_number(value) and least <= value <= most):
-                raise InputError(
-                    f"{name}: expected a number {expected} {most:g}, got {value!r}; {remedy}"
-                )
         if self.nozzle_mm is not None:
             printer.with_nozzle(self.nozzle_mm)  # raises if it has none
         if self.material is not None and self.material not in printer.materials:

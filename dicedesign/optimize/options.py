@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
+from pydantic import Field
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.terms import EnergyWeights
-from dicedesign.runtime.registry import STRICT
+from dicedesign.runtime.registry import Options
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import hand_named, with_hand
 
@@ -23,6 +24,10 @@ rounding."""
 FINEST_TOLERANCE: Final = 1e-15
 """Limit on tolerances, as rounding leaves errors of a few 1e-16."""
 
+Tolerance = Annotated[float, Field(ge=FINEST_TOLERANCE, lt=1.0)]
+
+Positive = Annotated[float, Field(gt=0.0)]
+
 MOST_WORK: Final = 250_000
 """Default limit on the evaluations of dice in a design by the exact method, times outcomes."""
 
@@ -32,7 +37,7 @@ MOST_ROUNDS: Final = 50
 
 
 @dataclass(frozen=True)
-class SobolevOptions:
+class SobolevOptions(Options):
     """The operator `(I + lambda L)^-p` of section 3.3.
 
     Attributes
@@ -41,21 +46,12 @@ class SobolevOptions:
     power: p, 1 to 4.
     """
 
-    __pydantic_config__ = STRICT
-
-    smoothing: float = 2.0
-    power: int = 2
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.smoothing <= LARGEST_SMOOTHING:
-            expected = f"a number above 0 and at most {LARGEST_SMOOTHING:g}"
-            raise refuse("sobolev.smoothing", expected, self.smoothing, "2")
-        if not 1 <= self.power <= 4:
-            raise refuse("sobolev.power", "1 to 4", self.power, "2")
+    smoothing: Annotated[float, Field(gt=0.0, le=LARGEST_SMOOTHING)] = 2.0
+    power: Annotated[int, Field(ge=1, le=4)] = 2
 
 
 @dataclass(frozen=True)
-class RefineOptions:
+class RefineOptions(Options):
     """Options of `method.exact.refine`.
 
     Attributes
@@ -69,24 +65,14 @@ class RefineOptions:
     engine: name of the simulator.
     """
 
-    __pydantic_config__ = STRICT
-
-    drops: int = 5_000
-    rounds: int = 8
-    verdict: int = 100_000
-    within: float = 0.01
+    drops: Annotated[int, Field(ge=1, le=MOST_DROPS)] = 5_000
+    rounds: Annotated[int, Field(ge=1, le=MOST_ROUNDS)] = 8
+    verdict: Annotated[int, Field(ge=1, le=MOST_DROPS)] = 100_000
+    within: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
     engine: str = "native"
 
     def __post_init__(self) -> None:
-        for name, most in (("drops", MOST_DROPS), ("rounds", MOST_ROUNDS), ("verdict", MOST_DROPS)):
-            value = getattr(self, name)
-            if not 1 <= value <= most:
-                raise InputError(
-                    f"refine.{name}: expected a whole number from 1 to {most}, got {value}; "
-                    "correct it"
-                )
-        if not 0.0 < self.within < 1.0:
-            raise refuse("refine.within", "a number in (0, 1)", self.within, "0.01")
+        super().__post_init__()
         # Raises if there is no such engine.
         ENGINES[self.engine]
 
@@ -97,7 +83,7 @@ def legible() -> Preferences:
 
 
 @dataclass(frozen=True)
-class ExactOptions:
+class ExactOptions(Options):
     """Options of `method: exact`.
 
     Attributes
@@ -123,9 +109,7 @@ class ExactOptions:
         the speed of the machine.
     """
 
-    __pydantic_config__ = STRICT
-
-    tolerance: float = 1e-12
+    tolerance: Tolerance = 1e-12
     coordinates: Literal["facets", "vertices"] = "facets"
     sobolev: SobolevOptions | None = None
     prefer: Preferences = field(default_factory=legible)
@@ -133,15 +117,12 @@ class ExactOptions:
     table: str = "board-game"
     hand: str | None = None
     refine: RefineOptions | None = None
-    starts: int = 60
-    evaluations: int | None = None
-    seconds: float | None = None
+    starts: Annotated[int, Field(ge=1)] = 60
+    evaluations: Annotated[int, Field(ge=1)] | None = None
+    seconds: Positive | None = None
 
     def __post_init__(self) -> None:
-        if not FINEST_TOLERANCE <= self.tolerance < 1.0:
-            expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
-            raise refuse("tolerance", expected, self.tolerance, "1e-12")
-        require_choice("coordinates", self.coordinates, "facets", "vertices")
+        super().__post_init__()
         if self.sobolev is not None and self.coordinates != "vertices":
             raise InputError(
                 'sobolev: expected coordinates "vertices", whose gradient lives on the surface, '
@@ -160,31 +141,11 @@ class ExactOptions:
                 )
             # Raises if there is no such throw distribution.
             hand_named(self.hand)
-        if self.starts < 1:
-            raise refuse("starts", "a whole number above 0", self.starts, "60")
-        if self.evaluations is not None and self.evaluations < 1:
-            default = f"{MOST_WORK} over the number of outcomes"
-            raise refuse("evaluations", "a whole number above 0", self.evaluations, default)
-        if self.seconds is not None and not 0.0 < self.seconds < np.inf:
-            raise refuse("seconds", "a positive number", self.seconds, "no limit")
 
     @property
     def table_with_hand(self) -> str:
         """Name of the table with its throw distribution, for `load_table`."""
         return with_hand(self.table, self.hand)
-
-
-def require_choice(name: str, value: str, *choices: str) -> None:
-    """Raise InputError for an option that is none of the choices."""
-    if value not in choices:
-        raise InputError(
-            f"{name}: expected {' or '.join(choices)}, got {value!r}; choose one of them"
-        )
-
-
-def refuse(name: str, expected: str, got: float, default: str) -> InputError:
-    """Make the InputError of an option out of range."""
-    return InputError(f"{name}: expected {expected}, got {got:g}; leave it out for {default}")
 
 
 SOLID_ANGLE: Final = (4.0 * np.pi) ** 2
@@ -224,7 +185,7 @@ class PaperWeights(EnergyWeights):
 
 
 @dataclass(frozen=True)
-class PaperOptions:
+class PaperOptions(Options):
     """Options of `method: paper`.
 
     Attributes
@@ -247,30 +208,15 @@ class PaperOptions:
     prefer: weights of secondary objectives after an exact finish; see `ExactOptions`.
     """
 
-    __pydantic_config__ = STRICT
-
     weights: PaperWeights = field(default_factory=PaperWeights)
     sobolev: SobolevOptions | None = None
     step: Literal["momentum", "line_search"] = "momentum"
-    steps: int = 900
-    hops: int = 4
-    perturbation: float = 1e-3
+    steps: Annotated[int, Field(ge=0)] = 900
+    hops: Annotated[int, Field(ge=0, le=100)] = 4
+    perturbation: Annotated[float, Field(ge=0.0, lt=1.0)] = 1e-3
     finish: Literal["exact", "none"] = "exact"
-    tolerance: float | None = None
+    tolerance: Tolerance | None = None
     prefer: Preferences = field(default_factory=legible)
-
-    def __post_init__(self) -> None:
-        require_choice("step", self.step, "momentum", "line_search")
-        require_choice("finish", self.finish, "exact", "none")
-        if self.steps < 0:
-            raise refuse("steps", "a whole number not below 0", self.steps, "900")
-        if not 0 <= self.hops <= 100:
-            raise refuse("hops", "a whole number from 0 to 100", self.hops, "4")
-        if not 0.0 <= self.perturbation < 1.0:
-            raise refuse("perturbation", "a number in [0, 1)", self.perturbation, "1e-3")
-        if self.tolerance is not None and not FINEST_TOLERANCE <= self.tolerance < 1.0:
-            expected = f"a number from {FINEST_TOLERANCE:g} on and below 1"
-            raise refuse("tolerance", expected, self.tolerance, "1e-12, or 2e-2 without a finish")
 
     @property
     def effective_tolerance(self) -> float:

@@ -23,6 +23,7 @@ from dicedesign.fabricate.finish_options import is_font_file
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.target import read_shorthand
 from dicedesign.runtime.files import read_text
+from dicedesign.runtime.registry import explain, key_of
 
 MAX_DEPTH: Final = 30
 """Levels of nested entries in a recipe."""
@@ -199,46 +200,15 @@ def _explain(error: ValidationError) -> str:
     # A misspelled key is the cause of a missing one.
     unknown = [one for one in errors if one["type"] in UNKNOWN]
     first = (unknown or errors)[0]
-    key = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
-    cause = first.get("ctx", {}).get("error")
-    if first["type"] in UNKNOWN:
+    key = key_of(first)
+    if unknown:
         return f"{key}: unknown key; {_hint(key)}"
     if first["type"] == "missing":
         return f"{key}: expected this key, but it is missing; add it"
-    if isinstance(cause, ValueError):
-        parent, _, last = key.rpartition(".")
-        if str(cause).startswith((f"{last}.", f"{last}:")):
-            # The message already names the last key.
-            return f"{parent}.{cause}".lstrip(".")
-        return f"{key + ': ' if key else ''}{cause}"
-    expected = EXPECTED.get(first["type"], "another value").format(**first.get("ctx", {}))
-    return f"{key or 'recipe'}: expected {expected}, got {reprlib.repr(first['input'])}; correct it"
+    return explain(first)
 
 
 UNKNOWN: Final = ("extra_forbidden", "unexpected_keyword_argument")
-
-EXPECTED: Final = {
-    "bool_type": "true or false",
-    "dataclass_type": "keys and values",
-    "dict_type": "keys and values",
-    "finite_number": "a finite number",
-    "float_type": "a number",
-    "greater_than": "a number above {gt}",
-    "greater_than_equal": "a number of at least {ge}",
-    "int_type": "a whole number",
-    "less_than": "a number below {lt}",
-    "less_than_equal": "a number of at most {le}",
-    "list_type": "a list",
-    "literal_error": "{expected}",
-    "model_type": "keys and values",
-    "string_pattern_mismatch": "letters, digits, spaces, dots, dashes and underscores, up to 100, "
-    "the first a letter or a digit",
-    "string_type": "a text",
-    "too_long": "at most {max_length} entries",
-    "too_short": "at least {min_length} entries",
-    "tuple_type": "a list",
-}
-"""What an entry should be, by the type of pydantic's error."""
 
 
 def _hint(key: str) -> str:

@@ -3,17 +3,88 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache
 from pkgutil import resolve_name
-from typing import Any, ClassVar, Final, Generic, TypeVar
+from typing import Any, ClassVar, Final, Generic, TypeVar, get_type_hints
 
 from dicedesign.errors import InputError
 
-STRICT: Final = {"extra": "forbid", "strict": True}
-"""Value of the class attribute `__pydantic_config__` of an option dataclass: recipes with unknown
-keys or wrong types are refused."""
+EXPECTED: Final = {
+    "bool_type": "true or false",
+    "dataclass_type": "keys and values",
+    "dict_type": "keys and values",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number of at least {ge:g}",
+    "int_type": "a whole number",
+    "less_than": "a number below {lt:g}",
+    "less_than_equal": "a number of at most {le:g}",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "model_type": "keys and values",
+    "string_pattern_mismatch": "letters, digits, spaces, dots, dashes and underscores, up to 100, "
+    "the first a letter or a digit",
+    "string_type": "a text",
+    "too_long": "at most {max_length} entries",
+    "too_short": "at least {min_length} entries",
+    "tuple_type": "a list",
+}
+"""What an entry should be, by the type of pydantic's error."""
+
+
+def key_of(error: Mapping[str, Any]) -> str:
+    """Dotted key of one of pydantic's errors."""
+    return ".".join(str(part) for part in error["loc"] if not str(part).startswith("function-"))
+
+
+def explain(error: Mapping[str, Any]) -> str:
+    """Explain one of pydantic's errors, beginning with its dotted key."""
+    key, context = key_of(error), error.get("ctx", {})
+    cause = context.get("error")
+    if isinstance(cause, ValueError):
+        parent, _, last = key.rpartition(".")
+        if str(cause).startswith((f"{last}.", f"{last}:")):
+            # The message already names the last key.
+            return f"{parent}.{cause}".lstrip(".")
+        return f"{key + ': ' if key else ''}{cause}"
+    expected = EXPECTED.get(error["type"], "another value").format(**context)
+    return f"{key or 'recipe'}: expected {expected}, got {reprlib.repr(error['input'])}; correct it"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Base of option dataclasses. Fields are checked against their annotations, in recipes and in
+    Python; limits are annotations such as `Annotated[float, pydantic.Field(gt=0.0)]`.
+
+    Raises InputError, which begins with the name of a field: it has another type, or is beyond its
+    limits.
+    """
+
+    __pydantic_config__: ClassVar = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+
+    def __post_init__(self) -> None:
+        # Imported late: queries of meshes have no options.
+        from pydantic import ValidationError
+
+        kind: Any = type(self)
+        try:
+            _field_model(kind).model_validate(vars(self))
+        except ValidationError as error:
+            raise InputError(explain(error.errors()[0])) from error
+
+
+@cache
+def _field_model(kind: type[Any]) -> Any:
+    """Model of pydantic with the fields of an option dataclass."""
+    from pydantic import create_model
+
+    hints = get_type_hints(kind, include_extras=True)
+    entries: dict[str, Any] = {each.name: (hints[each.name], ...) for each in fields(kind)}
+    return create_model(kind.__name__, __config__={"allow_inf_nan": False}, **entries)
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dicedesign.extensions import ENGINES, PREFERENCES, STARTS, STRICT, TERMS
+from dicedesign.extensions import ENGINES, PREFERENCES, STARTS, TERMS, Options
 from dicedesign.extensions import Engine, Preference, StartKind, Term, TermOption
 from dicedesign.starts import normalize_start
 
@@ -80,10 +80,8 @@ PREFERENCES.register(
 
 
 @dataclass(frozen=True)
-class Wedge:
+class Wedge(Options):
     """A tetrahedron, stretched."""
-
-    __pydantic_config__ = STRICT
 
     stretch: float = 1.0
 

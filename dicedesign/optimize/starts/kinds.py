@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+from pydantic import Field
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.starts.start import (
@@ -19,14 +21,17 @@ from dicedesign.optimize.starts.start import (
     check_prism,
 )
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.registry import STRICT
+from dicedesign.runtime.registry import Options
 
 if TYPE_CHECKING:
     from dicedesign.geometry.meshes.body import Body
 
 
+MOST_HELPERS: Final = 60
+
+
 @dataclass(frozen=True)
-class PrismOptions:
+class PrismOptions(Options):
     """`start.prism`; see `prism`.
 
     Attributes
@@ -36,22 +41,18 @@ class PrismOptions:
     cap: height of each pointed cap over that radius, not negative; steep caps are unstable.
     """
 
-    __pydantic_config__: ClassVar = {**STRICT, "allow_inf_nan": False}
-
     sides: int | None = None
     height: float = 1.5
     cap: float = 1.3
 
 
 @dataclass(frozen=True)
-class RepulsionOptions:
+class RepulsionOptions(Options):
     """`start.repulsion`, without options."""
-
-    __pydantic_config__ = STRICT
 
 
 @dataclass(frozen=True)
-class MeshOptions:
+class MeshOptions(Options):
     """`start.mesh`.
 
     Attributes
@@ -62,14 +63,12 @@ class MeshOptions:
         surface of the largest solid it encloses; for method concave.
     """
 
-    __pydantic_config__ = STRICT
-
     path: str
     repair: bool = False
 
 
 @dataclass(frozen=True)
-class SearchOptions:
+class SearchOptions(Options):
     """`start.search`.
 
     Attributes
@@ -78,9 +77,7 @@ class SearchOptions:
         dice with the target's probabilities to choose from.
     """
 
-    __pydantic_config__ = STRICT
-
-    helpers: int = 0
+    helpers: Annotated[int, Field(ge=0, le=MOST_HELPERS)] = 0
 
 
 def _shapes() -> ModuleType:
@@ -93,8 +90,6 @@ FEWEST_SIDES: Final = 3
 """Least number of rests of shapes that do not depend on the target."""
 
 HENDECAHEDRON_FACETS: Final = 11
-
-MOST_HELPERS: Final = 60
 
 
 def _check_sides(outcomes: int) -> None:
@@ -156,14 +151,6 @@ def _read_mesh(options: MeshOptions) -> Body:
     return read_body(Path(options.path))
 
 
-def _check_search(options: SearchOptions, outcomes: int) -> None:
-    if not 0 <= options.helpers <= MOST_HELPERS:
-        raise InputError(
-            f"start.search.helpers: expected 0 to {MOST_HELPERS}, got {options.helpers}; leave it "
-            "out"
-        )
-
-
 def _search(
     options: SearchOptions, target: Floats, group: Floats | None, seed: int
 ) -> Iterator[Start | None]:
@@ -209,6 +196,5 @@ SEARCH: Final = StartKind(
     name="search",
     line="random shapes with probabilities near the target's, until one reaches it",
     options=SearchOptions,
-    check=_check_search,
     search=_search,
 )

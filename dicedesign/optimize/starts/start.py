@@ -95,7 +95,7 @@ class StartKind(Extension):
 
     Attributes
     ----------
-    options: type of its options in recipes: a dataclass with `__pydantic_config__ = STRICT`, or a
+    options: type of its options in recipes: a dataclass derived from `Options`, or a
         choice of texts.
     check: raises ValueError, naming the key, if a shape with these options cannot have a number of
         outcomes.
