@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
+from common.bodies import write_mesh
 from common.bumpy import bumpy_sphere
+from common.dented_cube import MadeUpSearch
 from common.made_up_die import box
 
 from dicedesign.errors import InputError
@@ -41,9 +44,8 @@ def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
     """Every symmetry fixes the centroid."""
     corners = box(1.0, 2.0, 3.0)
     corners[corners[:, 2] > 0.0] *= [0.6, 0.6, 1.0]
-    points = corners + np.array([7.0, -5.0, 3.0])
-    lines = ["v " + " ".join(map(repr, x)) for x in points.tolist()]
-    (tmp_path / "wedge.obj").write_text("\n".join(lines))
+    hull = convex_hull(corners + [7.0, -5.0, 3.0])
+    write_mesh(tmp_path / "wedge.obj", hull.vertices, hull.triangles)
     start = {"mesh": {"path": str(tmp_path / "wedge.obj")}}
     work = run_start(target={"fair": 2}, start=start, symmetry="C1")
     np.testing.assert_allclose(convex_hull(work.start.points).centroid, 0.0, atol=1e-12)
@@ -52,12 +54,9 @@ def test_a_symmetric_start_is_moved_to_its_centroid(tmp_path: Path) -> None:
 def test_images_may_differ_in_probability_by_rounding() -> None:
     probabilities = [0.1 + 0.2, 0.2, 0.3, 0.2]
     assert probabilities[0] != probabilities[2]
-    prism = {"target": {"probabilities": probabilities}, "start": {"prism": {}}}
-    run_start(**prism, symmetry="C2")
+    run_start(target={"probabilities": probabilities}, symmetry="C2")
     with pytest.raises(InputError, match="equally probable"):
-        run_start(
-            target={"probabilities": [0.3, 0.3, 0.2, 0.2]}, start={"prism": {}}, symmetry="C2"
-        )
+        run_start(target={"probabilities": [0.3, 0.3, 0.2, 0.2]}, symmetry="C2")
 
 
 @dataclass(frozen=True)
@@ -92,21 +91,23 @@ def test_a_start_with_a_wrong_number_of_directions_is_refused() -> None:
 
 def repaired_recipe(path: Path, surface: Surface) -> Recipe:
     """Write a surface, and make a recipe of it."""
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in surface.points.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (surface.triangles + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
+    write_mesh(path, surface.points, surface.triangles)
     return parse_recipe(
         {
             "name": "repaired",
             "target": {"fair": 2},
             "start": {"mesh": {"path": str(path), "repair": True}},
             "method": {"concave": {"tolerance": 0.02, "attempts": 1}},
-            **dict.fromkeys(("print", "figures"), False),
+            **dict.fromkeys(("print", "figures", "report"), False),
         }
     )
 
 
-def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
+def test_a_die_of_an_open_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose search fails, so that it keeps the repaired surface."""
+    search = MadeUpSearch()
+    search.leads_nowhere = True
+    monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", search)
     whole = bumpy_sphere(2)
     recipe = repaired_recipe(tmp_path / "open.obj", Surface(whole.points, whole.triangles[8:]))
     result = run(recipe, tmp_path / "out")
@@ -115,6 +116,7 @@ def test_a_die_of_an_open_mesh(tmp_path: Path) -> None:
     assert 0.0 < repair.off_mean < 1e-2
     assert any(note.startswith("repaired the mesh") for note in result.notes)
     assert read_result(tmp_path / "out").concave.repair == repair
+    assert trimesh.load_mesh(tmp_path / "out" / "die_plain.stl").is_watertight
 
 
 def test_a_good_mesh_is_not_changed(tmp_path: Path) -> None:
@@ -122,4 +124,3 @@ def test_a_good_mesh_is_not_changed(tmp_path: Path) -> None:
     work = design_recipe(repaired_recipe(tmp_path / "good.obj", original), last="start")
     np.testing.assert_array_equal(work.surface.points, original.points)
     assert work.repaired is None
-    assert work.notes == ["the mesh needed no repair"]

@@ -64,7 +64,6 @@ def test_a_die_under_a_prior_has_its_probabilities_and_labels_under_it(tmp_path:
 
 def test_a_recipe_that_searches_has_no_start(tmp_path: Path) -> None:
     recipe = tmp_path / "d4.yaml"
-    recipe.write_text("name: d4\ntarget: {fair: 4}\n")
-    subject = subject_of(recipe)
-    with pytest.raises(InputError, match="searches for shapes"):
-        subject.make_before()
+    recipe.write_text("name: d4\ntarget: {fair: 4}\nsymmetry: none\n")
+    with pytest.raises(InputError, match="search"):
+        subject_of(recipe).make_before()
