@@ -22,6 +22,8 @@ FROM_PRISM = {"method": {"paper": {}}, "start": {"prism": {}}}
 
 ROUGH = {**FROM_PRISM, "method": {"paper": {"finish": "none"}}}
 
+COARSE = {"method": {"exact": {"tolerance": 1e-5}}}
+
 VERTICES = {"method": {"exact": {"coordinates": "vertices"}}}
 
 
@@ -64,8 +66,8 @@ NEAR = np.array([[1.0, 0.3, 0.0], [1.0, 0.0, 0.3]]) / np.sqrt(1.09)
         ({"target": FAIR}, "finish", False),
         ({"target": FAIR, "entries": FROM_PRISM}, "finish", False),
         ({"target": FAIR, "entries": ROUGH}, "finish: exact", True),
-        ({"target": rare(9e-7)}, "method.exact.tolerance", True),
-        ({"target": rare(1.1e-6)}, "method.exact.tolerance", False),
+        ({"target": rare(9e-6), "entries": COARSE}, "method.exact.tolerance", True),
+        ({"target": rare(1.1e-5), "entries": COARSE}, "method.exact.tolerance", False),
         ({"target": rare(9e-6)}, "9e-06 rarely", True),
         ({"target": rare(1e-5)}, "1e-05 rarely", False),
         ({"target": rare(9e-6), "entries": FROM_PRISM}, "rarely gets", False),

@@ -4,16 +4,14 @@ search, and real searches."""
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 import yaml
 from check_outputs import check
-from common.dented_cube import MadeUpSearch, write_cube
+from common.dented_cube import NORMALS, MadeUpSearch, write_cube
 from common.processes import kill_at_write
 
 from dicedesign import rest_poses
@@ -102,7 +100,7 @@ def test_a_recipe_becomes_a_die(recipe_path: Path, tmp_path: Path, search: MadeU
         (folder / name).write_bytes(b"of an earlier run")
     stages: list[str] = []
     steps: list[tuple[int, str]] = []
-    recipe = read_recipe(recipe_path, ["engrave=true"])
+    recipe = read_recipe(recipe_path)
     callbacks = Callbacks(stages.append, lambda step: steps.append((step.attempt, step.stage)))
     result = pipeline.run(recipe, folder, callbacks=callbacks)
     assert result.converged
@@ -115,7 +113,6 @@ def test_a_recipe_becomes_a_die(recipe_path: Path, tmp_path: Path, search: MadeU
     assert result.concave.displacement.largest == pytest.approx(0.03 / np.sqrt(12.0))
     assert result.concave.displacement.mean == pytest.approx(6 / 14 * 0.03 / np.sqrt(12.0))
     assert result.concave.hull.gap < 1e-6
-    assert 0.0 < result.engraved.max_abs_error < 0.002
 
 
 # Verdicts.
@@ -133,13 +130,8 @@ def test_the_verdict_is_that_of_the_file(
     search.change = stretch
     result = run(recipe_path, tmp_path / "out")
     assert result.status == "off_target"
-    mesh = trimesh.load_mesh(result.folder / "die_plain.stl")
-    assert mesh.is_watertight
-    assert mesh.is_winding_consistent
-    poses = rest_poses(mesh)
-    outcome = np.argmax(poses.normals @ np.concatenate([np.eye(3), -np.eye(3)]).T, axis=1)
-    probabilities = np.empty(6)
-    probabilities[outcome] = poses.probabilities
+    poses = rest_poses(trimesh.load_mesh(result.folder / "die_plain.stl"))
+    probabilities = outcome_probabilities(poses, NORMALS).probabilities
     np.testing.assert_allclose(result.probabilities, probabilities, atol=1e-12)
     assert result.max_abs_error == pytest.approx(np.abs(probabilities - 1 / 6).max(), abs=1e-12)
     assert result.max_abs_error > 0.02
@@ -160,7 +152,6 @@ def test_the_gap_is_the_distance_between_hulls_over_the_diagonal(
     assert work.concave.hull.gap == pytest.approx(expected, rel=1e-5, abs=1e-7)
     assert (Status.LOOSE.value in "; ".join(work.remarks)) == (apart > 0.0)
     np.testing.assert_allclose(work.concave.probabilities_before, 1.0 / 6.0, atol=1e-12)
-    assert work.concave.elsewhere_before == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_die_whose_prints_miss_is_fragile(
@@ -172,16 +163,7 @@ def test_a_die_whose_prints_miss_is_fragile(
     assert result.max_abs_error < 1e-6
     assert result.tolerances.total_variation > 1e-4
     assert all(draft.prints > 1e-4 for draft in result.search.trade_off.drafts)
-    unprinted = run(recipe_path, tmp_path / "plain", within)
-    assert unprinted.converged
-    assert [draft.prints for draft in unprinted.search.trade_off.drafts] == [None] * 3
-
-
-def test_rests_without_outcome_are_a_flaw(recipe_path: Path, search: MadeUpSearch) -> None:
-    target = "target={probabilities: [0.5, 0.25, 0.25]}"
-    work = design(recipe_path, target, "method.concave.tolerance=0.4")
-    assert work.status is Status.STRAY
-    assert work.result().elsewhere == pytest.approx(0.5)
+    assert run(recipe_path, tmp_path / "plain", within).converged
 
 
 def test_a_failed_search_keeps_the_surface(
@@ -251,9 +233,6 @@ def test_small_angles_are_flaws(
     work = design(recipe_path, f"{key}={angle + 0.3}")
     assert work.status is status
     assert key in "; ".join(work.remarks)
-    # Errors of the probabilities are worse.
-    search.change = stretch
-    assert design(recipe_path, f"{key}={angle + 0.3}").status is Status.OFF_TARGET
 
 
 def test_angles_of_a_sheared_cube(recipe_path: Path, search: MadeUpSearch) -> None:
@@ -288,24 +267,19 @@ def test_marks_that_do_not_fit(recipe_path: Path, tmp_path: Path, search: MadeUp
     assert "die.stl" not in names(folder)
 
 
-# Checkpoints, from the command line.
-
-
-@pytest.fixture
-def command(recipe_path: Path, tmp_path: Path) -> Callable[..., int]:
-    """Function that runs the recipe into the folder "out", and returns the exit code."""
-    out = str(tmp_path / "out")
-    return lambda *options: main(["run", str(recipe_path), "--out", out, "--no-clock", *options])
+# Checkpoints.
 
 
 def test_a_resumed_search_ends_like_an_uninterrupted_one(
-    command: Callable[..., int],
-    recipe_path: Path,
-    tmp_path: Path,
-    search: MadeUpSearch,
-    capsys: pytest.CaptureFixture[str],
+    recipe_path: Path, tmp_path: Path, search: MadeUpSearch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    whole, folder = run(recipe_path, tmp_path / "whole", "clock=false"), tmp_path / "out"
+    """On the command line, whose exit codes and streams say what happened."""
+    folder = tmp_path / "out"
+
+    def command(*options: str) -> int:
+        return main(["run", str(recipe_path), "--out", str(folder), "--no-clock", *options])
+
+    whole = run(recipe_path, tmp_path / "whole", "clock=false")
     search.attempted.clear()
     search.interrupt_after = 0
     assert command() == 130
@@ -460,13 +434,11 @@ def test_the_walls_of_a_marked_hollow_die_are_measured_in_its_file(
     """The printer makes walls of 0.8 mm."""
     wall_mm, depth_mm = 1.2, 0.6
     search.hollow = Hollow(wall_mm / 40.0, np.array([0.02, 0.01, 0.0]))
-    entries: dict[str, Any] = {
-        "method.concave.tolerance": 0.05,
-        "method.concave.hollow.wall_mm": wall_mm,
-        "engrave": f"{{depth_mm: {depth_mm}, balance: none}}",
-        "print": "true",
-    }
-    changes = [f"{key}={entry}" for key, entry in entries.items()]
+    changes = [
+        f"method.concave={{tolerance: 0.05, hollow: {{wall_mm: {wall_mm}}}}}",
+        f"engrave={{depth_mm: {depth_mm}, balance: none}}",
+        "print=true",
+    ]
     work = design_recipe(read_recipe(recipe_path, changes), last="engrave")
     nearest = wall_between(*outer_and_inner(read_stl(work.files["die.stl"])))
     cavities = work.concave.cavities

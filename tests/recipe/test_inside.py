@@ -38,9 +38,7 @@ def probabilities(mesh: trimesh.Trimesh, center: np.ndarray, count: int) -> np.n
 
 
 def test_a_cavity_below_labels(tmp_path: Path) -> None:
-    result = run(
-        parse_recipe(recipe({"by": "cavity", "wall_mm": 1.5}, edges={"radius_mm": 1.0})), tmp_path
-    )
+    result = run(parse_recipe(recipe({"by": "cavity", "wall_mm": 1.5})), tmp_path)
     assert result.converged
     mesh = trimesh.load(tmp_path / "die.stl")
     assert mesh.is_watertight

@@ -15,7 +15,7 @@ from common.made_up_die import SIDES, box, run_to_check
 from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import STAGES, Callbacks, Stage, Work, run
+from dicedesign.recipe.pipeline import STAGES, Callbacks, Stage, run
 from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_probabilities
@@ -175,6 +175,7 @@ def test_a_result_has_the_data_of_the_work() -> None:
 
 
 # Callbacks.
+
 
 @pytest.mark.parametrize(
     "entries",

@@ -54,9 +54,7 @@ CONCAVE: dict[str, Any] = {
 
 
 def test_a_concave_die_is_plain_unless_it_is_engraved(tmp_path: Path) -> None:
-    plain, marked = (
-        read(tmp_path, {**CONCAVE, **entries}) for entries in ({}, {"engrave": True})
-    )
+    plain, marked = (read(tmp_path, {**CONCAVE, **entries}) for entries in ({}, {"engrave": True}))
     assert plain.engrave is None
     assert marked.engrave == read(tmp_path, GOOD).engrave == EngravingOptions()
     for recipe in (plain, marked):
@@ -216,9 +214,7 @@ def test_bad_changes(tmp_path: Path, change: str) -> None:
         read(tmp_path, GOOD, (change,))
 
 
-@pytest.mark.parametrize(
-    "entries", ["size_mm: 1000.0", "size_mm: 30.0\nmin_inradius_mm: 14.999"]
-)
+@pytest.mark.parametrize("entries", ["size_mm: 1000.0", "size_mm: 30.0\nmin_inradius_mm: 14.999"])
 def test_limits_are_valid(entries: str) -> None:
     parse_recipe({**GOOD, **yaml.safe_load(entries)})
 

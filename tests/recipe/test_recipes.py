@@ -86,8 +86,7 @@ def test_a_recipe_gives_its_concave_die_in_few_attempts(path: Path, tmp_path: Pa
     assert result.status == "converged", result.message
     assert result.search.attempts <= MOST_ATTEMPTS
     summary = check(tmp_path)
-    assert summary["max_abs_error"] <= recipe.method.tolerance
-    assert summary["elsewhere"] <= recipe.method.tolerance
+    assert max(summary["max_abs_error"], summary["elsewhere"]) <= recipe.method.tolerance
     assert summary["concave"]["displacement"]["mean"] <= LARGEST_DISPLACEMENT
 
 

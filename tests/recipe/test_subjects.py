@@ -38,12 +38,11 @@ def test_a_recipe_and_its_folder_are_the_same_die(folder: Path) -> None:
         finished.poses.probabilities, designed.poses.probabilities, atol=1e-7
     )
     for subject in (finished, designed):
-        before = subject.make_before()
-        hulls = convex_hull(before.points), subject.poses.hull
-        assert hulls[0].diameter == pytest.approx(hulls[1].diameter)
-        np.testing.assert_allclose(hulls[0].centroid, hulls[1].centroid, atol=1e-9)
+        before, after = convex_hull(subject.make_before().points), subject.poses.hull
+        assert before.diameter == pytest.approx(after.diameter)
+        np.testing.assert_allclose(before.centroid, after.centroid, atol=1e-9)
         # The prism is not the die.
-        assert len(hulls[0].vertices) != len(hulls[1].vertices)
+        assert len(before.vertices) != len(after.vertices)
 
 
 def test_a_die_under_a_prior_has_its_probabilities_and_labels_under_it(tmp_path: Path) -> None:

@@ -107,17 +107,15 @@ def test_only_parts_of_a_shape_that_touch_the_table_belong_to_a_rest() -> None:
         assert color == BASINS[outcomes[int(name.removeprefix("facet-"))]]
 
 
-@pytest.mark.parametrize("content", [None, b"no archive", "<script>other();</script>"])
+@pytest.mark.parametrize("content", [None, "<script>other();</script>"])
 def test_a_trimesh_without_its_viewer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes | str | None
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str | None
 ) -> None:
     spec = ModuleSpec("trimesh", None, origin=str(tmp_path / "__init__.py"))
     monkeypatch.setattr(pages, "find_spec", lambda name: spec)
     archive = tmp_path / "resources" / "templates" / "viewer.zip"
     archive.parent.mkdir(parents=True)
-    if isinstance(content, bytes):
-        archive.write_bytes(content)
-    elif content is not None:
+    if content is not None:
         with zipfile.ZipFile(archive, "w") as file:
             file.writestr("viewer.html.template", content)
     three_script.cache_clear()
@@ -175,7 +173,6 @@ def test_a_large_solid_is_left_out_and_table_and_map_are_linked(
 ) -> None:
     monkeypatch.setattr(pages, "MAX_TRIANGLES", 10)
     page = parse_page(page_text(finished_box(), {"gauss_map": b"\x89PNG"}))
-    assert "The die cannot be turned here: it has 12 triangles" in page.text
     assert page.tagged("canvas") == []
     numbers = [str(k) for k in range(6)]
     assert sorted(page.facets("tr")) == numbers

@@ -48,33 +48,26 @@ def dumbbell() -> trimesh.Trimesh:
     )
 
 
-def test_three_cameras_look_from_around_and_above_and_see_everything() -> None:
+@pytest.mark.parametrize("up", [*np.eye(3), *-np.eye(3), np.array([1.0, 2.0, 1.0])])
+def test_three_cameras_look_from_around_and_above_and_see_everything(up: np.ndarray) -> None:
     points = np.random.default_rng(0).normal(size=(200, 3)) * [3, 1, 1] + [5, 0, 0]
-    up = np.array([0.0, 2.0, 0.0])
     cameras = three_cameras(points, up)
+    up = up / np.linalg.norm(up)
     directions = np.array([camera.direction for camera in cameras])
-    np.testing.assert_allclose(directions[:, 1], np.sin(np.radians(15.0)))
-    flat = directions[:, [0, 2]] / np.cos(np.radians(15.0))
-    np.testing.assert_allclose((flat @ flat.T)[~np.eye(3, dtype=bool)], -0.5)
-    # The first is in front, which is +z, and to the right.
-    assert directions[0, 2] > directions[0, 0] > 0
+    np.testing.assert_allclose(directions @ up, np.sin(np.radians(15.0)))
+    flat = directions - np.outer(directions @ up, up)
+    cosines = flat @ flat.T / np.cos(np.radians(15.0)) ** 2
+    np.testing.assert_allclose(cosines[~np.eye(3, dtype=bool)], -0.5)
     assert len({camera.half_width for camera in cameras}) == 1
     largest = 0.0
     for camera in cameras:
+        frame = camera.frame()
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+        assert frame[1] @ up > 0.9
         places = camera.pixel_positions(points, 100)[:, :2]
-        assert (places > 0).all()
-        assert (places < 100).all()
         np.testing.assert_allclose(places.min(axis=0) + places.max(axis=0), 100.0)
         largest = max(largest, float(np.ptp(places, axis=0).max()))
     assert largest == pytest.approx(100.0 / 1.08)
-
-
-def test_any_direction_may_be_upward() -> None:
-    for up in (*np.eye(3), *-np.eye(3), np.ones(3)):
-        for camera in three_cameras(np.eye(3), up):
-            frame = camera.frame()
-            np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
-            assert frame[1] @ up > 0.9 * np.linalg.norm(up)
 
 
 def test_before_and_after_are_drawn_at_one_scale() -> None:
@@ -83,13 +76,11 @@ def test_before_and_after_are_drawn_at_one_scale() -> None:
     after = 0.5 * before
     both = RenderMesh(before, mesh.faces), RenderMesh(after, mesh.faces)
     figure = before_after_figure(*both, UP)
-    assert figure.texts == [f"{name}, view {k}" for name in ("before", "after") for k in (1, 2, 3)]
     sizes = [
         np.ptp(np.nonzero((picture < 255).any(axis=2)), axis=1) + 1 for picture in figure.pictures
     ]
     for large, small in zip(sizes[:3], sizes[3:], strict=True):
         np.testing.assert_allclose(small, 0.5 * large, atol=1.5)
-    assert figure.png() == before_after_figure(*both, UP).png()
 
 
 def reshaped_die(points: Any, triangles: Any, downs: np.ndarray, before: Any = None) -> FinishedDie:
@@ -149,24 +140,20 @@ def test_the_overlay_shows_the_hull_and_its_rests(monkeypatch: pytest.MonkeyPatc
 
 
 def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> None:
-    mesh = trimesh.creation.icosphere(subdivisions=4)
+    mesh = trimesh.creation.icosphere(subdivisions=3)
     before = np.asarray(mesh.vertices)
     # The first camera looks at the side that moves, the second one from behind.
     after = before + np.where(before[:, 1:2] < 0.0, [[0.0, -0.1, 0.0]], 0.0)
     figure = displacement(reshaped_die(after, mesh.faces, np.eye(3), before))
     largest = 100.0 * 0.1 / np.linalg.norm(np.ptp(before, axis=0))
     mean = largest * (before[:, 1] < 0.0).mean()
-    expected = f"mean {mean:.2g} %, largest {largest:.2g} % of the diagonal"
-    assert f"displacement: {expected}" in figure.texts
-    assert "displacement (% of the diagonal)" in figure.texts
+    assert f"mean {mean:.2g} %, largest {largest:.2g} %" in " ".join(figure.texts)
     assert is_whole(figure)
     moved, still = (
         picture[len(picture) // 2, picture.shape[1] // 2] for picture in figure.pictures[:2]
     )
     assert still.astype(int).sum() > moved.astype(int).sum() + 200
-    figure = displacement(reshaped_die(before, mesh.faces, np.eye(3)))
-    assert "mean 0 %, largest 0 %" in " ".join(figure.texts)
-    assert is_whole(figure)
+    assert is_whole(displacement(reshaped_die(before, mesh.faces, np.eye(3))))
 
 
 @pytest.mark.parametrize("count", [1, 6])
@@ -176,8 +163,7 @@ def test_each_outcome_is_shown_lying_and_from_below(
     mesh = dumbbell()
     downs = np.concatenate([np.eye(3)[1:], -np.eye(3), np.eye(3)[:1]])[:count] * 7.0
     die = reshaped_die(mesh.vertices, mesh.faces, downs)
-    figure = rests(die)
-    shown = pictures_by_title(figure)
+    shown = pictures_by_title(rests(die))
     clear(monkeypatch)
     plain = pictures_by_title(rests(die))
     colors = rgb(repeat(BASINS, count))
@@ -188,9 +174,6 @@ def test_each_outcome_is_shown_lying_and_from_below(
         shares = [share_tinted(shown[below], plain[below], color) for color in colors]
         assert int(np.argmax(shares)) == k
         assert shares[k] > 0.15
-    assert len(figure.pictures) == 2 * count + (4 if count == 6 else 0)
-    assert len({picture.shape[1] for picture in shown.values()}) == 1
-    assert len({picture.shape[0] for picture in figure.pictures[: min(count, 4)]}) == 1
 
 
 def test_intersecting_triangles_are_red() -> None:
@@ -203,8 +186,5 @@ def test_intersecting_triangles_are_red() -> None:
         channels = drawn[..., :3].astype(int)
         return int((channels[..., 0] > channels[..., 1] + 60).sum())
 
-    few, everything = (
-        count_red([[0, 1]]),
-        count_red([[2 * k, 2 * k + 1] for k in range(len(mesh.faces) // 2)]),
-    )
-    assert count_red([]) == 0 < few < everything
+    everything = np.arange(len(mesh.faces)).reshape(-1, 2).tolist()
+    assert count_red([]) == 0 < count_red([[0, 1]]) < count_red(everything)
