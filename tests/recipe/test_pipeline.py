@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -11,11 +13,14 @@ import numpy as np
 import pytest
 from check_outputs import check
 from common.made_up_die import SIDES, box, run_to_check
+from pygltflib import GLTF2
 
 from dicedesign import rest_poses
 from dicedesign.errors import EngravingError
+from dicedesign.fabricate import file_formats
+from dicedesign.fabricate.file_formats import FILE_FORMATS, Contents
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import STAGES, Callbacks, Stage, run
+from dicedesign.recipe.pipeline import Callbacks, run
 from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_probabilities
@@ -129,28 +134,6 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)
 
 
-def test_a_registered_stage_runs_in_its_place() -> None:
-    """Before engraving, for dice larger than 20 mm."""
-    STAGES.register(
-        Stage(
-            name="weigh",
-            line="says what the die weighs",
-            after="check",
-            wanted=lambda work: work.recipe.size_mm > 20.0,
-            run=lambda work: work.notes.append(f"it has {work.solid.volume} mm3"),
-        )
-    )
-    try:
-        work, small = (
-            design_recipe(parse_recipe({**RECIPE, "size_mm": size})) for size in (30, 15)
-        )
-    finally:
-        STAGES.unregister("weigh")
-    names, others = ([stage["name"] for stage in each.clock.stages] for each in (work, small))
-    assert names == [*others, "weigh"]
-    assert work.result().notes[-1].startswith("it has ")
-
-
 def test_a_result_has_the_data_of_the_work() -> None:
     """A box with labels on three of its sides; a copy of the work is independent."""
     work = run_to_check(box(4.0, 5.0, 6.0), SIDES[:3], Status.NO_PROGRESS, {"fair": 3})
@@ -224,3 +207,69 @@ def test_an_exception_of_a_callback_ends_the_run() -> None:
     with pytest.raises(Enough):
         design_recipe(recipe, Callbacks(on_shape=on_shape), last="design")
     assert len(shapes) == 3
+
+
+# Files in every format.
+
+FORMATS = [kind.name for kind in FILE_FORMATS]
+
+COIN = {
+    "name": "coin",
+    "target": {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]},
+    "seed": 3,
+    "size_mm": 40.0,
+    **dict.fromkeys(("figures", "report", "clock"), False),
+}
+
+
+def test_files_carry_the_result_and_those_of_an_earlier_run_are_removed(tmp_path: Path) -> None:
+    run({**COIN, "files": FORMATS}, tmp_path)
+    result = read_result(tmp_path)
+    names = {path.name for path in tmp_path.iterdir()} - {"result.json"}
+    assert {f"die.{name}" for name in FORMATS} < names
+    assert set(result.files.values()) == {*names, "result.json"}
+    for name in names:
+        assert result.sha256[name] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+    facts = GLTF2().load(str(tmp_path / "die.glb")).asset.extras
+    for name, values in (("Target", result.target), ("Probabilities", result.probabilities)):
+        read = json.loads(facts[name])
+        assert list(read) == list(result.labels)
+        np.testing.assert_allclose(list(read.values()), values, atol=1e-6)
+    assert facts["Recipe"] == (tmp_path / "recipe.yaml").read_text()
+    assert facts["Checksum"].endswith(result.sha256["die.stl"])
+    plain = run({**COIN, "engrave": False}, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == set(plain.files.values())
+    assert set(plain.files) == {"die_plain", "recipe", "result"}
+
+
+def test_a_file_with_other_probabilities_is_discarded(tmp_path: Path) -> None:
+    def dent(contents: Contents) -> bytes:
+        (part,) = contents.parts
+        points = part.points.copy()
+        points[0] *= 1.0 + 1e-6
+        return file_formats.obj(replace(contents, parts=[replace(part, points=points)]))
+
+    known = FILE_FORMATS["obj"]
+    FILE_FORMATS.unregister("obj")
+    FILE_FORMATS.register(replace(known, write=dent))
+    try:
+        result = run({**COIN, "engrave": False, "files": "obj"}, tmp_path / "coin")
+    finally:
+        FILE_FORMATS.unregister("obj")
+        FILE_FORMATS.register(known)
+    assert not result.converged
+    assert "die_plain.obj" in result.message
+    assert {path.name for path in (tmp_path / "coin").iterdir()} >= {"die_plain.stl", "result.json"}
+    assert not (tmp_path / "coin" / "die_plain.obj").exists()
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        ([], ["stl"]),
+        ("obj", ["stl", "obj"]),
+        (["obj", "stl", "obj"], ["stl", "obj"]),
+    ],
+)
+def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> None:
+    assert parse_recipe({**COIN, "files": files}).files == expected

@@ -131,15 +131,3 @@ def test_the_chosen_die_is_at_least_as_handsome_as_the_first() -> None:
     first, chosen = (rate_looks(die.hull, die.directions) for die in dice)
     assert chosen.measure >= first.measure
     assert all(0.0 <= quality <= 1.0 for quality in vars(chosen).values())
-
-
-def test_dice_without_a_start_are_symmetric_unless_told_otherwise() -> None:
-    """And what was written is read as the same."""
-    for entries, expected in (
-        ({"method": THROWN}, "auto"),
-        ({"method": THROWN, "symmetry": "none"}, None),
-        ({"symmetry": "Cs"}, "Cs"),
-        ({"start": {"prism": {}}}, None),
-    ):
-        given = parse_recipe({"name": "d", "target": {"fair": 5}, **entries})
-        assert given.symmetry == parse_recipe(given.as_dict()).symmetry == expected

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from common.inline_executor import Inline
 from common.kernels import compiled_only
-from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.errors import InputError
@@ -169,20 +168,6 @@ def test_rounds_throw_onto_all_tables(
 
 def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
-@pytest.mark.full
-def test_a_run_killed_in_its_verdict_is_resumed_with_the_same_die(
-    mixed: dict[str, Any], tmp_path: Path
-) -> None:
-    path, whole, parts = tmp_path / "mixed.yaml", tmp_path / "whole", tmp_path / "parts"
-    path.write_text(json.dumps(mixed))
-    run(path, whole)
-    kill_at_write(["run", str(path), "--out", str(parts)], 8)
-    assert "checkpoint.npz" in contents(parts)
-    assert "result.json" not in contents(parts)
-    run(path, parts, resume=True)
-    assert contents(parts) == contents(whole)
 
 
 def test_an_interrupted_run_is_resumed_with_the_same_die_and_repeats_no_throws(
