@@ -17,8 +17,7 @@ from dicedesign.report.sheet import Sheet, picture_grid
 def test_a_png_repeats_and_has_no_metadata() -> None:
     def draw() -> Sheet:
         sheet = Sheet(200, 100)
-        sheet.text("text", (150.0, 50.0), color="red")
-        sheet.text("$no formula \u4e09", (100.0, 20.0))
+        sheet.text("$no formula \u4e09", (100.0, 20.0), color="red")
         return sheet
 
     data = draw().png()

@@ -68,9 +68,8 @@ def test_parts_hold_each_triangle_once_in_the_color_of_its_basin() -> None:
     points, triangles = with_pocket(1, 2)
     die = engrave_mesh(points, triangles)
     labels = (np.abs(points[triangles].mean(axis=1)) < EXTENTS / 2.0 - 1e-6).all(axis=1)
-    filling = Manifold.cube([4.0, 4.0, DEPTH], True).translate([0.0, 0.0, 10.0 - DEPTH / 2.0])
-    mesh = filling.to_mesh()
-    inlay = Part(mesh.vert_properties[:, :3], np.asarray(mesh.tri_verts), "labels", "#222222")
+    corners = np.array([[2.0, 2.0, 9.5], [-2.0, 2.0, 9.5], [0.0, -2.0, 9.5]])
+    inlay = Part(corners, np.array([[0, 1, 2]]), "labels", "#222222")
     *parts, filled = facet_parts([Part(points, triangles, "die", "#123456", labels), inlay], die)
     assert [part.name for part in parts] == [f"facet-{k}" for k in range(6)]
     assert [part.color for part in parts] == list(BASINS[:6])

@@ -123,7 +123,6 @@ def test_the_overlay_shows_the_hull_and_its_rests(monkeypatch: pytest.MonkeyPatc
     cameras = [Camera(down, np.array([1.0, 0, 0]), np.zeros(3), 1.5) for down in np.eye(3)[1:]]
     monkeypatch.setattr(surface_figures, "three_cameras", lambda *_: cameras)
     figure = hull(die)
-    assert figure.texts[-2:] == ["$0$", "$1$"]
     colors = rgb(BASINS[:2])
     for color in BASINS[:2]:
         assert color_mask(figure, color)[-45:].sum() > 300
@@ -131,7 +130,6 @@ def test_the_overlay_shows_the_hull_and_its_rests(monkeypatch: pytest.MonkeyPatc
     clear(monkeypatch)
     plain = hull(die).pictures
     assert share_tinted(first, plain[0], colors[0]) > 0.9
-    assert share_tinted(first, plain[0], colors[1]) == 0.0
     assert share_tinted(second, plain[1], colors[1]) > 0.2
     # The hull covers more than the surface alone.
     bare = rows_of_views({"": surface_of(die)}, cameras[1:]).pictures[0]
