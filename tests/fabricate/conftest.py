@@ -89,7 +89,7 @@ def inlaid(box) -> Contents:
     """A box of 10 mm with a pit of 4 mm in its top, and a block that fills the pit."""
     outer, pit = box(10.0, 10.0, 10.0), box(4.0, 4.0, 4.0)
     places = pit.vertices + np.array([0.0, 0.0, 3.0])
-    whole = mesh_of(solid(outer.surface) - solid(Surface(places, pit.triangles)))
+    whole = mesh_of(solid(outer.surface) - solid(Surface(places, pit.surface.triangles)))
     body = Part(whole.points, whole.triangles, "die", BODY_COLOR)
-    inlay = Part(places, pit.triangles, "inlay", LABEL_COLOR)
+    inlay = Part(places, pit.surface.triangles, "inlay", LABEL_COLOR)
     return Contents("inlaid", [body, inlay], {})

@@ -46,13 +46,12 @@ def test_the_film_of_a_cube() -> None:
     body, poses = rigid_body_with_rests(points)
     film = throw_film(body, table)
     # Until its lowest corner may touch the table.
-    flight = int(np.sqrt(2 * (table.height - table.size) / GRAVITY) * FRAMES_PER_SECOND)
-    times = film.seconds[: flight + 1]
-    np.testing.assert_allclose(times, np.arange(flight + 1) / FRAMES_PER_SECOND)
-    way = np.outer(times, [table.speed, 0.0, 0.0])
-    way[:, 2] = -GRAVITY / 2 * times**2
-    np.testing.assert_allclose(film.positions[: flight + 1], film.positions[0] + way, atol=1e-12)
-    turns = Rotation.from_matrix(film.rotations[: flight + 1])
+    flight = int(np.sqrt(2 * (table.height - table.size) / GRAVITY) * FRAMES_PER_SECOND) + 1
+    times = np.arange(flight) / FRAMES_PER_SECOND
+    np.testing.assert_allclose(film.seconds[:flight], times)
+    way = np.stack([table.speed * times, 0.0 * times, -GRAVITY / 2 * times**2], axis=1)
+    np.testing.assert_allclose(film.positions[:flight], film.positions[0] + way, atol=1e-12)
+    turns = Rotation.from_matrix(film.rotations[:flight])
     turned = (turns[0].inv() * turns).as_rotvec()
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), table.spin * times, atol=1e-9)
     assert np.linalg.matrix_rank(turned, tol=1e-9) == 1

@@ -41,9 +41,7 @@ def write_counts(tmp_path: Path, text: str) -> Path:
 
 def test_the_published_dice() -> None:
     names = ["binomial2", "binomial3", "2d6_hendecahedron"]
-    dice = read_throw_counts(public_data("published/throws.csv"), names)
-    assert [die.name for die in dice] == names
-    two, three, many = dice
+    two, three, many = read_throw_counts(public_data("published/throws.csv"), names)
     # The middle outcome of the first die is a facet of two triangles, 0.7 degrees apart.
     assert two.labels == ("1", "0 or 2")
     assert two.counts.tolist() == [49, 51]
@@ -55,7 +53,6 @@ def test_the_published_dice() -> None:
     wanted = np.array([6, 10, 8, 6, 4, 2]) / 36.0
     assert many.geometric == pytest.approx(wanted, abs=4e-3)
     assert many.by_outcome(np.arange(11)).tolist() == [0, 3, 7, 11, 15, 19]
-    assert all(die.size is None for die in dice)
 
 
 def test_a_mesh(box: Path, tmp_path: Path) -> None:
@@ -144,15 +141,15 @@ def test_invalid_files(box: Path, run: Path, tmp_path: Path, text: str, message:
 @pytest.mark.parametrize(
     ("com", "size", "message"),
     [
-        ("", "0", "line 2: expected a size_mm of 0.1 to 10000, got '0'; correct it"),
-        ("0 0", "", "line 2: expected three numbers x y z as com, got '0 0'; correct it"),
-        ("0 inf 0", "", "line 2: expected a finite number as com, got 'inf'"),
-        ("9 0 0", "", r"throws.csv, line 2: center of mass: expected a point strictly inside"),
+        ("", "0", "size_mm"),
+        ("0 0", "", "com"),
+        ("0 inf 0", "", "com.*inf"),
+        ("9 0 0", "", "center of mass"),
     ],
 )
 def test_invalid_sizes_and_centers(
     box: Path, tmp_path: Path, com: str, size: str, message: str
 ) -> None:
     rows = [f"b,{box.name},{i},2,{p},{com},{size}\n" for i, p in enumerate(_probabilities(box))]
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=f"line 2: .*{message}"):
         read_throw_counts(write_counts(tmp_path, HEADER.strip() + ",com,size_mm\n" + "".join(rows)))
