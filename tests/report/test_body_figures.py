@@ -1,4 +1,4 @@
-"""Views of a surface before and after, in its hull, colored by displacement, and at rest."""
+"""Figures of dice: flat faces, surfaces before and after, hulls, rests, and sheets."""
 
 from __future__ import annotations
 
@@ -11,17 +11,32 @@ import pytest
 import trimesh
 from common.drawings import color_mask, is_whole
 from common.finished import finished_box
+from common.made_up_die import run_to_check, run_to_design
+from matplotlib.patches import Patch
 
 from dicedesign.fabricate.die import FinishedDie, assess_file
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.label_layout import Placement, die_readings, place_labels
+from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import Surface
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.optimize.targets import Target
-from dicedesign.palette import BASINS, repeat, rgb
-from dicedesign.report import surface_figures
+from dicedesign.palette import ACCENT, BASINS, repeat, rgb
+from dicedesign.recipe.output import make_finished_die
+from dicedesign.recipe.pipeline import Work, run_stages
+from dicedesign.report import solid_figures, surface_figures
 from dicedesign.report.raster import Camera, three_cameras
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.sheet import Sheet
+from dicedesign.report.solid_figures import (
+    faces,
+    paint_labels,
+    print_orientation,
+    reading,
+    views,
+)
 from dicedesign.report.surface_figures import (
     before_after_figure,
     crossings,
@@ -31,6 +46,134 @@ from dicedesign.report.surface_figures import (
     rows_of_views,
     surface_of,
 )
+from dicedesign.runtime.arrays import Floats
+from tests.reference.solids import PLATONIC
+
+
+def labeled_box(texts: list[str], facets: list[int]) -> FinishedDie:
+    """Box of 14 x 16 x 20 mm with labels, each read from below, on facets."""
+    die = finished_box()
+    assert die.engraved is not None
+    hull = die.plain.poses.hull
+    places = die_readings(hull, np.array(facets), texts, "down")[0].places
+    placements = place_labels(places, EngravingOptions(), hull.diameter)
+    return replace(die, engraved=replace(die.engraved, placements=placements))
+
+
+def rings(patch: Patch) -> list[np.ndarray]:
+    """Contours (n, 2) of a patch, y upward."""
+    return [ring * [1.0, -1.0] for ring in patch.get_path().to_polygons(closed_only=False)]
+
+
+def test_faces_and_labels_are_true_to_scale() -> None:
+    die = labeled_box(["2", "<6>"], [3, 1])
+    assert die.engraved is not None
+    hull, placements = die.plain.poses.hull, die.engraved.placements
+    sheet = faces(die)
+    assert is_whole(sheet)
+    (bar,) = sheet.drawing.lines
+    scale = float(np.ptp(bar.get_xdata())) / 20.0
+    outlines, cuts = sheet.drawing.patches[::2], sheet.drawing.patches[1::2]
+    areas = [signed_area(rings(patch)[0]) / scale**2 for patch in outlines]
+    np.testing.assert_allclose(sorted(areas), sorted(hull.areas), rtol=1e-9)
+    for area, patch, placement in zip(areas, cuts, placements, strict=False):
+        assert area == pytest.approx(hull.areas[placement.facet])
+        cut = sum(signed_area(ring) for ring in rings(patch)) / scale**2
+        assert cut == pytest.approx(placement.section().area(), rel=1e-5)
+    for outline, patch in zip(outlines, cuts[:2], strict=False):
+        around, inner = outline.get_extents(), patch.get_extents()
+        assert (around.min <= inner.min).all()
+        assert (inner.max <= around.max).all()
+
+
+def test_only_labeled_faces_of_many_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solid_figures, "MAX_FACES", 5)
+    assert len(faces(labeled_box(["3"], [2])).drawing.patches) == 2
+
+
+@pytest.mark.parametrize(("printer", "ratio"), [("fdm", np.sqrt(5.0)), ("sla", 0.0)])
+def test_colors_cover_touching_and_overhanging_surfaces(printer: str, ratio: float) -> None:
+    """From beneath an icosahedron's face on the bed is seen whole, and its neighbors at 41.8
+    degrees, which need supports only by filament."""
+    points = PLATONIC["icosahedron"]
+    work = run_to_check(points, convex_hull(points).normals, entries={"print": printer})
+    run_stages(work, after="check", last="printing")
+    figure = print_orientation(make_finished_die(work))
+    counts = []
+    for picture in figure.pictures:
+        red, green, blue = np.asarray(picture, dtype=float).transpose(2, 0, 1)
+        counts.append((int((blue > red + 25).sum()), int((red > green + 60).sum())))
+    (blue, red), (blue_beneath, red_beneath) = counts
+    assert blue == 0
+    assert (red > 0) == (ratio > 0.0)
+    assert red_beneath / blue_beneath == pytest.approx(ratio, abs=0.1)
+
+
+def test_views_show_all_sides() -> None:
+    figure = views(finished_box())
+    sizes = [(picture < 255).any(axis=2).sum() for picture in figure.pictures]
+    assert len(sizes) == len(figure.texts) == 8
+    # Sides of 16 x 20, 14 x 20 and 14 x 16 mm.
+    np.testing.assert_allclose(np.array(sizes[:3]) / sizes[2], [20 / 14, 20 / 16, 1], rtol=0.05)
+
+
+def engrave(points: Floats, style: str = "engraved") -> tuple[Work, list[list[Placement]]]:
+    """Engraved die, each of whose facets is an outcome, and the labels of each outcome."""
+    directions = convex_hull(points).normals
+    entries = {"engrave": {"read": "up", "style": style, "border_mm": 0.3}, "size_mm": 36.0}
+    work = run_to_design(points, directions, target={"fair": len(directions)}, entries=entries)
+    run_stages(work, after="design", last="engrave")
+    assert work.engraved is not None
+    assert work.reading is not None
+    labels: list[list[Placement]] = [[] for _ in directions]
+    for place, placement in zip(work.reading.places, work.engraved.placements, strict=True):
+        labels[place.outcome].append(placement)
+    return work, labels
+
+
+def area_of_color(surface: RenderMesh, color: Floats) -> float:
+    """Area of the triangles of a color; a triangle's corners are of one."""
+    assert surface.colors is not None
+    colors = surface.colors[surface.triangles]
+    assert (colors == colors[:, :1]).all()
+    chosen = (colors[:, 0] == color).all(axis=1)
+    areas = doubled_area_vectors(surface.points, surface.triangles[chosen])
+    return 0.5 * float(np.linalg.norm(areas, axis=1).sum())
+
+
+@pytest.mark.parametrize(
+    ("name", "places", "style"),
+    [("cube", 1, "engraved"), ("tetrahedron", 3, "engraved"), ("tetrahedron", 3, "raised")],
+)
+def test_the_label_to_read_is_in_color(name: str, places: int, style: str) -> None:
+    """Its floor, or its top where it stands with others in a field."""
+    work, labels = engrave(PLATONIC[name], style)
+    for mine in labels:
+        assert len(mine) == places
+        surface = paint_labels(work.engraved, mine)
+        area = sum(placement.section().area() for placement in mine)
+        label_color, facet_color = rgb([ACCENT, "#f2dd6e"])
+        assert area_of_color(surface, label_color) == pytest.approx(area, rel=1e-3)
+        if places == 1:
+            facet = work.solid.poses.hull.areas[mine[0].facet]
+            assert area_of_color(surface, facet_color) == pytest.approx(facet - area, rel=0.01)
+
+
+def test_the_straight_view_shows_the_label() -> None:
+    """The label's share of its facet is equal in the picture and on the die."""
+    work, labels = engrave(PLATONIC["cube"])
+    (placement,) = labels[0]
+    sheet = reading(make_finished_die(work))
+    picture = sheet.pictures[1].astype(np.int64)
+    red, green, _ = np.moveaxis(picture, -1, 0)
+    drawn = (picture < 255).any(axis=-1)
+    part = (drawn & (red > 2 * green)).sum() / drawn.sum()
+    area = placement.section().area()
+    assert part == pytest.approx(area / work.solid.poses.hull.areas[placement.facet], rel=0.1)
+
+
+# Surfaces.
+
 
 UP = np.array([0.0, 0.0, 1.0])
 
