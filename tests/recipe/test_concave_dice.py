@@ -201,27 +201,6 @@ def test_a_self_intersecting_surface_is_a_flaw(
 
 
 @pytest.mark.parametrize(
-    ("options", "advised"),
-    [
-        ({"attempts": 3}, "attempts"),
-        ({"attempts": 4}, None),
-        ({"attempts": 40, "seconds": 1.5}, "seconds"),
-        ({"attempts": 40, "seconds": 2.0}, None),
-    ],
-    ids=str,
-)
-def test_limits_that_were_used_up_are_named(
-    options: dict[str, float], advised: str | None, recipe_path: Path, search: MadeUpSearch
-) -> None:
-    """The replaced search makes at most three attempts, and reports 1.8 s."""
-    search.change = stretch
-    work = design(recipe_path, *(f"method.concave.{key}={n}" for key, n in options.items()))
-    message = "; ".join(work.remarks)
-    for key in ("attempts", "seconds"):
-        assert (f"method.concave.{key}" in message) == (key == advised)
-
-
-@pytest.mark.parametrize(
     ("option", "angle", "status"),
     [("apart_deg", 90.0, Status.TOO_NEAR), ("margin_deg", 45.0, Status.TIPPY)],
 )

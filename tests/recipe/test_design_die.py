@@ -34,8 +34,6 @@ def test_a_die_of_probabilities(coin: Die) -> None:
     solid = trimesh.Trimesh(coin.vertices, coin.triangles, process=False)
     assert solid.is_watertight
     assert solid.volume > 0.0
-    assert coin.history[0].step == 0
-    assert coin.history[-1].max_abs_error < 1e-12
 
 
 def test_targets_of_every_kind(coin: Die) -> None:

@@ -261,15 +261,3 @@ def test_a_file_with_other_probabilities_is_discarded(tmp_path: Path) -> None:
     assert "die_plain.obj" in result.message
     assert {path.name for path in (tmp_path / "coin").iterdir()} >= {"die_plain.stl", "result.json"}
     assert not (tmp_path / "coin" / "die_plain.obj").exists()
-
-
-@pytest.mark.parametrize(
-    ("files", "expected"),
-    [
-        ([], ["stl"]),
-        ("obj", ["stl", "obj"]),
-        (["obj", "stl", "obj"], ["stl", "obj"]),
-    ],
-)
-def test_stl_is_always_among_the_formats(files: object, expected: list[str]) -> None:
-    assert parse_recipe({**COIN, "files": files}).files == expected

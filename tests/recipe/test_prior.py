@@ -74,15 +74,6 @@ def test_the_labeled_file_has_the_probabilities_of_random_directions(
     assert np.abs(np.array(result.tolerances.deviations)).max() < 0.1
 
 
-def test_a_uniform_prior_is_no_prior() -> None:
-    for prior in ("uniform", None):
-        given = parse_recipe({"name": "die", "target": {"fair": 4}, "prior": prior})
-        assert given.prior is None
-        assert given.as_dict()["prior"] == "uniform"
-    even = dd.design({"fair": 4}, start="repulsion", prior="vmf:0,0,1:0")
-    assert np.abs(dd.rest_poses(even.vertices).probabilities - 0.25).max() < 1e-12
-
-
 # A given center of mass.
 
 
