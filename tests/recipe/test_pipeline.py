@@ -216,8 +216,7 @@ FORMATS = [kind.name for kind in FILE_FORMATS]
 COIN = {
     "name": "coin",
     "target": {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "edge"]},
-    "seed": 3,
-    "size_mm": 40.0,
+    "start": {"prism": {}},
     **dict.fromkeys(("figures", "report", "clock"), False),
 }
 

@@ -96,7 +96,8 @@ def repaired_recipe(path: Path, surface: Surface) -> Recipe:
 
 
 def test_a_die_of_an_open_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whose search fails, so that it keeps the repaired surface."""
+    """Repaired on a coarse grid; its search fails, so that it keeps the repaired surface."""
+    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.CELLS", 30)
     search = MadeUpSearch()
     search.leads_nowhere = True
     monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", search)
