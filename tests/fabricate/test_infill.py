@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.made_up_die import box
+from common.made_up_die import SIDES, box, run_to_check
 from common.random_points import depths, in_pocket_walls, points_inside
 
 from dicedesign.fabricate.engraving import cut_sections, engrave
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.infill import (
+    infill_probabilities,
     inside_walls,
     pocket_walls,
     weigh_print,
@@ -72,3 +73,12 @@ def test_pockets_have_walls(text: str, style: str) -> None:
     np.testing.assert_array_less(np.abs(center - lost.mean(axis=0)), 4.0 * error)
     # The noise is small beside the effect.
     assert 4.0 / np.sqrt(len(lost)) < 0.12
+
+
+def test_the_least_infill_leaves_some_mass() -> None:
+    """Without infill, extremely thin walls leave an uncertain center of mass."""
+    verdict = run_to_check(box(4.0, 5.0, 6.0)).plain
+    volume, centroid = solid_properties(verdict.body.points, verdict.body.triangles)
+    inside = (1.0 - 1e-9) * volume, centroid + 1e-6
+    result = infill_probabilities(verdict, SIDES, volume, inside, 0.5, 1e-9)
+    assert result.least_infill == pytest.approx(0.05)

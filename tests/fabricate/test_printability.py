@@ -277,16 +277,6 @@ def plain(hull: ConvexHull) -> PrintedSolid:
     return PrintedSolid(hull.vertices, hull.triangles, hull, (), np.zeros((0, 3)))
 
 
-def test_a_box_has_no_overhangs() -> None:
-    hull = convex_hull(np.array([(x, y, z) for x in (0, 2) for y in (0, 3) for z in (0, 5)]))
-    poses = plain(hull).poses(hull.normals, printer_with(45.0))
-    assert [pose.overhang_mm2 for pose in poses] == [0.0] * 6
-    for pose in poses:
-        side = int(np.abs(pose.normal).argmax())
-        assert pose.height_mm == pytest.approx((2, 3, 5)[side])
-        assert pose.contact_mm2 == pytest.approx((15, 10, 6)[side])
-
-
 def test_an_icosahedron_has_three_overhanging_faces() -> None:
     """Its neighbors rise at 41.8 degrees: filament cannot, resin can."""
     hull, face = icosahedron(10.0), math.sqrt(3.0) / 4.0 * 100.0

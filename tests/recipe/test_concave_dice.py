@@ -138,6 +138,10 @@ def test_the_verdict_is_that_of_the_file(
     assert result.max_abs_error > 0.02
     for status in (Status.OFF_TARGET, Status.LOOSE):
         assert status.value in result.message
+    # The replaced search makes three attempts, and reports 1.8 s.
+    for limit, value in (("attempts", 3), ("seconds", 1.5)):
+        work = design(recipe_path, f"method.concave.{limit}={value}")
+        assert f"method.concave.{limit}" in "; ".join(work.remarks)
 
 
 @pytest.mark.parametrize("sides", [tuple(BOX), (1.0, 0.9, 0.75), (1.0, 1.0, 1.0)])
@@ -273,6 +277,7 @@ def test_a_resumed_search_ends_like_an_uninterrupted_one(
         assert names(folder) == ["checkpoint.npz"]
     search.interrupt_after = None
     assert command("--resume") == 0
+    assert "displacement" in capsys.readouterr().out
     assert search.attempted == [1, 2, 3]
     assert "checkpoint.npz" not in names(folder)
     assert whole.json_text() == read_result(folder).json_text()

@@ -74,6 +74,11 @@ def test_the_labeled_file_has_the_probabilities_of_random_directions(
     assert np.abs(np.array(result.tolerances.deviations)).max() < 0.1
 
 
+def test_a_uniform_prior_is_no_prior() -> None:
+    given = parse_recipe({"name": "die", "target": {"fair": 4}, "prior": "uniform"})
+    assert (given.prior, given.as_dict()["prior"]) == (None, "uniform")
+
+
 # A given center of mass.
 
 

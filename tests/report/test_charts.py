@@ -164,10 +164,10 @@ STAGES = [
 ]
 
 
-def course_of(**changes: Any) -> tuple[list[list[float]], list[list[list[float]]]]:
-    """Drawn errors and energies of the stages, without levels. changes: of every step."""
-    steps = tuple(replace(step, **changes) for step in STAGES)
-    sheet = course_chart(replace(finished_box(history=steps), tolerance=1e-4))
+def course_of(first: int = 0, **changes: Any) -> tuple[list[list[float]], list[list[list[float]]]]:
+    """Drawn errors and energies of the stages, without levels. changes: of steps from one on."""
+    steps = [*STAGES[:first], *(replace(step, **changes) for step in STAGES[first:])]
+    sheet = course_chart(replace(finished_box(history=tuple(steps)), tolerance=1e-4))
     assert is_whole(sheet)
     for axes in sheet.figure.axes:
         assert [patch.get_label() for patch in axes.patches] == ["hull", "fill", "hull"]
@@ -186,6 +186,9 @@ def test_error_and_energy_over_time() -> None:
     (errors,), _ = course_of(seconds=None)
     assert [number for number, _ in errors] == [0, 1, 3, 4]
     course_of(max_abs_error=None)
+    # The energy of preferences is drawn from their first step on.
+    _, energies = course_of(3, terms={"preferences": 1.0})
+    assert energies == [[[3.0, 40.0]], [[3.5, 0.01]]]
 
 
 def test_rounds_against_all_throws_so_far() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from importlib.machinery import ModuleSpec
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.report import pages
 from dicedesign.report.figures import FIGURES
-from dicedesign.report.pages import facet_parts, rests_of_triangles, throwing_advice
+from dicedesign.report.pages import facet_parts, rests_of_triangles, three_script, throwing_advice
 from dicedesign.results.parts import (
     Draft,
     PrintedLabel,
@@ -305,6 +306,14 @@ def test_only_parts_of_a_shape_that_touch_the_table_belong_to_a_rest() -> None:
     outcomes = plain.outcomes.outcome_of_rest.tolist()
     for name, color in colors.items():
         assert color == BASINS[outcomes[int(name.removeprefix("facet-"))]]
+
+
+def test_a_trimesh_without_its_viewer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = ModuleSpec("trimesh", None, origin=str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(pages, "find_spec", lambda _: spec)
+    three_script.cache_clear()
+    assert three_script() is None
+    three_script.cache_clear()
 
 
 def gltf_triangles(data: bytes, node: int) -> np.ndarray:

@@ -126,7 +126,6 @@ def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
     ball = speed / GRAVITY * (1.0 + 2.0 * (restitution ** np.arange(1, 1000)).sum())
     set_down = longest_throw(replace(table, height=0.0))
     assert longest_throw(table) == pytest.approx(ball + set_down, rel=1e-12)
-    assert 14.0 < set_down < 15.0
 
 
 # The example engine, MuJoCo.
