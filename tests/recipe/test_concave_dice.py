@@ -409,7 +409,7 @@ def test_thin_walls_between_marks_and_cavity_are_noted(
     search.hollow = Hollow(1.2 / 40.0, np.array([0.02, 0.01, 0.0]))
     changes = [
         "method.concave={tolerance: 0.05, hollow: {wall_mm: 1.2}}",
-        "engrave={depth_mm: 0.6, balance: none}",
+        "engrave={depth_mm: 0.6, balance: none, blank: ['2', '3', '4', '5', '6']}",
         "print=true",
     ]
     work = design_recipe(read_recipe(recipe_path, changes), last="engrave")

@@ -164,7 +164,7 @@ def test_a_result_has_the_data_of_the_work() -> None:
     "entries",
     [
         {"start": {"search": {}}, "symmetry": "none"},
-        {"start": {"prism": {}}, "method": {"paper": {"steps": 40}}},
+        {"start": {"prism": {}}, "method": {"paper": {"steps": 40}}, "assignment": [3, 1, 2]},
     ],
     ids=["exact", "paper"],
 )
