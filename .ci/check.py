@@ -31,7 +31,7 @@ WITHOUT_TORCH = """
     tests/runtime tests/kernels tests/geometry/meshes tests/geometry/test_solid.py
     tests/geometry/hulls/test_hull.py tests/rest/test_basins.py tests/rest/test_poses.py
     tests/rest/test_outcomes.py tests/throws/test_engines.py tests/throws/test_tables.py
-    tests/throws/test_total_variation.py tests/fabricate/test_label_art.py
+    tests/throws/test_statistics.py tests/fabricate/test_label_art.py
     tests/fabricate/test_engraving.py tests/fabricate/test_file_formats.py
     tests/report/test_charts.py
 """

@@ -3,6 +3,7 @@ results of the README's first command."""
 
 from __future__ import annotations
 
+import io
 import re
 import runpy
 import shlex
@@ -41,6 +42,9 @@ FULL = (
     "tables-python-1",
     "tables-yaml-2",
     "add_figure",
+    "design --target 1/2,1/3,1/6 --labels heads,tails,edge --name coin --printer",
+    "mujoco_engine",
+    "own_energy",
     "sweep",
 )
 """Beginnings of names of slow parts whose subject other everyday tests judge."""
@@ -85,11 +89,13 @@ def folder(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> Iterator[Path]:
-    """Working directory with the results of the README's first command; something is printed."""
+    """Working directory with the results of the README's first command; something is printed. One
+    roll of 7 is typed."""
     shutil.copytree(ROOT / "recipes", tmp_path / "recipes")
     shutil.copytree(convex_die, tmp_path / "outputs" / "2d6_hendecahedron")
     (tmp_path / "rolls.csv").write_text(blocks(ROOT / "docs" / "tables.md", "csv")[0])
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("7\n\n"))
     yield tmp_path
     assert capsys.readouterr().out
 

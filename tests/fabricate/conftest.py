@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pytest
@@ -20,47 +22,40 @@ class Box:
     """A box about the origin: +z, -z, +x, -x, +y, -y facets, counter-clockwise from outside."""
 
     vertices: np.ndarray
-    facets: np.ndarray
     normals: np.ndarray
 
     @property
-    def triangles(self) -> np.ndarray:
-        return np.concatenate([self.facets[:, [0, 1, 2]], self.facets[:, [0, 2, 3]]])
-
-    @property
     def surface(self) -> Surface:
-        return Surface(self.vertices, self.triangles)
+        return Surface(self.vertices, np.concatenate([FACETS[:, [0, 1, 2]], FACETS[:, [0, 2, 3]]]))
 
     @property
     def polygons(self) -> list[np.ndarray]:
-        return [self.vertices[facet] for facet in self.facets]
+        return [self.vertices[facet] for facet in FACETS]
 
     @property
     def size_mm(self) -> float:
         return 2 * float(np.linalg.norm(self.vertices[0]))
 
-    def places(self, texts: list[str]) -> list[LabelPlace]:
+    def places(self, texts: Sequence[str]) -> list[LabelPlace]:
         """Labels on its first facets."""
-        return [
-            LabelPlace(text, number, number, polygon, normal)
-            for number, (text, polygon, normal) in enumerate(
-                zip(texts, self.polygons, self.normals, strict=False)
-            )
-        ]
+        known = zip(texts, self.polygons, self.normals, strict=False)
+        return [LabelPlace(text, k, k, *where) for k, (text, *where) in enumerate(known)]
 
     def with_points(self, rotation: np.ndarray, factor: float = 1.0) -> Box:
-        return Box(factor * self.vertices @ rotation.T, self.facets, self.normals @ rotation.T)
+        return Box(factor * self.vertices @ rotation.T, self.normals @ rotation.T)
+
+
+FACETS = np.array(
+    [(4, 5, 7, 6), (0, 2, 3, 1), (1, 3, 7, 5), (0, 4, 6, 2), (2, 6, 7, 3), (0, 1, 5, 4)]
+)
 
 
 @pytest.fixture
-def box():
+def box() -> Callable[..., Box]:
     def make(x: float, y: float, z: float) -> Box:
-        signs = np.array([(a, b, c) for c in (-1, 1) for b in (-1, 1) for a in (-1, 1)])
-        facets = np.array(
-            [(4, 5, 7, 6), (0, 2, 3, 1), (1, 3, 7, 5), (0, 4, 6, 2), (2, 6, 7, 3), (0, 1, 5, 4)]
-        )
-        normals = np.array([(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
-        return Box(0.5 * signs * (x, y, z), facets, normals.astype(float))
+        signs = np.array(list(product((-1.0, 1.0), repeat=3)))[:, ::-1]
+        normals = np.stack([np.eye(3), -np.eye(3)], axis=1).reshape(-1, 3)
+        return Box(0.5 * signs * (x, y, z), normals[[4, 5, 0, 1, 2, 3]])
 
     return make
 
@@ -94,7 +89,7 @@ def inlaid(box) -> Contents:
     """A box of 10 mm with a pit of 4 mm in its top, and a block that fills the pit."""
     outer, pit = box(10.0, 10.0, 10.0), box(4.0, 4.0, 4.0)
     places = pit.vertices + np.array([0.0, 0.0, 3.0])
-    whole = mesh_of(solid(outer.surface) - solid(Surface(places, pit.triangles)))
+    whole = mesh_of(solid(outer.surface) - solid(Surface(places, pit.surface.triangles)))
     body = Part(whole.points, whole.triangles, "die", BODY_COLOR)
-    inlay = Part(places, pit.triangles, "inlay", LABEL_COLOR)
+    inlay = Part(places, pit.surface.triangles, "inlay", LABEL_COLOR)
     return Contents("inlaid", [body, inlay], {})

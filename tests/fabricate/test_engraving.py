@@ -1,3 +1,5 @@
+"""Labels cut into convex bodies, and marks cut into surfaces."""
+
 from __future__ import annotations
 
 import io
@@ -5,15 +7,17 @@ import io
 import numpy as np
 import pytest
 import trimesh
-from manifold3d import CrossSection, Manifold
+from common.bumpy import ball, surface_of
+from manifold3d import Manifold
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import EngravingError, InputError
+from dicedesign.errors import EngravingError, InputError, LabelRoomError
 from dicedesign.fabricate.engraving import engrave, labels_below_hull, labels_off_surface
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import BAR_THICKNESS, reads_upside_down, text_contours
 from dicedesign.fabricate.label_layout import place_labels
+from dicedesign.fabricate.marks import engrave_marks, relief
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
@@ -48,58 +52,27 @@ def test_a_cube_loses_outline_area_times_depth(box):
     assert ConvexHull(die.points).volume == pytest.approx(8000.0, rel=1e-9)
 
 
-def empty_at(section: CrossSection, x: float, y: float) -> bool:
-    probe = CrossSection.square((1e-4, 1e-4), center=True).translate((x, y))
-    return (section ^ probe).area() == 0.0
-
-
-def test_pockets_have_the_depth(box):
-    die, placements = engraved(box(20.0, 12.0, 10.0), ["8"])
-    area = outline_area("8") * placements[0].height ** 2
-    body = solid(die)
-    for below, missing in ((0.001, area), (0.599, area), (0.601, 0.0)):
-        assert 240.0 - body.slice(5.0 - below).area() == pytest.approx(missing, abs=1e-6)
-
-
-def test_an_l_stands_upright_and_is_not_mirrored(box):
-    # Seen from +z with x to the right, the 20 mm edges run along x: up is +y or -y, and the frame
-    # of the first edge (its lower left corner first) makes it +y.
-    die, _ = engraved(box(20.0, 12.0, 10.0), ["L"])
-    section = solid(die).slice(4.7)
-    cut = CrossSection.square((20.0, 12.0), center=True) - section
-    left, bottom, right, top = cut.bounds()
-    assert top - bottom > right - left
-    inset = 0.05 * (top - bottom)
-    assert empty_at(section, left + inset, bottom + inset)
-    assert empty_at(section, left + inset, top - inset)
-    assert empty_at(section, right - inset, bottom + inset)
-    assert not empty_at(section, right - inset, top - inset)
-    assert not empty_at(section, 0.5 * (left + right), 0.5 * (bottom + top))
-
-
 @pytest.mark.parametrize(
     ("thickness", "texts", "depth_mm", "expected"),
     [
-        (4.0, "871", 2.5, "break through another facet, at '8' on facet 0, '7' on facet 1: reduce"),
-        (0.5, "0", 0.6, "one piece, got 2"),
-        (0.5, "1", 0.6, r"0 handles \(genus\), got 1"),
+        (4.0, "871", 2.5, "break through.* '8' on facet 0, '7' on facet 1"),
+        (0.5, "0", 0.6, "got 2"),
+        (0.5, "1", 0.6, "genus.*got 1"),
     ],
 )
 def test_labels_that_meet_or_pierce_a_plate_are_refused(box, thickness, texts, depth_mm, expected):
-    plate = box(20.0, 20.0, thickness)
-    placements = place_labels(plate.places(list(texts)), OPTIONS, plate.size_mm)
     with pytest.raises(EngravingError, match=expected):
-        engrave(plate.surface, placements, EngravingOptions(depth_mm=depth_mm))
+        engraved(box(20.0, 20.0, thickness), texts, EngravingOptions(depth_mm=depth_mm))
 
 
 def test_open_inward_and_malformed_meshes_are_refused(box):
-    body = box(20.0, 20.0, 20.0)
-    nan = np.where(body.vertices > 0, np.nan, body.vertices)
+    body = box(20.0, 20.0, 20.0).surface
+    nan = np.where(body.points > 0, np.nan, body.points)
     for points, triangles, expected in (
-        (body.vertices, body.triangles[1:], "got NotManifold for 11 triangles; repair"),
-        (body.vertices, body.triangles[:, ::-1], "reverse their corners"),
+        (body.points, body.triangles[1:], "NotManifold for 11 triangles"),
+        (body.points, body.triangles[:, ::-1], "reverse"),
         (nan, body.triangles, "NonFiniteVertex"),
-        (body.vertices, body.triangles + 1, "VertexOutOfBounds"),
+        (body.points, body.triangles + 1, "VertexOutOfBounds"),
     ):
         with pytest.raises(InputError, match=expected):
             solid(Surface(points, triangles))
@@ -141,3 +114,82 @@ def test_labels_have_the_areas_of_their_floors_and_walls(contents, placements, b
     marked = engrave(plain, placements, EngravingOptions())
     labels = labels_off_surface(marked, plain, DEPTH)
     assert area(marked, labels) == pytest.approx(floors + walls, rel=1e-6)
+
+
+# Marks.
+
+
+OPTIONS = EngravingOptions()
+DOWNS = np.array([(0, 0, -1), (0, 0, 1), (1, 0, 0), (-0.3, -1, 0.2)], dtype=float)
+
+
+def ellipsoid(x: float, y: float, z: float):
+    unit = ball(4)
+    return unit.with_points(0.5 * unit.points * (x, y, z))
+
+
+def torus(outer: float, tube: float):
+    return surface_of(trimesh.creation.torus(0.5 * outer - 0.5 * tube, 0.5 * tube, 96, 40))
+
+
+def test_marks_of_a_ring_are_visible_and_have_the_given_depth():
+    body = torus(45.0, 15.0)
+    die, marks = engrave_marks(body, DOWNS, list("1269"), OPTIONS)
+    ring = solid(body)
+    for mark, down in zip(marks, DOWNS, strict=True):
+        up = -down / np.linalg.norm(down)
+        assert mark.frame[:3, 2] == pytest.approx(up, abs=1e-12)
+        assert mark.frame[:3, :3].T @ mark.frame[:3, :3] == pytest.approx(np.eye(3), abs=1e-12)
+        start = mark.frame[:3, 3] + 1e-3 * mark.frame[:3, 2]
+        assert not ring.ray_cast(start, start + 100.0 * mark.frame[:3, 2])
+    expected = sum(mark.art.section.area() * mark.height**2 * OPTIONS.depth_mm for mark in marks)
+    assert body.volume - die.volume == pytest.approx(expected, rel=1e-4)
+    mesh = trimesh.load(io.BytesIO(stl_bytes(die)), file_type="stl")
+    assert mesh.is_watertight
+    assert (mesh.body_count, mesh.euler_number) == (1, 0)
+
+
+def test_an_l_is_cut_straight_down_by_the_depth_upright_and_not_mirrored():
+    body = ellipsoid(40.0, 25.0, 16.0)
+    die, (mark,) = engrave_marks(body, DOWNS[:1], ["L"], OPTIONS)
+    to_mark = np.linalg.inv(mark.frame)
+    cut = relief(solid(die).transform(to_mark[:3]))
+    plain = relief(solid(body).transform(to_mark[:3]))
+    inside = np.argwhere(np.isfinite(plain.height))
+    fall = plain.height[tuple(inside.T)] - cut.height[tuple(inside.T)]
+    is_cut = fall > 0.5 * OPTIONS.depth_mm
+    assert fall[is_cut] == pytest.approx(OPTIONS.depth_mm, abs=1e-9)
+    assert fall[~is_cut] == pytest.approx(0.0, abs=1e-9)
+    x, y = (cut.corner + cut.spacing * inside[is_cut]).T
+    # The stem is on the left and the foot below: its right half is only at the bottom.
+    assert np.ptp(y) > np.ptp(x)
+    assert y[x > x.mean() + 0.25 * np.ptp(x)].max() < y.mean()
+    assert y[x < x.min() + 0.2 * np.ptp(x)].max() == y.max()
+
+
+def test_marks_are_on_the_visible_surface():
+    # A lid over one half of a block: there is room on top of the lid and on the uncovered half.
+    block = trimesh.creation.box((30, 30, 10))
+    post = trimesh.creation.box((4, 30, 20), trimesh.transformations.translation_matrix((13, 0, 5)))
+    lid = trimesh.creation.box((18, 30, 4), trimesh.transformations.translation_matrix((6, 0, 13)))
+    pieces = [solid(Surface(m.vertices, m.faces)) for m in (block, post, lid)]
+    whole = mesh_of(pieces[0] + pieces[1] + pieces[2])
+    _, marks = engrave_marks(whole, np.tile(DOWNS[:1], (3, 1)), list("123"), OPTIONS)
+    for mark in marks:
+        x, _, z = mark.frame[:3, 3]
+        assert z == pytest.approx(15.0 if x > -3.0 else 5.0)
+    # Marks of one direction lie beside each other.
+    places = np.array([mark.frame[:3, 3] for mark in marks])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(3, 1)]
+    assert apart.min() > max(mark.height for mark in marks)
+
+
+def test_bodies_without_room_are_refused_with_a_sufficient_size():
+    body = torus(12.0, 4.0)
+    with pytest.raises(LabelRoomError, match=r"'16'.*min_height_mm") as caught:
+        engrave_marks(body, DOWNS[2:], ["7", "16"], OPTIONS)
+    assert f"size_mm = {caught.value.size_mm:.1f}" in str(caught.value)
+    grown = body.with_points(body.points * caught.value.size_mm / 12.0)
+    assert len(engrave_marks(grown, DOWNS[2:], ["7", "16"], OPTIONS)[1]) == 2
+    with pytest.raises(EngravingError, match=r"'1'.*1.2 mm"):
+        engrave_marks(ellipsoid(20.0, 20.0, 1.0), DOWNS[:1], ["1"], OPTIONS)

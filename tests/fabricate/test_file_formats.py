@@ -22,7 +22,7 @@ from dicedesign.fabricate.file_formats import (
     save_contents,
 )
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.geometry.triangles import Surface, join_surfaces, solid_properties
+from dicedesign.geometry.triangles import Surface, solid_properties
 
 THREE_MF = FILE_FORMATS["3mf"]
 
@@ -61,31 +61,28 @@ def materials(model) -> dict[tuple[int, int], tuple[str, str]]:
     return entries
 
 
-def test_names_units_and_facts_are_read(contents, tmp_path: Path) -> None:
+def test_a_3mf_has_names_units_facts_and_colors(contents, tmp_path: Path) -> None:
     model = read(THREE_MF.write(contents), tmp_path / "box.3mf")
     assert facts(model) == {"Title": "box & co", **contents.facts}
     assert model.GetUnit() == lib3mf.ModelUnit.MilliMeter
-    (thing,) = objects(model)
+    (thing,), known, (part,) = objects(model), materials(model), contents.parts
     assert thing.GetName() == "die"
     assert thing.IsManifoldAndOriented()
-
-
-def test_labels_have_their_own_color(contents, tmp_path: Path) -> None:
-    model = read(THREE_MF.write(contents), tmp_path / "box.3mf")
-    (thing,), known, (part,) = objects(model), materials(model), contents.parts
     assert sorted(known.values()) == [("die", BODY_COLOR), ("labels", LABEL_COLOR)]
     vertices = np.array([vertex.Coordinates for vertex in thing.GetVertices()])
-    middles = {True: [], False: []}
-    for triangle, paint in zip(
-        thing.GetTriangleIndices(), thing.GetAllTriangleProperties(), strict=True
-    ):
-        colors = {known[paint.ResourceID, entry] for entry in paint.PropertyIDs}
-        assert len(colors) == 1
-        name, _ = colors.pop()
-        middles[name == "labels"].append(vertices[list(triangle.Indices)].mean(axis=0))
-    expected = part.points[part.triangles].mean(axis=1)
-    for are_labels, places in middles.items():
-        np.testing.assert_allclose(places, expected[part.labels == are_labels], atol=1e-5)
+    triangles = np.array([list(each.Indices) for each in thing.GetTriangleIndices()])
+    names = [
+        {known[paint.ResourceID, entry][0] for entry in paint.PropertyIDs}
+        for paint in thing.GetAllTriangleProperties()
+    ]
+    are_labels = np.array([name == {"labels"} for name in names])
+    assert all(len(name) == 1 for name in names)
+    read_middles, middles = (
+        vertices[triangles].mean(axis=1),
+        part.points[part.triangles].mean(axis=1),
+    )
+    for chosen, wanted in ((are_labels, part.labels), (~are_labels, ~part.labels)):
+        np.testing.assert_allclose(read_middles[chosen], middles[wanted], atol=1e-5)
 
 
 def test_parts_are_one_item_to_print(inlaid, tmp_path: Path) -> None:
@@ -102,12 +99,6 @@ def test_parts_are_one_item_to_print(inlaid, tmp_path: Path) -> None:
     assert scene.units == "millimeter"
     volumes = sorted(mesh.volume for mesh in scene.dump())
     assert volumes == pytest.approx([64.0, 936.0])
-    points, triangles = THREE_MF.read_back(tmp_path / "inlaid.3mf")
-    expected = join_surfaces(*inlaid.parts).points
-    np.testing.assert_array_equal(np.unique(points, axis=0), np.unique(expected, axis=0))
-    volume, center = solid_properties(points, triangles)
-    assert volume == pytest.approx(1000.0)
-    np.testing.assert_allclose(center, 0.0, atol=1e-12)
 
 
 GLB = FILE_FORMATS["glb"]
@@ -136,21 +127,16 @@ def test_colors_and_facts_are_read(contents) -> None:
         np.testing.assert_allclose(material.baseColorFactor[:3], light(color), atol=1e-6)
         assert material.baseColorFactor[3] == 1.0
         assert material.metallicFactor == 0.0
-    assert len(data) % 4 == 0
-    assert int.from_bytes(data[8:12], "little") == len(data)
 
 
-def test_parts_are_nodes(inlaid, tmp_path) -> None:
-    path = tmp_path / "inlaid.glb"
-    path.write_bytes(GLB.write(inlaid))
-    file = GLTF2().load(str(path))
-    assert [node.name for node in file.nodes] == ["die", "inlay"]
-    volume, center = solid_properties(*GLB.read_back(path))
-    assert volume == pytest.approx(1000.0, rel=1e-6)
-    np.testing.assert_allclose(center, 0.0, atol=1e-5)
-
-
-MESHES = [kind for kind in FILE_FORMATS if kind.name != "step"]
+def test_parts_have_names_and_join_to_the_whole(inlaid, tmp_path) -> None:
+    for kind, within in ((THREE_MF, 1e-12), (GLB, 1e-5)):
+        path = tmp_path / f"inlaid.{kind.name}"
+        path.write_bytes(kind.write(inlaid))
+        volume, center = solid_properties(*kind.read_back(path))
+        assert volume == pytest.approx(1000.0, rel=1e-6)
+        np.testing.assert_allclose(center, 0.0, atol=within)
+    assert [node.name for node in GLTF2().load(str(path)).nodes] == ["die", "inlay"]
 
 
 def die() -> Surface:
@@ -171,7 +157,7 @@ def by_trimesh(data: bytes, name: str) -> trimesh.Trimesh:
     return trimesh.Trimesh(places, mesh.faces)
 
 
-@pytest.mark.parametrize("kind", MESHES, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", list(FILE_FORMATS), ids=lambda kind: kind.name)
 def test_files_are_read_back(tmp_path: Path, kind) -> None:
     surface, path = die(), tmp_path / f"die.{kind.name.upper()}"
     write_mesh(path, surface.points, surface.triangles)
@@ -191,22 +177,21 @@ def test_files_are_read_back(tmp_path: Path, kind) -> None:
     mesh = by_trimesh(path.read_bytes(), kind.name)
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(surface.volume, rel=1e-6)
-    np.testing.assert_allclose(mesh.extents, np.ptp(surface.points, axis=0), rtol=1e-6)
     np.testing.assert_allclose(mesh.bounds[0], surface.points.min(axis=0), rtol=1e-6, atol=1e-5)
 
 
 def test_unsuitable_files_are_refused(contents, tmp_path: Path) -> None:
     surface = die()
     for name in ("die.dxf", "die.stl.gz"):
-        with pytest.raises(InputError, match=r"expected a file ending out of \.stl, \.3mf, \.obj"):
+        with pytest.raises(InputError, match=r"\.stl, \.3mf, \.obj"):
             write_mesh(tmp_path / name, surface.points, surface.triangles)
-    with pytest.raises(OutputError, match="expected to write a file in an existing, writable fol"):
+    with pytest.raises(OutputError, match="folder"):
         save_contents(tmp_path / "none" / "die.stl", contents)
     surface.points[3, 1] = 1e39
-    with pytest.raises(InputError, match=r"finite in float32, got \[.*1e\+39.* in row 3; repair"):
+    with pytest.raises(InputError, match=r"float32.*1e\+39.*row 3"):
         mesh_bytes(surface.points, surface.triangles, ".stl")
     surface.points[3, 1] = np.nan
-    for kind in MESHES:
-        with pytest.raises(InputError, match=r"expected .*finite .*got \[.*nan.* in row 3; repair"):
+    for kind in FILE_FORMATS:
+        with pytest.raises(InputError, match=r"nan.*row 3"):
             mesh_bytes(surface.points, surface.triangles, f".{kind.name}")
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Outlines of labels, against constructed fonts, fontTools and closed forms."""
+"""Outlines of labels, against constructed fonts, fontTools and closed forms, and icons from SVG."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from fontTools.ttLib import TTFont
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.fabricate.icons import icon_section
 from dicedesign.fabricate.label_art import (
     MOST_PIPS,
     label_arts,
@@ -23,7 +24,6 @@ from dicedesign.fabricate.label_art import (
     pip_places,
     pips_section,
     reads_upside_down,
-    text_contours,
     text_section,
 )
 
@@ -71,7 +71,7 @@ def test_pips_are_separate_circles_symmetric_under_a_half_turn() -> None:
         turned = np.linalg.norm(places[:, None] - (1.0 - places), axis=-1)
         assert turned.min(axis=1).max() < 1e-12
     for text in ("0", "21", "-1", "²"):
-        with pytest.raises(EngravingError, match="whole number from 1 to 20 to show as pips"):
+        with pytest.raises(EngravingError, match="1 to 20"):
             pips_section(text)
 
 
@@ -103,40 +103,34 @@ def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
         assert widest == pytest.approx(min(widths), abs=0.1)
 
 
-def test_right_to_left_text() -> None:
-    """The first letter, alef, is the rightmost."""
+def test_fonts_say_how_letters_follow_each_other() -> None:
+    """The first letter of Hebrew, alef, is the rightmost; "AV" is closer than "AH"."""
     alef, both = text_section("א"), text_section("אב")
     rightmost = max(both.decompose(), key=lambda part: part.bounds()[2])
     assert rightmost.area() == pytest.approx(alef.area(), rel=1e-6)
-
-
-def test_what_a_font_cannot_draw_is_refused_with_a_remedy(tmp_path: Path) -> None:
-    with pytest.raises(EngravingError, match=r"font DejaVu Sans Bold, got '骰' \(U\+9AB0\)"):
-        text_contours("1骰")
-    with pytest.raises(EngravingError, match="at least one visible character"):
-        text_section(" ")
-    with pytest.raises(InputError, match=r"engrave.font: expected the family .* 'DejaVu Sanz'"):
-        text_section("1", "DejaVu Sanz")
-    path = tmp_path / "bad.otf"
-    for content in (b"", b"\x00\x01\x00\x00" + bytes(500), b"OTTO\xff\xff" * 99):
-        path.write_bytes(content)
-        with pytest.raises(InputError, match="expected a TTF or OTF font with outlines"):
-            text_section("1", str(path))
-
-
-def test_letters_are_kerned() -> None:
-    """As the font's own table says: "AV" is closer than "AH"."""
     gaps = []
     for pair in ("AV", "AH"):
         first, second = sorted(part.bounds()[::2] for part in text_section(pair).decompose())
         gaps.append(second[0] - first[1])
     assert gaps[0] < 0.0 < gaps[1]
-
-
-def test_a_family_gives_its_bold_face() -> None:
     by_name, bundled = text_section("8", "DejaVu Sans"), text_section("8")
     assert by_name.area() == pytest.approx(bundled.area())
     assert text_section("8", "dejavu serif").area() != pytest.approx(bundled.area(), rel=1e-2)
+
+
+def test_what_a_font_cannot_draw_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bad.otf"
+    for text, font, expected in (
+        ("1骰", "", "9AB0"),
+        (" ", "", "visible"),
+        ("1", "DejaVu Sanz", "engrave.font.*'DejaVu Sanz'"),
+    ):
+        with pytest.raises(InputError, match=expected):
+            text_section(text, *filter(None, [font]))
+    for content in (b"", b"\x00\x01\x00\x00" + bytes(500), b"OTTO\xff\xff" * 99):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="font"):
+            text_section("1", str(path))
 
 
 def test_damaged_fonts_give_a_label_or_an_input_error(tmp_path: Path) -> None:
@@ -153,3 +147,190 @@ def test_damaged_fonts_give_a_label_or_an_input_error(tmp_path: Path) -> None:
         path.write_bytes(damaged)
         with contextlib.suppress(InputError, EngravingError):
             assert text_section("128", str(path)).area() > 0.0
+
+
+# Icons.
+
+
+def write_icon(folder: Path, content: str, before: str = "", root: str = "") -> str:
+    path = folder / "icon.svg"
+    space = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    path.write_text(f'{before}<svg {space} viewBox="0 0 100 100" {root}>{content}</svg>')
+    return str(path)
+
+
+# Content, width over height, and area over the square of the height.
+SHAPES = [
+    ('<circle cx="50" cy="40" r="20"/>', 1.0, math.pi / 4),
+    ('<rect x="-3" y="4" width="40" height="20"/>', 2.0, 2.0),
+    ('<rect width="40" height="20" rx="5"/>', 2.0, 2.0 - (4 - math.pi) / 16),
+    ('<rect width="10" height="20" style="fill: #222; stroke:none"/>', 0.5, 0.5),
+    ('<polygon points="0,0 10,0 0,20"/>', 0.5, 0.25),
+    ('<path d="M0 0 A10 10 0 0 1 20 0 z"/>', 2.0, math.pi / 2),
+    ('<path d="M0 0 C0 4 10 4 10 0 z"/>', 10 / 3, 0.6 * 40 / 9),
+    ('<path d="M0 0 Q10 20 20 0 z"/>', 2.0, 4 / 3),
+    ('<path d="m0 0 10 0 0 10-10 0zm2 2 0 6 6 0 0-6z"/>', 1.0, 0.64),
+    ('<path fill-rule="evenodd" d="M0 0h9v9h-9z M1 1h7v7h-7z M2 2h5v5h-5z"/>', 1.0, 57 / 81),
+    ('<rect width="10" height="10"/><rect x="2" y="2" width="6" height="6" fill="#fff"/>', 1, 0.64),
+    ('<rect width="10" height="10"/><g opacity="0"><circle r="50"/></g>', 1.0, 1.0),
+    (
+        '<g fill="none"><circle r="9"/><rect fill="currentColor" width="1" height="2"/></g>',
+        0.5,
+        0.5,
+    ),
+    ('<g transform="scale(2 1)"><circle transform="translate(5,5)" r="3"/></g>', 2.0, math.pi / 2),
+    ('<rect transform="matrix(0 1 -2 0 7 7)" width="10" height="10"/>', 2.0, 2.0),
+    ('<rect transform=" translate( 5 ) , skewY(45)" width="10" height="10"/>', 0.5, 0.25),
+    ('<title>a</title><desc>b</desc><defs><circle r="99"/></defs><circle r="5"/>', 1, math.pi / 4),
+    ('<circle r="4" fill="none" stroke="black" stroke-width="2"/>', 1.0, math.pi / 4 * 0.64),
+    (
+        '<path d="M0 0h20" stroke="#111" stroke-width="10" stroke-linecap="round"/>',
+        3.0,
+        2 + math.pi / 4,
+    ),
+    (
+        '<defs><rect id="a" width="5" height="5"/></defs><use href="#a"/><use x="5" href="#a"/>',
+        2.0,
+        2.0,
+    ),
+    # The last transform applies first.
+    (
+        '<rect width="1" height="9"/>'
+        f'<rect transform="{"translate(1 0)" * 99} scale(2 1)" width="1" height="1"/>',
+        101 / 9,
+        11 / 81,
+    ),
+    ('<x:view xmlns:x="urn:editor" width="3"/><circle r="5"/><!-- note -->', 1.0, math.pi / 4),
+]
+
+
+def test_areas_of_shapes_and_strokes(tmp_path: Path) -> None:
+    for content, aspect, area in SHAPES:
+        section = icon_section(write_icon(tmp_path, content), "x")
+        assert section.bounds() == pytest.approx((0.0, 0.0, aspect, 1.0), abs=2e-3), content
+        assert section.area() == pytest.approx(area, rel=4e-3), content
+
+
+def test_icons_are_upright(tmp_path: Path) -> None:
+    """y runs downward in SVG: an L of a stem and a foot on its right has the foot below."""
+    section = icon_section(write_icon(tmp_path, '<path d="M0 0h2v8h6v2h-8z"/>'), "L")
+    parts = section.to_polygons()
+    corner = max((point for part in parts for point in part), key=lambda p: p[0] - p[1])
+    assert tuple(corner) == pytest.approx((0.8, 0.0), abs=1e-6)
+    assert section.area() == pytest.approx(0.32)
+
+
+def test_an_icon_replaces_its_label_only(tmp_path: Path) -> None:
+    path = write_icon(tmp_path, '<rect width="5" height="5"/>')
+    options = EngravingOptions(icons={"6": path})
+    assert label_arts("6", options)[0].section.area() == pytest.approx(1.0)
+    (other,), (plain,) = (label_arts("9", each) for each in (options, EngravingOptions()))
+    assert other.section.area() == plain.section.area()
+
+
+DARK = ["#1a1A1a", "rgb(12.5%, 0%, 3%)", "currentColor", "RebeccaPurple", "rgb(0 0 99 / .5)"]
+LIGHT = ["white", "#EEE", "rgb(99.9%,90%,80%)", "LightGray", "rgba(255,255,255,1)"]
+
+
+def test_dark_colors_are_cut_and_light_ones_are_not(tmp_path: Path) -> None:
+    for color in [*DARK, *LIGHT]:
+        content = f'<rect width="10" height="10"/><rect width="5" height="5" fill="{color}"/>'
+        area = 1.0 if color in DARK else 0.75
+        assert icon_section(write_icon(tmp_path, content), "x").area() == pytest.approx(area)
+
+
+LAUGH = '<use href="#l{}"/>'
+LAUGHS = "".join(f'<g id="l{n}">{2 * LAUGH.format(n - 1)}</g>' for n in range(1, 25))
+
+BAD = [
+    ("<defs><script href='x.js'/></defs><circle r='5'/>", "scripts"),
+    ("<style>.a{fill:none}</style><circle r='5'/>", "style"),
+    ("<image href='http://example.org/a.png'/>", "<image>"),
+    ("<text>6</text>", "<text>"),
+    ("<use xlink:href='#a'/>", "<use>"),
+    ("<g id='a'><use xlink:href='#a'/></g>", "within each other"),
+    (f"{LAUGHS}<g id='l0'><circle r='5'/></g>", "1000 shapes"),
+    ("<circle r='5' clip-path='url(#a)'/>", "clip-path"),
+    ("<circle r='5' fill='none'/>", "none"),
+    ("<path d='M0 0 L5 5'/>", "area"),
+    ("<circle r='1e9'/>", "coordinates"),
+    ("<circle r='5' transform='scale(inf)'/>", "coordinates"),
+    ("<circle r='5' transform='spin(3)'/>", r"spin\(3\)"),
+    # A search for calls in this one would take minutes to hours.
+    (f"<circle transform='rotate(0){' ' * 10**6}x'/>", "2000 characters as transform"),
+    (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "2000 characters as d"),
+    ("<circle r='5' fill='url(#g)'/>", r"'url\(#g\)'"),
+    ("<circle r='5' opacity='some'/>", "'some'"),
+    (f"<path d='M0 0L{'1 2 3 1 ' * 8000}z'/>", "10000 corners"),
+    ("<g>" * 150 + "<circle r='5'/>" + "</g>" * 150, "within each other"),
+]
+
+
+def test_unsupported_content_is_refused_by_name(tmp_path: Path) -> None:
+    for content, message in BAD:
+        with pytest.raises(InputError, match=f"engrave.icons: label 'x': .*{message}"):
+            icon_section(write_icon(tmp_path, content), "x")
+
+
+def test_entities_are_neither_replaced_nor_looked_up(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("M0 0h9v9z")
+    laughs = "".join(f'<!ENTITY l{n} "&l{n - 1};&l{n - 1};&l{n - 1};">' for n in range(1, 20))
+    for entity in (
+        f'<!ENTITY a SYSTEM "file://{tmp_path}/secret">',
+        f'<!ENTITY l0 "ha">{laughs}<!ENTITY a "&l19;">',
+    ):
+        content = '<desc>&a;</desc><circle r="5"/>'
+        path = write_icon(tmp_path, content, before=f"<!DOCTYPE svg [{entity}]>")
+        with pytest.raises(InputError, match=r"no entities|no XML"):
+            icon_section(path, "x")
+
+
+def test_a_file_that_is_no_svg_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "icon.svg"
+    with pytest.raises(InputError, match="no such file"):
+        icon_section(str(path), "x")
+    for content, message in (
+        (b"\x89PNG\r\n\x1a\n" + bytes(99), "no XML"),
+        (b"<html/>", "an element <html>"),
+        (bytes(2 << 20), "at most 1 MiB"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            icon_section(str(path), "x")
+
+
+PICTURE = (
+    '<g transform="translate(0 2) rotate(9 3 3)"><path d="M32 2C17 2 8 12 8 26q3 4 9 17v9a5 5 0 0 1'
+    ' 5 5h20zm3 9l4 4-9 2z" fill-rule="evenodd"/><circle cx="22" cy="27" r="6" fill="#fff"/>'
+    '<rect x="1" y="2" width="9" height="9" rx="2" style="fill:black"/></g>'
+)
+
+PIECES = [b"1e308", b"-", b"nan", b"a0 0 0 0 0 0 0", b"z", b"M", b"<g>", b"99999999", b"\xff"]
+PIECES += [
+    b'transform="scale(0)"',
+    b'transform="matrix(1e5 0 0 1e5 0 0)"',
+    b"1e-320",
+    b"Q",
+    b"&#0;",
+]
+
+
+def test_damaged_files_give_an_icon_or_an_input_error(tmp_path: Path) -> None:
+    path, chance = Path(write_icon(tmp_path, PICTURE)), random.Random(0)
+    data, icons = path.read_bytes(), 0
+    for _ in range(150):
+        damaged = bytearray(data)
+        for _ in range(chance.randrange(1, 4)):
+            place = chance.randrange(100, len(damaged))
+            kind = chance.randrange(3)
+            if kind == 0:
+                damaged[place] = chance.randrange(32, 128)
+            elif kind == 1:
+                del damaged[place : place + chance.randrange(1, 9)]
+            else:
+                damaged[place:place] = chance.choice(PIECES)
+        path.write_bytes(damaged)
+        with contextlib.suppress(InputError):
+            assert icon_section(str(path), "x").area() > 0.0
+            icons += 1
+    assert 8 < icons < 142

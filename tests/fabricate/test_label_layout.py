@@ -1,8 +1,9 @@
-"""Places of labels: margins, uprights, line breaks and sizes."""
+"""Places of labels: ways to read a die, margins, uprights, line breaks and sizes."""
 
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -10,8 +11,17 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import LabelPlace, edge_margins, place_labels
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.fabricate.label_layout import (
+    LabelPlace,
+    Placement,
+    Reading,
+    die_readings,
+    edge_margins,
+    place_labels,
+)
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.runtime.arrays import Floats
+from tests.reference.solids import PLATONIC
 
 
 def wedge(degrees: float) -> np.ndarray:
@@ -97,52 +107,158 @@ def test_line_breaks_make_words_largest():
 def test_strokes_grow_to_their_least_width_within_the_margin(box):
     """A bar of known thickness: a minus sign is a rectangle."""
     body = box(9.0, 9.0, 9.0)
-    options = EngravingOptions(stroke_mm=0.8, min_height_mm=1.0, max_height_mm=2.0)
-    plain = EngravingOptions(min_height_mm=1.0, max_height_mm=2.0)
-    (wide,) = place_labels(body.places(["–"]), options, body.size_mm)
-    (thin,) = place_labels(body.places(["–"]), plain, body.size_mm)
-    left, bottom, right, top = wide.section().bounds()
-    thin_left, thin_bottom, thin_right, thin_top = thin.section().bounds()
-    assert thin_top - thin_bottom < 0.6
-    assert 0.72 <= top - bottom <= 0.808
-    assert right - left > thin_right - thin_left
-    assert clearances(wide, body.polygons[0], body.normals[0]).min() >= options.margin_mm - 1e-6
+    sizes = []
+    for stroke in (0.0, 0.8):
+        options = EngravingOptions(stroke_mm=stroke, min_height_mm=1.0, max_height_mm=2.0)
+        (label,) = place_labels(body.places(["–"]), options, body.size_mm)
+        left, bottom, right, top = label.section().bounds()
+        sizes.append((right - left, top - bottom))
+        assert clearances(label, body.polygons[0], body.normals[0]).min() >= 0.5 - 1e-6
+    thin, wide = sizes
+    assert thin[0] < wide[0]
+    assert thin[1] < 0.6 < 0.72 <= wide[1] <= 0.808
 
 
 def test_strokes_that_would_close_a_hole_are_refused(box):
-    body = box(9.0, 9.0, 9.0)
     options = EngravingOptions(stroke_mm=2.0, max_height_mm=3.0)
-    (placement,) = place_labels(body.places(["8"]), options, 15.0)
-    with pytest.raises(EngravingError, match=r"label '8' on facet 0: expected 2 holes .* reduce"):
+    (placement,) = place_labels(box(9.0, 9.0, 9.0).places(["8"]), options, 15.0)
+    with pytest.raises(EngravingError, match=r"'8' on facet 0: .*2 holes"):
         placement.section()
 
 
 def test_the_advised_size_is_the_least(box):
-    body = box(6.0, 5.0, 4.0)
-    texts = ["1", "12", "123", "1234", "6", "3"]
-    with pytest.raises(LabelRoomError) as caught:
-        place_labels(body.places(texts), OPTIONS, body.size_mm)
-    assert str(caught.value).startswith("label '1234': expected room on facet 3 for digits")
-    advised = caught.value.size_mm
-    larger = body.with_points(np.eye(3), advised / body.size_mm)
-    placements = place_labels(larger.places(texts), OPTIONS, larger.size_mm)
-    assert min(placement.height for placement in placements) >= OPTIONS.min_height_mm
+    body, texts = box(6.0, 5.0, 4.0), ["1", "12", "123", "1234", "6", "3"]
 
-    smaller = body.with_points(np.eye(3), (advised - 0.11) / body.size_mm)
-    with pytest.raises(EngravingError, match=f"use size_mm = {advised:.1f}"):
-        place_labels(smaller.places(texts), OPTIONS, smaller.size_mm)
+    def place(factor: float) -> list[Placement]:
+        sized = body.with_points(np.eye(3), factor)
+        return place_labels(sized.places(texts), OPTIONS, sized.size_mm)
+
+    with pytest.raises(LabelRoomError, match=r"'1234'.*facet 3") as caught:
+        place(1.0)
+    advised = caught.value.size_mm
+    heights = [placement.height for placement in place(advised / body.size_mm)]
+    assert min(heights) >= OPTIONS.min_height_mm
+    with pytest.raises(LabelRoomError, match=f"{advised:.1f}"):
+        place((advised - 0.11) / body.size_mm)
 
 
 @pytest.mark.parametrize(
-    ("values", "expected"),
+    ("values", "named"),
     [
         ({"margin_mm": -1.0}, "margin_mm"),
-        ({"font": " "}, "font: expected a name or a path, got ' '"),
-        ({"upright": "down"}, "upright: expected edge or largest, .*, got 'down'"),
-        ({"upright": (0.0, 0.0, 0.0)}, "three finite numbers that are not all 0, got"),
-        ({"max_height_mm": 2.0}, "max_height_mm: expected at least min_height_mm = 2.5, got 2.0"),
+        ({"font": " "}, "font"),
+        ({"upright": "down"}, "upright: .*down"),
+        ({"upright": (0.0, 0.0, 0.0)}, "not all 0"),
+        ({"max_height_mm": 2.0}, "max_height_mm: .*2.5, got 2.0"),
     ],
 )
-def test_invalid_options_are_refused(values, expected):
-    with pytest.raises(InputError, match=expected):
+def test_invalid_options_are_refused(values, named):
+    with pytest.raises(InputError, match=named):
         EngravingOptions(**values)
+
+
+# Ways to read a die.
+
+
+LETTERS = "abcdefghijklmnopqrst"
+
+
+def read_as(hull: ConvexHull, read: str, facets: list[int] | None = None) -> Reading:
+    """Reading of a hull whose facets, or some of them, have letters."""
+    chosen = np.arange(len(hull.normals)) if facets is None else np.array(facets)
+    return die_readings(hull, chosen, LETTERS[: len(chosen)], read)[0]
+
+
+def prism(sides: int, top: float = 1.0, height: float = 3.0) -> ConvexHull:
+    """A regular prism along z, or a frustum."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    low, high = np.full((sides, 1), 0.0), np.full((sides, 1), height)
+    return convex_hull(np.concatenate([np.hstack([ring, low]), np.hstack([top * ring, high])]))
+
+
+def disjoint(one: Floats, other: Floats, normal: Floats) -> bool:
+    """Whether an edge separates two coplanar convex polygons."""
+    for a, b in ((one, other), (other, one)):
+        for start, end in zip(a, np.roll(a, -1, axis=0), strict=True):
+            if ((b - start) @ np.cross(normal, end - start) <= 1e-12).all():
+                return True
+    return False
+
+
+@pytest.mark.parametrize("name", ["cube", "icosahedron"])
+def test_opposite_sides_are_read_from_above(name: str) -> None:
+    hull = convex_hull(PLATONIC[name])
+    reading = read_as(hull, "auto")
+    assert reading.way == read_as(hull, "up").way == "up"
+    for place in reading.places:
+        assert place.text == LETTERS[place.outcome]
+        np.testing.assert_allclose(place.normal, -hull.normals[place.outcome], atol=1e-12)
+        heights = place.region @ place.normal
+        np.testing.assert_allclose(heights, (hull.vertices @ place.normal).max())
+    below = read_as(hull, "down")
+    assert [place.facet for place in below.places] == list(range(len(hull.normals)))
+
+
+def test_a_tetrahedron_is_read_around_the_corner_on_top() -> None:
+    """A stretched one, whose facets have different angles."""
+    hull = convex_hull(20.0 * PLATONIC["tetrahedron"] * [1.0, 1.1, 1.2])
+    reading = read_as(hull, "auto")
+    placements = place_labels(reading.places, EngravingOptions(), hull.diameter)
+    for place, placement in zip(reading.places, placements, strict=True):
+        top = hull.vertices[(hull.vertices @ -hull.normals[place.outcome]).argmax()]
+        toward = top - placement.frame[:3, 3]
+        # The label stands upright toward the corner.
+        assert toward @ placement.frame[:3, 1] > 0.8 * np.linalg.norm(toward)
+    assert reading.way == "corner"
+    for outcome in range(4):
+        top = hull.vertices[(hull.vertices @ -hull.normals[outcome]).argmax()]
+        mine = [place for place in reading.places if place.outcome == outcome]
+        assert sorted(place.facet for place in mine) == [f for f in range(4) if f != outcome]
+        for place in mine:
+            corners = hull.polygon(place.facet)
+            # Each point of the region is nearer to that corner than to any other one.
+            near = np.linalg.norm(place.region - top, axis=1)
+            for corner in corners[np.linalg.norm(corners - top, axis=1) > 1e-9]:
+                assert (np.linalg.norm(place.region - corner, axis=1) >= near - 1e-9).all()
+    for one, other in combinations(reading.places, 2):
+        if one.facet == other.facet:
+            assert disjoint(one.region, other.region, one.normal)
+
+
+def test_dice_with_edges_on_top_are_read_from_below() -> None:
+    """Around an odd prism there is an edge on top of each side."""
+    hull = prism(5)
+    sides = np.flatnonzero(np.abs(hull.normals[:, 2]) < 0.5).tolist()
+    assert read_as(hull, "auto", sides).way == "down"
+    with pytest.raises(EngravingError, match=r"36 degrees.*'a'.*read: down"):
+        read_as(hull, "up", sides)
+    assert read_as(prism(6), "auto").way == "up"
+
+
+def test_both_sides_have_the_label() -> None:
+    hull = prism(4, 0.7)
+    base, top = int(hull.normals[:, 2].argmin()), int(hull.normals[:, 2].argmax())
+    reading = read_as(hull, "both", [base])
+    assert [place.facet for place in reading.places] == [base, top]
+    assert {place.text for place in reading.places} == {"a"}
+    with pytest.raises(EngravingError, match=r"'b'.*'a'"):
+        read_as(hull, "both", [base, top])
+    with pytest.raises(EngravingError, match=r"36 degrees.*'a'"):
+        read_as(prism(5), "both", [int(np.abs(prism(5).normals[:, 2]).argmin())])
+
+
+def test_corners_must_be_visible_from_above() -> None:
+    """On its base a pyramid has its tip on top, unless that leans over the base's edge."""
+    square = np.array([(1.0, 1.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (1.0, -1.0, 0.0)])
+    for x, way in ((0.3, "corner"), (1.2, None)):
+        hull = convex_hull(np.concatenate([square, [[x, 0.0, 2.0]]]))
+        base = [int(hull.normals[:, 2].argmin())]
+        assert read_as(hull, "auto", base).way == "down"
+        if way is None:
+            with pytest.raises(EngravingError, match=r"degrees.*'a'"):
+                read_as(hull, "up", base)
+        else:
+            reading = read_as(hull, "up", base)
+            assert reading.way == way
+            assert len(reading.places) == 4

@@ -53,24 +53,14 @@ CONCAVE: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("method", ["concave", {"concave": {}}, {"concave": {"points": 500}}])
-def test_a_concave_die_is_plain_by_default(method: object, tmp_path: Path) -> None:
-    plain = read(tmp_path, {**CONCAVE, "method": method})
+def test_a_concave_die_is_plain_unless_it_is_engraved(tmp_path: Path) -> None:
+    plain, marked = (read(tmp_path, {**CONCAVE, **entries}) for entries in ({}, {"engrave": True}))
     assert plain.engrave is None
-    assert plain.as_dict()["engrave"] is False
-    marked = read(tmp_path, {**CONCAVE, "method": method, "engrave": True})
-    assert marked.engrave == EngravingOptions()
-    assert read(tmp_path, {**CONCAVE, "method": method, "engrave": {"margin_mm": 0.2}}).engrave
+    assert marked.engrave == read(tmp_path, GOOD).engrave == EngravingOptions()
     for recipe in (plain, marked):
         assert read(tmp_path, recipe.as_dict()) == recipe
-    assert read(tmp_path, GOOD).engrave == EngravingOptions()
-
-
-def test_every_built_in_shape_is_a_start(tmp_path: Path) -> None:
     for name in SHAPES:
         assert read(tmp_path, {**CONCAVE, "start": {"shape": name}}).start.options == name
-    listed = Recipe.model_json_schema()["properties"]["start"]["properties"]["shape"]
-    assert listed["anyOf"][0]["enum"] == list(SHAPES)
 
 
 def test_paths_of_fonts_and_icons_are_relative_to_the_recipe(tmp_path: Path) -> None:
@@ -80,26 +70,22 @@ def test_paths_of_fonts_and_icons_are_relative_to_the_recipe(tmp_path: Path) -> 
     six, seven, eight = str(tmp_path / "six.svg"), "/seven.svg", str(Path.cwd() / "eight.svg")
     assert recipe.engrave.icons == {"6": six, "7": seven, "8": eight}
     assert read(tmp_path, recipe.as_dict()) == recipe
-    named = read(tmp_path, {**GOOD, "engrave": {"font": "DejaVu Serif", "upright": [0, 0, 1]}})
-    assert (named.engrave.font, named.engrave.upright) == ("DejaVu Serif", (0.0, 0.0, 1.0))
-    assert read(tmp_path, named.as_dict()) == named
+    named = read(tmp_path, {**GOOD, "engrave": {"font": "DejaVu Serif"}})
+    assert named.engrave.font == "DejaVu Serif"
 
 
 def test_a_mesh_path_is_relative_to_the_recipe_and_in_a_change_to_the_working_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder, elsewhere = tmp_path / "recipes", tmp_path / "elsewhere"
+    folder = tmp_path / "recipes"
     folder.mkdir()
-    elsewhere.mkdir()
     (folder / "r.yaml").write_text("name: r\ntarget: {fair: 4}\nstart: {mesh: {path: a.stl}}\n")
     monkeypatch.chdir(tmp_path)
-    recipe = read_recipe(Path("recipes/r.yaml"))
-    changed = read_recipe(Path("recipes/r.yaml"), ["start.mesh.path=b.stl"])
-    monkeypatch.chdir(elsewhere)
-    for given, path in ((recipe, folder / "a.stl"), (changed, tmp_path / "b.stl")):
-        assert given.start.mesh.path == str(path)
-        (elsewhere / "again.yaml").write_text(recipe_text(given))
-        assert read_recipe(Path("again.yaml")) == given
+    for changes, path in (([], folder / "a.stl"), (["start.mesh.path=b.stl"], tmp_path / "b.stl")):
+        recipe = read_recipe(Path("recipes/r.yaml"), changes)
+        assert recipe.start.mesh.path == str(path)
+        Path("again.yaml").write_text(recipe_text(recipe))
+        assert read_recipe(Path("again.yaml")) == recipe
 
 
 def test_fractions_labels_and_exponents(tmp_path: Path) -> None:
@@ -119,57 +105,52 @@ def test_fractions_labels_and_exponents(tmp_path: Path) -> None:
     assert recipe.size_mm == 25.0
 
 
-BAD_CONCAVE: list[tuple[dict[str, Any], str]] = [
-    ({"start": {"shape": "dog"}}, "start.shape: expected 'dragon', .*got 'dog'"),
-    ({"start": {"search": {}}}, "start: expected a surface to keep .*; write start: "),
-    ({"method": "exact"}, r"start.shape: expected method: \{concave: \{\}\} with it, got exact"),
-    ({"center_of_mass": [0, 0, 1]}, "center_of_mass: expected uniform .*; leave it out"),
-    ({"min_inradius_mm": 1}, "min_inradius_mm: expected the exact method, .*, got concave"),
-    ({"method": {"concave": {"fil": 1}}}, r"concave.fil: unknown key; did you mean 'fill'\?"),
-    ({"attempts": 3}, "attempts: unknown key; it belongs at method.concave.attempts"),
+BAD_CONCAVE = [
+    ("start: {shape: dog}", "start.shape.*'dragon'.*'dog'"),
+    ("start: {search: {}}", "start: "),
+    ("method: exact", "start.shape.*method: .concave"),
+    ("center_of_mass: [0, 0, 1]", "center_of_mass: "),
+    ("min_inradius_mm: 1", "min_inradius_mm: "),
+    ("method: {concave: {fil: 1}}", "concave.fil: .*'fill'"),
+    ("attempts: 3", "attempts: .*method.concave.attempts"),
 ]
 
-BAD: list[tuple[dict[str, Any], str]] = [
-    ({"nmae": "x"}, r"nmae: unknown key; did you mean 'name'\?"),
-    (
-        {"method": {"paper": {"weights": {"coplaner": 1}}}},
-        "weights.coplaner: unknown key.*coplanar",
-    ),
-    ({"labels": ["a", "b"]}, "labels: unknown key; it belongs at target.labels"),
-    ({"evaluatons": {}}, r"evaluatons: unknown key; did you mean method.exact.evaluations\?"),
-    (
-        {"target": {"fair": 2, "labels": [True, "no"]}},
-        "target.labels.0: expected a text, got True, .*; put it in quotes",
-    ),
-    ({"target": {"fair": 2, "labels": ["x" * 25, "y"]}}, "labels.*: expected 1 to 24 characters"),
-    ({"target": {"fair": 2, "labels": ["a", "\ud800"]}}, "labels"),
-    (
-        {"method": {"exact": {"probabilities": "thrown", "hand": "foot"}}},
-        "method.exact: hand: expected cup, hand, tower, got 'foot'; take one of them",
-    ),
-    ({"method": {"exact": {"hand": "cup"}}}, "hand: expected probabilities .thrown. with it"),
-    ({"method": {"exact": {"refine": {}}}}, "refine: expected probabilities .thrown. with it"),
-    ({"start": {"prism": {"height": float("inf")}}}, "start.prism.height: .*finite.*got inf"),
-    (
-        {"target": {"fair": 4}},
-        "start.hendecahedron: expected a target of 11 outcomes, one for each facet, got 4",
-    ),
-    (
-        {"target": {"fair": 3}, "start": {"repulsion": {}}},
-        "start.repulsion: expected a target of at least 4 outcomes, got 3; take a prism",
-    ),
-    (
-        {"target": {"fair": 2}, "start": {"prism": {}}},
-        r"start: expected a mesh or a search for 2 .*write start: \{search: \{\}\}, or start: ",
-    ),
-    ({"name": "../x"}, "name: "),
-    ({"target": {"fair": 3, "binomial": 2}}, "exactly one of.*got binomial and fair"),
-    ({"target": {"binomial": 0}}, "target: binomial: expected a whole number of at least 1, got 0"),
-    ({"assignment": [2, 3]}, "assignment: expected each of the labels 2, 3, .* once, got 2, 3"),
-    ({"method": {"paper": {"tolerance": 2}}}, "tolerance: expected a number from 1e-15 on and"),
-    ({"method": {"exact": {"sobolev": {}}}}, 'sobolev: expected coordinates "vertices"'),
-    ({"size_mm": 1000.1}, "size_mm"),
-    ({"size_mm": 30.0, "min_inradius_mm": 15.0}, "min_inradius_mm"),
+BAD = [
+    ("nmae: x", "nmae: .*'name'"),
+    ("method: {paper: {weights: {coplaner: 1}}}", "weights.coplaner: .*coplanar"),
+    ("labels: [a, b]", "labels: .*target.labels"),
+    ("evaluatons: {}", "evaluatons: .*method.exact.evaluations"),
+    ("target: {fair: 2, labels: [yes, no]}", "target.labels.0: .*True"),
+    (f"target: {{fair: 2, labels: [{25 * 'x'}, y]}}", "labels.*24"),
+    ("method: {exact: {probabilities: thrown, hand: foot}}", "hand: .*cup.*'foot'"),
+    ("method: {exact: {hand: cup}}", "hand: .*thrown"),
+    ("method: {exact: {refine: {}}}", "refine: .*thrown"),
+    ("start: {prism: {height: .inf}}", "start.prism.height: .*inf"),
+    ("target: {fair: 4}", "start.hendecahedron: .*11.*got 4"),
+    ("target: {fair: 3}\nstart: {repulsion: {}}", "start.repulsion: .*got 3"),
+    ("target: {fair: 2}\nstart: {prism: {}}", "start: .*search"),
+    ("name: ../x", "name: "),
+    ("target: {fair: 3, binomial: 2}", "binomial and fair"),
+    ("target: {binomial: 0}", "target: binomial: .*got 0"),
+    ("assignment: [2, 3]", "assignment: .*got 2, 3"),
+    ("method: {paper: {tolerance: 2}}", "tolerance: "),
+    ("method: {exact: {sobolev: {}}}", "sobolev: .*vertices"),
+    ("size_mm: 1000.1", "size_mm"),
+    ("size_mm: 30.0\nmin_inradius_mm: 15.0", "min_inradius_mm"),
+    ("symmetry: C5v", "symmetry: .*orbits"),
+    ("symmetry: Cs\nmethod: {exact: {coordinates: vertices}}", "symmetry: .*facets"),
+    ("symmetry: Cs\ncenter_of_mass: [0, 0, 0]", "center_of_mass: "),
+    ("target: {sum_of_dice: [6, 6], faces: 30}", "faces: .*36"),
+    ("target: {sum_of_dice: [6, 6], faces: 10}", "faces: .*got 10"),
+    ("target: {probabilities: [0.0123, 0.9877], faces: 12}", "target: faces: "),
+    ("target: {probabilities: [0.2, 0.3, 0.5], labels: [a, b, a], faces: 100}", "target: faces: "),
+    ("prior: vmf:0,0,0:1", "prior: "),
+    ("prior: half:0,0,1\nmethod: paper", "paper"),
+    ("prior: half:0,0,1\nsymmetry: C2", "symmetry"),
+    ("prior: half:0,0,1\nmethod: {exact: {probabilities: thrown}}", "thrown"),
+    ("prior: samples:samples.csv", "prior: "),
+    ("inside: cavity", "inside: .*center_of_mass"),
+    ("center_of_mass: [0.1, 0, 0]\ninside: {wall_mm: -1}", "inside.*wall_mm"),
 ]
 
 
@@ -177,11 +158,10 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ("good", "entries", "message"),
     [*((GOOD, *bad) for bad in BAD), *((CONCAVE, *bad) for bad in BAD_CONCAVE)],
 )
-def test_bad_recipes_are_explained(
-    good: dict[str, Any], entries: dict[str, Any], message: str
-) -> None:
+def test_bad_recipes_are_explained(good: dict[str, Any], entries: str, message: str) -> None:
+    """By the key, and by what is close to it."""
     with pytest.raises(RecipeError, match=message) as caught:
-        parse_recipe({**good, **entries})
+        parse_recipe({**good, **yaml.safe_load(entries)})
     assert "\n" not in str(caught.value)
 
 
@@ -192,17 +172,17 @@ BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("name: x\nstart: {prism: {}}\n", "target: expected this key, but it is missing"),
-        ("", "expected keys and values"),
-        ("name: [", "expected YAML, but"),
-        ("name: a\nname: b\n", "'name' appears twice, the second time in line 2"),
-        ("2024-01-01: 3\n", "expected texts as keys.*but keys must be str"),
-        ("x: !!int x\n", "expected YAML, but"),
-        (BOMB, "expected at most 10000 entries"),
-        ("target: &a [*a]\n", "expected entries at most 30 within each other"),
-        ("target: " + 100_000 * "[", "expected YAML, but"),
-        ("name: a\ntarget: {fair: 3}\nseed: 1" + 5000 * "0", "expected YAML, but .*digits"),
-        ("name: a\ntarget: {fair: 3}\nseed: 18446744073709551616", "seed: expected a number below"),
+        ("name: x\nstart: {prism: {}}\n", "target: "),
+        ("", "keys"),
+        ("name: [", "YAML"),
+        ("name: a\nname: b\n", "'name'.*line 2"),
+        ("2024-01-01: 3\n", "keys"),
+        ("x: !!int x\n", "YAML"),
+        (BOMB, "10000 entries"),
+        ("target: &a [*a]\n", "30"),
+        ("target: " + 100_000 * "[", "YAML"),
+        ("name: a\ntarget: {fair: 3}\nseed: 1" + 5000 * "0", "YAML"),
+        ("name: a\ntarget: {fair: 3}\nseed: 18446744073709551616", "seed: "),
     ],
 )
 def test_invalid_files_are_explained_at_once(tmp_path: Path, content: str, message: str) -> None:
@@ -219,42 +199,31 @@ def test_invalid_files_are_explained_at_once(tmp_path: Path, content: str, messa
 
 
 def test_yaml_runs_no_code(tmp_path: Path) -> None:
-    path = tmp_path / "code.yaml"
-    touched = tmp_path / "touched"
+    path, touched = tmp_path / "code.yaml", tmp_path / "touched"
     for tag in ("apply:pathlib.Path.touch", "new:os.system", "name:os.system", "module:os"):
-        path.write_text(f"target: !!python/object/{tag} ['{touched}']\n")
-        with pytest.raises(RecipeError, match="could not determine a constructor for the tag"):
-            read_recipe(path)
-        path.write_text(f"target: !!python/{tag} ['{touched}']\n")
-        with pytest.raises(RecipeError, match="could not determine a constructor for the tag"):
-            read_recipe(path)
+        for prefix in ("object/", ""):
+            path.write_text(f"target: !!python/{prefix}{tag} ['{touched}']\n")
+            with pytest.raises(RecipeError):
+                read_recipe(path)
     assert not touched.exists()
 
 
-def test_bad_changes(tmp_path: Path) -> None:
-    with pytest.raises(RecipeError, match="--set size_mm: expected key=value"):
-        read(tmp_path, GOOD, ("size_mm",))
-    with pytest.raises(RecipeError, match="--set size_mm: expected YAML"):
-        read(tmp_path, GOOD, ("size_mm=[",))
+@pytest.mark.parametrize("change", ["size_mm", "size_mm=["])
+def test_bad_changes(tmp_path: Path, change: str) -> None:
+    with pytest.raises(RecipeError, match="--set size_mm: "):
+        read(tmp_path, GOOD, (change,))
 
 
-@pytest.mark.parametrize(
-    "entries",
-    [
-        {"size_mm": 1000.0},
-        {"size_mm": 30.0, "min_inradius_mm": 14.999},
-        {"target": {"fair": 11, "labels": list("abcdefghijä")}},
-    ],
-)
-def test_limits_are_valid(entries: dict[str, Any]) -> None:
-    assert isinstance(parse_recipe({**GOOD, **entries}), Recipe)
+@pytest.mark.parametrize("entries", ["size_mm: 1000.0", "size_mm: 30.0\nmin_inradius_mm: 14.999"])
+def test_limits_are_valid(entries: str) -> None:
+    parse_recipe({**GOOD, **yaml.safe_load(entries)})
 
 
-@pytest.mark.parametrize("method", ["", "method: exact\n"])
-def test_a_change_adds_missing_parts(tmp_path: Path, method: str) -> None:
-    path = tmp_path / "die.yaml"
-    path.write_text("name: die\ntarget: {fair: 4}\n" + method)
-    assert read_recipe(path, ["method.exact.starts=7"]).method.options.starts == 7
+@pytest.mark.parametrize("given", [{}, {"method": "exact"}])
+def test_a_change_adds_missing_parts(tmp_path: Path, given: dict[str, object]) -> None:
+    entries = {"name": "die", "target": {"fair": 4}, **given}
+    recipe = read(tmp_path, entries, ("method.exact.starts=7",))
+    assert recipe.method.options.starts == 7
 
 
 @pytest.mark.parametrize(
@@ -272,27 +241,26 @@ def test_typed_targets(text: str, entries: dict[str, object]) -> None:
     assert parse_target(text, "a, b") == {**entries, "labels": ["a", "b"]}
 
 
+def of_sum(*ways: int) -> list[float]:
+    """Probabilities of totals that come about in numbers of ways."""
+    return [way / sum(ways) for way in ways]
+
+
 @pytest.mark.parametrize(
     ("text", "labels", "probabilities"),
     [
-        ("d7", list("1234567"), [1 / 7] * 7),
-        (
-            "2d6",
-            [str(k) for k in range(2, 13)],
-            [k / 36 for k in (1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1)],
-        ),
-        ("2dF", ["-2", "-1", "0", "+1", "+2"], [k / 9 for k in (1, 2, 3, 2, 1)]),
-        ("dF", ["+", "0", "-"], [1 / 3] * 3),
-        ("d4 + d6", [str(k) for k in range(2, 11)], [k / 24 for k in (1, 2, 3, 4, 4, 4, 3, 2, 1)]),
-        ("1:2:3", list("123"), [1 / 6, 1 / 3, 1 / 2]),
-        ("50%, 30 %,20%", list("123"), [0.5, 0.3, 0.2]),
+        ("d7", "1 2 3 4 5 6 7", [1 / 7] * 7),
+        ("2d6", "2 3 4 5 6 7 8 9 10 11 12", of_sum(1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1)),
+        ("2dF", "-2 -1 0 +1 +2", of_sum(1, 2, 3, 2, 1)),
+        ("dF", "+ 0 -", [1 / 3] * 3),
+        ("d4 + d6", "2 3 4 5 6 7 8 9 10", of_sum(1, 2, 3, 4, 4, 4, 3, 2, 1)),
+        ("1:2:3", "1 2 3", of_sum(1, 2, 3)),
+        ("50%, 30 %,20%", "1 2 3", [0.5, 0.3, 0.2]),
     ],
 )
-def test_targets_as_people_type_them(
-    text: str, labels: list[str], probabilities: list[float]
-) -> None:
+def test_targets_as_people_type_them(text: str, labels: str, probabilities: list[float]) -> None:
     target = TargetRecipe.model_validate(parse_target(text)).target()
-    assert list(target.labels) == labels
+    assert list(target.labels) == labels.split()
     np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
 
 
@@ -303,13 +271,8 @@ def test_invalid_typed_targets(text: str) -> None:
 
 
 def test_probabilities_are_written_to_the_last_bit() -> None:
-    random = np.random.default_rng(0)
-    for probabilities in (
-        np.arange(1, 7) / 21.0,
-        random.dirichlet(np.ones(5)),
-        np.array([1e-9, 1.0 - 1e-9]),
-    ):
-        text = format_probabilities(probabilities.tolist())
-        read = TargetRecipe.model_validate(parse_target(text))
-        assert read.probabilities == probabilities.tolist()
+    drawn = np.random.default_rng(0).dirichlet(np.ones(5)).tolist()
+    for probabilities in ([k / 21.0 for k in range(1, 7)], drawn, [1e-9, 1.0 - 1e-9]):
+        text = format_probabilities(probabilities)
+        assert TargetRecipe.model_validate(parse_target(text)).probabilities == probabilities
     assert format_probabilities([1 / 2, 1 / 3, 1 / 6]) == "1/2, 1/3, 1/6"

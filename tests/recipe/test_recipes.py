@@ -8,14 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from check_outputs import check
-from common.bodies import write_mesh
 from common.paths import ROOT
 
-from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import Work, run
+from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import read_recipe
-from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 from dicedesign.throws.distances import total_variation
 
@@ -23,8 +20,8 @@ pytestmark = pytest.mark.shipped
 
 RECIPES = sorted((ROOT / "recipes").rglob("*.yaml"))
 EXACT = 1e-12
-SINGLE, DOUBLE = 1e-5, 1e-11
-"""Errors by rounding to float32 in STL files, and by reading float64 OBJ files."""
+SINGLE = 1e-5
+"""Error by rounding to float32 in STL files."""
 MOST_EVALUATIONS, MOST_ATTEMPTS = 20_000, 20
 """Maximum number of dice that are tried, for convex and concave ones."""
 
@@ -45,7 +42,7 @@ ENOUGH = 8
 
 
 @pytest.mark.parametrize("recipe_path", CONVEX, ids=_name)
-def test_a_recipe_gives_its_die_with_little_work(recipe_path: Path, tmp_path: Path) -> None:
+def test_a_recipe_gives_its_die_with_little_work(recipe_path: Path) -> None:
     recipe = read_recipe(recipe_path)
     work = design_recipe(recipe, last="check")
     solid, target = work.solid, work.target.probabilities
@@ -55,9 +52,6 @@ def test_a_recipe_gives_its_die_with_little_work(recipe_path: Path, tmp_path: Pa
     assert work.plain.max_abs_error <= SINGLE
     assert work.plain.outcomes.elsewhere == 0.0
     assert work.die.evaluations <= MOST_EVALUATIONS
-    for path, most in ((tmp_path / "die.stl", SINGLE), (tmp_path / "die.obj", DOUBLE)):
-        write_mesh(path, solid.points, solid.triangles)
-        assert error_of_file(path, work) <= most
 
 
 FEW = {"drops": 8000, "rounds": 8, "verdict": 10_000, "within": 0.03}
@@ -86,18 +80,5 @@ def test_a_recipe_gives_its_concave_die_in_few_attempts(path: Path, tmp_path: Pa
     assert result.status == "converged", result.message
     assert result.search.attempts <= MOST_ATTEMPTS
     summary = check(tmp_path)
-    assert summary["max_abs_error"] <= recipe.method.tolerance
-    assert summary["elsewhere"] <= recipe.method.tolerance
+    assert max(summary["max_abs_error"], summary["elsewhere"]) <= recipe.method.tolerance
     assert summary["concave"]["displacement"]["mean"] <= LARGEST_DISPLACEMENT
-
-
-def error_of_file(path: Path, work: Work) -> float:
-    """Largest |p - q| of the solid in a file; infinite unless it has one rest for each face."""
-    poses = rest_poses(read_body(path))
-    solid, outcome_of = work.solid, work.target.outcome_of_face
-    directions = solid.poses.normals[solid.outcomes.main]
-    face = np.argmax(poses.normals @ directions.T, axis=1)
-    if not np.array_equal(np.sort(face), np.arange(len(outcome_of))):
-        return np.inf
-    probabilities = np.bincount(outcome_of[face], poses.probabilities)
-    return float(np.abs(probabilities - work.target.probabilities).max())

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dicedesign.errors import InputError, RecipeError
+from dicedesign.errors import InputError
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.looks import rate_looks
 from dicedesign.recipe.design_die import design_recipe
-from dicedesign.recipe.pipeline import Work, run_stages
+from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
 from dicedesign.recipe.reading import parse_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import Status
@@ -48,51 +48,15 @@ def test_preferences_improve_a_die_that_symmetry_makes_fair() -> None:
     work = design_recipe(recipe(target={"fair": 4}, symmetry="D2"), last="check")
     assert work.status is Status.CONVERGED
     values = [s.terms["preferences"] for s in work.die.steps if "preferences" in s.terms]
-    assert (np.diff(values) <= 1e-15).all()
     assert len(values) > 2
+    assert (np.diff(values) <= 1e-15).all()
 
 
-@pytest.mark.parametrize(
-    ("entries", "message"),
-    [
-        ({"symmetry": "C5v"}, "symmetry: expected outcomes of equal probability to fill whole"),
-        (
-            {"symmetry": "Cs", "method": {"exact": {"coordinates": "vertices"}}},
-            "symmetry: expected the exact method with coordinates: facets",
-        ),
-        (
-            {
-                "symmetry": "Cs",
-                "center_of_mass": [0, 0, 0],
-                "start": {"hendecahedron": "bisymmetric"},
-            },
-            "center_of_mass: expected uniform with a symmetry",
-        ),
-    ],
-)
-def test_bad_entries_are_explained(entries: dict[str, object], message: str) -> None:
-    with pytest.raises(RecipeError, match=message):
-        recipe(target={"sum_of_dice": [6, 6]}, **entries)
-
-
-@pytest.mark.parametrize(
-    ("symmetry", "message"),
-    [
-        ("Cs", "expected directions that the point group maps onto"),
-        ("C2", "expected labels 4 and 9 to be equally probable, as C2"),
-    ],
-)
+@pytest.mark.parametrize(("symmetry", "message"), [("Cs", "directions"), ("C2", "4 and 9.*C2")])
 def test_starts_without_the_symmetry_are_refused(symmetry: str, message: str) -> None:
     given = recipe(**{**PAIRED, "assignment": "in_order"}, symmetry=symmetry)
     with pytest.raises(InputError, match=message):
         design_recipe(given, last="start")
-
-
-def test_none_is_no_symmetry_and_is_written_as_none() -> None:
-    given = recipe(target={"fair": 4}, symmetry="none")
-    assert given.symmetry is None
-    assert given.as_dict()["symmetry"] == "none"
-    assert recipe(target={"fair": 4}, symmetry="Td").as_dict()["symmetry"] == "Td"
 
 
 THROWN = {"exact": {"probabilities": "thrown"}}
@@ -137,14 +101,26 @@ def test_auto_takes_a_symmetry_of_a_given_start() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sides", "group"), [(4, "Td"), (6, "Oh"), pytest.param(20, "Ih", marks=pytest.mark.full)]
+    ("sides", "group"),
+    [
+        (4, "Td"),
+        pytest.param(6, "Oh", marks=pytest.mark.full),
+        pytest.param(20, "Ih", marks=pytest.mark.full),
+    ],
 )
 def test_the_most_handsome_fair_die_is_the_platonic_solid(sides: int, group: str) -> None:
-    work = design_symmetric(target={"fair": sides})
+    """The search counts the dice it tried; the recipe that is written makes the same die again."""
+    parts: list[tuple[int, int, str]] = []
+    target = {"fair": sides}
+    given = parse_recipe({"name": "d", "target": target, "engrave": False})
+    callbacks = Callbacks(on_part=lambda *part: parts.append(part))
+    work = design_recipe(given, callbacks, last="design")
     assert work.die.symmetry == group
     assert len(work.die.hull.normals) == sides
-    # The recipe that is written makes the same die again.
-    assert work.recipe.symmetry == "auto"
+    done, wholes, units = zip(*parts, strict=True)
+    assert (set(units), len(set(wholes))) == ({"dice"}, 1)
+    assert 0 == done[0] < done[-1] < wholes[0]
+    assert list(done) == sorted(done)
     again = design_symmetric(**work.recipe.as_dict())
     np.testing.assert_array_equal(again.die.hull.vertices, work.die.hull.vertices)
 
@@ -155,21 +131,3 @@ def test_the_chosen_die_is_at_least_as_handsome_as_the_first() -> None:
     first, chosen = (rate_looks(die.hull, die.directions) for die in dice)
     assert chosen.measure >= first.measure
     assert all(0.0 <= quality <= 1.0 for quality in vars(chosen).values())
-
-
-def test_thrown_dice_are_symmetric_by_default() -> None:
-    thrown = {"method": THROWN}
-    for entries, expected in (
-        (thrown, "auto"),
-        ({**thrown, "symmetry": "none"}, None),
-        ({**thrown, "symmetry": "Cs"}, "Cs"),
-        ({**thrown, "start": {"prism": {}}}, None),
-        ({}, "auto"),
-        ({"start": {"prism": {}}}, None),
-        ({"method": {"exact": {"coordinates": "vertices"}}}, None),
-        ({"prior": "vmf:0,0,-1:5"}, None),
-    ):
-        recipe = parse_recipe({"name": "d", "target": {"fair": 5}, **entries})
-        assert recipe.symmetry == expected
-        again = parse_recipe(recipe.as_dict())
-        assert again.symmetry == expected

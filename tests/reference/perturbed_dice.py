@@ -28,10 +28,12 @@ class PrintedDie:
     ----------
     hull: as it was designed, in mm, with its center of mass at the origin.
     directions: (k, 3) down in the outcomes.
+    center: (3,) of mass if it is given, which prints keep up to shrinkage.
     """
 
     hull: ConvexHull
     directions: Floats
+    center: Floats | None = None
 
     def probabilities(self, errors: PrintErrors, prints: int, seed: int) -> Floats:
         """Probabilities (prints, k) without momentum of a number of prints; NaN for a print that is
@@ -53,6 +55,8 @@ class PrintedDie:
             moved = gradient / np.ptp(offsets[:, 2]) * moments[:, 2] / volume
             hole = _inside(printed, random) - center
             moved = moved - hole * errors.bubble_mm3 / (volume - errors.bubble_mm3)
+            if self.center is not None:
+                center = self.center * stretch
             return outcome_probabilities(
                 rest_poses(corners, center + moved), self.directions
             ).probabilities

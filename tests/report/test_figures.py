@@ -1,16 +1,21 @@
-"""Sheets pixel for pixel, figures of finished dice, and one more from outside the package."""
+"""Sheets pixel for pixel, figures of finished dice, and what notebooks show."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import re
 from collections.abc import Iterator
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
 
+import nbformat
 import numpy as np
 import pytest
 from common.finished import finished_box, page_text
 from common.parsed_html import parse_page
+from common.paths import ROOT
 
+import dicedesign as dd
 from dicedesign.report.figures import FIGURES, Figure, figure_files
 from dicedesign.report.raster import decode_png, encode_png
 from dicedesign.report.sheet import Sheet, picture_grid
@@ -19,8 +24,7 @@ from dicedesign.report.sheet import Sheet, picture_grid
 def test_a_png_repeats_and_has_no_metadata() -> None:
     def draw() -> Sheet:
         sheet = Sheet(200, 100)
-        sheet.text("text", (150.0, 50.0), color="red")
-        sheet.text("$no formula \u4e09", (100.0, 20.0))
+        sheet.text("$no formula \u4e09", (100.0, 20.0), color="red")
         return sheet
 
     data = draw().png()
@@ -68,7 +72,6 @@ def test_a_figure_from_outside_is_drawn_and_shown(toy: Figure) -> None:
     assert places == sorted(places)
     assert "What it shows." in page.text
     assert any(source.startswith("data:image/gif;") for source in page.sources)
-    assert FIGURES["toy"].suffix == ".gif"
 
 
 def test_a_convex_die_has_its_figures() -> None:
@@ -77,17 +80,39 @@ def test_a_convex_die_has_its_figures() -> None:
     assert list(files) == ["bars", "convergence", "gauss_map", "views"]
     assert parts == [(number, 4, "figures") for number in range(4)]
     assert all(data.startswith(b"\x89PNG") for data in files.values())
-    assert files == figure_files(finished_box(), lambda *_: None)
 
 
-def test_listing_figures_does_not_import_their_libraries() -> None:
-    code = (
-        "import sys\n"
-        "from dicedesign.report.figures import FIGURES\n"
-        "assert len(FIGURES.names) > 10\n"
-        "assert all(figure.title and figure.caption and figure.line for figure in FIGURES)\n"
-        "heavy = {'torch', 'matplotlib', 'PIL', 'manifold3d', 'scipy.optimize', 'pydantic'}\n"
-        "print(sorted(heavy & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+# Notebooks.
+
+
+def cells(html: str) -> list[str]:
+    """Text of all cells of a table."""
+    return [unescape(cell) for cell in re.findall(r"<td[^>]*>([^<]*)</td>", html)]
+
+
+def test_poses_show_their_hull_and_probabilities() -> None:
+    box = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)])
+    poses = dd.rest_poses(box)
+    html = poses._repr_html_()
+    shown = [float(cell.rstrip("%")) / 100 for cell in cells(html)[1::3]]
+    np.testing.assert_allclose(shown, poses.probabilities, atol=1e-6)
+    assert "<iframe" in html
+    assert "6 rests" in repr(poses)
+
+
+def test_a_result_without_files_shows_its_table_alone() -> None:
+    target = {"fair": 3, "labels": ["<b>", "two", "three"]}
+    die = dd.design(target, start="prism")
+    html = die.result._repr_html_()
+    assert cells(html)[::3] == ["<b>", "two", "three"]
+    assert "<iframe" not in html
+    assert "<iframe" in die._repr_html_()
+    assert replace(die.result, folder=Path("nowhere"))._repr_html_() == html
+
+
+def test_the_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    notebook = nbformat.read(ROOT / "examples" / "first_die.ipynb", as_version=4)
+    cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+    exec(compile("\n".join(cells), "first_die", "exec"), {})
+    assert (tmp_path / "total_of_2d4.stl").is_file()

@@ -13,10 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
+from dicedesign.report import motion_pictures
 from dicedesign.report.figures import MAX_TRIANGLES, surface_to_draw
-from dicedesign.report.motion_pictures import MAX_MOMENTS, drop_figure, moving_picture
-from dicedesign.rest.poses import RestPoses, rest_poses
-from dicedesign.rest.roll import RollStep, roll_steps
+from dicedesign.report.motion_pictures import drop_figure, moving_picture
+from dicedesign.report.sheet import Sheet
+from dicedesign.rest.poses import rest_poses
+from dicedesign.rest.roll import roll_steps
 from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.simulation import Film
 from dicedesign.throws.tables import Table
@@ -62,84 +64,66 @@ def frames_of(gif: bytes) -> tuple[list[np.ndarray], list[int], Image.Image]:
     return pictures, durations, image
 
 
-def test_the_film_shows_the_final_pose_of_the_die() -> None:
+def test_the_film_follows_the_die() -> None:
     film = falling(31)
     gif = gif_of(film)
     assert gif == gif_of(film)
     pictures, durations, image = frames_of(gif)
     assert image.info["loop"] == 0
     assert durations == [40] * 30 + [2000]
-    assert image.width == 480
     places = np.array([middle_of_die(picture) for picture in pictures])
-    unit = (0.16 + 1.2 * TABLE.size) / 480
+    unit = (0.16 + 1.2 * TABLE.size) / image.width
     expected = (film.positions - film.positions.mean(axis=0)) / unit
     middles = places - places.mean(axis=0)
     np.testing.assert_allclose(middles[:, 0], expected[:, 0], atol=2.0)
     np.testing.assert_allclose(middles[:, 1], -np.cos(RISE) * expected[:, 2], atol=3.0)
 
 
-def test_a_long_film_is_thinned() -> None:
-    film = falling(160)
-    pictures, _, _ = frames_of(gif_of(film))
-    assert len(pictures) == 150
+def test_a_long_film_is_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_pictures, "MAX_FRAMES", 10)
+    pictures, _, _ = frames_of(gif_of(falling(16)))
+    assert len(pictures) == 10
     assert middle_of_die(pictures[0])[0] < 60
     assert middle_of_die(pictures[-1])[0] > 420
 
 
 def test_of_a_long_slide_the_end_is_shown() -> None:
+    """And a die that does not move."""
     way = np.linspace(0.0, 1.0, 101)[:, None]
     pictures, _, _ = frames_of(gif_of(film_of(way * [1.2, 0.0, 0.0] + [0.0, 0.0, 0.015], 0.0)))
     # Sixteen radii of 15 mm.
     assert len(pictures) == 1 + 20
     columns = np.nonzero(np.ptp(pictures[-1].astype(int), axis=2) > 12)[1]
     assert np.ptp(columns) > 25
-
-
-def test_a_motionless_die_is_drawn() -> None:
-    film = film_of(np.full((3, 3), [0.0, 0.0, 0.015]), 0.0)
-    pictures, _, _ = frames_of(gif_of(film))
+    pictures, _, _ = frames_of(gif_of(film_of(np.full((3, 3), [0.0, 0.0, 0.015]), 0.0)))
     assert middle_of_die(pictures[0])[0] == pytest.approx(240.0, abs=1.0)
 
 
-def roll_mesh(mesh: trimesh.Trimesh, down: list[float]) -> tuple[RestPoses, tuple[RollStep, ...]]:
+def draw_roll(mesh: trimesh.Trimesh, down: list[float]) -> tuple[Sheet, int]:
+    """Figure of a roll, and the number of its contacts."""
     poses = rest_poses(mesh)
-    return poses, roll_steps(poses.morse.equilibria, down)
-
-
-def test_a_falling_tower_is_shown_from_corner_to_side() -> None:
-    mesh = trimesh.creation.box((1.0, 1.2, 4.0))
-    poses, steps = roll_mesh(mesh, [0.5, 0.2, 0.6])
+    steps = roll_steps(poses.morse.equilibria, down)
     surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
-    figure = drop_figure(surface, poses, steps[0].down)
+    return drop_figure(surface, poses, steps[0].down), len(steps)
+
+
+@pytest.mark.parametrize("down", [[0.5, 0.2, 0.6], [1.0, 0.0, 0.0]])
+def test_a_tower_is_shown_at_each_contact(down: list[float]) -> None:
+    """It falls from a corner, or is at rest."""
+    figure, count = draw_roll(trimesh.creation.box((1.0, 1.2, 4.0)), down)
     assert is_whole(figure)
-    grid, sphere = figure.pictures
-    assert grid.shape[0] > 250
-    assert sphere.shape[1] > 1000
-    ink = (grid[70:] < 200).any(axis=(0, 2))
-    starts = np.flatnonzero(ink[1:] & ~ink[:-1])
-    # As many bodies side by side as the contact changed.
-    assert len(starts) == len(steps)
+    assert (count == 1) == (down[0] == 1.0)
+    ink = (figure.pictures[0][70:] < 200).any(axis=(0, 2))
+    assert len(np.flatnonzero(ink[1:] & ~ink[:-1])) == count
 
 
-def test_a_roll_of_many_contacts_is_shown_in_few_pictures() -> None:
-    points = np.random.default_rng(1).normal(size=(300, 3))
-    mesh = trimesh.convex.convex_hull(points / np.linalg.norm(points, axis=1, keepdims=True))
-    mesh.vertices[:, 2] *= 2.0
-    mesh = trimesh.convex.convex_hull(mesh.vertices)
-    poses, steps = roll_mesh(mesh, [0.1, 0.05, 1.0])
-    assert len(steps) > MAX_MOMENTS
-    surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
-    figure = drop_figure(surface, poses, steps[0].down)
+def test_a_roll_of_many_contacts_is_shown_in_few_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_pictures, "MAX_MOMENTS", 5)
+    points = np.random.default_rng(1).normal(size=(60, 3))
+    points *= [[1.0, 1.0, 2.0]] / np.linalg.norm(points, axis=1, keepdims=True)
+    figure, count = draw_roll(trimesh.convex.convex_hull(points), [0.1, 0.05, 1.0])
+    assert count > 5
     assert figure.pictures[0].shape[1] <= 5 * 324 + 24
-    assert figure.png() == drop_figure(surface, poses, steps[0].down).png()
-
-
-def test_a_body_at_rest_is_one_picture() -> None:
-    mesh = trimesh.creation.box((1.0, 1.2, 4.0))
-    poses, steps = roll_mesh(mesh, [1.0, 0.0, 0.0])
-    assert len(steps) == 1
-    surface = surface_to_draw(mesh.vertices, mesh.faces, poses.hull)
-    assert is_whole(drop_figure(surface, poses, steps[0].down))
 
 
 def test_the_hull_is_drawn_for_points_and_for_too_many_triangles() -> None:

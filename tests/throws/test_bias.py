@@ -18,17 +18,6 @@ def tilt(probabilities: np.ndarray, logarithms: np.ndarray) -> np.ndarray:
     return tilted / tilted.sum(axis=-1, keepdims=True)
 
 
-def test_a_vague_prior_gives_the_frequencies() -> None:
-    bias, alone = Bias(np.array([[1e3]])), np.ones(1)
-    frequencies = np.array([0.4, 0.4, 0.15, 0.05])
-    bias.learn(alone, PROBABILITIES, (1e4 * frequencies).astype(np.int64))
-    estimate = bias.estimate(alone[None], PROBABILITIES[None])
-    np.testing.assert_allclose(estimate.probabilities, frequencies, rtol=1e-6)
-    binomial = np.sqrt(frequencies * (1.0 - frequencies) / 1e4)
-    np.testing.assert_allclose(estimate.scatter, binomial, rtol=1e-3)
-    np.testing.assert_allclose(np.exp(bias.logarithms(alone)), frequencies / PROBABILITIES)
-
-
 def test_estimates_of_a_new_die_are_calibrated() -> None:
     """Dice and tables that change the probabilities log-linearly, whichever prior is guessed."""
     rng, deviations, ratios = np.random.default_rng(5), np.array([0.4, 0.1, 0.1]), []

@@ -1,7 +1,9 @@
-"""The package's own engine, against closed forms, conservation laws and symmetry."""
+"""The package's own engine, against closed forms, conservation laws and symmetry, and MuJoCo where
+soft and hard contacts have to agree."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from common.kernels import compiled_only, without_kernels
 from common.thrown import (
     BOARD,
+    alike,
     box,
     fits,
     random_body,
@@ -19,9 +22,12 @@ from common.thrown import (
 )
 
 from dicedesign.errors import InputError
-from dicedesign.throws.engines import advance, longest_throw, throw_states, time_step
+from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.kernels import ops as kernels
+from dicedesign.throws.engines import ENGINES, advance, longest_throw, throw_states, time_step
 from dicedesign.throws.simulation import simulate
 from dicedesign.throws.tables import GRAVITY, load_table, mixture_tables
+from examples.mujoco_engine import MUJOCO, rest_below
 
 WOOD = load_table("hard-wood")
 
@@ -120,4 +126,36 @@ def test_the_time_limit_of_a_bouncing_ball(restitution: float) -> None:
     ball = speed / GRAVITY * (1.0 + 2.0 * (restitution ** np.arange(1, 1000)).sum())
     set_down = longest_throw(replace(table, height=0.0))
     assert longest_throw(table) == pytest.approx(ball + set_down, rel=1e-12)
-    assert 14.0 < set_down < 15.0
+
+
+# The example engine, MuJoCo.
+
+
+@compiled_only
+def test_rests_compiled_and_in_python() -> None:
+    names = "vertices start neighbors left right normals rest_of_facet barriers"
+    fields = names.split(" ")
+    for seed in range(3):
+        body, _ = random_body(seed)
+        downs = unit_vectors(np.random.default_rng(seed).normal(size=(200, 3)))
+        compiled = kernels.compiled.rests_below(*(getattr(body, name) for name in fields), downs)
+        np.testing.assert_array_equal(compiled, [rest_below(body, down) for down in downs])
+
+
+@pytest.fixture
+def mujoco() -> Iterator[str]:
+    """Name of the engine, which is registered."""
+    pytest.importorskip("mujoco", reason="the extra 'bench' is not installed")
+    yield ENGINES.register(MUJOCO).name
+    ENGINES.unregister(MUJOCO.name)
+
+
+@compiled_only
+def test_frequencies_without_friction(mujoco: str) -> None:
+    """There is no slip to couple with, and soft contacts have the table's restitution."""
+    body, _ = random_body(1)
+    table = replace(BOARD, friction=0.0, speed=0.0, spin=0.0)
+    ours = simulate(body, table, 2000, 1).counts
+    theirs = simulate(body, table, 100, 2, engine=mujoco)
+    assert theirs.unresolved == 0
+    assert alike(ours, theirs.counts) > 1e-3

@@ -45,17 +45,16 @@ def test_shipped_tables(name: str) -> None:
     assert own.name == name
     assert own.source != "given"
     if own.drag > 0.0:
-        with pytest.raises(InputError, match="expected a table on which dice have momentum"):
+        with pytest.raises(InputError, match="momentum"):
             load_table(f"{name}:cup")
         return
     for hand, way in HANDS.items():
         table = load_table(f"{name}:{hand}")
-        assert (table.height, table.speed, table.spin) == (way.height, way.speed, way.spin)
+        throws = {key: getattr(way, key) for key in ("height", "speed", "spin")}
+        assert table == replace(own, name=table.name, source=table.source, **throws)
         assert table.hand is way
         assert own.source in table.source
         assert way.source in table.source
-        unchanged = {key: getattr(own, key) for key in ("height", "speed", "spin", "source")}
-        assert replace(table, name=name, **unchanged) == own
 
 
 def test_a_table_in_a_file(path: Path) -> None:
@@ -107,18 +106,20 @@ def test_numbers_out_of_range(changes: dict, message: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("changes", "message"),
     [
-        ("{", "expected JSON, but Expecting property name"),
-        ('{"name": "x"}', "got name; correct it"),
-        (json.dumps({**GOOD, "color": 1}), "got name, .*, color; correct it"),
-        (json.dumps({**GOOD, "mixture": []}), "expected as mixture a list of at least one object"),
-        (json.dumps({**GOOD, "mixture": [{"spin": 1}]}), "expected as mixture a list of at least"),
+        ({"spin": None}, "spin"),
+        ({"color": 1}, "color"),
+        ({"mixture": []}, "mixture"),
+        ({"mixture": [{"spin": 1}]}, "mixture"),
     ],
 )
-def test_invalid_files(path: Path, text: str, message: str) -> None:
-    path.write_text(text)
+def test_invalid_files(path: Path, changes: dict, message: str) -> None:
+    path.write_text(json.dumps({**GOOD, **changes}))
     with pytest.raises(InputError, match=message):
+        mixture_tables(str(path))
+    path.write_text("{")
+    with pytest.raises(InputError, match="JSON"):
         mixture_tables(str(path))
 
 
