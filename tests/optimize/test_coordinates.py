@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-import torch
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial import HalfspaceIntersection
 from scipy.spatial.distance import cdist
@@ -17,7 +16,6 @@ from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.coordinates import (
     FacetCoordinates,
     SymmetricCoordinates,
@@ -73,20 +71,6 @@ def test_facets_stay_flat_under_any_change() -> None:
         assert len(hull.normals) == cutting, name
         nearest = (hull.normals @ normals.T).max(axis=1)
         np.testing.assert_allclose(nearest, 1.0, atol=1e-9)
-
-
-def test_pruning_drops_points_inside_and_keeps_half_spaces(random_points) -> None:
-    points = random_points(5, 10)
-    coordinates, parameters = VertexCoordinates.of(points, points.mean(axis=0))
-    inner = np.concatenate([[0.0, 0.0, 0.0], parameters, 0.5 * parameters[:3]])
-    rests = evaluate_rests(torch.tensor(coordinates.shape(inner).points))
-    np.testing.assert_array_equal(coordinates.prune(inner, rests), parameters)
-    facets, values = FacetCoordinates.of(points, points.mean(axis=0))
-    far = len(values) // 4
-    idle = np.concatenate([values[: 3 * far], [1.0, 0.0, 0.0], values[3 * far :], [3.0]])
-    rests = evaluate_rests(torch.tensor(facets.shape(idle).points))
-    assert len(rests.hull.normals) == far
-    np.testing.assert_array_equal(facets.prune(idle, rests), idle)
 
 
 def symmetric_points(name: str, seed: int = 0) -> np.ndarray:

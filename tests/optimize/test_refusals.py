@@ -58,7 +58,6 @@ OPTIONS = [
     (ExactOptions, {"evaluations": 0}, "evaluations: expected a whole number above 0"),
     (PaperOptions, {"step": "newton"}, "step: expected momentum or line_search, got 'newton'"),
     (PaperOptions, {"steps": -1}, "steps: expected a whole number not below 0, got -1"),
-    (PaperOptions, {"tolerance": 1.0}, "tolerance: expected a number from 1e-15 on"),
     (SobolevOptions, {"smoothing": 0.0}, "smoothing: expected a number above 0"),
     (SobolevOptions, {"power": 5}, "power: expected 1 to 4, got 5"),
     (RefineOptions, {"rounds": 0}, "rounds: expected a whole number from 1 to 50, got 0"),
@@ -72,10 +71,8 @@ TARGETS = [
     (binomial, [0], "binomial: expected a whole number of at least 1, got 0"),
     (fair, [10**11], "expected at most 200 outcomes"),
     (sum_of_dice, [[]], "expected at least one number of sides"),
-    (sum_of_dice, [[6, 1]], "expected a whole number of at least 2, got 1"),
     (custom, [[1.0]], "expected at least two"),
     (custom, [[0.0, 1.0]], "expected numbers between 0 and 1, got 0"),
-    (custom, [[NAN, 0.5]], "expected numbers between 0 and 1, got nan"),
     (custom, [[0.3, 0.3, 0.3]], "expected a sum of 1, got 0.9"),
     (relabel, [fair(2), ["a"]], "expected 2, one for each probability, got 1"),
     (relabel, [fair(2), ["a", "a"]], "expected at least two different ones"),
@@ -129,7 +126,6 @@ SOLVERS = [
     (exact, {"starts": [PAIR], "options": ExactOptions()}, "one rest for each of 2 labeled faces"),
     (paper, {"target": fair(5).probabilities}, "expected 6 outcomes"),
     (parse_recipe, [{**knot, "engrave": {"style": "raised"}}], "concave"),
-    (parse_recipe, [{**knot, "engrave": {"balance": "fill"}}], "concave"),
 ]
 
 
