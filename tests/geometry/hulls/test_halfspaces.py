@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial import HalfspaceIntersection
 
-from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import convex_hull, deepest_point, polyhedron_corners
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
-DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3)
 
 
 def volume(corners: np.ndarray) -> float:
@@ -40,47 +38,6 @@ def test_random_corners_satisfy_their_planes(seed: int) -> None:
     other = HalfspaceIntersection(np.column_stack([normals, -offsets]), np.zeros(3)).intersections
     assert volume(corners) == pytest.approx(volume(other), rel=1e-13)
     assert len(corners) == len(convex_hull(other).vertices)
-
-
-@pytest.mark.parametrize(
-    ("normals", "offsets"),
-    [
-        (AXES[:5], np.ones(5)),
-        (np.abs(DIAGONALS) + AXES[:3].repeat(3, axis=0)[:8], np.ones(8)),
-        (AXES, [1, 1, 1, 1, 1, -0.5]),
-        (AXES, [1, 1, 0, 1, 1, 1]),
-    ],
-)
-def test_unbounded_or_empty_intersections_are_refused(
-    normals: np.ndarray, offsets: np.ndarray
-) -> None:
-    with pytest.raises(DegenerateBodyError):
-        polyhedron_corners(normals, offsets)
-
-
-@pytest.mark.parametrize(
-    ("normals", "offsets", "message"),
-    [
-        (AXES[:, :2], np.ones(6), r"expected normals as an \(n, 3\) array .*, got shape \(6, 2\)"),
-        (AXES.astype(str), np.ones(6), "expected normals as .*, got dtype <U"),
-        (
-            np.where(AXES > 0, np.nan, AXES),
-            np.ones(6),
-            r"finite normals, got \[nan, 0.*row 0; repair",
-        ),
-        (
-            AXES,
-            np.ones(5),
-            r"expected 6 finite offsets, got shape \(5,\); pass one for each normal",
-        ),
-        (AXES, np.ones((6, 1)), r"got shape \(6, 1\)"),
-        (AXES, [1, 1, 1, 1, 1, np.inf], r"expected 6 finite offsets, got \[.*inf"),
-        (AXES, list("abcdef"), r"expected 6 finite offsets, got \['a'"),
-    ],
-)
-def test_malformed_half_spaces_are_refused(normals: object, offsets: object, message: str) -> None:
-    with pytest.raises(InputError, match=f"^half-spaces: .*{message}"):
-        polyhedron_corners(normals, offsets)
 
 
 def test_the_deepest_point_of_a_box_and_of_none() -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
-from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import is_rounded, make_body
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -51,66 +48,3 @@ def test_stray_points_and_collapsed_triangles_are_dropped_with_a_note() -> None:
         "welded 1 points to others at equal positions",
         "dropped 1 triangles with a repeated corner",
     )
-
-
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        (
-            [],
-            "die: expected points as an (n, 3) array of real numbers, got shape (0,); pass one row",
-        ),
-        (np.empty((0, 3)), "got shape (0, 3)"),
-        ([1.0, 2.0, 3.0], "got shape (3,)"),
-        (np.zeros((5, 2)), "got shape (5, 2)"),
-        (np.zeros((2, 5, 3)), "got shape (2, 5, 3)"),
-        ([[1, 2, 3], [1, 2]], "got rows of different lengths"),
-        ([["a", "b", "c"]] * 4, "got dtype <U1"),
-        (np.zeros((4, 3), dtype=complex), "got dtype complex128"),
-    ],
-)
-def test_wrong_points_are_refused(points: object, message: str) -> None:
-    with pytest.raises(InputError, match=re.escape(message)):
-        make_body(points, name="die")
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_points_that_are_not_finite_are_refused(value: float) -> None:
-    points = np.array([*CORNERS, *CORNERS], dtype=np.float64)
-    points[5, 1] = points[6, 2] = value
-    with pytest.raises(DegenerateBodyError, match=r"die: .*, got \[1.* in point 5 \(2 of 8"):
-        make_body(points, name="die")
-
-
-@pytest.mark.parametrize("points", [CORNERS[:3], CORNERS[:3] * 4])
-def test_fewer_than_four_distinct_points_are_refused(points: list[list[float]]) -> None:
-    message = "die: expected at least 4 distinct points that span a solid, got 3; add points"
-    with pytest.raises(DegenerateBodyError, match=message):
-        make_body(points, name="die")
-
-
-@pytest.mark.parametrize(
-    ("triangles", "message"),
-    [
-        (
-            [[0, 1, 2], [0, 1, 4]],
-            "die: expected triangles of points 0 to 3, got point 4 in triangle 1; export",
-        ),
-        ([[0, -1, 2]], "got point -1 in triangle 0"),
-        (
-            [[0, 1, 2, 3]],
-            "die: expected triangles as an (n, 3) array of integer numbers, got shape",
-        ),
-        ([[0.0, 1.0, 2.0]], "integer numbers, got dtype float64"),
-    ],
-)
-def test_wrong_triangles_are_refused(triangles: object, message: str) -> None:
-    with pytest.raises(InputError, match=re.escape(message)):
-        make_body(CORNERS, triangles, name="die")
-
-
-@pytest.mark.parametrize("scale", [1e-100, 1e60, 1e300])
-def test_sizes_that_overflow_are_refused(scale: float) -> None:
-    corners = scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    with pytest.raises(DegenerateBodyError, match="use another unit of length"):
-        make_body(corners)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.meshes.body import make_body, resolve_center_of_mass
 
 HULL_CENTROID = np.array([0.1, 0.2, 0.3])
@@ -42,16 +40,6 @@ def test_an_open_mesh_and_points_take_the_hull() -> None:
         np.testing.assert_array_equal(center, HULL_CENTROID)
         assert source == "uniform solid hull"
         assert notes == (note,)
-
-
-@pytest.mark.parametrize(
-    "request_",
-    ["surface", [1.0, 2.0], [1.0, 2.0, np.nan], [[1.0, 2.0, 3.0]], ["a", "b", "c"], 4.0, [[1], []]],
-)
-def test_a_wrong_request_is_refused(request_: object) -> None:
-    message = 'center of mass: expected "hull" or three finite numbers x,y,z, got '
-    with pytest.raises(InputError, match=re.escape(f"{message}{request_!r}; give one of them")):
-        resolve_center_of_mass(make_body(*cone()), HULL_CENTROID, request_)
 
 
 def doubled_sheet() -> tuple[np.ndarray, np.ndarray]:
