@@ -57,13 +57,11 @@ def bodies() -> Iterator[np.ndarray]:
         yield bipyramid(count)
         close = points[: count // 2] + 10.0 ** rng.uniform(-9, -2) * sphere(seed, count // 2)
         yield np.concatenate([points, close])
-        yield np.concatenate([points, 0.7 * points[:3]])
-        yield np.concatenate([points, points[:2]])
+        yield np.concatenate([points, 0.7 * points[:3], points[:2]])
         yield points * [1.0, 10.0 ** rng.uniform(-5, 0), 1.0]
         cap = rng.uniform(-1, 1, size=(count, 2))
         height = -(10.0 ** rng.uniform(-8, 0)) * (cap**2).sum(axis=1)
         yield np.concatenate([np.column_stack([cap, height]), [[0.0, 0.0, -1.0]]])
-        yield CUBE
         yield CUBE @ Rotation.random(random_state=seed).as_matrix()
 
 
@@ -141,7 +139,6 @@ def test_invalid_hulls_are_refused(bad: float) -> None:
     broken[2, 1] = bad
     assert same_connectivity(hull, broken) is None
     assert same_connectivity(hull, CUBE[:7]) is None
-    assert same_connectivity(hull, CUBE * 0.0) is None
     assert same_connectivity(hull, CUBE * [1, 1, 0]) is None
     assert same_connectivity(hull, CUBE + 1e6) is None
     assert same_connectivity(hull, np.concatenate([CUBE, 0.1 * sphere(0, 500)])) is None

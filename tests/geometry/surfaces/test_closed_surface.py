@@ -1,60 +1,45 @@
-"""Closed surfaces are taken, repaired, refused in words, and made of more or fewer points."""
+"""Closed surfaces, with more or fewer points; defects made on purpose; distortion."""
 
 from __future__ import annotations
 
+import json
 import sys
 
 import numpy as np
 import pytest
 import trimesh
-from common.bumpy import bent_capsule, bumpy_sphere, surface_of
+from common.bumpy import ball, bent_capsule, bumpy_sphere, self_intersecting_sphere, surface_of
 from scipy.spatial import cKDTree
 
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import InputError
-from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.closed_surface import (
     decimate,
     make_surface,
     refine,
     require_dents,
 )
-from dicedesign.geometry.surfaces.quality import surface_quality
+from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
 from dicedesign.geometry.triangles import Surface
-
-
-def sphere(radius: float = 1.0, x: float = 0.0) -> trimesh.Trimesh:
-    return trimesh.creation.icosphere(subdivisions=2, radius=radius).apply_translation((x, 0, 0))
-
-
-def body_of(*parts: trimesh.Trimesh) -> Body:
-    mesh = trimesh.util.concatenate(list(parts))
-    return make_body(np.asarray(mesh.vertices), np.asarray(mesh.faces), name="thing")
-
-
-def test_a_good_surface_is_taken_as_it_is() -> None:
-    body = body_of(sphere())
-    surface, notes = make_surface(body)
-    assert notes == ()
-    np.testing.assert_array_equal(surface.points, body.points)
-    np.testing.assert_array_equal(surface.triangles, body.triangles)
-    assert surface.volume > 4.0
 
 
 @pytest.mark.parametrize(
     ("reverse", "note"),
     [
+        (slice(0), ""),
         (slice(None), "turned the surface, which was oriented inward"),
         (slice(7), "reversed 7 triangles that were wound against their neighbors"),
     ],
 )
 def test_triangles_are_turned_outward_with_a_note(reverse: slice, note: str) -> None:
-    mesh = sphere()
-    faces = mesh.faces.copy()
-    faces[reverse] = faces[reverse, ::-1]
-    surface, notes = make_surface(make_body(mesh.vertices, faces, name="thing"))
-    assert notes == (note,)
-    assert surface.volume == pytest.approx(mesh.volume)
+    given = ball(2)
+    triangles = given.triangles.copy()
+    triangles[reverse] = triangles[reverse, ::-1]
+    surface, notes = make_surface(make_body(given.points, triangles))
+    assert "".join(notes) == note
+    np.testing.assert_array_equal(surface.points, given.points)
+    np.testing.assert_array_equal(surface.triangles, given.triangles)
 
 
 def test_surfaces_with_dents_pass() -> None:
@@ -105,3 +90,83 @@ def test_a_refined_torus_is_the_same_torus(points: int) -> None:
     distance, _ = cKDTree(after.points).query(before.points)
     assert distance.max() < 1e-12
     assert done.startswith(f"refined the surface from 1152 to {len(after.points)} points")
+
+
+def test_a_sphere_has_no_defect() -> None:
+    quality = surface_quality(ball(3))
+    assert quality.sentences() == ()
+    assert (quality.points, quality.triangles, quality.genus) == (642, 1280, 0)
+    shortest, mean, longest = quality.edges
+    assert 0 < shortest < mean < longest < 0.1
+    assert np.degrees(quality.smallest_angle) > 50
+    assert quality.distortion is None
+    assert len(quality.places) == 0
+
+
+def folded_sphere() -> tuple[Surface, Surface, int]:
+    """A sphere, a copy with a point pulled past its neighbors in their plane, and the point."""
+    before = ball(3)
+    points = before.points.copy()
+    point = int(np.argmax(points[:, 2]))
+    ring = np.unique(before.triangles[(before.triangles == point).any(axis=1)])
+    far = ring[np.argmax(points[ring, 0])]
+    points[point, 0] += 2.0 * (points[far, 0] - points[point, 0])
+    points[point, 2] = points[ring, 2].min()
+    return before, before.with_points(points), point
+
+
+def test_a_point_pulled_past_its_neighbors_turns_triangles_over() -> None:
+    before, after, point = folded_sphere()
+    quality = surface_quality(after, before)
+    assert 1 <= len(quality.inverted) <= 3
+    assert (before.triangles[quality.inverted] == point).any(axis=1).all()
+    assert len(quality.folds) >= 2
+    assert any("turned over" in sentence for sentence in quality.sentences())
+
+
+def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
+    quality = surface_quality(self_intersecting_sphere(), ball(4))
+    assert len(quality.intersections) > 10
+    assert len(quality.places) == 1
+    np.testing.assert_allclose(quality.places[0], [0, 0, -1], atol=0.1)
+    assert quality.sentences()[0].startswith("the surface intersects itself: ")
+    assert " in 1 place, near (" in quality.sentences()[0]
+
+
+def test_plain_data_can_be_written_as_json() -> None:
+    before = ball(3)
+    points = before.points.copy()
+    points[before.triangles[0]] = points[before.triangles[0, 0]]
+    data = surface_quality(before.with_points(points), before).data()
+    read = json.loads(json.dumps(data, allow_nan=False))
+    assert read["distortion"]["shape_largest"] is None
+    assert read["slivers"]["count"] >= 1
+    assert len(read["slivers"]["first"]) <= 20
+
+
+def test_distortion_is_the_ratio_of_singular_values() -> None:
+    rng = np.random.default_rng(1)
+    before = ball(2)
+    after = before.with_points(
+        before.points @ rng.normal(size=(3, 3)) + 0.05 * rng.normal(size=(162, 3))
+    )
+    shapes, ratios, weights = [], [], []
+    for corners, images in zip(
+        before.points[before.triangles], after.points[after.triangles], strict=True
+    ):
+        frame, triangle = np.linalg.qr((corners[1:] - corners[0]).T)
+        del frame
+        linear = (images[1:] - images[0]).T @ np.linalg.inv(triangle)
+        a, b = np.linalg.svd(linear, compute_uv=False)
+        shapes.append(a / b)
+        ratios.append(a * b)
+        weights.append(abs(np.linalg.det(triangle)))
+    scale = np.average(ratios, weights=weights)
+    sizes = np.maximum(np.array(ratios) / scale, scale / np.array(ratios))
+    distortion = surface_distortion(after, before)
+    assert distortion["shape_mean"] == pytest.approx(np.average(shapes, weights=weights), rel=1e-9)
+    assert distortion["shape_largest"] == pytest.approx(max(shapes), rel=1e-9)
+    assert distortion["size_mean"] == pytest.approx(np.average(sizes, weights=weights), rel=1e-9)
+    assert distortion["size_largest"] == pytest.approx(sizes.max(), rel=1e-9)
+    below = np.array(shapes) <= distortion["shape_most"] * (1 + 1e-12)
+    assert 0.95 <= np.average(below, weights=weights) < 0.96
