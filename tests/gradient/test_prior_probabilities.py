@@ -88,11 +88,3 @@ def test_forward_mode_is_the_jacobian_and_second_derivatives_are_unknown() -> No
     np.testing.assert_allclose(tangent, (rows * move).sum((1, 2)), atol=1e-12)
     hessian = torch.autograd.functional.hessian(lambda x: probabilities(x)[0], points)
     assert torch.isnan(hessian).any()
-
-
-def test_priors_without_a_density_or_with_a_table_are_refused() -> None:
-    points = torch.tensor(POINTS)
-    with pytest.raises(dd.InputError, match=r"VonMisesFisher\.fitted"):
-        dd.differentiable_rest(points, prior=dd.SampledDirections(POINTS))
-    with pytest.raises(dd.InputError, match="table"):
-        dd.differentiable_rest(points, prior="half:0,0,1", table="paper")

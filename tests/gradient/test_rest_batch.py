@@ -13,7 +13,6 @@ from common.kernels import compiled_only
 from torch import Tensor
 from torch.func import grad, vmap
 
-from dicedesign.errors import DegenerateBodyError, InputError, OutsideHullError
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.differentiable_rest import differentiable_rest, differentiable_rest_batch
 from dicedesign.kernels import ops
@@ -145,29 +144,3 @@ def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
         done.set()
         other.join()
     assert counted[0] > 0
-
-
-@pytest.mark.parametrize(
-    ("bodies", "options", "error", "text"),
-    [
-        ([GOOD, GOOD[:3]], {}, DegenerateBodyError, "^body 1: points: expected at least 4"),
-        ([GOOD, GOOD, GOOD * torch.nan], {}, DegenerateBodyError, "^body 2: points: expected fin"),
-        (
-            [GOOD, GOOD],
-            {"centers_of_mass": torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]])},
-            OutsideHullError,
-            "^body 1: center of mass: expected a point strictly inside",
-        ),
-        ([GOOD, GOOD], {"centers_of_mass": torch.zeros(3)}, InputError, r"of shape \(2, 3\), got"),
-        ([GOOD, GOOD.numpy()], {}, InputError, r"^body 1: .* of shape \(n, 3\), got ndarray"),
-        ([GOOD, GOOD.float()], {}, InputError, "^body 1: expected torch.float64 on cpu as body 0"),
-        (GOOD, {}, InputError, r"^bodies: .* of shape \(b, n, 3\), got shape \(8, 3\)"),
-        (GOOD[None], {"counts": [8.0]}, InputError, "^counts: expected a whole number for each"),
-        (GOOD[None], {"counts": [9]}, InputError, "expected from 0 to 8 points, got 9 for body 0"),
-    ],
-)
-def test_errors_have_the_number_of_the_body(
-    bodies, options: dict, error: type[Exception], text: str
-) -> None:
-    with pytest.raises(error, match=text):
-        differentiable_rest_batch(bodies, **options)
