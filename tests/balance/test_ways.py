@@ -93,11 +93,10 @@ def test_a_center_within_reach_can_be_made(way: str) -> None:
     material = BodyMaterial(wall_mm=WALL)
     shifts = reachable_shifts(BLOCK, way, material)
     assert (shifts.heights(np.zeros(3)) > 0.0).all()
-    for direction in ([1.0, 0.2, 0.1], [-0.2, -1.0, 0.4]):
-        toward = shifts.vertices[np.argmax(shifts.vertices @ direction)]
-        center = MIDDLE + 0.6 * toward
-        balanced = move_center(BLOCK, center.astype(np.float64), way, material)
-        np.testing.assert_allclose(balanced.center, center, atol=1e-4)
+    toward = shifts.vertices[np.argmax(shifts.vertices @ [-0.2, -1.0, 0.4])]
+    center = MIDDLE + 0.6 * toward
+    balanced = move_center(BLOCK, center.astype(np.float64), way, material)
+    np.testing.assert_allclose(balanced.center, center, atol=1e-4)
 
 
 @pytest.mark.parametrize("way", ["cavity", "infill"])
