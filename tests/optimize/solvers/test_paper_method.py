@@ -77,10 +77,9 @@ def test_a_descent_comes_near_and_an_exact_finish_meets_the_target(name: str) ->
 
 
 @compiled_only
-@pytest.mark.parametrize("name", ["2d6", "binomial4"])
-def test_a_start_with_much_noise_leads_to_a_die(name: str) -> None:
+def test_a_start_with_much_noise_leads_to_a_die() -> None:
     """Outcomes lose their rests on the way and have to find new ones."""
-    start, target = DESIGNS[name]
+    start, target = DESIGNS["2d6"]
     options = PaperOptions(finish="none", perturbation=0.2)
     result = solve_paper(start, target.probabilities, options, seed=7)
     assert np.abs(probabilities_of(result) - target.probabilities).max() <= 0.02
