@@ -60,7 +60,7 @@ def test_the_size_grows_until_the_labels_fit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """To the smallest whole number of millimeters, which the written recipe has."""
-    labels = [f"{k}0000000000" for k in range(1, 5)]
+    labels = [f"{k}00000" for k in range(1, 5)]
     target = ["design", "--target", ".2,.2,.2,.4", "--labels", ",".join(labels), "--no-figures"]
     assert main([*target, "--out", str(tmp_path / "grown")]) == 0
     size = yaml.safe_load((tmp_path / "grown" / "recipe.yaml").read_text())["size_mm"]
