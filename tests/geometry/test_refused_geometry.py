@@ -69,11 +69,8 @@ HULLS: list[Row] = [
     *[
         (convex_hull, [points], DegenerateBodyError, text)
         for points, text in (
-            (CUBE[:3], "at least 4 that span a solid, got 3"),
             (np.repeat(CUBE[:1], 5, axis=0), "got one repeated"),
             (CUBE * [1, 1, 0] @ TURN, "got 8 points on one plane"),
-            (np.linspace(0, 1, 9)[:, None] * [1.0, 2.0, 3.0], "got 9 points on one line"),
-            (nan_at(CUBE, 0), r"got \[nan, nan, nan\] in row 0"),
         )
     ],
     *[
@@ -115,11 +112,11 @@ def scaled(surface: Surface, factor: float, x: float = 0.0) -> Surface:
     return surface.with_points(factor * surface.points + [x, 0.0, 0.0])
 
 
-def sheet(height: float) -> Body:
-    """The upper side of a box, flat or bent."""
+def bent_sheet() -> Body:
+    """The upper side of a box, bent."""
     box = trimesh.creation.box().subdivide().subdivide()
     points, upper = box.vertices.copy(), (box.triangles[:, :, 2] > 0.4).all(axis=1)
-    points[:, 2] = height * np.sin(9.0 * points[:, 0]) * np.cos(9.0 * points[:, 1])
+    points[:, 2] = 0.05 * np.sin(9.0 * points[:, 0]) * np.cos(9.0 * points[:, 1])
     return named(points, box.faces[upper])
 
 
@@ -161,8 +158,6 @@ SURFACES: list[Row] = [
     *[
         (make_surface, [body], error, text)
         for body, error, text in (
-            (named(BALL.points), InputError, "got a point cloud"),
-            (named(BALL.points, BALL.triangles[1:]), InputError, "the mesh is open.*repair: true"),
             (
                 named(BALL.points * [1.0, 1.0, 1e-14], BALL.triangles),
                 DegenerateBodyError,
@@ -179,15 +174,12 @@ SURFACES: list[Row] = [
             ),
         )
     ],
-    (require_dents, [EGG], InputError, "a convex one; take method"),
     (require_dents, [scaled(EGG, 1e-6, 3e-6)], InputError, "a convex one; take method"),
     (require_dents, [RIPPLES], InputError, "nearly a sphere"),
     (decimate, [TORUS, 3], InputError, "expected at least 4 points, got 3"),
     (decimate, [TWO_TORI, 1500], InputError, "got none from 2304 points by any reduction"),
     (refine, [Surface(TORUS.points, TORUS.triangles[1:]), 2000], InputError, "NotManifold"),
-    (repair_mesh, [named(BALL.points)], InputError, "point cloud"),
-    (repair_mesh, [sheet(0.0)], DegenerateBodyError, "give them a thickness"),
-    (repair_mesh, [sheet(0.05)], DegenerateBodyError, "give them a thickness"),
+    (repair_mesh, [bent_sheet()], DegenerateBodyError, "give them a thickness"),
     (input_surface, [named(LARGE.points, LARGE.triangles[1:]), 300], InputError, "3 edges with"),
     (stl_bytes, [Surface(nan_at(CUBE, 3), TETRAHEDRON)], InputError, "finite in float32.*in row 3"),
     (stl_bytes, [Surface(1e300 * CUBE, TETRAHEDRON)], InputError, "finite in float32"),
